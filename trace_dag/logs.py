@@ -23,6 +23,7 @@ from datetime import UTC, datetime
 from typing import Final, TextIO
 
 from trace_dag.errors import UserError
+from trace_dag.wording import printable
 
 LEVEL_VARIABLE: Final = "TRACE_DAG_LOG"
 FORMAT_VARIABLE: Final = "TRACE_DAG_LOG_FORMAT"
@@ -80,13 +81,13 @@ def complain(line: str, *, level: int = logging.ERROR) -> None:
     if writes_json():
         log.log(level, "%s", line)
     else:
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(f"{printable(line)}\n")
 
 
 class _Text(logging.Formatter):
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - its name in the standard library
         crash, stage = _AT_WORK.get()
-        message = super().formatMessage(record)
+        message = printable(super().formatMessage(record))
         return f"{message} [{crash} {stage}]" if crash and crash not in message else message
 
 

@@ -304,6 +304,13 @@ class AutomationSettings(_Section):
     )
 
 
+class WarehouseSettings(_Section):
+    """What a question to the warehouse may take (trace-dag sql); never part of any provenance."""
+
+    query_time_s: float = Field(60.0, gt=0, le=86_400, description="Longest time until the answer.")
+    query_memory_mb: int = Field(2048, ge=512, le=1_048_576, description="Address space of the process that answers.")
+
+
 class Settings(_Section):
     """Everything one run is configured by."""
 
@@ -316,3 +323,4 @@ class Settings(_Section):
     services: ServiceSettings = ServiceSettings()
     execution: ExecutionSettings = ExecutionSettings()
     automation: AutomationSettings = AutomationSettings()
+    warehouse: WarehouseSettings = WarehouseSettings()

@@ -12,6 +12,15 @@ def percent(share: float | None) -> str:
     return "" if share is None else f"{100 * share:.1f} %"
 
 
+def printable(text: str) -> str:
+    r"""A text without characters that move a terminal's cursor or tell it what to do; line ends and tabs stay.
+
+    >>> printable("no\x1b[2J plan\n")
+    'no\ufffd[2J plan\n'
+    """
+    return text if text.isprintable() else "".join(c if c.isprintable() or c in "\n\t" else "\ufffd" for c in text)
+
+
 def counted(number: int, noun: str, plural: str = "") -> str:
     """How many of something, the noun in the singular where it is one.
 

@@ -69,3 +69,11 @@ def test_nothing_else_of_the_root_is_served(storage, path):
 def test_everything_else_is_dagsters(storage):
     assert asked(storage, "/graphql")[2] == b"Dagster's"
     assert asked(storage, "/sites")[2] == b"Dagster's"
+
+
+def test_a_link_out_of_the_root_is_not_followed(storage: Storage, tmp_path: Path) -> None:
+    (tmp_path / "secret.txt").write_text("of others")
+    (tmp_path / "root" / "pictures" / "linked.txt").symlink_to(tmp_path / "secret.txt")
+    assert asked(storage, "/site/pictures/linked.txt")[0] == 404
+    (tmp_path / "root" / "pictures" / "inside.png").symlink_to(tmp_path / "root" / "pictures" / "2023-1.png")
+    assert asked(storage, "/site/pictures/inside.png")[0] == 200

@@ -108,6 +108,24 @@ def test_in_a_browser_the_ui_is_refused_nothing(server: Server, tmp_path: Path):
         assert [error for error in page.errors if "403" in error or "Application error" in error] == []
 
 
+def test_no_page_frames_it(server: Server):
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    for path in ("/", "/site/"):
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        answer.read()
+        assert answer.getheader("X-Frame-Options") == "DENY"
+        assert "frame-ancestors 'none'" in answer.getheader("Content-Security-Policy")
+    connection.close()
+    for path in ("/", "/site/"):
+        assert server.ask("GET", path, Sec_Fetch_Dest="iframe", Sec_Fetch_Mode="navigate")[0] == 403
+
+
+def test_what_there_is_not_of_a_run_is_not_found(server: Server):
+    assert server.ask("GET", "/download_debug/x")[0] == 404
+    assert server.ask("GET", "/logs/x/y/z")[0] == 404
+
+
 def test_plain_dagster_shows_the_same_history(server: Server, root: Path):
     """As ``dagster dev -w workspace.yaml`` in a checkout: dagster.yaml and .env lead it to the root's history."""
     asked = '{ assetNodeOrError(assetKey: {path: ["verdict"]}) { ... on AssetNode { partitionKeys } } }'

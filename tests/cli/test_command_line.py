@@ -5,10 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
 
@@ -203,6 +205,51 @@ def test_sql_in_every_format(finished_root):
 def test_sql_can_only_read_the_warehouse(finished_root, query):
     done = trace_dag(finished_root, "sql", query)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+
+
+ENDLESS = "WITH RECURSIVE r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) SELECT count(*) FROM r"
+
+
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        (ENDLESS, "no answer after 4 s"),
+        ("SELECT repeat('x', 1000000) FROM range(100000)", "more than 1024 MB"),
+        ("SELECT repeat('x', 4000000000)", "more than 1024 MB"),
+    ],
+    ids=["endless", "many rows", "one value"],
+)
+def test_a_question_without_end_or_bounds_is_ended_in_a_line(finished_root, query, said):
+    limits = {"TRACE_DAG_WAREHOUSE__QUERY_TIME_S": "4", "TRACE_DAG_WAREHOUSE__QUERY_MEMORY_MB": "1024"}
+    if query is not ENDLESS:
+        limits["TRACE_DAG_WAREHOUSE__QUERY_TIME_S"] = "600"
+    done = trace_dag(finished_root, "sql", query, **limits)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert said in done.stderr
+
+
+def test_a_warehouse_that_is_damaged_is_said_to_be_by_the_process_that_answers(finished_root, tmp_path):
+    damaged = tmp_path / "root"
+    shutil.copytree(finished_root, damaged)
+    with (damaged / "warehouse.duckdb").open("r+b") as file:
+        file.truncate(5000)
+    done = trace_dag(damaged, "sql", "FROM crashes")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "damaged" in done.stderr
+
+
+def test_values_tell_a_terminal_nothing_and_a_spreadsheet_no_formula(finished_root):
+    query = (
+        "SELECT chr(27) || '[2J' || chr(7) || chr(27) || ']0;title' AS said, '=HYPERLINK(1)' AS formula, "
+        "'-5' AS text, -5.25 AS number, '@x' AS handle"
+    )
+    assert not set(trace_dag(finished_root, "sql", query).stdout) & {"\x1b", "\x07"}
+    done = trace_dag(finished_root, "sql", f"SELECT * FROM nothing WHERE x = '{chr(27)}[2J'")
+    assert "\x1b" not in done.stderr
+    frame = pd.read_csv(io.StringIO(trace_dag(finished_root, "sql", query, "--format", "csv").stdout))
+    ((_, formula, text, number, handle),) = frame.itertuples(index=False)
+    assert (formula, handle) == ("'=HYPERLINK(1)", "'@x")
+    assert (text, number) == (-5, -5.25)
 
 
 def test_score_truth_measures_what_was_estimated(finished_root):

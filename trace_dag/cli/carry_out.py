@@ -9,8 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import click
-
+from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_of, progress_told
 from trace_dag.errors import UserError
 from trace_dag.garbage import no_garbage_collection
@@ -98,16 +97,16 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
 
                 watched = replace(workspace, listener=hear)
                 errors = run_batches(watched, instance, batches, settings=settings).errors
-            click.echo(summary.in_words())
+            say(summary.in_words())
         elif selection.exact:
-            click.echo("Nothing to run again: none of the crashes is one of those asked for.")
+            say("Nothing to run again: none of the crashes is one of those asked for.")
         else:
-            click.echo("Nothing to run: every crash asked for is up to date.")
+            say("Nothing to run: every crash asked for is up to date.")
         damaged = _damaged_warehouse(workspace)
         if not damaged and not benchmark_is_whole(workspace.storage):
             damaged = "Not every page and package is there as it was made."
         if damaged and not batches:
-            click.echo(f"{damaged} What is made of all crashes is made again.")
+            say(f"{damaged} What is made of all crashes is made again.")
         if batches or damaged or not summary_is_current(workspace, instance):
             with progress_told("pages") as tell_pages:
                 errors += summarise(replace(workspace, page_listener=tell_pages), instance).errors

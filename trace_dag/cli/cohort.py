@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
-from trace_dag.cli.printing import one_line, print_table, write_json
+from trace_dag.cli.printing import one_line, print_table, say, write_json
 from trace_dag.errors import Failure, UserError
 from trace_dag.logs import complain
 from trace_dag.wording import counted
@@ -92,20 +92,20 @@ def show(root: str, name: str, as_json: bool) -> None:
             }
         )
         return
-    click.echo(f"Cohort {found.name}: {counted(len(found.reports), 'crash', 'crashes')}, made {found.created_at}")
+    say(f"Cohort {found.name}: {counted(len(found.reports), 'crash', 'crashes')}, made {found.created_at}")
     for kind, crashes in kinds.items():
-        click.echo(f"  {crashes} {kind} ({crashes / len(found.reports):.1%})")
+        say(f"  {crashes} {kind} ({crashes / len(found.reports):.1%})")
     for origin in found.origins:
-        click.echo(f"  chosen from {origin}")
+        say(f"  chosen from {origin}")
     for folder in found.watched:
-        click.echo(f"  watches {folder}")
+        say(f"  watches {folder}")
     for file in found.maps:
-        click.echo(f"  map {file.location}")
+        say(f"  map {file.location}")
     if found.map_service:
-        click.echo(f"  other maps from {found.map_service}")
+        say(f"  other maps from {found.map_service}")
     keys = found.keys
     more = f" and {len(keys) - _KEYS_SHOWN} more (--json lists all)" if len(keys) > _KEYS_SHOWN else ""
-    click.echo(f"  {', '.join(keys[:_KEYS_SHOWN])}{more}")
+    say(f"  {', '.join(keys[:_KEYS_SHOWN])}{more}")
 
 
 @cohort.command(
@@ -132,7 +132,7 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     registry = Registry(storage)
     if drop:
         for cohort_name, files in registry.drop_maps(drop, name).items():
-            click.echo(f"Cohort {cohort_name}: left out {', '.join(files)}; trace-dag run does the rest.")
+            say(f"Cohort {cohort_name}: left out {', '.join(files)}; trace-dag run does the rest.")
         remove_unused_map_copies(storage)
         return
     cohorts = [registry.cohort(name)] if name is not None else list(registry.cohorts().values())
@@ -175,7 +175,7 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
     settings = workspace.settings.osm
     output.write_text(osmium_config(sites, max(settings.radius_m, settings.surroundings_radius_m), map_name))
     crashes = counted(len(reports), "crash", "crashes")
-    click.echo(f"{output}: the places of {len(sites)} of {crashes}; osmium extract --config {output} and a map file")
+    say(f"{output}: the places of {len(sites)} of {crashes}; osmium extract --config {output} and a map file")
 
 
 @cohort.command(
@@ -219,7 +219,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
                 errors = summarise(workspace, instance).errors
         except Failure as failure:
             errors = (str(failure),)
-    click.echo(
+    say(
         f"Cohort {name}: {counted(len(gone), 'crash', 'crashes')} removed"
         + (f", {counted(deleted, 'file')} deleted." if artefacts else "; what was made of them is kept.")
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options
-from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_told
 from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
 
@@ -134,5 +134,5 @@ def _perturbed(
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
         return
     for name, rows in found.items():
-        click.echo(f"cohort {name}, {len({row.key for row in rows})} verified crashes, seed {request.seed}")
+        say(f"cohort {name}, {len({row.key for row in rows})} verified crashes, seed {request.seed}")
         print_table(*perturbed_table(rows)[:2])

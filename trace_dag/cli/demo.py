@@ -9,7 +9,7 @@ import time
 import click
 
 from trace_dag.cli.options import examples, execution_overrides, executor_options
-from trace_dag.cli.printing import print_table
+from trace_dag.cli.printing import print_table, say
 from trace_dag.cli.sample import COHORT, sample_folder
 
 
@@ -43,14 +43,14 @@ def demo(context: click.Context, people: bool, executor: str | None, workers: in
     storage = workspace.storage
     if not storage.exists(INDEX):  # what went wrong is told
         sys.exit(code)
-    click.echo()
+    say()
     print_table(*query(workspace.warehouse, "SELECT * FROM coverage"))
-    click.echo(f"\nDone in {time.monotonic() - began:.0f} s. Where to look:")
-    click.echo(f"  {storage.path(INDEX)}  the crashes, each with its page, replay and package")
+    say(f"\nDone in {time.monotonic() - began:.0f} s. Where to look:")
+    say(f"  {storage.path(INDEX)}  the crashes, each with its page, replay and package")
     for command, shows in (
         ("ui", "the same as Dagster assets"),
         ('sql "FROM verdicts"', "any question, in SQL"),
         ("score-truth", "how close the estimates come to the truth"),
     ):
-        click.echo(f"  trace-dag --root {shlex.quote(root)} {command}  {shows}")
+        say(f"  trace-dag --root {shlex.quote(root)} {command}  {shows}")
     sys.exit(code)

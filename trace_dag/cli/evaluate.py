@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, Within, agent_arguments, examples, traffic_option
-from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
 from trace_dag.disks import naming
@@ -164,7 +164,7 @@ def evaluate(
         rows_removed = remove_agent(workspace.storage, remove)
         into_warehouse(workspace, complaints)
         publish_leaderboard(workspace.storage, workspace.warehouse)
-        click.echo(f"{rows_removed} evaluations of {remove} removed")
+        say(f"{rows_removed} evaluations of {remove} removed")
         sys.exit(complaints.told())
     part = Split(split) if split else None
     cases = verified_cases(workspace, cohort, only, split=part, departures=departures, complain=complaints.hear)

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_of
 from trace_dag.wording import counted
 
@@ -57,7 +58,7 @@ def export(root: str, export_format: str, cohort: str | None, only: tuple[str, .
         written = write(
             workspace, keys, folder, export_format, told=tell, complain=complaints.hear, left_out=left_out.append
         )
-    click.echo(f"{folder}  {counted(exported, 'crash', 'crashes')}, {counted(written, 'file')} written")
+    say(f"{folder}  {counted(exported, 'crash', 'crashes')}, {counted(written, 'file')} written")
     for why in left_out:
-        click.echo(f"left out  {why}")
+        say(f"left out  {why}")
     sys.exit(complaints.told())

@@ -9,6 +9,7 @@ import click
 
 from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_told
 from trace_dag.errors import UserError
 from trace_dag.wording import counted
@@ -111,7 +112,7 @@ def ingest(
         )
     _add_partitions(root)
     for line in _lines(report, cohort):
-        click.echo(line)
+        say(line)
 
 
 def _add_partitions(root: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from trace_dag.cli.options import examples
+from trace_dag.cli.printing import say
 from trace_dag.cli.study import into_warehouse
 from trace_dag.wording import counted
 
@@ -39,7 +40,7 @@ def add(root: str, file: Path) -> None:
     agents = check(workspace, file.read_bytes(), str(file), complain=complaints.hear)
     for agent, rows in agents.items():
         store_rows(workspace.storage, agent, f"handed in: {file.name}", rows, complaints.hear)
-        click.echo(f"{agent}  {counted(len(rows), 'run')} entered")
+        say(f"{agent}  {counted(len(rows), 'run')} entered")
     into_warehouse(workspace, complaints)
     publish_leaderboard(workspace.storage, workspace.warehouse)
     sys.exit(complaints.told())

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.printing import print_table, say, write_json
 
 
 @click.command(
@@ -56,13 +56,13 @@ def national(root: str, tables: tuple[Path, ...], cohorts: tuple[str, ...], as_j
         ],
     )
     low, high = found.verified_bounds
-    click.echo()
-    click.echo(f"{found.two_vehicles:.1%} of {found.crashes:,} crashes are of two vehicles alone")
-    click.echo(f"{found.judged:.1%} are of kinds that are reconstructed and judged")
-    click.echo(f"{found.verified:.1%} would be verified with a map everywhere (90 % bounds {low:.1%} to {high:.1%})")
+    say()
+    say(f"{found.two_vehicles:.1%} of {found.crashes:,} crashes are of two vehicles alone")
+    say(f"{found.judged:.1%} are of kinds that are reconstructed and judged")
+    say(f"{found.verified:.1%} would be verified with a map everywhere (90 % bounds {low:.1%} to {high:.1%})")
     if thin:
         registered = sum(each.stored.registered for each in found.kinds)
-        click.echo(
+        say(
             f"{thin} of the {registered} stored crashes are incomplete because their tables say of no vehicle how it "
             "moved (P_CRASH1, P_CRASH2, ACC_TYPE). NHTSA's tables do: the gap is the stored tables', and it counts "
             "against the country here"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from trace_dag.cli.options import examples
+from trace_dag.cli.printing import say
 from trace_dag.errors import UserError
 
 
@@ -23,7 +24,7 @@ def open_page(root: str, key: str | None) -> None:
     name = INDEX if key is None else page_name(key)
     if not storage.exists(name):
         raise UserError(f"{storage.path(name)}: there is no such page yet; trace-dag run makes it")
-    click.echo(storage.path(name))
+    say(storage.path(name))
     if storage.local_root is None:
         raise UserError("the root is not on this machine; serve it with any web server and open benchmark/")
     click.launch(storage.path(name))

@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from trace_dag.wording import printable
+
 if TYPE_CHECKING:
     from trace_dag.flow.batch import StaleResult
     from trace_dag.flow.standing import Standing
     from trace_dag.stage import Stage
 
 _LONG_TEXT = 40  # characters
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # as OWASP lists them
 
 
 def print_standings(crashes: Mapping[str, Standing]) -> None:
@@ -25,24 +28,24 @@ def print_standings(crashes: Mapping[str, Standing]) -> None:
     from trace_dag.flow.standing import FinalState, funnel
 
     states = Counter(crash.final_state for crash in crashes.values())
-    click.echo()
+    say()
     print_table(
         ["step", "crashes", "published"],
         [(step.step, step.crashes, step.published) for step in funnel(crashes.values())],
     )
-    click.echo()
+    say()
     said = {state: f"{states[state]} {state}" for state in FinalState}
     if states[FinalState.VERIFIED]:
         said[FinalState.VERIFIED] += f" ({sum(crash.corroborated for crash in crashes.values())} of them corroborated)"
-    click.echo(", ".join(said.values()) + f"; {len(crashes)} in all")
+    say(", ".join(said.values()) + f"; {len(crashes)} in all")
     outdated = sum(crash.outdated is not None for crash in crashes.values())
     if outdated:
-        click.echo(f"{outdated} of them outdated: the new attempt failed, and the earlier result stands")
+        say(f"{outdated} of them outdated: the new attempt failed, and the earlier result stands")
     reasons = Counter(
         (crash.stage_reached, crash.reason) for crash in crashes.values() if crash.final_state is FinalState.REJECTED
     )
     if reasons:
-        click.echo()
+        say()
         print_table(
             ["rejected at", "reason", "crashes", "category in the paper"],
             [
@@ -54,8 +57,8 @@ def print_standings(crashes: Mapping[str, Standing]) -> None:
         )
     estimated = [crash.made for crash in crashes.values() if crash.made is not None]
     if estimated:
-        click.echo()
-        click.echo(makers_in_words(estimated))
+        say()
+        say(makers_in_words(estimated))
 
 
 def print_stale(stale: Iterable[StaleResult]) -> None:
@@ -70,7 +73,7 @@ def print_stale(stale: Iterable[StaleResult]) -> None:
             for stage, found in sorted(by_stage.items(), key=lambda item: item[0].position)
         ],
     )
-    click.echo("trace-dag run makes them again, and what was made from them.")
+    say("trace-dag run makes them again, and what was made from them.")
 
 
 def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: bool = False) -> None:
@@ -104,6 +107,11 @@ def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: boo
     console.print(table)
 
 
+def say(text: str = "") -> None:
+    """A line on standard output, without anything that a value could tell a terminal to do."""
+    click.echo(printable(text))
+
+
 def one_line(text: str, length: int) -> str:
     """A text on one line of at most so many characters."""
     joined = " ".join(text.split())
@@ -111,15 +119,37 @@ def one_line(text: str, length: int) -> str:
 
 
 def write_csv(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Comma-separated values on standard output."""
+    """Comma-separated values on standard output. A text that a spreadsheet takes for a formula begins with an
+    apostrophe; numbers stay as they are."""
+    in_terminal = sys.stdout.isatty()
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(names)
-    writer.writerows(rows)
+    writer.writerows([_csv_cell(value, in_terminal) for value in row] for row in rows)
 
 
 def write_json(value: object) -> None:
     """JSON on standard output, dates and the like as text."""
-    click.echo(json.dumps(value, indent=1, ensure_ascii=False, default=str))
+    say(json.dumps(value, indent=1, ensure_ascii=False, default=str))
+
+
+def _csv_cell(value: object, in_terminal: bool) -> object:
+    """A value as CSV has it.
+
+    >>> _csv_cell("=1+1", False), _csv_cell("-5", False), _csv_cell(-5.0, False)
+    ("'=1+1", '-5', -5.0)
+    """
+    if not isinstance(value, str):
+        return value
+    text = printable(value) if in_terminal else value
+    return f"'{text}" if text.startswith(_FORMULA) and not _is_number(text) else text
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _cell(value: object) -> str:
@@ -127,4 +157,4 @@ def _cell(value: object) -> str:
         return ""
     if isinstance(value, float):
         return f"{value:.6g}"
-    return str(value)
+    return printable(str(value))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import examples
+from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_told
 from trace_dag.cli.study import into_warehouse
 from trace_dag.wording import counted
@@ -61,19 +62,19 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
             complain=complaints.hear,
         )
     if made.missing:
-        click.echo(
+        say(
             f"{made.folder}  {counted(made.packages, 'package')}; not finished, "
             f"missing: {counted(made.missing, 'crash', 'crashes')}"
         )
         complaints.told()
-        click.echo("Mend them and release again; what is there is kept.")
+        say("Mend them and release again; what is there is kept.")
         sys.exit(1)
     state = f"{counted(made.written, 'file')} written" if made.written else "up to date"
-    click.echo(f"{made.folder}  {counted(made.packages, 'package')}, {state}")
-    click.echo("Where to look:")
-    click.echo(f"  {made.folder}/README.md  what it is")
-    click.echo(f"  {made.folder}/DATASHEET.md  where it comes from, with counts, and its limits")
-    click.echo(f"  {made.folder}/index.parquet  a row per package; index.json the same")
+    say(f"{made.folder}  {counted(made.packages, 'package')}, {state}")
+    say("Where to look:")
+    say(f"  {made.folder}/README.md  what it is")
+    say(f"  {made.folder}/DATASHEET.md  where it comes from, with counts, and its limits")
+    say(f"  {made.folder}/index.parquet  a row per package; index.json the same")
     if made.archive:
-        click.echo(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, all of it in one file")
+        say(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, all of it in one file")
     sys.exit(complaints.told())

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import agent_arguments, examples, traffic_option
+from trace_dag.cli.printing import say
 from trace_dag.disks import naming
 
 if TYPE_CHECKING:
@@ -84,4 +85,4 @@ def replay(
     target = output or Path(f"replay-{key}.{replay_format}")
     with naming(target):
         target.write_bytes(content)
-    click.echo(f"{target}  {len(content) // 1024} kB")
+    say(f"{target}  {len(content) // 1024} kB")

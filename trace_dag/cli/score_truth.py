@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.sample import sample_folder
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.stage import Stage
@@ -78,7 +78,7 @@ def score_truth(root: str, as_json: bool) -> None:
     rows: list[tuple[str, Any]] = [(name.replace("_", " "), value) for name, value in asdict(result.summary).items()]
     print_table(["estimates against the truth", ""], rows)
     if any(row.course_correct is not None for row in people):
-        click.echo()
+        say()
         print_table(
             [each.name.replace("_", " ") for each in fields(KindSummary)], [astuple(row) for row in by_kind(people)]
         )
@@ -89,11 +89,11 @@ def score_truth(root: str, as_json: bool) -> None:
         for line in contacts_by_kind(sample, found.rows)
     ]
     if lines:
-        click.echo()
+        say()
         print_table([each.name.replace("_", " ") for each in fields(ContactsSummary)], lines)
     unexpected = [row for row in result.outcomes if not row.as_expected]
     if unexpected:
-        click.echo()
+        say()
         print_table(
             ["crash", "what it is", "expected", "reason", "found", "reason found"],
             [

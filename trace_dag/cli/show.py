@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.printing import print_table, say, write_json
 
 if TYPE_CHECKING:
     from trace_dag.flow.contract import CrashFiles
@@ -34,21 +34,21 @@ def show(root: str, key: str, as_json: bool) -> None:
     if as_json:
         write_json(said)
         return
-    click.echo(f"{key}  {said['outcome']}")
+    say(f"{key}  {said['outcome']}")
     for line in said["numbers"]:
-        click.echo(f"  {line}")
+        say(f"  {line}")
     for name in ("what", "why", "meaning", "remedy"):
         if said[name]:
-            click.echo(f"\n{said[name]}")
+            say(f"\n{said[name]}")
     if said["against"]:
-        click.echo("\nSpeaks against it:")
+        say("\nSpeaks against it:")
         for line in said["against"]:
-            click.echo(f"  {line}")
-    click.echo()
+            say(f"  {line}")
+    say()
     print_table(["stage", "outcome", "seconds"], [tuple(row.values()) for row in said["stages"]])
-    click.echo()
+    say()
     for file in said["files"]:
-        click.echo(file)
+        say(file)
 
 
 def _said(workspace: Workspace, crash: Standing, records: Records) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import print_table, write_csv, write_json
+from trace_dag.cli.printing import print_table, say, write_csv, write_json
 from trace_dag.cli.row_files import FORMATS, write_rows
 from trace_dag.disks import naming
 from trace_dag.errors import UserError
@@ -41,15 +41,16 @@ def sql(root: str, query: str, output: str, path: Path | None) -> None:
     csv, json and the files have them whole.
     """
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.warehouse.query import query as ask
+    from trace_dag.warehouse.asking import ask
 
     if (path is not None) != (output in FORMATS):
         raise UserError(f"sql: --output FILE goes with --format {', '.join(FORMATS)}, and each of them needs it")
-    names, rows = ask(Workspace.open(root, to_read=True).warehouse, query)
+    workspace = Workspace.open(root, to_read=True)
+    names, rows = ask(workspace.warehouse, query, workspace.settings.warehouse)
     if path is not None:
         with naming(path):
             write_rows(path, output, names, rows)
-        click.echo(f"{path}  {counted(len(rows), 'row')}")
+        say(f"{path}  {counted(len(rows), 'row')}")
     elif output == "csv":
         write_csv(names, rows)
     elif output == "json":

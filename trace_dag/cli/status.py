@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import one_line, print_stale, print_standings, print_table, write_json
+from trace_dag.cli.printing import one_line, print_stale, print_standings, print_table, say, write_json
 from trace_dag.logs import complain
 
 _FAILED_SHOWN = 20
@@ -66,28 +66,28 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
             }
         )
         return
-    click.echo(f"Storage root {storage.root}")
+    say(f"Storage root {storage.root}")
     print_standings(crashes)
     failed = [crash for crash in crashes.values() if crash.final_state is FinalState.FAILED]
     if failed:
-        click.echo()
+        say()
         print_table(
             ["failed", "in", "what happened"],
             [(crash.key, crash.stage_reached, one_line(crash.detail, 200)) for crash in failed[:_FAILED_SHOWN]],
         )
         if len(failed) > _FAILED_SHOWN:
-            click.echo(f"... and {len(failed) - _FAILED_SHOWN} more (status --json lists all)")
+            say(f"... and {len(failed) - _FAILED_SHOWN} more (status --json lists all)")
     outdated = [crash for crash in crashes.values() if crash.outdated]
     if outdated:
-        click.echo()
+        say()
         print_table(
             ["outdated", "in", "why the new attempt failed"],
             [(crash.key, crash.outdated, one_line(crash.outdated_because, 200)) for crash in outdated[:_FAILED_SHOWN]],
         )
         if len(outdated) > _FAILED_SHOWN:
-            click.echo(f"... and {len(outdated) - _FAILED_SHOWN} more (status --json lists all)")
+            say(f"... and {len(outdated) - _FAILED_SHOWN} more (status --json lists all)")
     if failed or outdated:
-        click.echo("trace-dag rerun --failed runs them again.")
+        say("trace-dag rerun --failed runs them again.")
     if stale:
-        click.echo()
+        say()
         print_stale(stale.values())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.wording import percent
 
@@ -72,7 +72,7 @@ def validate(root: str, cases: Path | None, as_json: bool) -> None:
             for each in staged_results(settings)
         ],
     )
-    click.echo()
+    say()
     print_table(
         ["closed form", "least", "most", "simulated", "unit", "law"],
         [
@@ -102,10 +102,10 @@ def _print_crashes(rows: list[Compared]) -> None:
             for row in compared
         ],
     )
-    click.echo()
+    say()
     reasons = Counter(row.reason for row in rows if row.reason is not None)
     print_table(["not compared", "vehicles"], [(reason, count) for reason, count in reasons.most_common()])
-    click.echo()
+    say()
     print_table(
         [
             "error of delta-v",
@@ -140,7 +140,7 @@ def _print_crashes(rows: list[Compared]) -> None:
             for group in errors_by_group(rows)
         ],
     )
-    click.echo()
+    say()
 
 
 def _round(value: float | None, digits: int) -> float | None:

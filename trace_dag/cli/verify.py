@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import one_line, print_stale, print_table, write_json
+from trace_dag.cli.printing import one_line, print_stale, print_table, say, write_json
 from trace_dag.cli.progress import progress_told
 from trace_dag.logs import complain
 from trace_dag.wording import counted
@@ -88,8 +88,8 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
         _print("disagreement", found)
         if stale:
             print_stale(stale)
-            click.echo()
-        click.echo(_summary(report, found, repair))
+            say()
+        say(_summary(report, found, repair))
     sys.exit(1 if found else 0)
 
 
@@ -154,8 +154,8 @@ def _print(title: str, rows: Sequence[Disagreement]) -> None:
         [(each.kind.title, each.key, each.stage, each.detail, each.kind.remedy) for each in rows[:_SHOWN]],
     )
     if len(rows) > _SHOWN:
-        click.echo(f"... and {len(rows) - _SHOWN} more (--json lists all)")
-    click.echo()
+        say(f"... and {len(rows) - _SHOWN} more (--json lists all)")
+    say()
 
 
 def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: bool) -> str:

@@ -32,6 +32,13 @@ class BenchmarkSite:
         self._app = app
         self._storage = storage
 
+    def _inside(self, name: str) -> str:
+        """The name, unless a symbolic link leads out of the root."""
+        root = self._storage.local_root
+        if root is not None and not (root / name).resolve().is_relative_to(root.resolve()):
+            raise FileNotFoundError(name)
+        return name
+
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
         """Send a file of the site; pass on what is asked elsewhere."""
         path = str(scope.get("path", ""))
@@ -45,7 +52,7 @@ class BenchmarkSite:
         try:
             if name.partition("/")[0] not in _SERVED:
                 raise FileNotFoundError(name)
-            data = self._storage.read(check_name(name))
+            data = self._storage.read(self._inside(check_name(name)))
         except (FileNotFoundError, IsADirectoryError, ValueError, UserError, Failure):
             await send_bytes(send, 404, f"There is no {name} in the site; trace-dag run makes it.\n".encode())
             return

@@ -31,6 +31,9 @@ from trace_dag.storage import Storage
 _LOCAL: Final = ("localhost", "127.0.0.1", "::1")
 _WITHOUT_EFFECT: Final = ("GET", "HEAD", "OPTIONS")
 _CODE: Final = ("-m", "trace_dag.definitions")
+_FRAMES: Final = ("frame", "iframe", "embed", "object", "fencedframe")
+_NO_FRAMES: Final = [(b"content-security-policy", b"frame-ancestors 'none'"), (b"x-frame-options", b"DENY")]
+_OF_RUNS: Final = ("/download_debug/", "/logs/", "/notebook")
 _NAMED: Final = frozenset({b"op"})  # by this the UI names the question that is in the body
 _MOST_ASKED: Final = 2**24
 """Bytes of a question: launching 100,000 partitions takes 2 MB."""
@@ -54,13 +57,36 @@ class Guard:
                 await send_bytes(send, status, f"trace-dag ui: a question to GraphQL is {said}\n".encode())
                 return
             receive = again(body, receive)
-        if not refused:
+        if not refused and scope["type"] == "http":
+            await self._answer(scope, receive, send)
+        elif not refused:
             await self._app(scope, receive, send)
         elif scope["type"] == "websocket":
             await receive()
             await send({"type": "websocket.close", "code": 1008, "reason": refused})
         else:
             await send_bytes(send, 403, f"trace-dag ui: {refused}\n".encode())
+
+    async def _answer(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Let Dagster answer, in no frame; what it has of runs that there are not is not found."""
+        of_a_run = str(scope["path"]).startswith(_OF_RUNS)
+        broken = False
+
+        async def send_guarded(message: Message) -> None:
+            nonlocal broken
+            if message["type"] == "http.response.start":
+                broken = of_a_run and message["status"] == 500
+                message = {**message, "headers": [*message["headers"], *_NO_FRAMES]}
+            if not broken:
+                await send(message)
+
+        try:
+            await self._app(scope, receive, send_guarded)
+        except Exception:
+            if not broken:
+                raise
+        if broken:
+            await send_bytes(send, 404, b"trace-dag ui: there is nothing of such a run\n", _NO_FRAMES)
 
     def _refused(self, scope: Message) -> str:
         """Why a request is refused; empty if it is accepted."""
@@ -74,6 +100,8 @@ class Guard:
             return "pages of other origins may not ask this server"
         if scope["type"] == "websocket":
             return ""
+        if headers.get(b"sec-fetch-dest", [""])[0] in _FRAMES:
+            return "its pages are shown in no frame"
         if scope["path"].startswith(f"{PREFIX}/") and scope["method"] in _WITHOUT_EFFECT:
             return ""  # its pages have an origin of their own, and what they show changes nothing
         navigates = headers.get(b"sec-fetch-mode") == ["navigate"] and scope["method"] in _WITHOUT_EFFECT

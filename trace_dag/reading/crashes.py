@@ -39,12 +39,31 @@ class Crashes(Mapping[str, Crash], ABC):
     def crashes(self) -> pd.DataFrame:
         """A row per crash, indexed by key."""
 
-    @abstractmethod
     def sql(self, query: str) -> duckdb.DuckDBPyRelation:
         """A question in SQL (DuckDB), read-only: ``.df()`` is its answer for pandas, ``.to_arrow_table()`` for Arrow.
 
-        A root has the tables that ``trace-dag tables`` lists; packages and releases have ``crashes``.
+        A root has the tables that ``trace-dag tables`` lists; packages and releases have ``crashes``. Raises
+        :class:`UserError` for what DuckDB refuses, and where a root has no warehouse yet. DuckDB bounds neither the
+        time nor the memory of a question: see :meth:`interrupt`.
         """
+        import duckdb
+
+        try:
+            found = self._connection.sql(query)
+        except duckdb.Error as error:
+            raise UserError(f"sql: {str(error).strip()}") from error
+        if found is None:  # a statement without an answer, which DuckDB's stubs do not know
+            raise UserError("sql: there is no query in it")
+        return found
+
+    def interrupt(self) -> None:
+        """Break off what :meth:`sql` is answering in another thread."""
+        self._connection.interrupt()
+
+    @property
+    @abstractmethod
+    def _connection(self) -> duckdb.DuckDBPyConnection:
+        """What answers questions."""
 
     @property
     def only(self) -> Crash:
@@ -102,26 +121,8 @@ class Home(Crashes):
         frame: pd.DataFrame = self.sql("FROM crashes").df()
         return frame.set_index("key")
 
-    def sql(self, query: str) -> duckdb.DuckDBPyRelation:
-        """See :meth:`Crashes.sql`. Raises :class:`UserError` for what DuckDB refuses, and where there is no warehouse
-        yet."""
-        return asked(self._warehouse, query)
-
     @cached_property
-    def _warehouse(self) -> duckdb.DuckDBPyConnection:
+    def _connection(self) -> duckdb.DuckDBPyConnection:
         from trace_dag.warehouse.query import open_warehouse
 
         return open_warehouse(self.workspace.warehouse)
-
-
-def asked(connection: duckdb.DuckDBPyConnection, query: str) -> duckdb.DuckDBPyRelation:
-    """The answer to a query; :class:`UserError` for what DuckDB refuses."""
-    import duckdb
-
-    try:
-        found = connection.sql(query)
-    except duckdb.Error as error:
-        raise UserError(f"sql: {str(error).strip()}") from error
-    if found is None:  # a statement without an answer, which DuckDB's stubs do not know
-        raise UserError("sql: there is no query in it")
-    return found

@@ -29,7 +29,7 @@ from trace_dag.flow.artefacts import (
     Artefact,
     CrashArtefacts,
 )
-from trace_dag.reading.crashes import Crashes, asked
+from trace_dag.reading.crashes import Crashes
 from trace_dag.reading.untrusted import GET_AGAIN, check_json, check_size
 from trace_dag.scenario.package import MANIFEST
 from trace_dag.schemas import table_from_parquet
@@ -279,9 +279,9 @@ class Package(Crashes):
         row = {name: getattr(record, name) for name in _OF_THE_RECORD}
         return pd.DataFrame([row], index=pd.Index([record.key], name="key"))
 
-    def sql(self, query: str) -> duckdb.DuckDBPyRelation:
-        """See :meth:`Crashes.sql`."""
-        return asked(_connection(self.crashes), query)
+    @cached_property
+    def _connection(self) -> duckdb.DuckDBPyConnection:
+        return _connection(self.crashes)
 
 
 class Release(Crashes):
@@ -316,10 +316,6 @@ class Release(Crashes):
         if hashlib.sha256(data).hexdigest() != row["package_sha256"]:
             raise DamagedFile(f"{self.place}: {name}", "its content is not what the index says", GET_AGAIN)
         return PackedCrash(ArchiveFiles.of(data, f"{self.place}: {name}"))
-
-    def sql(self, query: str) -> duckdb.DuckDBPyRelation:
-        """See :meth:`Crashes.sql`."""
-        return asked(self._connection, query)
 
     @cached_property
     def _connection(self) -> duckdb.DuckDBPyConnection:

@@ -121,6 +121,8 @@ def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
             if connection.description is None:
                 raise UserError("sql: there is no query in it")
             found = connection.fetchmany(MAX_ROWS + 1)
+        except duckdb.OutOfMemoryException as error:
+            raise MemoryError from error
         except duckdb.Error as error:
             raise UserError(f"sql: {str(error).strip()}") from error
         except (OverflowError, ValueError) as error:  # DuckDB's values go further than Python's

@@ -1,0 +1,67 @@
+"""Asking the warehouse a question of somebody's, in a process that is ended when it takes too long or too much memory.
+
+DuckDB bounds neither: a recursive query may run for ever, and one expression may hold gigabytes.
+"""
+
+from __future__ import annotations
+
+import pickle
+import resource
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.settings import WarehouseSettings
+from trace_dag.warehouse.query import query
+
+_CHILD = "from trace_dag.warehouse.asking import _answer; _answer()"
+
+
+def ask(path: Path, sql: str, limits: WarehouseSettings) -> tuple[list[str], list[tuple[Any, ...]]]:
+    """As :func:`trace_dag.warehouse.query.query`, within the limits of the settings.
+
+    Raises :class:`UserError` also for a question that takes longer or needs more memory.
+    """
+    asked = pickle.dumps((path, sql, limits.query_memory_mb))
+    try:
+        done = subprocess.run(  # noqa: S603 - our own command
+            [sys.executable, "-P", "-c", _CHILD],
+            input=asked,
+            capture_output=True,
+            timeout=limits.query_time_s,
+            check=False,
+            start_new_session=True,  # Ctrl-C is for this process, which ends that one
+        )
+    except subprocess.TimeoutExpired as error:
+        raise UserError(
+            f"sql: no answer after {limits.query_time_s:g} s; ask for less, or set warehouse.query_time_s higher"
+        ) from error
+    if done.returncode or not done.stdout:
+        raise _too_large(limits.query_memory_mb)
+    answer: tuple[list[str], list[tuple[Any, ...]]] | UserError | DamagedFile | MemoryError
+    answer = pickle.loads(done.stdout)  # noqa: S301 - written by this module
+    if isinstance(answer, MemoryError):
+        raise _too_large(limits.query_memory_mb) from answer
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
+
+
+def _too_large(memory_mb: int) -> UserError:
+    return UserError(
+        f"sql: the answer needs more than {memory_mb} MB; ask for less, or set warehouse.query_memory_mb higher"
+    )
+
+
+def _answer() -> None:
+    """What the child does: the answer, or what was wrong, goes to standard output."""
+    path, sql, memory_mb = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by this module
+    resource.setrlimit(resource.RLIMIT_AS, (memory_mb * 2**20, memory_mb * 2**20))
+    said: object
+    try:
+        said = query(path, sql)
+    except (UserError, DamagedFile, MemoryError) as error:
+        said = error
+    pickle.dump(said, sys.stdout.buffer)
