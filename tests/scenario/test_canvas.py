@@ -75,29 +75,10 @@ def test_what_leaves_the_window_ends_at_its_edge(canvas):
     assert {tuple(each) for each in line} == {(0.0, 2000.0), (4000.0, 2000.0)}
 
 
-def test_what_lies_outside_the_window_is_not_drawn(canvas):
-    canvas.polygons([SQUARE + 500.0], Ink("red"), 1.0)
-    canvas.lines([SQUARE - 500.0], Ink(stroke="red", width_pt=1.0), 1.0)
-    canvas.polygons([SQUARE + (30.0, 0.0)], Ink("red"), 1.0)  # it touches the window's edge
-    assert paths(canvas) == []
-
-
 def test_a_ring_without_area_that_leaves_the_window_harms_nothing(canvas):
     there_and_back = np.array([(0.0, 0.0), (500.0, 0.0), (0.0, 0.0)])
     canvas.polygons([there_and_back, SQUARE], Ink("red"), 1.0)
     assert len(of_colour(drawn(canvas.svg(), 40), "#ff0000")) == 100
-
-
-def test_a_ring_without_area_that_leaves_the_window_harms_nothing(canvas):
-    there_and_back = np.array([(0.0, 0.0), (500.0, 0.0), (0.0, 0.0)])
-    canvas.polygons([there_and_back, SQUARE], Ink("red"), 1.0)
-    assert len(of_colour(drawn(canvas.svg(), 40), "#ff0000")) == 100
-
-
-def test_what_lies_outside_the_window_is_not_drawn(canvas):
-    canvas.polygons([SQUARE + 1000.0], Ink("red"), 1.0)
-    canvas.lines([SQUARE + 1000.0], Ink(stroke="black", width_pt=1.0), 2.0)
-    assert paths(canvas) == []
 
 
 def test_higher_things_cover_lower_ones_whatever_the_order_of_drawing(canvas):
