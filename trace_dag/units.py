@@ -12,6 +12,7 @@ MPS_PER_MPH: Final = 0.44704  # exact, international mile
 MPS_PER_KMH: Final = 1 / 3.6
 METRES_PER_FOOT: Final = 0.3048  # exact
 KG_PER_LB: Final = 0.45359237  # exact
+_CLOCK_DIGITS: Final = 9
 GRAVITY_MPS2: Final = 9.80665  # standard gravity, ISO 80000-3
 
 
@@ -68,8 +69,8 @@ def bearing_to_clock_h(bearing_rad: float) -> float:
     >>> bearing_to_clock_h(math.pi / 2)
     9.0
     """
-    clock_h = (-bearing_rad * 6 / math.pi) % 12
-    return 12.0 if clock_h == 0 else clock_h
+    clock_h = round((-bearing_rad * 6 / math.pi) % 12, _CLOCK_DIGITS) % 12
+    return clock_h or 12.0  # straight ahead, whatever its last bit is
 
 
 def clock_difference_h(a_h: float, b_h: float) -> float:

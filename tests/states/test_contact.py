@@ -173,3 +173,9 @@ def test_one_who_stands_in_a_bend_has_its_trailer_along_the_bend() -> None:
     contacts = first_contacts(car, rig, timings=1)
     assert len(contacts) == 1
     assert abs(contacts.bearing_2_rad[0]) > math.radians(120)
+
+
+@pytest.mark.parametrize("last_bit", [-1e-16, -1e-12, 0.0, 1e-12, 1e-16, 2 * math.pi])
+def test_straight_ahead_is_twelve_oclock_whatever_its_last_bit_is(last_bit: float) -> None:
+    assert bearing_to_clock_h(last_bit) == 12.0
+    assert bearing_to_clock_h(last_bit + math.pi / 2) == pytest.approx(9.0, abs=1e-9)

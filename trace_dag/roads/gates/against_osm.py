@@ -194,7 +194,7 @@ class MapComparison:
         worst: dict[bool, tuple[float, int | None]] = {False: (0.0, None), True: (0.0, None)}
         for (way, _), distance in zip(known, distances, strict=True):
             service = way.tags.get("highway") == "service"
-            worst[service] = max(worst[service], (float(distance.max()), way.id), key=lambda found: found[0])
+            worst[service] = max(worst[service], (round(float(distance.max()), 6), way.id), key=lambda found: found[0])
         every = np.concatenate(distances) if distances else np.zeros(0)
         return WayDeviation(
             mean_m=float(every.mean()) if len(every) else 0.0,

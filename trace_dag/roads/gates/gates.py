@@ -148,7 +148,7 @@ def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
         if not gaps:
             yield MapGate(name, 0.0, limit, unit, True, "no lane leads into another")
             continue
-        worst = int(np.argmax(size))
+        worst = int(np.argmax(np.round(size, 6)))
         source, target = gaps[worst].source, gaps[worst].target
         where = f"road {source.road_id} lane {source.lane_id} to road {target.road_id} lane {target.lane_id}"
         yield _at_most(name, size[worst], limit, unit, f"{len(gaps)} links, worst {where}")
