@@ -126,14 +126,11 @@ def _command() -> Iterator[Figure]:
         "CPU s per crash",
         "the bare stage functions in one process",
         bare / CRASHES,
-        goal=0.35,
     )
     yield Figure(
         f"trace-dag run, {CRASHES} crashes, packages and pages included",
         60 * CRASHES / taken,
         "crashes per minute",
-        goal=300.0,
-        at_least=True,
         note=f"wall time, {load}",
     )
 
