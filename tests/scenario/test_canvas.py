@@ -51,7 +51,7 @@ def test_rings_of_one_look_are_one_path_all_one_way_round(canvas):
     assert len({area > 0.0 for area in areas}) == 1
 
 
-def test_a_shape_outside_the_window_leaves_the_others_drawn(canvas):
+def test_what_lies_outside_the_window_is_not_drawn(canvas):
     canvas.polygons([SQUARE + 100.0], Ink("red"), 1.0)
     canvas.polygons([SQUARE + 100.0, SQUARE], Ink("blue"), 1.0)
     assert [len(corners(path.get("d"))) for path in paths(canvas) if path.get("d")] == [1]
