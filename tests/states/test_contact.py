@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from trace_dag.crash.codes.bodies import TRACTOR_OF_TRAILER
 from trace_dag.crash.codes.trailers import trailer_of
 from trace_dag.geometry import Pose, contact_clock_h, gaps_m, rectangle_corners
-from trace_dag.states.contact import Mover, first_contacts
+from trace_dag.states.contact import Mover, first_contacts, touching
 from trace_dag.states.paths import Path, TurnShape, straight, turned
 from trace_dag.units import bearing_to_clock_h, clock_difference_h
 
@@ -179,3 +179,14 @@ def test_one_who_stands_in_a_bend_has_its_trailer_along_the_bend() -> None:
 def test_straight_ahead_is_twelve_oclock_whatever_its_last_bit_is(last_bit: float) -> None:
     assert bearing_to_clock_h(last_bit) == 12.0
     assert bearing_to_clock_h(last_bit + math.pi / 2) == pytest.approx(9.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("off_m", [-1e-12, 0.0, 1e-12])
+def test_last_bits_do_not_move_a_contact_to_one_side(off_m: float) -> None:
+    """A car of 1.84 m and one of 2.04 m meet in line: the outer corners are as far out as corners still touch."""
+    one = (np.zeros(1), np.zeros(1), np.zeros(1))
+    two = (np.array([5.0]), np.array([off_m]), np.array([math.pi]))
+    touch = touching(one, (5.0, 1.84), two, (5.0, 2.04))
+    assert [touch.x_m[0], touch.y_m[0], touch.bearing_1_rad[0], touch.bearing_2_rad[0]] == pytest.approx(
+        [2.5, 0.0, 0.0, 0.0], abs=1e-9
+    )

@@ -22,6 +22,7 @@ from trace_dag.geometry import FloatArray, Poses, gaps_m
 from trace_dag.states.paths import Path
 
 TOUCH_M = 0.10  # corners this close belong to the contact: parallel faces touch along a length, bodies give a little
+_LAST_BITS_M = 1e-6  # widths of 1.84 and 2.04 m differ by twice TOUCH_M: their last bits must not decide
 GRID_STEP_M = 0.5  # farthest a body moves between two tests for contact
 MAX_GRID_STEPS = 400
 MAX_TIMING_RANGE_S = 8.0
@@ -295,7 +296,8 @@ def _within(points: FloatArray, state: Poses, size_m: tuple[float, float]) -> Fl
     dx, dy = points[..., 0] - x, points[..., 1] - y
     c, s = np.cos(heading), np.sin(heading)
     ahead, left = np.abs(dx * c + dy * s), np.abs(dy * c - dx * s)
-    return np.asarray((ahead <= size_m[0] / 2 + TOUCH_M) & (left <= size_m[1] / 2 + TOUCH_M))
+    within_m = TOUCH_M + _LAST_BITS_M
+    return np.asarray((ahead <= size_m[0] / 2 + within_m) & (left <= size_m[1] / 2 + within_m))
 
 
 def _bearing(x: FloatArray, y: FloatArray, state: Poses, size_m: tuple[float, float]) -> FloatArray:
