@@ -63,3 +63,17 @@ def test_damage_is_listed_mended_as_far_as_it_can_be_and_the_rest_is_for_a_run(r
     assert trace_dag(root, "run").returncode == 0
     done = trace_dag(root, "verify", "--contents")
     assert done.returncode == 0, done.stdout
+
+
+def test_a_root_of_an_earlier_version_is_outdated_and_not_damaged(root):
+    """Earlier versions listed files in a folder of lists, had no manifests, and kept no copies of cohorts."""
+    (root / "ledgers").mkdir()
+    (root / "ledgers/benchmark.json").write_text("{}")
+    (root / "benchmark/manifest.json").unlink()
+    shutil.rmtree(root / "cohorts/copies")
+    done = trace_dag(root, "verify")
+    assert done.returncode == 0, done.stdout
+    assert "made by an earlier version of the program; trace-dag run brings it up to date" in done.stdout
+    assert trace_dag(root, "run").returncode == 0
+    done = trace_dag(root, "verify", "--contents")
+    assert (done.returncode, "earlier version" in done.stdout) == (0, False), done.stdout

@@ -4,6 +4,7 @@ Belongs here: the instance of a storage root, and running planned batches throug
 what to run (:mod:`trace_dag.flow.planning`).
 """
 
+import logging
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -37,6 +38,8 @@ from trace_dag.processes import is_gone, this_process
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
+log = logging.getLogger(__name__)
+
 # By this the UI counts a run started here among those of its job.
 _REPOSITORY = {".dagster/repository": "__repository__@trace_dag.definitions"}
 _UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
@@ -52,6 +55,7 @@ concurrency:
   runs:
     max_concurrent_runs: 2
 """
+_OLDER = b"trace_dag.assets.event_log"  # of an earlier version, with tables of its own in Dagster's databases
 _INTERRUPTED = "UNEXPECTED_TERMINATION"  # Dagster's reason for the failure of a run that was broken off
 
 
@@ -66,8 +70,12 @@ class RunReport:
 def prepare_dagster_home(workspace: Workspace) -> Path:
     """Dagster's folder of this root, made if need be, and named in this process's environment."""
     folder = workspace.dagster_home
-    folder.mkdir(parents=True, exist_ok=True)
     settings = folder / "dagster.yaml"
+    if settings.is_file() and _OLDER in settings.read_bytes():
+        aside = folder.with_name(f"{folder.name}-of-earlier-version")
+        log.warning("an earlier version of the program kept Dagster's records otherwise; they are in %s now", aside)
+        folder.rename(aside)
+    folder.mkdir(parents=True, exist_ok=True)
     if not settings.exists():
         settings.write_text(_INSTANCE_SETTINGS)
     os.environ["DAGSTER_HOME"] = str(folder)

@@ -15,6 +15,7 @@ from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from trace_dag.checksums import checked, with_checksum
+from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile
 from trace_dag.file_locks import locked
 from trace_dag.schemas import table_from_parquet
@@ -101,9 +102,12 @@ def adopt_files(storage: Storage, folder: str) -> list[str]:
 
 
 def bring_up_to_date(storage: Storage) -> None:
-    """List in manifests what a version before them made, and let its own lists go."""
+    """List in manifests what a version before them made, copy its cohorts, and let its own lists go."""
     if not is_of_older_version(storage):
         return
+    registry = Registry(storage)
+    for damaged in registry.damage():
+        registry.put_back(damaged.name)
     for folder in FOLDERS:
         if not storage.exists(manifest_name(folder)):
             adopt_files(storage, folder)

@@ -123,8 +123,8 @@ def verify_storage(
 
     With ``contents`` every file is read and compared with its SHA-256; ``progress`` hears how many of how many.
     """
-    registry = Registry(storage)
-    lost = registry.damage()
+    registry, older = Registry(storage), is_of_older_version(storage)
+    lost = [each for each in registry.damage() if _is_first(each) or not older]  # which made no copies
     cohorts = list(registry.cohorts().values()) if not any(_is_first(each) for each in lost) else []
     registered = {key for cohort in cohorts for key in cohort.reports}
     everywhere = {stage: storage.list(stage.value) for stage in Stage}
@@ -144,7 +144,6 @@ def verify_storage(
     disagreements += _picture_disagreements(drawn, storage.list("pictures"), everything, listings)
     if contents:
         disagreements += _damaged(storage, everything, drawn, disagreements, progress)
-    older = is_of_older_version(storage)
     if not older:
         disagreements += _result_disagreements(storage, contents)
     disagreements += _report_disagreements(storage, cohorts, contents)
