@@ -296,6 +296,8 @@ class _CrashWorker:
             if stored and last.record is not None:
                 record = replace(last.record, pictures=tuple(stored))
                 write_record(self.work.storage, record)
+                before = {file.name for each in self.task.records.values() for file in each.pictures}
+                self._delete(before - {file.name for file in stored})  # other kinds, of an earlier version
                 self.files.amend(record)
                 last = replace(last, record=record)
         except Exception as error:
