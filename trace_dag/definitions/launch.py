@@ -44,6 +44,8 @@ log = logging.getLogger(__name__)
 _REPOSITORY = {".dagster/repository": "__repository__@trace_dag.definitions"}
 _UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
 
+POSTGRES_VARIABLE = "TRACE_DAG_POSTGRES"
+"""Names the PostgreSQL database (an URL) that Dagster's records of a new root are kept in, in place of SQLite files."""
 _INSTANCE_SETTINGS = """\
 # Dagster's records of this storage root. Nothing is sent anywhere, and no dialog asks for it.
 telemetry:
@@ -56,6 +58,12 @@ concurrency:
     max_concurrent_runs: 2
 """
 _OLDER = b"trace_dag.assets.event_log"  # of an earlier version, with tables of its own in Dagster's databases
+_ON_POSTGRES = f"""\
+storage:
+  postgres:
+    postgres_url:
+      env: {POSTGRES_VARIABLE}
+"""
 _INTERRUPTED = "UNEXPECTED_TERMINATION"  # Dagster's reason for the failure of a run that was broken off
 
 
@@ -77,7 +85,7 @@ def prepare_dagster_home(workspace: Workspace) -> Path:
         folder.rename(aside)
     folder.mkdir(parents=True, exist_ok=True)
     if not settings.exists():
-        settings.write_text(_INSTANCE_SETTINGS)
+        settings.write_text(_INSTANCE_SETTINGS + (_ON_POSTGRES if POSTGRES_VARIABLE in os.environ else ""))
     os.environ["DAGSTER_HOME"] = str(folder)
     os.environ[ROOT_VARIABLE] = Storage(workspace.root).root
     return folder
