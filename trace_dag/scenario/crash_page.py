@@ -266,6 +266,9 @@ def _clocks(verdict: Verdict) -> list[Dial]:
     return dials
 
 
+_UNFOLDED = 6
+
+
 @dataclass(frozen=True)
 class Reasons:
     """What speaks for a crash, what against it, and what the report does not tell, as sentences."""
@@ -273,6 +276,7 @@ class Reasons:
     for_it: Sequence[str]
     against: Sequence[str]
     untold: Sequence[str]
+    unfolded: int  # of each; the others are a click away. Doubts come first, and all of them are shown
 
 
 def _reasons(page: CrashPage) -> Reasons:
@@ -286,11 +290,12 @@ def _reasons(page: CrashPage) -> Reasons:
     facts = sorted(verdict.support.facts, key=lambda fact: -abs(fact.weight)) if verdict and verdict.support else []
     contradictions = page.record.contradictions if page.record else ()
     detail = verdict.support.detail if verdict and verdict.support and verdict.grade is not Grade.CORROBORATED else ""
+    doubts = [f"{each.detail[0].upper()}{each.detail[1:]}" for each in (verdict.reservations if verdict else ())]
     return Reasons(
         [in_words(each) for each in deciding if each.passed]
         + [_fact_in_words(fact) for fact in facts if fact.weight > 0.0],
-        [in_words(each) for each in deciding if each.passed is False]
-        + [f"{each.detail[0].upper()}{each.detail[1:]}" for each in (verdict.reservations if verdict else ())]
+        doubts
+        + [in_words(each) for each in deciding if each.passed is False]
         + ([f"Not corroborated: {detail}"] if detail else [])
         + [
             _fact_in_words(fact)
@@ -299,6 +304,7 @@ def _reasons(page: CrashPage) -> Reasons:
         ]
         + [f"The report contradicts itself: {line}" for line in contradictions],
         [in_words(each) for each in deciding if each.passed is None],
+        max(len(doubts), _UNFOLDED),
     )
 
 
