@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+from touched import imported
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 BUILT_FROM = ("pyproject.toml", "README.md", "LICENSE", "trace_dag", "data")
@@ -51,3 +55,21 @@ def test_the_licence_of_all_that_is_installed_is_one_of_the_list(arguments: list
     assert done.returncode == code, done.stderr
     if code == 0:
         assert '"mujoco"' in done.stdout
+
+
+def test_what_the_program_imports_is_what_it_depends_on() -> None:
+    """Imports within functions too: those of what only developers install break on a user's machine."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    extras = {name: each for name, each in project["optional-dependencies"].items() if name not in ("dev", "docs")}
+    wanted = [*project["dependencies"], *(each for extra in extras.values() for each in extra)]
+    known = {re.split(r"[\[<>=]", each)[0].strip().lower().replace("_", "-") for each in wanted}
+    owners = packages_distributions()
+    foreign: dict[str, set[str]] = {}
+    for path in (REPOSITORY / "trace_dag").rglob("*.py"):
+        for module in imported(path):
+            name = module.partition(".")[0]
+            of = {each.lower().replace("_", "-") for each in owners.get(name, ())}
+            if name not in sys.stdlib_module_names and name != "trace_dag" and not of & known:
+                foreign.setdefault(name, set()).add(path.relative_to(REPOSITORY).as_posix())
+    come_with_others = {"pydantic_core", "sqlalchemy", "yaml", "_typeshed"}  # pydantic, dagster, dagster, type checkers
+    assert {name: paths for name, paths in foreign.items() if name not in come_with_others} == {}

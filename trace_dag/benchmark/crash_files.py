@@ -30,8 +30,7 @@ REPLAYS = "replays"
 FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))
 MADE_WITH = (  # modules that take a while to load, also those that are imported where they are used
     "jinja2",
-    "matplotlib.backends.backend_agg",
-    "matplotlib.figure",
+    "resvg_py",
     "trace_dag.evaluation.drives",
     "trace_dag.scenario.package",
     "trace_dag.scenario.thumbnail",

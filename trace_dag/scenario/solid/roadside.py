@@ -22,8 +22,6 @@ from trace_dag.scenario.solid.vehicle_shapes import Parts
 from trace_dag.units import METRES_PER_FOOT
 
 if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
-
     from trace_dag.geometry import FloatArray, LocalFrame
     from trace_dag.osm.types import OsmFeature
 
@@ -73,13 +71,13 @@ def _sign(each: PlacedSign) -> Iterator[tuple[Material, Mesh]]:
     if signal.type == STOP:
         yield _WHITE, _plate(_polygon(8, _SIGN_M / 2 * 1.08), middle, 0.05)
         yield _RED, _plate(_polygon(8, _SIGN_M / 2), middle, 0.065)
-        yield _WHITE, _lettering("STOP", 0.25, middle)
+        yield _WHITE, _lettering("STOP", 0.18, middle)
     elif signal.type == YIELD:
         yield _RED, _plate(_polygon(3, 0.55), middle, 0.05)
         yield _WHITE, _plate(_polygon(3, 0.33), middle, 0.065)
     else:
         yield _WHITE, _plate(np.array([(-0.30, -0.375), (0.30, -0.375), (0.30, 0.375), (-0.30, 0.375)]), middle, 0.05)
-        yield _BLACK, _lettering(each.text, 0.32, middle)
+        yield _BLACK, _lettering(each.text, 0.24, middle)
 
 
 def _polygon(corners: int, radius: float) -> FloatArray:
@@ -99,20 +97,48 @@ def _plate(outline: FloatArray, middle_m: float, ahead_m: float) -> Mesh:
 
 
 @cache
-def _lettering(text: str, size_m: float, middle_m: float) -> Mesh:
+def _lettering(text: str, height_m: float, middle_m: float) -> Mesh:
     """Letters on a sign, upright and to be read from +x."""
-    from matplotlib.textpath import TextPath
-
-    path = TextPath((0.0, 0.0), text, size=size_m)
-    rings = [shapely.Polygon(ring) for ring in map(np.asarray, path.to_polygons()) if len(ring) > 3]
-    area: BaseGeometry = shapely.Polygon()
-    for ring in rings:  # a ring within another is its hole
-        area = shapely.symmetric_difference(area, shapely.make_valid(ring))
+    lines = [
+        shapely.LineString([((x + _LETTER_STEP * place) * height_m, y * height_m) for x, y in stroke])
+        for place, letter in enumerate(text)
+        for stroke in _STROKES.get(letter, _STROKES["?"])
+    ]
+    area = shapely.union_all(shapely.buffer(lines, _STROKE * height_m, cap_style="flat", join_style="mitre"))
     west, south, east, north = area.bounds
     letters = flat(area)
     y = letters.points_m[:, 0] - (west + east) / 2
     z = letters.points_m[:, 1] - (south + north) / 2 + middle_m
     return Mesh(np.column_stack([np.full(len(y), 0.075), y, z]), letters.triangles)
+
+
+_ROUND: Final = ((0.1, 0), (0.5, 0), (0.6, 0.15), (0.6, 0.85), (0.5, 1), (0.1, 1), (0, 0.85), (0, 0.15), (0.1, 0))
+_STROKES: Final[dict[str, tuple[tuple[tuple[float, float], ...], ...]]] = {
+    "0": (_ROUND,),
+    "O": (_ROUND,),
+    "1": (((0.1, 0.8), (0.3, 1), (0.3, 0)),),
+    "2": (((0, 0.85), (0.1, 1), (0.5, 1), (0.6, 0.85), (0.6, 0.65), (0, 0), (0.6, 0)),),
+    "3": (((0, 1), (0.6, 1), (0.3, 0.6), (0.5, 0.6), (0.6, 0.45), (0.6, 0.15), (0.5, 0), (0.1, 0), (0, 0.15)),),
+    "4": (((0.45, 0), (0.45, 1), (0, 0.3), (0.6, 0.3)),),
+    "5": (((0.6, 1), (0, 1), (0, 0.55), (0.45, 0.6), (0.6, 0.45), (0.6, 0.15), (0.5, 0), (0.1, 0), (0, 0.15)),),
+    "6": (
+        ((0.5, 1), (0.1, 0.7), (0, 0.4), (0, 0.15), (0.1, 0), (0.5, 0), (0.6, 0.15), (0.6, 0.4), (0.5, 0.55), (0, 0.5)),
+    ),
+    "7": (((0, 1), (0.6, 1), (0.2, 0)),),
+    "8": (_ROUND, ((0, 0.55), (0.6, 0.55))),
+    "9": (
+        ((0.1, 0), (0.5, 0.3), (0.6, 0.85), (0.5, 1), (0.1, 1), (0, 0.8), (0, 0.6), (0.1, 0.45), (0.6, 0.5)),
+    ),
+    "S": (
+        (*((0.6, 0.85), (0.5, 1), (0.1, 1), (0, 0.85), (0, 0.65), (0.6, 0.35)),
+         *((0.6, 0.15), (0.5, 0), (0.1, 0), (0, 0.15))),
+    ),
+    "T": (((0, 1), (0.6, 1)), ((0.3, 1), (0.3, 0))),
+    "P": (((0, 0), (0, 1), (0.5, 1), (0.6, 0.85), (0.6, 0.6), (0.5, 0.45), (0, 0.45)),),
+    "?": (((0, 0.85), (0.1, 1), (0.5, 1), (0.6, 0.85), (0.6, 0.65), (0.3, 0.45), (0.3, 0.25)), ((0.3, 0.1), (0.3, 0))),
+}  # fmt: skip
+"""The letters of signs as strokes, in a box 0.6 wide and 1 high."""
+_LETTER_STEP, _STROKE = 0.85, 0.07
 
 
 def areas_of(
