@@ -64,7 +64,8 @@ def make(commit: str, folder: Path) -> None:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
     finally:
         subprocess.run(["git", "-C", REPOSITORY, "worktree", "remove", "--force", tree], check=True)
-    crashes = duckdb.sql(f"SELECT count(*) FROM '{folder / 'root/warehouse.duckdb'}'.crashes").fetchall()[0][0]
+    with duckdb.connect(str(folder / "root/warehouse.duckdb"), read_only=True) as warehouse:
+        crashes = warehouse.table("crashes").shape[0]
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     size = sum(file.stat().st_size for file in (folder / "root").rglob("*") if file.is_file())
     print(f"{crashes} crashes, {cpu_s:.0f} CPU s, {size / 1e6:.1f} MB")

@@ -36,6 +36,7 @@ _PARTS = {
     ("stages/verdict", ""): "stage verdict",
     ("crash_picture", ""): "picture of a run",
     ("flow/worker", ""): "running stages: files, records, locks",
+    ("flow/crash_store", ""): "running stages: files, records, locks",
     ("flow/batch", ""): "running stages: files, records, locks",
     ("flow/contract", "load"): "reading back artefacts",
     ("benchmark/build", "build_benchmark"): "benchmark: planning, index, ledger",

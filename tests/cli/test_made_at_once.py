@@ -10,8 +10,8 @@ import pytest
 from faults.stores import TroubledStore
 from sample_runs import KEYS, ingest, reports_of
 
+from trace_dag.benchmark.build import build_benchmark
 from trace_dag.benchmark.crash_files import (
-    forget_noted,
     made_of,
     make_files,
     making_at_once,
@@ -27,6 +27,7 @@ from trace_dag.flow.tasks import MadeFiles
 from trace_dag.flow.workspace import Workspace
 from trace_dag.storage import Storage
 from trace_dag.studies.stored_crashes import stored_crash
+from trace_dag.warehouse.build import build_warehouse
 
 VERIFIED, REJECTED = KEYS[0], "2023-319070"
 
@@ -64,10 +65,14 @@ def test_it_is_noted_until_the_benchmark_lists_it(workspace: Workspace) -> None:
     assert noted(workspace.storage) == {}
     note_made(workspace.storage, {REJECTED: made[REJECTED]})
     note_made(workspace.storage, {VERIFIED: made[VERIFIED]})
-    assert noted(workspace.storage) == made
+    found = noted(workspace.storage)
+    assert {key: (set(each.files), each.made_of) for key, each in found.items()} == {
+        key: (set(each.files), each.made_of) for key, each in made.items()
+    }
     workspace.storage.delete(package_name(VERIFIED))
     assert noted(workspace.storage).keys() == {REJECTED}
-    forget_noted(workspace.storage)
+    build_warehouse(workspace.storage, workspace.local_folder)
+    build_benchmark(workspace)
     assert noted(workspace.storage) == {}
 
 

@@ -22,6 +22,7 @@ import markdown
 import prepared
 import pytest
 import sample_runs
+import yaml
 from command_lines import taken_by
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -127,9 +128,13 @@ def test_what_cannot_be_run_here_is_at_least_taken(block: Block, tmp_path: Path,
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(REPOSITORY)) for path in PAGES])
 def test_blocks_are_of_a_kind_that_is_checked(path: Path):
     for block in BLOCKS[path]:
-        assert block.language in (*SHELL, "python", "toml", "text"), f"{block.page}:{block.line}: {block.language!r}"
+        assert block.language in (*SHELL, "python", "toml", "yaml", "text"), (
+            f"{block.page}:{block.line}: {block.language!r}"
+        )
         if block.language == "toml":
             tomllib.loads(block.text)
+        if block.language == "yaml":
+            yaml.safe_load(block.text)
 
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(REPOSITORY)) for path in PAGES])

@@ -90,21 +90,33 @@ def test_a_removal_that_broke_off_is_finished_by_the_same_command(root: Path, mo
     assert Registry(Storage(root)).cohorts() == {}
 
 
+DATABASES = ["history/runs.db", "history/runs/index.db", "schedules/schedules.db"]
+
+
+OVERWRITTEN, CUT, EMPTY = (lambda _: b"\x9c" * 20_000), (lambda data: data[: len(data) // 3]), (lambda _: b"")
+
+
 @pytest.mark.parametrize(
-    "damage", [lambda data: b"\x9c" * 20_000, lambda data: b"", lambda data: data[: len(data) // 3]]
+    ("database", "damage"),
+    [*((each, damage) for each in DATABASES for damage in (OVERWRITTEN, CUT)), ("history/runs/index.db", EMPTY)],
 )
-@pytest.mark.parametrize("database", ["history/runs.db", "history/packed/index.db", "schedules/schedules.db"])
 def test_a_damaged_database_of_dagster_is_a_line_whose_remedy_works(root: Path, database: str, damage) -> None:
     path = root / "dagster" / database
     path.write_bytes(damage(path.read_bytes()))
     done = trace_dag(root, "verify")
     assert "Traceback" not in done.stderr
-    if done.returncode == 0:  # an empty file is a database in which Dagster makes its tables
-        return
     assert f"{root}/dagster: damaged" in done.stderr
     assert "delete that folder; trace-dag verify --repair tells Dagster anew" in done.stderr
     shutil.rmtree(root / "dagster")
     assert trace_dag(root, "verify", "--repair").returncode == 0
+    assert trace_dag(root, "verify").returncode == 0
+
+
+@pytest.mark.parametrize("database", ["history/runs.db", "schedules/schedules.db"])
+def test_an_empty_database_of_dagster_is_filled_again(root: Path, database: str) -> None:
+    (root / "dagster" / database).write_bytes(b"")  # a database in which Dagster makes its tables
+    assert trace_dag(root, "verify", "--repair").returncode == 0
+    assert trace_dag(root, "verify").returncode == 0
 
 
 # --- one file that cannot be read -------------------------------------------------------------------------------------
@@ -134,7 +146,7 @@ def test_an_artefact_that_cannot_be_read_is_found_and_mended(root: Path) -> None
 
 
 def test_a_list_of_crashes_that_cannot_be_read_is_never_an_empty_one(root: Path) -> None:
-    (cohort,) = (root / "cohorts").iterdir()
+    cohort = root / "cohorts/sample.json"
     storage = Storage(root)
     whole = storage.read_many([f"cohorts/{cohort.name}"])
     assert whole

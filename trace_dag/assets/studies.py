@@ -61,22 +61,22 @@ class CohortConfig(Config):
 class ControlsConfig(CohortConfig):
     """How controls are drawn."""
 
-    most: int = Field(default=500, description="Of a larger cohort, so many crashes drawn at random.")
+    most: int = Field(default=500, ge=1, description="Of a larger cohort, so many crashes drawn at random.")
 
 
 class PerturbedConfig(CohortConfig):
     """Which reports are changed, and how."""
 
-    most: int = Field(default=MOST, description="Of a larger cohort, so many crashes drawn at random.")
+    most: int = Field(default=MOST, ge=1, description="Of a larger cohort, so many crashes drawn at random.")
     kinds: list[str] = Field(default_factory=list, description="Only these changes; * and ? match.")
-    draws: int = Field(default=1, description="Of each change that is drawn.")
+    draws: int = Field(default=1, ge=1, description="Of each change that is drawn.")
     seed: int = Field(default=1, description="Of the draws.")
 
 
 class PeerConfig(CohortConfig):
     """Where the other benchmark lies."""
 
-    folder: str = Field(default="", description="The published benchmark: a folder with simulations/ and maps/.")
+    folder: str = Field(min_length=1, description="The published benchmark: a folder with simulations/ and maps/.")
 
 
 class EstimatorsConfig(CohortConfig):
@@ -105,7 +105,7 @@ class EvaluationsConfig(CohortConfig):
 class VariationsConfig(CohortConfig):
     """How many variations."""
 
-    count: int = Field(default=10, description="Variations of each crash.")
+    count: int = Field(default=10, ge=1, description="Variations of each crash.")
     seed: int = Field(default=1, description="The same crash and seed give the same variations.")
 
 

@@ -56,6 +56,11 @@ nux:
 concurrency:
   runs:
     max_concurrent_runs: 2
+# Stages say everything in the log. To capture what they print, Dagster starts four processes for each step, which
+# answer Ctrl-C with a traceback.
+compute_logs:
+  module: dagster._core.storage.noop_compute_log_manager
+  class: NoOpComputeLogManager
 """
 _OLDER = b"trace_dag.assets.event_log"  # of an earlier version, with tables of its own in Dagster's databases
 _ON_POSTGRES = f"""\

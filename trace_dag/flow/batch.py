@@ -16,8 +16,9 @@ from trace_dag.cohorts.registry import CrashSource
 from trace_dag.cohorts.services import Services
 from trace_dag.errors import Failure
 from trace_dag.flow.contract import CrashFiles, StageDefinition
+from trace_dag.flow.crash_store import CrashStore
 from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
-from trace_dag.flow.records import Records, after_failure, intact, read_records, write_index, write_record
+from trace_dag.flow.records import Records, intact, read_records, write_index
 from trace_dag.flow.staleness import FAILED, MISSING, made_from, why_to_run
 from trace_dag.flow.tasks import (
     Action,
@@ -306,10 +307,9 @@ class _Batch:
                 return events
         else:
             return events  # it died after the last record, drawing the picture
-        detail = f"the worker process died in this stage, alone and twice over ({lost.detail})"
+        error = Failure(f"the worker process died in this stage, alone and twice over ({lost.detail})")
         attempt = Attempt(task.key, stuck.stage, provenance, self.work.run_id, now(), 0.0)
-        failed = replace(attempt.record(Outcome.FAILED), detail=detail)
-        write_record(self.work.storage, after_failure(self.work.storage, records.get(stuck.stage), failed))
+        failed = CrashStore(self.work, replace(task, records=records)).put(attempt, error)
         return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, failed)]
 
 

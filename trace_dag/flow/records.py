@@ -16,7 +16,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.garbage import no_garbage_collection
-from trace_dag.provenance import MADE_AGAIN, Outcome, OutcomeRecord, record_from_json, record_name, record_to_json
+from trace_dag.provenance import MADE_AGAIN, OutcomeRecord, record_from_json, record_name, record_to_json
 from trace_dag.stage import Stage
 from trace_dag.storage import Entry, Storage
 
@@ -101,23 +101,6 @@ def intact(storage: Storage, records: Iterable[OutcomeRecord]) -> dict[str, bool
     records = list(records)
     sizes = storage.sizes({file.name for record in records for file in record.artefacts})
     return {record.name: all(sizes.get(file.name) == file.size for file in record.artefacts) for record in records}
-
-
-def after_failure(storage: Storage, earlier: OutcomeRecord | None, failed: OutcomeRecord) -> OutcomeRecord:
-    """The record that stands after an attempt that failed: the failure, or the earlier result, marked as outdated.
-
-    An earlier result is kept while its files are whole and its inputs are still the same. After a change of its inputs
-    it would contradict them.
-    """
-    if (
-        earlier is not None
-        and earlier.outcome in (Outcome.ACCEPTED, Outcome.REJECTED)
-        and earlier.fingerprint
-        and earlier.provenance.inputs == failed.provenance.inputs
-        and intact(storage, [earlier])[earlier.name]
-    ):
-        return earlier.outlasting(failed)
-    return failed.superseding(earlier)
 
 
 def write_index(storage: Storage, run_id: str, records: Iterable[OutcomeRecord]) -> None:

@@ -121,7 +121,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Attempt:
-    """One attempt of a stage at a crash: in which run, made from what, begun when (ISO 8601, UTC), how long it took."""
+    """A stage as carried out for a crash: when it began (ISO 8601, UTC), from what, how long and how often it tried."""
 
     key: str
     stage: Stage
@@ -129,6 +129,7 @@ class Attempt:
     run_id: str
     started_at: str
     duration_s: float
+    attempts: int = 1
 
     def record(self, outcome: Outcome) -> OutcomeRecord:
         """The record of this attempt. Its figures, artefacts and reason are filled in by the caller."""
@@ -141,6 +142,7 @@ class Attempt:
             run_id=self.run_id,
             started_at=self.started_at,
             duration_s=round(self.duration_s, 4),
+            attempts=self.attempts,
         )
 
 
