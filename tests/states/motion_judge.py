@@ -53,5 +53,6 @@ def judge_geometry(hypothesis: Hypothesis) -> None:
             assert turned[:impact].max() < 0.05  # what the check looks at: the way to the impact
         moving = mean_speed > 1
         course = np.arctan2(np.diff(t.y_m), np.diff(t.x_m)) + np.where(t.speed_mps[:-1] < 0, np.pi, 0)
-        apart = np.abs(np.remainder(course - t.heading_rad[:-1] + np.pi, 2 * np.pi) - np.pi)
+        midway = (t.heading_rad[1:] + t.heading_rad[:-1]) / 2  # an arc's chord has the heading of its middle
+        apart = np.abs(np.remainder(course - midway + np.pi, 2 * np.pi) - np.pi)
         assert apart[moving].max(initial=0) < 0.06

@@ -76,7 +76,7 @@ class PerturbedConfig(CohortConfig):
 class PeerConfig(CohortConfig):
     """Where the other benchmark lies."""
 
-    folder: str = Field(min_length=1, description="The published benchmark: a folder with simulations/ and maps/.")
+    folder: str = Field(default="", description="The published benchmark: a folder with simulations/ and maps/.")
 
 
 class EstimatorsConfig(CohortConfig):
@@ -202,6 +202,8 @@ def peer(context: AssetExecutionContext, config: PeerConfig) -> MaterializeResul
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     with _failing_in_a_line():
+        if not config.folder:
+            raise UserError("peer: no folder; name that of the published benchmark, with simulations/ and maps/")
         compared = _of_each(
             workspace,
             config,
