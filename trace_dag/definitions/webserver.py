@@ -11,6 +11,7 @@ from __future__ import annotations
 import http.client
 import importlib
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -27,6 +28,8 @@ import click
 from trace_dag.definitions.asgi import App, Message, Receive, Send, again, read_body, send_bytes
 from trace_dag.definitions.site import PREFIX, BenchmarkSite
 from trace_dag.storage import Storage
+
+log = logging.getLogger(__name__)
 
 _LOCAL: Final = ("localhost", "127.0.0.1", "::1")
 _WITHOUT_EFFECT: Final = ("GET", "HEAD", "OPTIONS")
@@ -82,9 +85,10 @@ class Guard:
 
         try:
             await self._app(scope, receive, send_guarded)
-        except Exception:
+        except Exception as error:
             if not broken:
                 raise
+            log.warning("%r is answered as not found: %r", scope["path"], error)
         if broken:
             await send_bytes(send, 404, b"trace-dag ui: there is nothing of such a run\n", _NO_FRAMES)
 
