@@ -12,6 +12,7 @@ import pytest
 
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.executors import DaskExecutor, ProcessExecutor
+from trace_dag.flow.pool import Pool
 from trace_dag.flow.records import read_records
 from trace_dag.provenance import Outcome
 from trace_dag.stage import Stage
@@ -68,14 +69,14 @@ def test_a_worker_that_never_comes_back_to_python_ends_itself(make_workspace):
 
 
 def test_a_worker_that_was_stopped_is_lost_and_its_crash_fails(make_workspace, monkeypatch):
-    monkeypatch.setattr(ProcessExecutor, "most_stopped_s", 0.5)
+    monkeypatch.setattr(Pool, "most_stopped_s", 0.5)
     failed = run_beside_good_ones(make_workspace, "stop:road_map", "processes", limit_s=60.0)
     assert failed.stage is Stage.ROAD_MAP
     assert "worker process died" in failed.detail
 
 
 def test_an_interruption_ends_a_pool_whose_worker_was_stopped(make_workspace, monkeypatch):
-    monkeypatch.setattr(ProcessExecutor, "most_stopped_s", 3600.0)  # so that nothing but the interruption ends it
+    monkeypatch.setattr(Pool, "most_stopped_s", 3600.0)  # so that nothing but the interruption ends it
     workspace = make_workspace({BAD: "stop:road_map"})
     executor = ProcessExecutor(1)
     events = run_stages(replace(workspace, executor=executor), [BAD], run_id="x")

@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 
 from trace_dag.errors import Failure
-from trace_dag.flow.pool import Pool, StepLost, Task
+from trace_dag.flow.pool import Lost, Pool, Task
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ def test_every_step_is_answered_whatever_others_do():
     tasks = [Task("a", ("x", "loop", "y")), Task("b", ("exit", "x")), Task("c", ("eat", "x")), Task("d", ())]
     began = time.monotonic()
     answers = {(each.task, each.step): each.result for each in pool.run(tasks)}
-    assert answers.pop(("a", "loop")) == StepLost("took longer than 3 s")
-    assert answers.pop(("b", "exit")) == StepLost("ended its process (exit code 3)")
+    assert answers.pop(("a", "loop")) == Lost("took longer than 3 s")
+    assert answers.pop(("b", "exit")) == Lost("ended its process (exit code 3)")
     assert answers == {
         ("a", "x"): "a/x",
         ("a", "y"): "a/y",

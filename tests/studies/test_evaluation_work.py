@@ -10,7 +10,7 @@ import pytest
 
 from trace_dag.evaluation.agent_main import AgentLimits
 from trace_dag.evaluation.evaluate import Conditions
-from trace_dag.flow.pool import StepLost
+from trace_dag.flow.pool import Lost
 from trace_dag.settings import SimSettings
 from trace_dag.studies.cases import AgentRole
 from trace_dag.studies.evaluation_work import EvaluationWork, LoadedCase, Step, _done
@@ -24,6 +24,6 @@ def test_an_agent_that_was_broken_off_is_not_asked_again(monkeypatch: pytest.Mon
     monkeypatch.setattr(EvaluationWork, "step_limit_s", 0.2)
     monkeypatch.setattr(EvaluationWork, "do", lambda *_: time.sleep(30.0))
     shared = cast(LoadedCase, None)  # ``do`` is replaced
-    assert _done(work, shared, Step("slow", "slow:Agent", AgentRole.FIRST)) == StepLost("took longer than 0.2 s")
+    assert _done(work, shared, Step("slow", "slow:Agent", AgentRole.FIRST)) == Lost("took longer than 0.2 s")
     assert ended == [True]
     assert not work._agents

@@ -46,8 +46,9 @@ from trace_dag.flow.artefacts import (
     Artefact,
 )
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.executors import WorkerLost, run_redoing_lost
+from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
+from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import Records, read_records
 from trace_dag.flow.standing import FinalState
 from trace_dag.flow.workspace import Workspace
@@ -125,14 +126,13 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     with workspace.executing() as executor:
         if any(crash.made is None and crash.files.has(LOGS) for crash in stale):
             executor.prepare(get_ready)
-        for answer in run_redoing_lost(executor, _make, _tasks(workspace, stale, executor.workers), _Task.split):
-            lost = answer.result
-            if isinstance(lost, WorkerLost):
-                errors.update({crash.key: lost.detail for crash in answer.task.crashes})
+        for task, found in run_redoing_lost(executor, _make, _tasks(workspace, stale, executor.workers), _Task.split):
+            if isinstance(found, Lost):
+                errors.update({crash.key: found.detail for crash in task.crashes})
             else:
-                errors.update(lost.errors)
-                made.update((file.name, file) for file in lost.files)
-            done += len(answer.task.crashes)
+                errors.update(found.errors)
+                made.update((file.name, file) for file in found.files)
+            done += len(task.crashes)
             workspace.page_listener(done, len(stale))
     digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
     kept = digests.keys() - {crash.key for crash in stale}

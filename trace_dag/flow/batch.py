@@ -17,7 +17,8 @@ from trace_dag.cohorts.services import Services
 from trace_dag.errors import Failure
 from trace_dag.flow.contract import CrashFiles, StageDefinition
 from trace_dag.flow.crash_store import CrashStore
-from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
+from trace_dag.flow.executors import Executor, run_redoing_lost
+from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import Records, intact, read_records, write_index
 from trace_dag.flow.staleness import FAILED, MISSING, made_from, why_to_run
 from trace_dag.flow.tasks import (
@@ -210,11 +211,9 @@ class _Batch:
         write_index(self.work.storage, run_id, [record for record in recorded if record.run_id == run_id])
 
     def _worked_on(self, chunks: Sequence[Chunk], segment: Sequence[StageDefinition]) -> Iterator[StageEvent]:
-        for answer in run_redoing_lost(self.executor, work_on_chunk, chunks, Chunk.split):
-            if isinstance(answer.result, WorkerLost):
-                events = [event for each in answer.task.crashes for event in self._lost(each, segment, answer.result)]
-            else:
-                events = answer.result
+        for chunk, events in run_redoing_lost(self.executor, work_on_chunk, chunks, Chunk.split):
+            if isinstance(events, Lost):
+                events = [event for each in chunk.crashes for event in self._lost(each, segment, events)]
             for event in events:
                 crash = self.crashes[event.key]
                 if event.record is not None:
@@ -292,7 +291,7 @@ class _Batch:
     def _files(self, crash: _Crash) -> CrashFiles:
         return CrashFiles.recorded(crash.key, crash.source, self.work.settings, self.work.storage, crash.records)
 
-    def _lost(self, task: CrashTask, segment: Sequence[StageDefinition], lost: WorkerLost) -> list[StageEvent]:
+    def _lost(self, task: CrashTask, segment: Sequence[StageDefinition], lost: Lost) -> list[StageEvent]:
         """A crash whose worker died every time: a failure of the first stage it had not finished."""
         records = read_records(self.work.storage, [task.key])[task.key]
         events: list[StageEvent] = []

@@ -14,10 +14,10 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from multiprocessing.context import SpawnProcess
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from trace_dag.errors import UserError
-from trace_dag.flow.pool import MOST_STOPPED_S, Pool, StepLost, Task
+from trace_dag.flow.pool import Lost, Pool, Task
 from trace_dag.settings import ExecutionSettings
 
 T = TypeVar("T")
@@ -28,23 +28,8 @@ _LOOK_S = 1.0  # how often a cluster is asked whether it has workers
 _MOST_WITHOUT_WORKERS_S = 300.0  # a cluster that restarts its workers has some again by then
 
 
-@dataclass(frozen=True)
-class WorkerLost:
-    """The answer for a task whose worker died every time; ``detail`` says how."""
-
-    detail: str
-
-
-@dataclass(frozen=True)
-class Answer(Generic[T, R]):
-    """A task and what came of it."""
-
-    task: T
-    result: R | WorkerLost
-
-
 class Executor(Protocol):
-    """Runs a function over tasks and yields the answers as they come, in any order.
+    """Runs a function over tasks and yields each with its result as they come, in any order.
 
     ``machines`` counts those the workers are on: what all processes of one machine share, such as the rate at which a
     public service is asked, has to be divided by it.
@@ -56,11 +41,8 @@ class Executor(Protocol):
     def prepare(self, function: Callable[[], object]) -> None:
         """Let the workers start now, each calling ``function``, if starting them takes time; waits for nothing."""
 
-    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
+    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
         """All tasks, each answered once. Exceptions of the function itself are raised."""
-
-    def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
-        """One task with no other running in the same worker process."""
 
     def close(self) -> None:
         """Release the workers; safe to call twice."""
@@ -83,22 +65,21 @@ def available_cores() -> int:
 
 def run_redoing_lost(
     executor: Executor, function: Callable[[T], R], tasks: Sequence[T], split: Callable[[T], Sequence[T]]
-) -> Iterator[Answer[T, R]]:
+) -> Iterator[tuple[T, R | Lost]]:
     """Run all tasks; one whose worker died is split by ``split`` and its parts are run alone, each at most twice."""
     lost: list[T] = []
-    for answer in executor.run(function, tasks):
-        if isinstance(answer.result, WorkerLost):
-            lost.append(answer.task)
+    for task, found in executor.run(function, tasks):
+        if isinstance(found, Lost):
+            lost.append(task)
         else:
-            yield answer
+            yield task, found
     for task in lost:
         for part in split(task):
-            result: R | WorkerLost = WorkerLost("not tried")
             for _ in range(_ATTEMPTS_ALONE):
-                result = executor.alone(function, part)
-                if not isinstance(result, WorkerLost):
+                ((_, result),) = executor.run(function, [part])
+                if not isinstance(result, Lost):
                     break
-            yield Answer(part, result)
+            yield part, result
 
 
 class InProcessExecutor:
@@ -110,14 +91,10 @@ class InProcessExecutor:
     def prepare(self, function: Callable[[], object]) -> None:
         """There is nothing to start."""
 
-    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
+    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
         """See :class:`Executor`."""
         for task in tasks:
-            yield Answer(task, function(task))
-
-    def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
-        """See :class:`Executor`."""
-        return function(task)
+            yield task, function(task)
 
     def close(self) -> None:
         """Nothing to release."""
@@ -160,30 +137,22 @@ class ProcessExecutor:
     """A pool of spawned processes, each with one task at a time."""
 
     machines = 1
-    most_stopped_s = MOST_STOPPED_S
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
         self._pool: Pool[None, _Call, Any] = Pool(_Calls(), workers=workers)
-        self._pool.most_stopped_s = self.most_stopped_s
 
     def prepare(self, function: Callable[[], object]) -> None:
         """See :class:`Executor`."""
         self._pool.start(_Call(_called, function))
 
-    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
+    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
         """See :class:`Executor`."""
-        numbered = [Task(str(number), (_Call(function, task),)) for number, task in enumerate(tasks)]
-        for answer in self._pool.run(numbered):
+        for answer in self._pool.run([Task("", (_Call(function, task),)) for task in tasks]):
             result: Any = answer.result
             if isinstance(result, _Raised):
                 raise result.error
-            yield Answer(tasks[int(answer.task)], WorkerLost(result.detail) if isinstance(result, StepLost) else result)
-
-    def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
-        """See :class:`Executor`."""
-        (answer,) = self.run(function, [task])
-        return answer.result
+            yield answer.step.task, result
 
     def processes(self) -> list[SpawnProcess]:
         """The worker processes there are."""
@@ -221,20 +190,13 @@ class DaskExecutor:
     def prepare(self, function: Callable[[], object]) -> None:
         """The workers run already."""
 
-    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
+    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
         """See :class:`Executor`. Dask itself gives a dead worker's task to another, a few times."""
         under_way = {self._client.submit(function, task, pure=False): task for task in tasks}
         while under_way:
             for future in self._wait_for_some(list(under_way)):
-                yield Answer(under_way.pop(future), self._result(future))
+                yield under_way.pop(future), self._result(future)
                 future.release()
-
-    def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
-        """See :class:`Executor`."""
-        future = self._client.submit(function, task, pure=False)
-        self._wait_for_some([future])
-        result: R | WorkerLost = self._result(future)
-        return result
 
     def _wait_for_some(self, futures: list[Any]) -> set[Any]:
         """The futures that are done, at least one of them."""
@@ -271,4 +233,4 @@ class DaskExecutor:
         try:
             return future.result()
         except (killed_worker, CancelledError) as error:
-            return WorkerLost(str(error))
+            return Lost(str(error))

@@ -33,7 +33,6 @@ R = TypeVar("R")  # its result
 S_in = TypeVar("S_in", contravariant=True)
 R_out = TypeVar("R_out", covariant=True)
 
-MOST_STOPPED_S = 10.0  # after which a worker that was stopped (SIGSTOP) counts as lost
 _START_S = 120.0  # for a worker to come up and for what a task's steps share to be made, where steps have a limit
 _LOOK_S = 0.5  # how often a pool looks after its workers
 _CONTEXT = multiprocessing.get_context("spawn")  # never forked: MuJoCo, Arrow and Dagster hold threads
@@ -48,8 +47,8 @@ class Task(Generic[S]):
 
 
 @dataclass(frozen=True)
-class StepLost:
-    """The answer for a step that was not finished; ``detail`` says why."""
+class Lost:
+    """The answer for work that was not finished; ``detail`` says why."""
 
     detail: str
 
@@ -60,7 +59,7 @@ class StepAnswer(Generic[S, R]):
 
     task: str
     step: S
-    result: R | StepLost | Failure
+    result: R | Lost | Failure
 
 
 class StepWork(Protocol[C, S_in, R_out]):
@@ -97,7 +96,7 @@ class Pool(Generic[C, S, R]):
     with. A :class:`Failure` of ``prepare`` answers every step of its task.
     """
 
-    most_stopped_s = MOST_STOPPED_S
+    most_stopped_s = 10.0  # after which a worker that was stopped (SIGSTOP) counts as lost
 
     def __init__(
         self,
@@ -212,7 +211,7 @@ class Pool(Generic[C, S, R]):
             return
         if rest := task.steps[done + 1 :]:
             waiting.appendleft(Task(task.name, rest))
-        yield StepAnswer(task.name, task.steps[done], StepLost(detail))
+        yield StepAnswer(task.name, task.steps[done], Lost(detail))
 
     def _end(self, worker: _Worker[S]) -> None:
         self._running.remove(worker)

@@ -16,7 +16,8 @@ from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, ROAD_MAP, XODR
 from trace_dag.flow.batch import check_requirements
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.executors import WorkerLost, run_redoing_lost
+from trace_dag.flow.executors import run_redoing_lost
+from trace_dag.flow.pool import Lost
 from trace_dag.flow.workspace import Workspace
 from trace_dag.plugins import PluginKind, offered
 from trace_dag.progress import Progress
@@ -109,10 +110,10 @@ def estimators_compared(
     if listener is not None:
         listener(0, len(tasks))
     with workspace.executing() as executor:
-        for answer in run_redoing_lost(executor, _compare, tasks, lambda task: [task]):
-            if isinstance(answer.result, WorkerLost):
-                raise Failure(f"{answer.task.crash.key}: its worker died ({answer.result.detail})")
-            rows[answer.task.crash.key], made = answer.result
+        for task, compared in run_redoing_lost(executor, _compare, tasks, lambda task: [task]):
+            if isinstance(compared, Lost):
+                raise Failure(f"{task.crash.key}: its worker died ({compared.detail})")
+            rows[task.crash.key], made = compared
             files += made
             if listener is not None:
                 listener(len(rows), len(tasks))

@@ -20,8 +20,8 @@ from trace_dag.evaluation.agent_process import AgentProcess
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
 from trace_dag.evaluation.isolation import Isolation
-from trace_dag.flow.executors import WorkerLost, available_cores, run_redoing_lost
-from trace_dag.flow.pool import Pool, StepAnswer, StepLost, Task
+from trace_dag.flow.executors import available_cores, run_redoing_lost
+from trace_dag.flow.pool import Lost, Pool, StepAnswer, Task
 from trace_dag.flow.time_limit import within
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import libraries_of
@@ -150,12 +150,12 @@ def _on_cluster(workspace: Workspace, work: EvaluationWork, tasks: Sequence[Task
             _Chunk(replace(work, cases={task.name: unread[task.name] for task in some}), some, code, agents)
             for some in together
         ]
-        for answer in run_redoing_lost(executor, _evaluate_chunk, chunks, _Chunk.split):
-            if isinstance(answer.result, WorkerLost):
-                ((name, (step,)),) = ((task.name, task.steps) for task in answer.task.tasks)
-                yield StepAnswer(name, step, StepLost(f"ended its worker's process ({answer.result.detail})"))
+        for chunk, found in run_redoing_lost(executor, _evaluate_chunk, chunks, _Chunk.split):
+            if isinstance(found, Lost):
+                ((name, (step,)),) = ((task.name, task.steps) for task in chunk.tasks)
+                yield StepAnswer(name, step, Lost(f"ended its worker's process ({found.detail})"))
             else:
-                yield from answer.result
+                yield from found
 
 
 def _evaluate_chunk(chunk: _Chunk) -> list[StepAnswer[Step, Evaluation]]:
@@ -180,11 +180,11 @@ def _evaluate_chunk(chunk: _Chunk) -> list[StepAnswer[Step, Evaluation]]:
     return found
 
 
-def _done(work: EvaluationWork, shared: LoadedCase, step: Step) -> Evaluation | StepLost:
+def _done(work: EvaluationWork, shared: LoadedCase, step: Step) -> Evaluation | Lost:
     began_s, limit_s = time.monotonic(), work.step_limit_s
     try:
         return within(limit_s, step.name, partial(work.do, shared, step))
     except Failure as failure:
         late = time.monotonic() - began_s >= limit_s
         work.close()  # an agent that was broken off may be in the middle of an answer: the next step has a new one
-        return StepLost(f"took longer than {limit_s:g} s" if late else str(failure))
+        return Lost(f"took longer than {limit_s:g} s" if late else str(failure))

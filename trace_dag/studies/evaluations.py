@@ -20,7 +20,7 @@ from trace_dag.evaluation.isolation import Isolation
 from trace_dag.evaluation.registry import label, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
 from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
-from trace_dag.flow.pool import StepLost, Task
+from trace_dag.flow.pool import Lost, Task
 from trace_dag.flow.records import Complaint, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import now
@@ -65,7 +65,7 @@ def evaluate_agents(
             if isinstance(found, Failure):
                 complain(found)
                 continue
-            if isinstance(found, StepLost):
+            if isinstance(found, Lost):
                 case = load_case(stored)
                 ego = number_of(case, answer.step.role)
                 found = faulty(case, ego, found.detail)

@@ -17,7 +17,8 @@ from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.executors import WorkerLost, run_redoing_lost
+from trace_dag.flow.executors import run_redoing_lost
+from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import Complaint, raised
 from trace_dag.flow.stages.osm_extract import catalog_of
 from trace_dag.flow.standing import FinalState
@@ -176,9 +177,8 @@ def _run(workspace: Workspace, tasks: Sequence[PerturbTask], tell: Progress) -> 
     rows: list[PerturbedRow] = []
     tell(0, total)
     with workspace.executing() as executor:
-        for answer in run_redoing_lost(executor, perturb_all, tasks, PerturbTask.split):
-            task, found = answer.task, answer.result
-            if isinstance(found, WorkerLost):
+        for task, found in run_redoing_lost(executor, perturb_all, tasks, PerturbTask.split):
+            if isinstance(found, Lost):
                 change = task.changes[0]
                 lost = PerturbedRow(task.crash.key, change.kind, change.draw, task.seed, final_state=FinalState.FAILED)
                 found = (replace(lost, outcome_detail=f"its worker died ({found.detail})"),)

@@ -17,8 +17,9 @@ import numpy as np
 from trace_dag.errors import Failure
 from trace_dag.evaluation.table import rows_to_parquet
 from trace_dag.flow.artefacts import ESTIMATE, EXTRACT, MAP_REPORT, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
-from trace_dag.flow.executors import WorkerLost, run_redoing_lost
+from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.manifests import list_files, sound_manifest
+from trace_dag.flow.pool import Lost
 from trace_dag.flow.workspace import Workspace
 from trace_dag.geometry import Pose
 from trace_dag.sim.backends import backend
@@ -71,10 +72,9 @@ def make_families(
     tasks = [_Task(case, request) for case in cases]
     reports: dict[str, FamilyReport] = {}
     with workspace.executing() as executor:
-        for answer in run_redoing_lost(executor, _make, tasks, lambda task: [task]):
-            found = answer.result
-            key = answer.task.case.key
-            reports[key] = FamilyReport(key, error=found.detail) if isinstance(found, WorkerLost) else found
+        for task, found in run_redoing_lost(executor, _make, tasks, lambda task: [task]):
+            key = task.case.key
+            reports[key] = FamilyReport(key, error=found.detail) if isinstance(found, Lost) else found
             tell(reports[key])
     return [reports[case.key] for case in cases]
 
