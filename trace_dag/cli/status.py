@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import one_line, print_stale, print_standings, print_table, say, write_json
 from trace_dag.logs import complain
 
-_FAILED_SHOWN = 20
+if TYPE_CHECKING:
+    from trace_dag.stage import Stage
+
+_MOST_SHOWN = 20
 
 
 @click.command(
@@ -68,26 +74,26 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
         return
     say(f"Storage root {storage.root}")
     print_standings(crashes)
-    failed = [crash for crash in crashes.values() if crash.final_state is FinalState.FAILED]
-    if failed:
-        say()
-        print_table(
-            ["failed", "in", "what happened"],
-            [(crash.key, crash.stage_reached, one_line(crash.detail, 200)) for crash in failed[:_FAILED_SHOWN]],
-        )
-        if len(failed) > _FAILED_SHOWN:
-            say(f"... and {len(failed) - _FAILED_SHOWN} more (status --json lists all)")
-    outdated = [crash for crash in crashes.values() if crash.outdated]
-    if outdated:
-        say()
-        print_table(
-            ["outdated", "in", "why the new attempt failed"],
-            [(crash.key, crash.outdated, one_line(crash.outdated_because, 200)) for crash in outdated[:_FAILED_SHOWN]],
-        )
-        if len(outdated) > _FAILED_SHOWN:
-            say(f"... and {len(outdated) - _FAILED_SHOWN} more (status --json lists all)")
+    failed = [
+        (crash.key, crash.stage_reached, crash.detail)
+        for crash in crashes.values()
+        if crash.final_state is FinalState.FAILED
+    ]
+    outdated = [(crash.key, crash.outdated, crash.outdated_because) for crash in crashes.values() if crash.outdated]
+    _print_first(["failed", "in", "what happened"], failed)
+    _print_first(["outdated", "in", "why the new attempt failed"], outdated)
     if failed or outdated:
         say("trace-dag rerun --failed runs them again.")
     if stale:
         say()
         print_stale(stale.values())
+
+
+def _print_first(names: Sequence[str], rows: Sequence[tuple[str, Stage | None, str]]) -> None:
+    """Print the first crashes of a list, each with its stage and a text, and how many more there are."""
+    if not rows:
+        return
+    say()
+    print_table(names, [(key, stage, one_line(text, 200)) for key, stage, text in rows[:_MOST_SHOWN]])
+    if len(rows) > _MOST_SHOWN:
+        say(f"... and {len(rows) - _MOST_SHOWN} more (status --json lists all)")
