@@ -9,7 +9,6 @@ import gymnasium
 import numpy as np
 from pettingzoo import ParallelEnv
 
-from trace_dag.errors import UserError
 from trace_dag.evaluation.observation import Sensing
 from trace_dag.gym.acting import ActionKind, action_space
 from trace_dag.gym.drawing import Camera, show_page
@@ -17,12 +16,12 @@ from trace_dag.gym.episode import Episode
 from trace_dag.gym.observing import Seen, observation_space
 from trace_dag.gym.pool import Place, tracks
 from trace_dag.gym.rewards import Reward
-from trace_dag.gym.single import EpisodeDriver, chosen, drivers_of
+from trace_dag.gym.single import EpisodeDriver, OneEpisode, chosen, drivers_of, period_of
 
 _SEEDS = 2**31
 
 
-class ParallelCrashEnv(ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # PettingZoo has no types
+class ParallelCrashEnv(OneEpisode, ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # PettingZoo has no types
     """Every driver of one verified crash, each an agent: ``V1``, ``V2``, ... by the vehicle's number in the report.
 
     People and parked vehicles do as was recorded. The other arguments, observations, actions, the reward and the end
@@ -47,8 +46,7 @@ class ParallelCrashEnv(ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # Pet
         reward: Reward | None = None,
         render_mode: Literal["rgb_array", "human"] | None = None,
     ) -> None:
-        if not 1.0 <= rate_hz <= 100.0:
-            raise UserError(f"rate_hz {rate_hz:g}: expected 1 to 100 steps a second")
+        self._period_s = period_of(rate_hz)
         self.tracks = tracks(home, [key], variations=variations)
         self.render_mode = render_mode
         case = next(iter(self.tracks.values())).case
@@ -57,11 +55,9 @@ class ParallelCrashEnv(ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # Pet
         self.observation_spaces = {agent: observation_space() for agent in self.possible_agents}
         self.action_spaces = {agent: action_space(actions) for agent in self.possible_agents}
         self._actions: ActionKind = actions
-        self._period_s = 1.0 / rate_hz
         self._sensing = sensing or Sensing()
         self._reward = reward or Reward()
         self._random = np.random.default_rng()
-        self._episode: Episode | None = None
         self._drivers: dict[str, EpisodeDriver] = {}
         self._camera: Camera | None = None
 
@@ -103,9 +99,7 @@ class ParallelCrashEnv(ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # Pet
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Seen], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """See :meth:`pettingzoo.ParallelEnv.step`."""
-        episode = self._running()
-        if episode.over:
-            raise UserError("the episode is over; reset begins another one")
+        episode = self._unfinished()
         episode.step({driver.ego: driver.hands.act(actions[agent]) for agent, driver in self._drivers.items()})
         touched = episode.log is not None and episode.log.first_contact is not None
         rewarded = {agent: driver.rewarded() for agent, driver in self._drivers.items()}
@@ -130,13 +124,3 @@ class ParallelCrashEnv(ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # Pet
         assert episode.moment is not None
         self._camera = self._camera or Camera(episode.case)
         return self._camera.picture(episode.moment)
-
-    def close(self) -> None:
-        """Give up the episode that is under way."""
-        if self._episode is not None:
-            self._episode.close()
-
-    def _running(self) -> Episode:
-        if self._episode is None:
-            raise UserError("no episode has begun; call reset first")
-        return self._episode

@@ -68,7 +68,35 @@ def recorded_m(case: Case, ego: int) -> float:
     return float(np.interp(case.end_s, own.time_s, driven))
 
 
-class CrashEnv(gymnasium.Env[Seen, Any]):
+class OneEpisode:
+    """Keep the episode of an environment that is under way, at most one."""
+
+    _episode: Episode | None = None
+
+    def close(self) -> None:
+        """Give up the episode."""
+        if self._episode is not None:
+            self._episode.close()
+
+    def _running(self) -> Episode:
+        if self._episode is None:
+            raise UserError("no episode has begun; call reset first")
+        return self._episode
+
+    def _unfinished(self) -> Episode:
+        if self._running().over:
+            raise UserError("the episode is over; reset begins another one")
+        return self._running()
+
+
+def period_of(rate_hz: float) -> float:
+    """The time between two steps, s. Raises :class:`UserError` for a rate that no environment has."""
+    if not 1.0 <= rate_hz <= 100.0:
+        raise UserError(f"rate_hz {rate_hz:g}: expected 1 to 100 steps a second")
+    return 1.0 / rate_hz
+
+
+class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     """Somebody else at the wheel of one vehicle of a verified crash; the others do as was recorded until they are hit,
     or keep their distance (``traffic="reactive"``).
 
@@ -107,8 +135,7 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
         reward: Reward | None = None,
         render_mode: RenderMode | None = None,
     ) -> None:
-        if not 1.0 <= rate_hz <= 100.0:
-            raise UserError(f"rate_hz {rate_hz:g}: expected 1 to 100 steps a second")
+        self._period_s = period_of(rate_hz)
         if traffic not in list(Traffic):
             raise UserError(f"traffic {traffic!r}: expected {' or '.join(Traffic)}")
         self.tracks = tracks(home, [key] if isinstance(key, str) else list(key), variations=variations)
@@ -118,11 +145,9 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
         self.metadata = {**self.metadata, "render_fps": round(rate_hz)}
         self._ego = ego
         self._actions: ActionKind = actions
-        self._period_s = 1.0 / rate_hz
         self._sensing = sensing or Sensing()
         self._traffic = Traffic(traffic)
         self._reward = reward or Reward()
-        self._episode: Episode | None = None
         self._camera: tuple[str, Camera] | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
@@ -146,9 +171,7 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
 
     def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """See :meth:`gymnasium.Env.step`."""
-        episode, driver = self._running(), self._driver
-        if episode.over:
-            raise UserError("the episode is over; reset begins another one")
+        episode, driver = self._unfinished(), self._driver
         episode.step({driver.ego: driver.hands.act(action)})
         reward, info = driver.rewarded()
         info |= {"case_id": episode.case.case_id, "ego": driver.ego}
@@ -166,16 +189,6 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
         if self._camera is None or self._camera[0] != episode.case.case_id:
             self._camera = episode.case.case_id, Camera(episode.case)
         return self._camera[1].picture(episode.moment)
-
-    def close(self) -> None:
-        """Give up the episode that is under way."""
-        if self._episode is not None:
-            self._episode.close()
-
-    def _running(self) -> Episode:
-        if self._episode is None:
-            raise UserError("no episode has begun; call reset first")
-        return self._episode
 
 
 def chosen(tracks: Mapping[str, Track], options: Mapping[str, Any] | None, random: np.random.Generator) -> Track:
