@@ -215,16 +215,8 @@ def _cut(file: MapFile, found: FilePass, index: int, box: BoundingBox) -> OsmExt
     ways = found.ways[index]
     restrictions = {relation.id: relation for way_id in ways for relation in found.restrictions_of.get(way_id, ())}
     roads = cut_roads(box, ways.values(), found.node_tags, restrictions.values())
-    return OsmExtract(
-        box=box,
-        nodes=roads.nodes,
-        ways=roads.ways,
-        relations=roads.relations,
-        walkways=roads.walkways,
-        source=file.path.name,
-        data_timestamp=file.header.timestamp,
-        attribution=file.header.attribution,
-    )
+    header = file.header
+    return replace(roads, source=file.path.name, data_timestamp=header.timestamp, attribution=header.attribution)
 
 
 def may_cover(header: FileHeader, box: BoundingBox) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from operator import attrgetter
 from typing import Final
@@ -11,22 +10,11 @@ from typing import Final
 import numpy as np
 
 from trace_dag.geometry import FloatArray
-from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmMember, OsmNode, OsmRelation, OsmWay, RawWay
+from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay, RawWay
 from trace_dag.osm.walkways import is_walkway
 
 _ID: Final = attrgetter("id")
 _RESOLUTION_DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 degrees
-
-
-@dataclass(frozen=True)
-class CutRoads:
-    """What lies in the box: nodes by id, roads and walkways by ascending id, the restrictions whose members are all
-    there."""
-
-    nodes: dict[int, OsmNode]
-    ways: tuple[OsmWay, ...]
-    relations: tuple[OsmRelation, ...]
-    walkways: tuple[OsmWay, ...] = ()
 
 
 def cut_roads(
@@ -34,8 +22,8 @@ def cut_roads(
     ways: Iterable[RawWay],
     node_tags: Mapping[int, Mapping[str, str]],
     restrictions: Iterable[OsmRelation],
-) -> CutRoads:
-    """Cut ``ways`` at ``box``.
+) -> OsmExtract:
+    """Cut ``ways`` at ``box``: roads and walkways by ascending id, and the restrictions whose members are all there.
 
     Where a way crosses the border a node is made there (``clipped``, negative id). A way that comes into the box
     several times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative
@@ -53,7 +41,8 @@ def cut_roads(
     # After the roads, so that the ids made for those do not depend on what is mapped beside them.
     walkways = _Cutter(box, [way for way in ordered if is_walkway(way.tags)], node_tags, after=roads)
     walkways.cut()
-    return CutRoads(
+    return OsmExtract(
+        box,
         {**roads.nodes, **walkways.nodes},
         tuple(sorted(roads.ways, key=_ID)),
         roads.relations(restrictions),

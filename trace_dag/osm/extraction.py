@@ -286,8 +286,7 @@ class _Finder:
             self.unsorted |= self._way_seen
             self._take_node(each)
         else:
-            members = tuple(OsmMember(_MEMBER_TYPES[m.type], m.ref, m.role) for m in each.members)
-            self._restrictions.append(OsmRelation(each.id, members, dict(each.tags)))
+            self._restrictions.append(relation_of(each))
 
     def found(self) -> FilePass:
         """Everything that was kept."""
@@ -374,6 +373,12 @@ class _Finder:
         if self._sites:
             line += f", roads around {sum(map(bool, self._ways)):,} of {len(self._sites):,} crashes found"
         complain(line, level=logging.INFO)
+
+
+def relation_of(read: Any) -> OsmRelation:
+    """A relation as libosmium reads it."""
+    members = tuple(OsmMember(_MEMBER_TYPES[each.type], each.ref, each.role) for each in read.members)
+    return OsmRelation(read.id, members, dict(read.tags))
 
 
 def _tree_of(boxes: Sequence[BoundingBox]) -> shapely.STRtree:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -174,12 +174,8 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
     if not roads.ways:
         detail = f"{name} has no drivable way within {settings.radius_m:.0f} m of {place}."
         return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=0.0, threshold=settings.radius_m)
-    return OsmExtract(
-        box=box,
-        nodes=roads.nodes,
-        ways=roads.ways,
-        relations=roads.relations,
-        walkways=roads.walkways,
+    return replace(
+        roads,
         surroundings=tuple(_surroundings(data, nearer)),
         source=name,
         data_timestamp=data.data_timestamp,

@@ -22,12 +22,12 @@ from osmium.osm import mutable
 from shapely.geometry import shape
 
 from trace_dag.errors import UserError
-from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmMember, OsmNode, OsmRelation, OsmWay
+from trace_dag.osm.extraction import relation_of
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmNode, OsmRelation, OsmWay
 from trace_dag.osm.walkways import is_walkway
 
 CLIPPED: Final = "trace_dag:clipped"
 """The tag, with the value ``yes``, of a node that was made where a way was cut at the border of the box."""
-_MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
 _SAID: Final = ("source", "data_timestamp", "attribution")
 _LONGEST: Final = 255  # characters of a text: OpenStreetMap takes no more, nor does libosmium write longer ones
 _ID: Final = attrgetter("id")
@@ -70,8 +70,7 @@ def read_extract(pbf: bytes, geojson: bytes, *, name: str) -> OsmExtract:
             elif isinstance(each, osmium.osm.Way):
                 ways.append(OsmWay(each.id, tuple(node.ref for node in each.nodes), tags))
             elif isinstance(each, osmium.osm.Relation):
-                members = tuple(OsmMember(_MEMBER_TYPES[one.type], one.ref, one.role) for one in each.members)
-                relations.append(OsmRelation(each.id, members, tags))
+                relations.append(relation_of(each))
     except (RuntimeError, osmium.InvalidLocationError) as error:
         raise UserError(f"{name}: cannot be read as OSM PBF ({error})") from error
     return OsmExtract(
