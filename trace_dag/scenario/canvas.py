@@ -15,7 +15,6 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
@@ -269,15 +268,18 @@ def pixels_of(svg: str, width_px: int, *, background: str | None = "white") -> I
     import resvg_py
     from PIL import Image as Images
 
-    png = resvg_py.svg_to_bytes(
-        svg_string=_english(svg),
-        width=width_px,
-        background=background,
-        skip_system_fonts=True,
-        font_files=[_font_file()],
-        font_family="Aileron",
-        sans_serif_family="Aileron",
-    )
+    with tempfile.NamedTemporaryFile(suffix=".ttf") as font:  # which resvg reads from files alone
+        font.write(_font())
+        font.flush()
+        png = resvg_py.svg_to_bytes(
+            svg_string=_english(svg),
+            width=width_px,
+            background=background,
+            skip_system_fonts=True,
+            font_files=[font.name],
+            font_family="Aileron",
+            sans_serif_family="Aileron",
+        )
     return Images.open(io.BytesIO(bytes(png)))
 
 
@@ -314,13 +316,11 @@ def _english(svg: str) -> str:
 
 
 @cache
-def _font_file() -> str:
-    """Pillow's font as a file, which is what resvg reads."""
+def _font() -> bytes:
+    """Pillow's font."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(12)
     assert isinstance(font, ImageFont.FreeTypeFont)
     assert font.font_bytes is not None
-    path = Path(tempfile.mkdtemp(prefix="trace-dag-font-")) / "Aileron.ttf"
-    path.write_bytes(font.font_bytes)
-    return str(path)
+    return bytes(font.font_bytes)

@@ -60,10 +60,8 @@ class Arrows:
 
     def draw(self, canvas: Canvas, z: float) -> None:
         """Draw the arrows in the window."""
-        travel = [self._travel.points_m[number] for number in self._travel.within(canvas.window)]
-        canvas.polygons(travel, Ink(_FAINT_WHITE), z)
-        turns = [self.turns.points_m[number] for number in self.turns.within(canvas.window)]
-        canvas.lines(turns, Ink(stroke=WHITE, width_pt=1.0), z + 0.05)
+        canvas.polygons(self._travel.seen(canvas.window), Ink(_FAINT_WHITE), z)
+        canvas.lines(self.turns.seen(canvas.window), Ink(stroke=WHITE, width_pt=1.0), z + 0.05)
 
 
 def _strokes(turn: str) -> list[FloatArray]:

@@ -32,9 +32,10 @@ class Crosswalks:
 
     def draw(self, canvas: Canvas, z: float) -> None:
         """Draw what the window shows."""
-        canvas.polygons([self.bars.points_m[number] for number in self.bars.within(canvas.window)], Ink(WHITE), z)
-        outlines = [self.outlines.points_m[number] for number in self.outlines.within(canvas.window)]
-        canvas.polygons(outlines, Ink(stroke=WHITE, width_pt=_OUTLINE_PT, dash_pt=(2.7, 1.8)), z)
+        canvas.polygons(self.bars.seen(canvas.window), Ink(WHITE), z)
+        canvas.polygons(
+            self.outlines.seen(canvas.window), Ink(stroke=WHITE, width_pt=_OUTLINE_PT, dash_pt=(2.7, 1.8)), z
+        )
 
 
 def _bars(place: CrosswalkPlace) -> list[FloatArray]:

@@ -151,6 +151,10 @@ class Shapes:
         self.points_m = points_m
         self._boxes = np.array([(*points.min(axis=0), *points.max(axis=0)) for points in points_m]).reshape(-1, 4)
 
+    def seen(self, window: Window) -> list[FloatArray]:
+        """The shapes whose box touches a window."""
+        return [self.points_m[number] for number in self.within(window)]
+
     def within(self, window: Window) -> list[int]:
         """The indices of shapes whose box touches a window."""
         west, south, east, north = window

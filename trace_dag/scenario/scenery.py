@@ -90,13 +90,11 @@ class Scenery:
     def draw(self, canvas: Canvas) -> None:
         """Draw what the canvas' window shows, between z-orders 0.1 and 0.9."""
         for look, shapes in self._areas:
-            rings = [shapes.points_m[number] for number in shapes.within(canvas.window)]
             edge = look.colour if look.edge == "none" else look.edge
-            canvas.polygons(rings, Ink(look.colour, edge, 0.5), look.z)
+            canvas.polygons(shapes.seen(canvas.window), Ink(look.colour, edge, 0.5), look.z)
         for look, shapes in self._lines:
-            seen = [shapes.points_m[number] for number in shapes.within(canvas.window)]
             width_pt = max(look.width_m * canvas.points_per_m, 0.5)
-            canvas.lines(seen, Ink(stroke=look.colour, width_pt=width_pt), look.z)
+            canvas.lines(shapes.seen(canvas.window), Ink(stroke=look.colour, width_pt=width_pt), look.z)
         if len(self._trees):
             canvas.discs(self._trees, _TREE_RADIUS_M, Ink(_TREE), 0.9)
 

@@ -159,8 +159,7 @@ class Terrain:
         strokes = Marks(sections, legal=True).strokes(self._window)
         for colour, lines in strokes.items():
             self._parts[_paint(colour)].append(_strokes(lines, heights, STROKE_M))
-        turns = Arrows(sections).turns
-        arrows = [turns.points_m[number] for number in turns.within(self._window)]
+        arrows = Arrows(sections).turns.seen(self._window)
         self._parts[_paint(WHITE)].append(_strokes(arrows, heights, _TURN_STROKE_M))
         shapely.prepare(covered)
         for number in self._crossings.bars.within(self._window):
