@@ -150,7 +150,7 @@ def test_a_failed_stage_leaves_no_file_behind(make_workspace):
     assert look(workspace).disagreements == ()
 
 
-def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_taken_away(workspace):
+def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_put_aside(workspace):
     copy = workspace.storage.local_root / "road_map" / f"Copy of {GOOD}.txt"
     unnamed = workspace.storage.local_root / "verdict" / "tmpabc"
     copy.write_text("by hand")
@@ -158,8 +158,10 @@ def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_take
     assert list(read_records(workspace.storage, [GOOD])) == [GOOD]
     report = look(workspace)
     assert {(each.kind, Path(each.file).name) for each in report.disagreements} == {
-        (DisagreementKind.LEFTOVER, copy.name),
+        (DisagreementKind.UNLISTED_FILE, copy.name),
         (DisagreementKind.UNLISTED_FILE, unnamed.name),
     }
     repair(workspace, report)
     assert look(workspace).disagreements == ()
+    (aside,) = workspace.storage.local_root.glob("quarantine/*/road_map/*")
+    assert (aside.name, aside.read_text()) == (copy.name, "by hand")

@@ -103,17 +103,16 @@ def _look(
 
     with progress_told("artefacts") as tell:
         report = verify_storage(storage, workspace.local_folder, contents=contents, progress=tell)
-    found = [
-        *report.disagreements,
-        *([] if report.older else verify_benchmark(storage, contents=contents)),
-        *([] if report.older else verify_dagster(instance, report.records)),
-        *([] if report.older else verify_warehouse(workspace.warehouse, report.records)),
-    ]
+    found = [*report.disagreements]
+    if not report.older:
+        found += verify_benchmark(storage, contents=contents)
+        found += verify_dagster(instance, report.records)
+        found += verify_warehouse(workspace.warehouse, report.records)
     return report, found
 
 
 def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
-    """Print the results that a run would make again; they are outdated but not damaged."""
+    """The results that a run would make again; they are outdated but not damaged."""
     from trace_dag.errors import DamagedFile
     from trace_dag.flow.batch import stale_results
 

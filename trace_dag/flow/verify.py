@@ -6,8 +6,8 @@ results of studies. Those of pages and packages are in :mod:`trace_dag.benchmark
 
 Sizes are compared over listings, so that a large cohort on an object store costs no request per crash; the contents
 are read only where that is asked for. Records and manifests are read always, and prove themselves by their checksums.
-Repair deletes nothing: what is damaged, or in no record, moves to ``ROOT/quarantine/<time>/``, and the next run makes
-it again.
+Repair deletes nothing but what killed processes left half-written and damaged answers of services: what else is
+damaged, or in no record, moves to ``ROOT/quarantine/<time>/``, and the next run makes it again.
 """
 
 from __future__ import annotations
@@ -155,7 +155,9 @@ def verify_storage(
     if not lost:
         left += unused_map_copies(storage)
     if storage.local_root is not None:
-        left += [storage.local_root / name for name in foreign]
+        disagreements += [
+            Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} has no name of ours", file=name) for name in foreign
+        ]
     disagreements += [Disagreement(DisagreementKind.LEFTOVER, str(path), file=str(path)) for path in left]
     return StorageReport(
         {key: everything[key] for key in sorted(registered)},
@@ -215,8 +217,13 @@ class Quarantine:
         self._why: dict[str, str] = {}
 
     def move(self, name: str, why: str) -> None:
-        """Put a file aside."""
-        self._storage.move(name, f"{self._folder}/{name}")
+        """Put a file aside; on this machine also one that has no name of ours."""
+        if _can_be_ours(name) or self._storage.local_root is None:
+            self._storage.move(name, f"{self._folder}/{name}")
+        else:
+            target = self._storage.local_root / self._folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            (self._storage.local_root / name).replace(target)
         self._why[name] = why
 
     def copy(self, name: str, why: str) -> None:
