@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from trace_dag.errors import DamagedFile, UserError
+from trace_dag.errors import UserError
 from trace_dag.settings import WarehouseSettings
 from trace_dag.warehouse.query import query
 
@@ -40,9 +40,9 @@ def ask(path: Path, sql: str, limits: WarehouseSettings) -> tuple[list[str], lis
         ) from error
     if done.returncode or not done.stdout:
         raise _too_large(limits.query_memory_mb)
-    answer: tuple[list[str], list[tuple[Any, ...]]] | UserError | DamagedFile | MemoryError
+    answer: tuple[list[str], list[tuple[Any, ...]]] | Exception
     answer = pickle.loads(done.stdout)  # noqa: S301 - written by this module
-    if isinstance(answer, MemoryError):
+    if isinstance(answer, MemoryError | ImportError):  # DuckDB itself may find no room
         raise _too_large(limits.query_memory_mb) from answer
     if isinstance(answer, Exception):
         raise answer
@@ -62,6 +62,6 @@ def _answer() -> None:
     said: object
     try:
         said = query(path, sql)
-    except (UserError, DamagedFile, MemoryError) as error:
+    except Exception as error:
         said = error
     pickle.dump(said, sys.stdout.buffer)
