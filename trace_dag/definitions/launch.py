@@ -1,7 +1,7 @@
 """Dagster runs started from this process: the same assets, instance and records that the UI shows.
 
 Belongs here: the instance of a storage root, and running planned batches through it. Does not belong here: deciding
-what to run (:mod:`trace_dag.flow.planning`).
+what to run (:mod:`trace_dag.flow.selection`).
 """
 
 import logging
@@ -57,7 +57,7 @@ concurrency:
   runs:
     max_concurrent_runs: 2
 # Stages say everything in the log. To capture what they print, Dagster starts four processes for each step, which
-# answer Ctrl-C with a traceback.
+# answer Ctrl-C with a traceback. Its class that captures nothing is public and documented under this name alone.
 compute_logs:
   module: dagster._core.storage.noop_compute_log_manager
   class: NoOpComputeLogManager
