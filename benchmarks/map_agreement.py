@@ -25,6 +25,7 @@ from trace_dag.roads.crash_site.agreement import AGREES, DIFFERS, compare
 from trace_dag.roads.crash_site.crossings import with_kinds
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.settings import CrashSettings, OsmSettings, RoadSettings
 
 Table = dict[str, Counter[str]]
@@ -54,7 +55,7 @@ def agreement(cohort: str, crashes: list[CrashRecord], maps: Path, verbose: bool
         try:
             if isinstance(extract, Rejection):
                 raise extract
-            frame = LocalFrame(record.latitude_deg, record.longitude_deg)
+            extract, frame = along_traffic(extract), LocalFrame(record.latitude_deg, record.longitude_deg)
             network = with_kinds(convert(extract, frame, RoadSettings()), extract)
             placement = place_crash(network, record, RoadSettings())
         except Rejection as rejection:

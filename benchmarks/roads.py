@@ -40,6 +40,7 @@ from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.from_osm.osm2odr import convert_with_osm2odr, with_way_tags
+from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.against_osm import MapComparison
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.model import Road
@@ -60,7 +61,7 @@ def virginia(data: Path) -> Places:
     for path in sorted((data / "va-2023" / "osm").glob("*.osm")):
         published = (data / "va-2023" / "published" / "maps" / f"{path.stem}.xodr").read_text(errors="replace")
         lat, lon = (float(re.search(rf"\+{key}=(-?[\d.]+)", published)[1]) for key in ("lat_0", "lon_0"))  # type: ignore[index]
-        found[path.stem] = (read_osm(path.read_bytes(), name=path.name), LocalFrame(lat, lon))
+        found[path.stem] = (along_traffic(read_osm(path.read_bytes(), name=path.name)), LocalFrame(lat, lon))
     return found
 
 
@@ -97,7 +98,7 @@ def cut(data: Path, sites: list[Site]) -> Places:
     """Extracts of the sites that have any road."""
     extracts = MapCatalog.open([data / "osm"]).extract(sites, OsmSettings())
     return {
-        site.key: (extract, LocalFrame(site.latitude_deg, site.longitude_deg))
+        site.key: (along_traffic(extract), LocalFrame(site.latitude_deg, site.longitude_deg))
         for site in sites
         if isinstance(extract := extracts[site.key], OsmExtract)
     }

@@ -11,6 +11,7 @@ from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.crash_site.crossings import with_kinds
 from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import RoadSettings
 from trace_dag.units import mph_to_mps
@@ -56,7 +57,7 @@ class Town:
 
     def network(self) -> RoadNetwork:
         """What the converter makes of it."""
-        extract = self.extract()
+        extract = along_traffic(self.extract())
         return with_kinds(convert(extract, FRAME, SETTINGS), extract)
 
     def _node(self, x_m: float, y_m: float, level: str) -> OsmNode:

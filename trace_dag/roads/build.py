@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from datetime import datetime
 from itertools import pairwise
 
 from trace_dag.crash.record import CrashRecord
@@ -18,6 +20,8 @@ from trace_dag.roads.crash_site.gap_filling import fill_gaps
 from trace_dag.roads.crash_site.near_streets import near_streets
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.converter import Converter
+from trace_dag.roads.from_osm.tags import read_profile
+from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.gates import check_map, require
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.stored_map import StoredMap
@@ -30,7 +34,9 @@ from trace_dag.roads.report import (
     MapGate,
     MapReport,
     RejectedMapReport,
+    ReversibleRoad,
     Structure,
+    TagNotFollowed,
 )
 from trace_dag.settings import RoadSettings
 
@@ -68,6 +74,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
     >>> built.network.road_by_id[built.report.placement.road_id].names
     ('Main Street', 'NE 411')
     """
+    extract = along_traffic(extract, _local_time(record))
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
     converter = road_converter(settings)
     network = with_kinds(converter.convert(extract, frame, settings, {}), extract)
@@ -101,6 +108,8 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
             InferredRoad(road.id, road.inferred) for road in network.roads if road.inferred and road.junction_id is None
         ),
         things=things_near(extract.surroundings, frame, placement),
+        tags_not_followed=tuple(_tags_not_followed(network, extract)),
+        reversible_roads=tuple(ReversibleRoad(road.id, road.reversible) for road in network.roads if road.reversible),
     )
     return RoadMap(network, stored, report)
 
@@ -113,6 +122,22 @@ def road_converter(settings: RoadSettings) -> Converter:
     """
     converter: Converter = load(PluginKind.CONVERTER, settings.converter)()
     return converter
+
+
+def _tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> Iterator[TagNotFollowed]:
+    """What contradicts other tags or cannot be read, of the ways that are roads of the map."""
+    used = {way_id for road in network.roads for way_id in road.osm_way_ids}
+    for way in extract.ways:
+        if way.id in used:
+            for what in read_profile(way).not_followed:
+                yield TagNotFollowed(way.id, what)
+
+
+def _local_time(record: CrashRecord) -> datetime | None:
+    """When the crash happened; None if the report does not say the hour."""
+    if record.hour is None or record.month is None or record.day is None:
+        return None
+    return datetime(record.year or record.case_year, record.month, record.day, record.hour % 24, record.minute or 0)
 
 
 def _find_structures(network: RoadNetwork, placement: CrashPlacement) -> tuple[Structure, ...]:

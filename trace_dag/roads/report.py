@@ -89,6 +89,23 @@ class MappedThing:
 
 
 @dataclass(frozen=True)
+class TagNotFollowed:
+    """What an OpenStreetMap way says that is not on the map, since it contradicts other tags or cannot be read."""
+
+    way_id: int
+    what: str
+
+
+@dataclass(frozen=True)
+class ReversibleRoad:
+    """A road whose lanes go one way at a time. ``direction``: "by the hour" if the hour of the crash tells which way
+    they went, or "unknown": on the map they go the way that OpenStreetMap has drawn, and may have gone the other."""
+
+    road_id: str
+    direction: str
+
+
+@dataclass(frozen=True)
 class MapReport:
     """Everything recorded beside a road map."""
 
@@ -102,6 +119,8 @@ class MapReport:
     attribution: str = ""
     inferred_roads: tuple[InferredRoad, ...] = ()
     things: tuple[MappedThing, ...] = ()  # within 40 m, nearest first
+    tags_not_followed: tuple[TagNotFollowed, ...] = ()
+    reversible_roads: tuple[ReversibleRoad, ...] = ()
 
 
 @dataclass(frozen=True)

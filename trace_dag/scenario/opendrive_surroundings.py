@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from lxml import etree
 
-from trace_dag.roads.from_osm.tags import parse_length_m
+from trace_dag.roads.from_osm.tag_values import parse_length_m
 from trace_dag.scenario.opendrive_objects import PlacedObject, add_notes, new_object, rounded
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.measures import link_gaps, one_sided_links
 from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.network import RoadNetwork
@@ -182,7 +183,7 @@ def towns(draw: st.DrawFn) -> OsmExtract:
 def test_generated_networks_keep_what_maps_promise(extract: OsmExtract) -> None:
     if not extract.ways:
         return
-    network = convert(extract, FRAME, SETTINGS)
+    network = convert(along_traffic(extract), FRAME, SETTINGS)
     check(network)
     for road in network.roads:
         assert road.length_m > 0

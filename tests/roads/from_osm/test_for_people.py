@@ -49,18 +49,16 @@ def test_tags_of_a_two_way_street(tags: Mapping[str, str], expected: Beside) -> 
 
 
 @pytest.mark.parametrize(
-    ("tags", "against", "expected"),
+    ("tags", "expected"),
     [
-        ({"cycleway": "lane"}, False, Beside(None, None, None, 1.5)),
-        ({"cycleway": "lane"}, True, Beside(None, None, 1.5, None)),
-        ({"cycleway": "opposite_lane"}, False, Beside(None, None, 1.5, None)),
-        ({"cycleway:left": "lane"}, False, Beside(None, None, 1.5, None)),
+        ({"cycleway": "lane"}, Beside(None, None, None, 1.5)),
+        ({"oneway:bicycle": "no", "lanes:backward": "1"}, Beside(None, None, 1.5, None)),
+        ({"cycleway": "opposite_lane"}, Beside(None, None, 1.5, None)),
+        ({"cycleway:left": "lane"}, Beside(None, None, 1.5, None)),
     ],
 )
-def test_the_cycle_lane_of_a_one_way_street_is_on_its_right(
-    tags: Mapping[str, str], against: bool, expected: Beside
-) -> None:
-    assert read_beside(tags, oneway=True, against_way=against) == expected
+def test_the_cycle_lane_of_a_one_way_street_is_on_its_right(tags: Mapping[str, str], expected: Beside) -> None:
+    assert read_beside(tags, oneway=True) == expected
 
 
 def test_cycle_lane_next_to_traffic_then_parking_then_sidewalk() -> None:

@@ -7,14 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trace_dag.osm.types import OsmWay
-from trace_dag.roads.from_osm.tags import (
-    WayProfile,
-    parse_incline,
-    parse_length_m,
-    parse_speed_mps,
-    parse_turns,
-    read_profile,
-)
+from trace_dag.roads.from_osm.tag_values import parse_entries, parse_length_m, parse_speed_mps, parse_turns
+from trace_dag.roads.from_osm.tags import WayProfile, read_profile
 from trace_dag.roads.map.model import LaneType
 
 
@@ -43,17 +37,30 @@ def lanes(made: WayProfile) -> tuple[int, int, int]:
         ({"lanes": "3", "lanes__forward": "2"}, (2, 1, 0)),
         ({"lanes": "5", "lanes__both_ways": "1"}, (2, 2, 1)),
         ({"lanes": "3", "turn__lanes__both_ways": "left"}, (1, 1, 1)),
-        ({"lanes": "2", "lanes__forward": "1", "lanes__backward": "1", "centre_turn_lane": "yes"}, (1, 1, 0)),
+        ({"lanes": "2", "lanes__forward": "1", "lanes__backward": "1", "centre_turn_lane": "yes"}, (1, 1, 1)),
+        ({"lanes": "4", "lanes__forward": "2", "lanes__backward": "2", "lanes__both_ways": "1"}, (2, 2, 1)),
+        ({"lanes": "2", "turn__lanes__backward": "left|through;right"}, (1, 2, 0)),  # a pocket is not counted
+        ({"lanes": "6", "turn__lanes__forward": "left|", "turn__lanes__backward": "|right"}, (3, 3, 0)),  # not complete
         ({"turn__lanes__forward": "left|through|right"}, (3, 1, 0)),
         ({"lanes": "1"}, (1, 1, 0)),  # both directions need a lane to drive in
         ({"lanes": "many"}, (1, 1, 0)),
         ({"lanes": "-3"}, (1, 1, 0)),
         ({"lanes": "1000"}, (1, 1, 0)),
         ({"oneway": "yes", "lanes": "3"}, (3, 0, 0)),
-        ({"oneway": "-1", "lanes": "2"}, (2, 0, 0)),
         ({"oneway": "yes"}, (2, 0, 0)),
         ({"junction": "roundabout"}, (2, 0, 0)),
         ({"oneway": "yes", "turn__lanes": "left||"}, (3, 0, 0)),
+        ({"oneway": "yes", "lanes": "2", "turn__lanes": "left||"}, (3, 0, 0)),  # a pocket is not counted
+        ({"oneway": "yes", "lanes": "3", "vehicle__lanes": "yes|yes|no|yes"}, (3, 0, 0)),
+        ({"oneway": "yes", "access__lanes": "yes|yes|no"}, (2, 0, 0)),
+        ({"oneway": "yes", "bicycle__lanes": "yes|designated"}, (1, 0, 0)),
+        ({"oneway": "yes", "lanes": "2", "bus__lanes": "||designated", "turn__lanes": "||"}, (2, 0, 0)),
+        ({"oneway": "yes", "lanes": "3", "bus__lanes": "||designated"}, (3, 0, 0)),
+        ({"oneway": "yes", "oneway__bus": "no", "lanes": "2", "lanes__backward": "1"}, (1, 1, 0)),
+        ({"oneway": "yes", "oneway__psv": "no", "lanes": "3", "lanes__psv__backward": "1"}, (2, 1, 0)),
+        ({"oneway": "yes", "lanes": "3", "busway__left": "opposite_lane"}, (2, 1, 0)),
+        ({"oneway": "yes", "oneway__bicycle": "no", "lanes": "2", "lanes__backward": "1"}, (2, 0, 0)),
+        ({"oneway": "yes", "oneway__bus": "no", "lanes": "2"}, (2, 0, 0)),
     ],
 )
 def test_lane_counts(tags: dict[str, str], expected: tuple[int, int, int]) -> None:
@@ -95,10 +102,28 @@ def test_turns_belong_to_lanes_from_left_to_right() -> None:
     assert profile(oneway="yes", lanes="3", turn__lanes="left|right").section.forward[0].turns == ()
 
 
+def test_lists_lose_the_entries_that_no_car_uses() -> None:
+    made = profile(
+        oneway="yes", lanes="3", turn__lanes="left|through|through|right", vehicle__lanes="yes|yes|no|yes"
+    ).section
+    assert [lane.turns for lane in made.forward] == [("left",), ("through",), ("right",)]
+
+
+def test_bus_lanes_are_lanes_for_buses() -> None:
+    counted = profile(oneway="yes", lanes="3", bus__lanes="||designated").section.forward
+    assert [lane.bus for lane in counted] == [False, False, True]
+    uncounted = profile(oneway="yes", lanes="2", bus__lanes="||designated").section.forward
+    assert [lane.bus for lane in uncounted] == [False, False]
+    against = profile(oneway="yes", oneway__bus="no", lanes="2", lanes__backward="1").section
+    assert [lane.bus for lane in (*against.forward, *against.backward)] == [False, True]
+
+
 def test_parking_and_shoulders_where_tagged() -> None:
     made = profile("residential", parking__both="lane", shoulder__right="yes").section
     assert [lane.type for lane in made.forward] == [LaneType.DRIVING, LaneType.SHOULDER, LaneType.PARKING]
     assert [lane.type for lane in made.backward] == [LaneType.DRIVING, LaneType.PARKING]
+    one_way = profile("residential", oneway="yes", lanes="1", parking__left="lane").section
+    assert [lane.type for lane in one_way.backward] == [LaneType.PARKING]
 
 
 @pytest.mark.parametrize(
@@ -126,11 +151,6 @@ def test_lengths(text: str | None, expected: float | None) -> None:
     assert parse_length_m(text) == (None if expected is None else pytest.approx(expected))
 
 
-@pytest.mark.parametrize(("text", "expected"), [("5%", 0.05), ("-3.5 %", -0.035), ("up", None), ("900%", None)])
-def test_inclines(text: str, expected: float | None) -> None:
-    assert parse_incline(text) == expected
-
-
 @pytest.mark.parametrize(
     ("tags", "layer"),
     [({}, 0), ({"layer": "2"}, 2), ({"layer": "ground"}, 0), ({"bridge": "yes"}, 1), ({"tunnel": "yes"}, -1)],
@@ -143,7 +163,7 @@ def test_layers(tags: dict[str, str], layer: int) -> None:
 def test_no_tag_value_breaks_it(tags: dict[str, str]) -> None:
     made = read_profile(OsmWay(1, (1, 2), {"highway": "primary", **tags}))
     assert 1 <= lanes(made)[0] <= 12
-    assert all(2.0 <= lane.width_m <= 6.0 for lane in made.section.forward)
+    assert all(1.0 <= lane.width_m <= 6.0 for lane in made.section.forward)
 
 
 @given(st.integers(1, 6), st.integers(1, 6), st.booleans())
@@ -174,5 +194,66 @@ def test_names_that_their_source_escaped_twice_are_read_plainly(name: str, expec
 
 
 def test_turn_words_are_split_by_lane() -> None:
-    assert parse_turns("left|none|through;right|") == (("left",), (), ("through", "right"), ())
-    assert parse_turns("|" * 40) == ()
+    assert [parse_turns(entry) for entry in parse_entries("left|none|through;right|")] == [
+        ("left",), (), ("through", "right"), (),
+    ]  # fmt: skip
+    assert parse_entries("|" * 40) == ()
+
+
+@pytest.mark.parametrize(
+    ("tags", "widths_m"),
+    [
+        # From kerb to kerb: 11.4 m with parking of 2.2 m on both sides leave 7 m to drive in.
+        ({"lanes": "2", "width": "11.4", "parking__both": "lane"}, [3.5, 3.5]),
+        ({"lanes": "2", "width": "10", "cycleway__both": "lane"}, [3.5, 3.5]),  # 1.5 m each
+        ({"lanes": "2", "width": "11", "shoulder": "both", "shoulder__width": "2"}, [3.5, 3.5]),
+        ({"lanes": "2", "width": "22'6\""}, [3.429, 3.429]),
+        ({"oneway": "yes", "lanes": "2", "width__lanes": "3.0|4.2"}, [3.0, 4.2]),
+        ({"oneway": "yes", "lanes": "2", "width": "8", "width__lanes": "3.0|"}, [3.0, 5.0]),
+        ({"oneway": "yes", "lanes": "1", "width": "11'"}, [3.3528]),
+        ({"lanes": "4", "width": "5"}, [3.5, 3.5, 3.5, 3.5]),  # too narrow for four lanes: one of the two is wrong
+    ],
+)
+def test_widths(tags: dict[str, str], widths_m: list[float]) -> None:
+    section = profile(**tags).section
+    driving = [lane.width_m for lane in (*section.left, *section.forward) if lane.type.drivable]
+    assert driving == pytest.approx(widths_m)
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [{"lanes": "1", "width": "3"}, {"width": "3.0"}, {"lanes": "2", "width": "3", "access": "official"}],
+)
+def test_service_roads_are_never_wider_than_tagged(tags: dict[str, str]) -> None:
+    section = profile("service", **tags).section
+    assert sum(lane.width_m for lane in (*section.left, *section.forward)) == pytest.approx(3.0)
+
+
+def test_each_lane_has_its_own_limit() -> None:
+    made = profile(oneway="yes", lanes="2", maxspeed__lanes="65 mph|55 mph")
+    assert [lane.speed_mps for lane in made.section.forward] == pytest.approx([29.0576, 24.5872])
+    assert made.speed_forward_mps == pytest.approx(29.0576)
+
+
+@pytest.mark.parametrize(
+    ("tags", "what"),
+    [
+        ({"lanes": "4", "lanes__forward": "2", "lanes__backward": "2", "lanes__both_ways": "1"}, "lanes=4"),
+        ({"lanes__forward": "1", "turn__lanes__forward": "left|through"}, "turn:lanes is for 2"),
+        ({"maxspeed": "45 mph;35 mph"}, "maxspeed=45 mph;35 mph"),
+        ({"lanes": "4", "width": "5"}, "width=5 m"),
+        ({"oneway": "yes", "lanes": "2", "placement": "right_of:5"}, "placement=right_of:5"),
+        ({"oneway": "yes", "lanes": "2", "lanes__backward": "1"}, "lanes:backward"),
+        ({"lanes": "many"}, "lanes=many"),
+    ],
+)
+def test_what_is_not_followed_is_said(tags: dict[str, str], what: str) -> None:
+    (sentence,) = profile(**tags).not_followed
+    assert sentence.startswith(what)
+
+
+@pytest.mark.parametrize(
+    "tags", [{}, {"lanes": "2", "maxspeed": "35 mph"}, {"maxspeed": "signals"}, {"lanes": "5", "lanes__forward": "2"}]
+)
+def test_nothing_is_said_where_nothing_contradicts(tags: dict[str, str]) -> None:
+    assert profile(**tags).not_followed == ()

@@ -276,26 +276,6 @@ def _first_section(network: RoadNetwork) -> list[LaneRef]:
 
 
 # --- measures ---------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("tags", "count"),
-    [
-        ({"lanes": "3"}, 3),
-        ({"lanes": "many"}, None),
-        ({"lanes": "1"}, 2),
-        ({"lanes": "1", "oneway": "yes"}, 1),
-        ({"lanes": "3", "lanes:forward": "2", "lanes:backward": "1"}, 3),
-        ({"lanes:forward": "2", "lanes:backward": "1", "lanes:both_ways": "1"}, 4),
-        ({"lanes": "2", "lanes:forward": "3", "lanes:backward": "3"}, None),
-        ({"lanes": "5", "lanes:forward": "2", "lanes:backward": "2"}, 5),
-        ({"lanes": "4", "lanes:forward": "1", "lanes:backward": "1", "lanes:both_ways": "1"}, None),
-        ({"lanes": "3", "lanes:forward": "1", "lanes:backward": "1", "lanes:both_ways": "1"}, 3),
-        ({}, None),
-    ],
-)
-def test_lane_counts_of_tags(tags: dict[str, str], count: int | None) -> None:
-    assert map_comparison.tagged_lane_count(tags) == count
-
-
 def test_crossings_of_one_junction_are_none(network: RoadNetwork) -> None:
     assert map_measures.crossings(network) == []
 

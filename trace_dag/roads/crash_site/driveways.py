@@ -27,7 +27,7 @@ from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.crash_site.crossings import is_one_way
 from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.crash_site.reported_road import pair_of
-from trace_dag.roads.from_osm.tags import INFERRED_TAG
+from trace_dag.roads.from_osm.tags import INFERRED_TAG, goes_one_way
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
@@ -245,8 +245,7 @@ class _Canvas:
                 line = self._line(way)
                 s_m = _station(line, here)
                 xy_m, direction = _on(line, s_m)
-                against = way.tags.get("oneway") in ("-1", "reverse")
-                street = _Street(way, s_m, xy_m, -direction if against else direction, is_one_way(road))
+                street = _Street(way, s_m, xy_m, direction, is_one_way(road))
                 found.append((float(np.hypot(*(xy_m - here))), way.id, street))
         return min(found, key=lambda each: each[:2])[2] if found else None
 
@@ -318,9 +317,7 @@ class _Canvas:
                 share = float((a - start)[1] * towards[0] - (a - start)[0] * towards[1]) / -across
                 distance_m = float((a - start)[0] * along[1] - (a - start)[1] * along[0]) / across
                 if 0.0 <= share <= 1.0 and _SAME_PLACE_M < distance_m <= reach_m:
-                    against = way.tags.get("oneway") in ("-1", "reverse")
-                    heading = (-along if against else along) / np.hypot(*along)
-                    one_way = against or way.tags.get("oneway") in ("yes", "1", "true")
+                    heading, one_way = along / np.hypot(*along), goes_one_way(way.tags)
                     opposes = one_way and float(heading @ street.direction) < _OPPOSING_COSINE
                     s_m = float(stations[i] + share * (stations[i + 1] - stations[i]))
                     hits.append(_Hit(distance_m, way, s_m, opposes))

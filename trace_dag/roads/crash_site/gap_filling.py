@@ -21,6 +21,7 @@ from trace_dag.roads.crash_site.crossings import is_one_way
 from trace_dag.roads.crash_site.driveways import add_driveways
 from trace_dag.roads.crash_site.reported_road import Control, Trafficway, control_of, trafficway_of
 from trace_dag.roads.from_osm.converter import WayHints
+from trace_dag.roads.from_osm.tags import goes_one_way
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
@@ -151,11 +152,11 @@ def _with_signs(extract: OsmExtract, way_ids: set[int], crossing_nodes: set[int]
 
 
 def _way_with_signs(way: OsmWay, nodes: dict[int, OsmNode], crossing_nodes: set[int], tag: str) -> OsmWay:
-    oneway = way.tags.get("oneway", "no")
+    one_way = goes_one_way(way.tags)
     node_ids = [way.node_ids[0]]
     for a, b in pairwise(way.node_ids):
-        towards_b = b in crossing_nodes and a not in crossing_nodes and oneway not in ("-1", "reverse")
-        towards_a = a in crossing_nodes and b not in crossing_nodes and oneway in ("no", "-1", "reverse")
+        towards_b = b in crossing_nodes and a not in crossing_nodes
+        towards_a = a in crossing_nodes and b not in crossing_nodes and not one_way
         if towards_a or towards_b:
             far, crossing = (nodes[a], nodes[b]) if towards_b else (nodes[b], nodes[a])
             sign_id = _add_sign(nodes, far, crossing, {"highway": tag, "direction": _DIRECTIONS[towards_b]})

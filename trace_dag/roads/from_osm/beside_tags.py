@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from trace_dag.roads.from_osm.tags import parse_length_m
+from trace_dag.roads.from_osm.tag_values import parse_length_m
 
 SIDEWALK_WIDTH_M: Final = 1.5  # 5 ft (FHWA, Designing Sidewalks and Trails for Access, 1999, 4.3.1)
 CYCLE_LANE_WIDTH_M: Final = 1.5  # 5 ft (AASHTO, Guide for the Development of Bicycle Facilities, 2012, 4.6.4)
@@ -28,20 +28,19 @@ class Beside(NamedTuple):
 NOTHING: Final = Beside()
 
 
-def read_beside(tags: Mapping[str, str], *, oneway: bool, against_way: bool = False) -> Beside:
+def read_beside(tags: Mapping[str, str], *, oneway: bool) -> Beside:
     """What ``sidewalk`` and ``cycleway`` tags of a road say, seen along the OSM way.
 
-    A cycle lane of a one-way road without a side is on the right of its traffic, which goes ``against_way`` for
-    ``oneway=-1``. Sidewalks tagged ``separate`` are ways of their own.
+    A cycle lane of a one-way road without a side is on the right of its traffic, one for those who may ride against it
+    (``oneway:bicycle=no`` with ``lanes:backward``) on the left. Sidewalks tagged ``separate`` are ways of their own.
 
     >>> read_beside({"sidewalk": "right", "sidewalk:width": "2 m"}, oneway=False)
     Beside(sidewalk_left_m=None, sidewalk_right_m=2.0, cycle_left_m=None, cycle_right_m=None)
     """
-    if not any(key.startswith(("sidewalk", "cycleway")) for key in tags):
+    if not any(key.startswith(("sidewalk", "cycleway", "oneway:bicycle")) for key in tags):
         return NOTHING
     walk, cycle = tags.get("sidewalk", ""), tags.get("cycleway", "")
     lanes = cycle in ("lane", "track")
-    driven_right = "left" if against_way else "right"
 
     def width(key: str, side: str, usual_m: float) -> float:
         tagged = parse_length_m(
@@ -60,8 +59,9 @@ def read_beside(tags: Mapping[str, str], *, oneway: bool, against_way: bool = Fa
     def cycle_lane(side: str) -> float | None:
         own = tags.get(f"cycleway:{side}") or tags.get("cycleway:both")
         if own is None and oneway:
-            opposite = cycle in ("opposite_lane", "opposite_track") and side != driven_right
-            own = "lane" if opposite or (lanes and side == driven_right) else "no"
+            against = tags.get("oneway:bicycle") == "no" and "lanes:backward" in tags
+            opposite = side == "left" and (against or cycle in ("opposite_lane", "opposite_track"))
+            own = "lane" if opposite or (lanes and side == "right") else "no"
         elif own is None:
             own = cycle
         return width("cycleway", side, CYCLE_LANE_WIDTH_M) if own in ("lane", "track") else None

@@ -59,5 +59,5 @@ class Converter(Protocol):
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
     ) -> RoadNetwork:
-        """The road network of an extract, in ``frame``; ``hints`` by OSM way id. Raises
-        :class:`trace_dag.errors.Rejection` (``map_distorted``) where nothing can be made of the extract."""
+        """The road network of an extract whose one-way roads go along their ways, in ``frame``; ``hints`` by OSM way
+        id. Raises :class:`trace_dag.errors.Rejection` (``map_distorted``) where nothing can be made of the extract."""

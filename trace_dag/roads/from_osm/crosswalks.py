@@ -21,7 +21,7 @@ from trace_dag.osm.types import OsmExtract
 from trace_dag.osm.walkways import is_crossing
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads
-from trace_dag.roads.from_osm.tags import parse_length_m
+from trace_dag.roads.from_osm.tag_values import parse_length_m
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanView, Point, plan_pose
 from trace_dag.roads.map.model import Crosswalk, LaneType, Road

@@ -22,6 +22,7 @@ from trace_dag.roads.from_osm.marks import (
     YELLOW_BROKEN,
     YELLOW_DOUBLE,
     YELLOW_EDGE,
+    lane_line,
 )
 from trace_dag.roads.from_osm.tags import LEFT_TURNS, CrossSection, LaneSpec, WayProfile
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, RoadMark
@@ -220,7 +221,7 @@ def _build(stretch: Stretch, start: _Boundary | None, end: _Boundary | None) -> 
             outermost = index == len(specs) - 1
             profile = stretch.profile
             speed = profile.speed_forward_mps if forward else profile.speed_backward_mps
-            mark, legal = _marks(specs, index, outermost)
+            mark, legal = _marks(specs, index, outermost, sign)
             lanes.append(
                 Lane(
                     id=sign * (index + 1),
@@ -230,8 +231,9 @@ def _build(stretch: Stretch, start: _Boundary | None, end: _Boundary | None) -> 
                     successor=sign * (after[index] + 1) if index in after else None,
                     mark=mark,
                     legal_mark=legal,
-                    speed_mps=speed if spec.type.drivable else None,
+                    speed_mps=(spec.speed_mps or speed) if spec.type.drivable else None,
                     turns=spec.turns,
+                    bus=spec.bus,
                 )
             )
         return lanes
@@ -319,10 +321,11 @@ def _end_lanes(
     return tuple(lanes)
 
 
-def _marks(specs: Sequence[LaneSpec], index: int, outermost: bool) -> tuple[RoadMark, RoadMark | None]:
+def _marks(specs: Sequence[LaneSpec], index: int, outermost: bool, sign: int) -> tuple[RoadMark, RoadMark | None]:
     """Mark of a lane's outer border: as written for reconstruction, and as the law has it if that differs.
 
-    After the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B.
+    After the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B, and ``change:lanes``. ``sign`` is that
+    of the lanes' ids.
     """
     if outermost or not specs[index + 1].type.drivable:
         return EDGE, LEGAL_EDGE
@@ -330,7 +333,9 @@ def _marks(specs: Sequence[LaneSpec], index: int, outermost: bool) -> tuple[Road
         return YELLOW_BROKEN, LEGAL_CENTRE_TURN
     if specs[index].type == LaneType.MEDIAN:
         return YELLOW_BROKEN, YELLOW_DOUBLE
-    return BROKEN, None
+    outward = specs[index].change not in ("no", "not_right")
+    inward = specs[index + 1].change not in ("no", "not_left")
+    return BROKEN, None if outward and inward else lane_line(outward=outward, inward=inward, left=sign > 0)
 
 
 def _centre_marks(profile: WayProfile) -> tuple[RoadMark, RoadMark]:

@@ -20,3 +20,18 @@ YELLOW_EDGE: Final = RoadMark("solid", "yellow", "none")
 UNMARKED: Final = RoadMark("none", "standard", "both")
 NOT_CROSSED: Final = RoadMark("none", "standard", "none")
 """Nothing is painted, and nobody changes lanes: beside sidewalks."""
+
+
+def lane_line(*, outward: bool, inward: bool, left: bool) -> RoadMark:
+    """The line between two lanes of one direction that may be crossed ``outward``, ``inward``, or not at all.
+
+    OpenDRIVE names its parts from the inner lane to the outer one, and the ways across it by the ids of the lanes,
+    which grow outward on the ``left`` of the road.
+
+    >>> lane_line(outward=True, inward=False, left=True)
+    RoadMark(type='broken solid', colour='white', lane_change='increase')
+    """
+    if not outward and not inward:
+        return LEGAL_EDGE
+    kind = "broken solid" if outward else "solid broken"
+    return RoadMark(kind, "white", "increase" if outward == left else "decrease")

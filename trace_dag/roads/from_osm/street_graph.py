@@ -85,8 +85,7 @@ def build_street_graph(
         node_ids = _usable_nodes(way, positions, aliases)
         if len(node_ids) < 2:
             continue
-        profile = profile_of(way)
-        ways.append(_Edge(profile, node_ids[::-1] if profile.against_way else node_ids))
+        ways.append(_Edge(profile_of(way), node_ids))
     for edge in ways:
         edge.node_ids = _without_repeats([_canonical(node, aliases) for node in edge.node_ids])
     pieces = _without_overlaps(ways)

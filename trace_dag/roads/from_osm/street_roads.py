@@ -215,6 +215,7 @@ def _road(road_id: str, plan: PlanView, sections: list[SectionLanes], way_ids: t
         tunnel=profile.tunnel,
         lanes_from_tags=all(section.stretch.profile.lanes_from_tags for section in sections),
         inferred=profile.inferred,
+        reversible=profile.reversible,
     )
 
 

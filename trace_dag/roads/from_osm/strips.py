@@ -69,9 +69,7 @@ def _tagged(
         for span in streets[index].spans:
             way_id = span.profile.way_id
             if way_id not in said:
-                tags = tags_of.get(way_id, {})
-                against = tags.get("oneway") in ("-1", "reverse")
-                said[way_id] = read_beside(tags, oneway=span.profile.oneway, against_way=against)
+                said[way_id] = read_beside(tags_of.get(way_id, {}), oneway=span.profile.oneway)
             beside = said[way_id].reversed() if span.profile.against_way else said[way_id]
             if beside == NOTHING:
                 continue

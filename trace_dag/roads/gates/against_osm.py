@@ -18,14 +18,14 @@ import shapely
 
 from trace_dag.geometry import arc_lengths
 from trace_dag.osm.drivable import is_drivable
-from trace_dag.roads.from_osm.tags import INFERRED_TAG
+from trace_dag.roads.from_osm.tags import INFERRED_TAG, read_profile
 from trace_dag.roads.gates.axes import SAMPLE_M, distances_to_axes
 from trace_dag.roads.map.lane_geometry import sample_lanes
 from trace_dag.roads.map.people import crosswalks
 from trace_dag.wording import counted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -244,10 +244,11 @@ class MapComparison:
         for road in self.network.roads:
             if road.junction_id is not None or len(road.osm_way_ids) != 1 or road.osm_way_ids[0] not in by_id:
                 continue
-            tagged = tagged_lane_count(by_id[road.osm_way_ids[0]].tags)
-            if tagged is None:
+            profile = read_profile(by_id[road.osm_way_ids[0]])
+            if not profile.lanes_from_tags:
                 continue
             compared += 1
+            tagged = sum(lane.type.drivable for lane in (*profile.section.left, *profile.section.forward))
             count = _lane_count(road, road.length_m / 2)
             if count != tagged:
                 lanes = counted(count, "lane")
@@ -359,34 +360,3 @@ def _lane_count(road: Road, s_m: float) -> int:
     """Lanes traffic drives in at ``s_m`` of a road, centre turn lanes included."""
     section = max((section for section in road.lane_sections if section.s_m <= s_m), key=lambda section: section.s_m)
     return sum(lane.type.drivable for lane in section.lanes if lane.id != 0)
-
-
-def tagged_lane_count(tags: Mapping[str, str]) -> int | None:
-    """The total number of lanes by the tags; None if they do not say it or contradict themselves.
-
-    A two-way street of one lane counts as two: OpenDRIVE has no lane that both directions share, so each gets its half.
-
-    >>> tagged_lane_count({"lanes": "3"}), tagged_lane_count({"lanes": "1"})
-    (3, 2)
-    """
-    values = {key: _whole(tags.get(key)) for key in ("lanes", "lanes:forward", "lanes:backward", "lanes:both_ways")}
-    one_way = tags.get("oneway") in ("yes", "true", "1", "-1") or tags.get("junction") in ("roundabout", "circular")
-    one_way |= tags.get("highway") in ("motorway", "motorway_link") and tags.get("oneway") != "no"
-    total = values["lanes"]
-    parts = (values["lanes:forward"], values["lanes:backward"])
-    if not one_way and parts[0] is not None and parts[1] is not None:
-        both_ways = values["lanes:both_ways"] or 0
-        by_parts = parts[0] + parts[1] + both_ways
-        # A centre turn lane is often counted in the total only; where it is tagged there is no other.
-        if total is not None and total - by_parts not in ((0,) if both_ways else (0, 1)):
-            return None
-        total = total if total is not None else by_parts
-    if total is None or total < 1:
-        return None
-    if one_way:
-        return total
-    return max(total, 2)
-
-
-def _whole(text: str | None) -> int | None:
-    return int(text) if text is not None and text.isascii() and text.isdigit() else None

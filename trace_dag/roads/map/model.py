@@ -94,6 +94,7 @@ class Lane:
     legal_mark: RoadMark | None = None
     speed_mps: float | None = None
     turns: tuple[str, ...] = ()  # OSM turn:lanes values of this lane: left, through, right, ...
+    bus: bool = False  # only buses drive in it
 
 
 @dataclass(frozen=True)
@@ -189,6 +190,7 @@ class Road:
     lanes_from_tags: bool = False  # lane counts were tagged in OSM, not class defaults or the report's
     turn: str | None = None  # of a connecting road: "straight", "left", "right", "u_turn"
     inferred: str = ""  # why it exists, if it is not from OpenStreetMap but drawn because of the crash report
+    reversible: str = ""  # its lanes go one way at a time: "by the hour" of the crash, or "unknown" which way they went
 
     @property
     def level(self) -> int:

@@ -163,6 +163,7 @@ class _Reader(ValueReader):
             lanes_from_tags=first_note(notes, "lanesFromTags") == "true",
             turn=first_note(notes, "turn") or None,
             inferred=first_note(notes, "inferred"),
+            reversible=first_note(notes, "reversible"),
         )
 
     def _plan(self, geometry: etree._Element) -> Iterable[PlanElement]:
@@ -317,6 +318,9 @@ class _Reader(ValueReader):
             legal_mark=legal,
             speed_mps=None if speed is None else self._speed(speed),
             turns=tuple(turns.split(";")) if turns else (),
+            bus=any(
+                each.get("rule") == "allow" and each.get("restriction") == "bus" for each in element.iter("access")
+            ),
         )
 
     def _lane_link(self, link: etree._Element, which: str) -> int | None:

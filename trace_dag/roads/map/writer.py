@@ -134,6 +134,7 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
             out.append(_user_data(code, "true"))
     out.append(_user_data("turn", road.turn))
     out.append(_user_data("inferred", road.inferred))
+    out.append(_user_data("reversible", road.reversible))
     out.append("</road>\n")
 
 
@@ -203,6 +204,8 @@ def _lane(lane: Lane, marks: Marks) -> str:
         parts.append(_road_mark(written))
     if lane.speed_mps is not None:
         parts.append(f'<speed sOffset="0" max="{_mph(lane.speed_mps)}" unit="mph"/>\n')
+    if lane.bus:
+        parts.append('<access sOffset="0" rule="allow" restriction="bus"/>\n')
     if lane.turns:
         parts.append(_user_data("turns", ";".join(lane.turns)))
     if lane.legal_mark is not None:

@@ -1,0 +1,78 @@
+"""Reads the values of OSM tags: speeds, lengths, whole numbers, lists of one entry a lane.
+
+Real tags have all kinds of values (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``). One that
+cannot be read is None, as if it were not there.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from trace_dag.units import METRES_PER_FOOT, kmh_to_mps, mph_to_mps
+
+MOST_LANES: Final = 12
+"""Of one direction; a larger number is a typing error."""
+_SPEED: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(mph|km/h|kmh|kph)?\s*$", re.IGNORECASE)
+_METRES: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(m|ft)?\s*$", re.IGNORECASE)
+_FEET_INCHES: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*'\s*(?:(\d+(?:\.\d+)?)\s*\")?\s*$")
+_LEADING_INTEGER: Final = re.compile(r"^\s*(-?\d+)\b")
+
+
+def parse_speed_mps(value: str | None) -> float | None:
+    """``35 mph`` or ``60`` (km/h) in m/s; None for anything that is not a plausible limit (signals, none, walk, 0).
+
+    >>> round(parse_speed_mps('25 mph'), 3), parse_speed_mps('36'), parse_speed_mps('signals')
+    (11.176, 10.0, None)
+    """
+    match = _SPEED.match(value) if value else None
+    if match is None:
+        return None
+    number = float(match[1])
+    speed_mps = mph_to_mps(number) if (match[2] or "").lower() == "mph" else kmh_to_mps(number)
+    return speed_mps if 1.0 <= speed_mps <= 45.0 else None
+
+
+def parse_length_m(value: str | None) -> float | None:
+    """``3.5``, ``3.5 m``, ``12 ft`` or ``12'6"`` in metres; None if unreadable.
+
+    >>> parse_length_m('3.5 m'), round(parse_length_m('10 ft'), 3), parse_length_m('wide')
+    (3.5, 3.048, None)
+    """
+    if not value:
+        return None
+    if match := _METRES.match(value):
+        number = float(match[1])
+        return number * METRES_PER_FOOT if (match[2] or "").lower() == "ft" else number
+    if match := _FEET_INCHES.match(value):
+        return (float(match[1]) + float(match[2] or 0) / 12) * METRES_PER_FOOT
+    return None
+
+
+def parse_turns(entry: str) -> tuple[str, ...]:
+    """The turns painted on one lane.
+
+    >>> parse_turns("through;right"), parse_turns("none")
+    (('through', 'right'), ())
+    """
+    return tuple(turn.strip() for turn in entry.split(";") if turn.strip() not in ("", "none"))
+
+
+def parse_entries(value: str | None) -> tuple[str, ...]:
+    """The entries of a ``...:lanes`` tag, one a lane from left to right; none where there are too many to be lanes.
+
+    >>> parse_entries("left|through;right|")
+    ('left', 'through;right', '')
+    """
+    entries = tuple(entry.strip() for entry in value.split("|")) if value else ()
+    return entries if len(entries) <= MOST_LANES else ()
+
+
+def parse_integer(value: str | None, least: int, most: int) -> int | None:
+    """The whole number that a value begins with, within limits.
+
+    >>> parse_integer("2 lanes", 1, 12), parse_integer("-3", 1, 12), parse_integer("ground", -5, 5)
+    (2, None, None)
+    """
+    match = _LEADING_INTEGER.match(value) if value else None
+    return int(match[1]) if match is not None and least <= int(match[1]) <= most else None
