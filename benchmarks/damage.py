@@ -6,7 +6,7 @@
 
 A root of some crashes of the sample is made once: run, with an agent evaluated and controls. Each try damages a copy
 of it; then ``verify --contents --repair`` and ``run`` have to bring back every file that was there with the same bytes,
-times in records and the warehouse (whose rows ``verify`` compares) aside. Printed are the way, the file, whether verify
+times in records, the warehouse (whose rows ``verify`` compares) and what was noted of reports aside. Printed are the way, the file, whether verify
 named it, and what is there afterwards. Exit code 1 where a file was not found or did not come back; results of studies
 need only be found, since their own commands make them. What Dagster keeps of runs is not touched.
 """
@@ -14,17 +14,25 @@ need only be found, since their own commands make them. What Dagster keeps of ru
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
+import pkgutil
 import random
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from multiprocessing import get_context
 from pathlib import Path
+from typing import NamedTuple
 
+import trace_dag
+from trace_dag.cli import main as main_command
 from trace_dag.stage import Stage
 
 SAMPLE = Path(__file__).resolve().parents[1] / "data" / "sample"
@@ -75,10 +83,31 @@ WAYS: dict[str, Callable[[Path, random.Random], None]] = {
 }
 
 
-def call(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
-    command = [sys.executable, "-m", "trace_dag.cli", "--root", str(root), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+class Done(NamedTuple):
+    """How a command ended, and what it said."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def call(root: Path, *arguments: str) -> Done:
+    """Run a command to its end in a fork of this process, which has read the modules: else that is most of its time."""
+    with ProcessPoolExecutor(1, get_context("fork")) as pool:
+        return pool.submit(_done, ["trace-dag", "--root", str(root), *arguments]).result()
+
+
+def _done(words: list[str]) -> Done:
+    os.environ["TRACE_DAG_EXECUTION__EXECUTOR"] = "in_process"  # done before workers would have started
+    sys.argv[:] = words
+    out, err = StringIO(), StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            main_command()
+            code = 0
+        except SystemExit as ended:
+            code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    return Done(code, out.getvalue(), err.getvalue())
 
 
 def made(folder: Path) -> Path:
@@ -113,7 +142,7 @@ def kind_of(name: str) -> str:
 
 def content(path: Path) -> object:
     """What has to come back: the bytes, of JSON documents all but times."""
-    if path.name in ("warehouse.duckdb", "warehouse.json") or path.parent.name == "cache":
+    if path.name in ("warehouse.duckdb", "warehouse.json", "listings.json") or path.parent.name == "cache":
         return path.is_file()
     data = path.read_bytes()
     if path.name == "manifest.json":
@@ -143,7 +172,9 @@ def attempt(root: Path, folder: Path, damaged: Sequence[tuple[str, str]], draw: 
         except ValueError:
             print(f"verify: {answer.stderr.strip()[-300:]}")
             return False
-        said = {str(row["file"] or "") for row in (*rows["repaired"], *rows["disagreements"])}
+        named = [*rows["repaired"], *rows["disagreements"]]
+        said = {str(row["file"] or "") for row in named}
+        said |= {f"{row['stage']}/{row['key']}.outcome.json" for row in named}  # a lost record: its crash and stage
         ran = call(copy, "run")
         lost = [name for name in files_of(root) if not (copy / name).is_file()]
         other = [name for name in files_of(root) if name not in lost and _differs(root, copy, name)]
@@ -187,6 +218,9 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     draw = random.Random(options.seed)
+    for module in pkgutil.walk_packages(trace_dag.__path__, "trace_dag."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
     with tempfile.TemporaryDirectory() as folder:
         root = made(Path(folder))
         kinds: dict[str, list[str]] = {}

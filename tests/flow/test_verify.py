@@ -61,6 +61,8 @@ def break_by(workspace: Workspace, damage: str) -> None:
         storage.write(MAP, storage.read(MAP)[:-1])
     elif damage == "bit rot":
         storage.write(MAP, b"X" + storage.read(MAP)[1:])
+    elif damage == "record lost":
+        storage.delete(f"road_map/{GOOD}.outcome.json")
     elif damage == "record cut short":
         name = f"road_map/{GOOD}.outcome.json"
         storage.write(name, storage.read(name)[:100])
@@ -74,6 +76,7 @@ def break_by(workspace: Workspace, damage: str) -> None:
         ("lost", DisagreementKind.MISSING_ARTEFACT),
         ("cut short", DisagreementKind.DAMAGED_ARTEFACT),
         ("bit rot", DisagreementKind.DAMAGED_ARTEFACT),
+        ("record lost", DisagreementKind.MISSING_RECORD),
         ("record cut short", DisagreementKind.UNREADABLE_RECORD),
         ("record of another", DisagreementKind.UNREADABLE_RECORD),
     ],

@@ -70,6 +70,7 @@ class DisagreementKind(Enum):
     )
     DAMAGED_ANSWER = "damaged answer of a service", "--repair deletes it; it is asked for again when it is needed"
     UNREADABLE_RECORD = "unreadable record", f"--repair puts it aside, {MADE_AGAIN}"
+    MISSING_RECORD = "missing record", MADE_AGAIN
     MISSING_ARTEFACT = "missing artefact", MADE_AGAIN
     DAMAGED_ARTEFACT = "damaged artefact", f"--repair puts it aside, {MADE_AGAIN}"
     DAMAGED_PICTURE = "damaged or missing picture", f"--repair marks its stage to be run again, {MADE_AGAIN}"
@@ -253,6 +254,9 @@ def _stage_disagreements(
     for key, of_crash in records.items():
         record = of_crash.get(stage)
         if record is None:
+            name = record_name(stage, key)
+            if name not in listing and any(each.position > stage.position for each in of_crash):
+                yield Disagreement(DisagreementKind.MISSING_RECORD, f"{name} is not there", key, stage, name)
             continue
         for file in record.artefacts:
             listed.add(file.name)
