@@ -60,12 +60,13 @@ class Ink:
 
 @dataclass
 class Canvas:
-    """A window (west, south, east, north; m) that is ``width_pt`` points wide."""
+    """A window (west, south, east, north; m) that is ``width_pt`` points wide. What is ``taken`` is clear of names."""
 
     PER_M: ClassVar[float] = 100.0  # units of the SVG
 
     window: Window
     width_pt: float
+    taken: list[shapely.Geometry] = field(default_factory=list)
     _drawn: list[tuple[float, int, str]] = field(default_factory=list)
 
     @property

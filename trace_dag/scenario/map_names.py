@@ -1,10 +1,10 @@
-"""The names of streets on a drawn map, each once, along the street and clear of the middle and of each other."""
+"""The names of streets on a drawn map, each once and whole, along the street, clear of the middle and of each other."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
@@ -19,13 +19,7 @@ if TYPE_CHECKING:
 _SIZE_PT: Final = 6.5
 _INK: Final = "#1D2024"
 _LEAST_SHARE: Final = 0.12  # share of the window's width: a shorter stretch of street is not named
-
-
-class _Label(NamedTuple):
-    text: str
-    x_m: float
-    y_m: float
-    angle_rad: float  # within a quarter turn, so that it is read from below
+_PLACES: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # along a stretch of street, the first one with room for the name
 
 
 class Names:
@@ -43,21 +37,22 @@ class Names:
     def draw(self, canvas: Canvas, z: float, backing: str) -> None:
         """Name the streets that the window shows, on a ground that keeps the letters readable."""
         height_m = _SIZE_PT / canvas.points_per_m
-        taken: list[shapely.LineString] = []
-        for label in self._labels(canvas.window):
-            half_m = length_pt(label.text, _SIZE_PT) / canvas.points_per_m / 2
-            along = half_m * np.array([math.cos(label.angle_rad), math.sin(label.angle_rad)])
-            place = np.array([label.x_m, label.y_m])
-            room = shapely.LineString([place - along, place + along])
-            if any(shapely.dwithin(room, other, 1.6 * height_m) for other in taken):
-                continue
-            taken.append(room)
-            ground = Ink(stroke=backing, width_pt=1.5 * _SIZE_PT, opacity=0.75, round_caps=True)
-            canvas.lines([shapely.get_coordinates(room)], ground, z)
-            canvas.text(label.text, label.x_m, label.y_m, _SIZE_PT, _INK, z + 0.1, angle_rad=label.angle_rad)
+        taken, whole = [*canvas.taken], shapely.box(*canvas.window).buffer(-height_m)
+        ground = Ink(stroke=backing, width_pt=1.5 * _SIZE_PT, opacity=0.75, round_caps=True)
+        for name, places in self._places(canvas.window):
+            half_m = length_pt(name, _SIZE_PT) / canvas.points_per_m / 2
+            for x, y, heading, _ in places.tolist():
+                angle = math.remainder(heading, math.pi)  # within a quarter turn, so that it is read from below
+                east_m, north_m = half_m * math.cos(angle), half_m * math.sin(angle)
+                room = shapely.LineString([(x - east_m, y - north_m), (x + east_m, y + north_m)])
+                if whole.contains(room) and not any(shapely.dwithin(room, each, 1.6 * height_m) for each in taken):
+                    taken.append(room)
+                    canvas.lines([shapely.get_coordinates(room)], ground, z)
+                    canvas.text(name, x, y, _SIZE_PT, _INK, z + 0.1, angle_rad=angle)
+                    break
 
-    def _labels(self, window: Window) -> list[_Label]:
-        """Each name on its longest stretch in the window, the longest first."""
+    def _places(self, window: Window) -> list[tuple[str, FloatArray]]:
+        """Each name with places on its longest stretch in the window, shape (n, 4), the longest stretch first."""
         span_m = max(window[2] - window[0], window[3] - window[1])
         longest: dict[str, FloatArray] = {}
         for name, line in self._lines:
@@ -65,11 +60,10 @@ class Names:
             if len(shown) > max(len(longest.get(name, ())), _LEAST_SHARE * span_m / LANE_STEP_M):
                 longest[name] = shown
         centre = np.array([window[0] + window[2], window[1] + window[3]]) / 2
-        labels = []
+        places = []
         for name, line in sorted(longest.items(), key=lambda each: -len(each[1])):
             # The crash is in the middle: the name stands on the longer side of it.
             nearest = int(np.hypot(*(line[:, :2] - centre).T).argmin())
             side = line[: nearest + 1] if nearest > len(line) / 2 else line[nearest:]
-            x, y, heading, _ = side[len(side) // 2].tolist()
-            labels.append(_Label(name, x, y, math.remainder(heading, math.pi)))
-        return labels
+            places.append((name, side[[int(share * len(side)) for share in _PLACES]]))
+        return places

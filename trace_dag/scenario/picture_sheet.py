@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+import shapely
 
 from trace_dag.scenario.canvas import Canvas, Ink, length_pt
 from trace_dag.scenario.map_scene import Window
@@ -45,8 +46,8 @@ class LegendColumn(NamedTuple):
 
 
 _FEW: Final = LegendColumn(2, 8.0, 10.8, 230.0)
-_MANY: Final = LegendColumn(3, 4.7, 8.3, 230.0)
-_CROWD: Final = LegendColumn(3, 4.7, 8.3, 115.0)
+_MANY: Final = LegendColumn(3, 5.6, 8.0, 230.0)
+_CROWD: Final = LegendColumn(3, 5.6, 8.0, 115.0)
 
 
 class Sheet:
@@ -70,6 +71,9 @@ class Sheet:
     def panel(self, column: int, title: str, window: Window) -> Canvas:
         """The left (0) or the right (1) panel, framed, with a scale and the direction of north."""
         panel = Canvas(window, _PANEL_PT)
+        west, south, east, _ = window
+        unit_m = (east - west) / 100
+        panel.taken.append(shapely.box(west, south, west + 23.5 * unit_m, south + 5.8 * unit_m))  # by the scale
         left = _LEFT_PT[column]
         self._panels.append((left, panel))
         self._draw_frame(left, title, window)
