@@ -6,9 +6,10 @@
 
 A root of some crashes of the sample is made once: run, with an agent evaluated and controls. Each try damages a copy
 of it; then ``verify --contents --repair`` and ``run`` have to bring back every file that was there with the same bytes,
-times in records, the warehouse (whose rows ``verify`` compares) and what was noted of reports aside. Printed are the way, the file, whether verify
-named it, and what is there afterwards. Exit code 1 where a file was not found or did not come back; results of studies
-need only be found, since their own commands make them. What Dagster keeps of runs is not touched.
+but for times in records, the warehouse (whose rows ``verify`` compares) and what was noted of reports. Printed are the
+way, the file, whether verify named it, and what is there afterwards. Exit code 1 where a file was not found or did not
+come back; results of studies need only be found, since their own commands make them. What Dagster keeps of runs is not
+touched.
 """
 
 from __future__ import annotations
