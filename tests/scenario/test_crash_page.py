@@ -226,6 +226,8 @@ def test_doubts_and_events_that_do_not_happen_are_said_without_unfolding():
     head = seen(page.get_element_by_id("main")).partition("Speaks for it")[0]
     assert "1 of 3 reported events happen (1 cannot be simulated)" in head
     assert f"Not certain: {unsure}" in head
+    without_events = shown(CrashPage(crash(0), (), RIGHTS, verdict=replace(verdict, events=())))
+    assert f"Not certain: {unsure}" in seen(without_events)
 
 
 @pytest.mark.parametrize(("number", "reported", "simulated"), [(0, (44.0, 0.0), (31.1, 31.1)), (1, None, (0.0, -44.0))])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from lxml import etree
 
 from tests.roads.towns import SETTINGS, Town, report
 from tests.scenario.page_rows import crash
@@ -12,6 +13,7 @@ from tests.scenario.test_crash_page import RIGHTS, seen, shown
 from trace_dag.roads.build import RejectedRoadMap, build_road_map
 from trace_dag.scenario.crash_page import CrashPage
 from trace_dag.scenario.map_surfaces import ASPHALT
+from trace_dag.scenario.picture_sheet import Sheet, square
 from trace_dag.scenario.rejected_map import draw_rejected_map
 
 RECORD = report(at_m=(0, 20), street="OAK ST")
@@ -36,6 +38,16 @@ def test_the_picture_shows_streets_on_both_sides_of_the_point(two_streets) -> No
     rows = np.flatnonzero(of_asphalt[:, picture.width // 20]) - picture.height / 2  # downward, west of the point
     elm, oak = rows[rows > 0], rows[rows < 0]
     assert 0 < elm.mean() < -oak.mean(), "Elm Street is south of the point and nearer than Oak Street north of it"
+
+
+def test_two_streets_that_are_nearest_at_one_place_are_written_apart() -> None:
+    """Letters of 7.5 points; 458 points show 200 m, and an SVG has 100 units to the metre."""
+    sheet = Sheet()
+    panel = sheet.panel(0, "Streets around", square((0.0, 0.0), 100.0))
+    for name in ("Elm Street", "Oak Street"):
+        sheet.write_at(panel, (10.0, 10.0), name)
+    written = {text.text: float(text.get("y")) for text in etree.fromstring(sheet.svg()).iter("{*}text")}
+    assert abs(written["Elm Street"] - written["Oak Street"]) > 7.5 * 200 / 458 * 100
 
 
 def test_the_page_says_which_streets_are_around_and_which_is_reported(two_streets) -> None:

@@ -63,16 +63,18 @@ class CrashPage:
 def write_crash_page(page: CrashPage) -> bytes:
     """The page of one crash, ``crashes/<key>.html`` of the site."""
     template = templates().get_template("site_crash.html.jinja")
+    accepted = page.verdict if page.verdict and page.verdict.accepted else None
     return template.render(
         page=page,
         rights=page.rights,
         sentence=in_one_sentence(page.record) if page.record else "",
-        grade=page.verdict.grade if page.verdict and page.verdict.accepted else None,
+        grade=accepted.grade if accepted else None,
         numbers=numbers_of(page.verdict, page.map_report.placement if page.map_report else None)
         if page.verdict
         else [],
         outcomes={each.event_number: words(each.outcome) for each in page.verdict.events} if page.verdict else {},
-        events=events_in_words(page.verdict) if page.verdict and page.verdict.accepted else "",
+        events=events_in_words(accepted) if accepted else "",
+        alternatives=accepted.alternatives if accepted else "",
         clocks=_clocks(page.verdict) if page.verdict else [],
         hours=[(hour, *_on_dial(hour, _HOURS_RADIUS)) for hour in (3, 6, 9, 12)],
         reasons=_reasons(page),

@@ -80,14 +80,18 @@ class Sheet:
         return panel
 
     def write_at(self, panel: Canvas, xy_m: tuple[float, float], text: str) -> None:
-        """Write beside a place of a panel, on white; nothing if the place is outside."""
+        """Write beside a place of a panel, on white, clear of what stands there; nothing if the place is outside."""
         west, south, east, north = panel.window
         if west < xy_m[0] < east and south < xy_m[1] < north:
             half_pt = length_pt(text, _SIZE_PT) / 2 + 4.0
             x_m = xy_m[0] + (-1 if 2 * xy_m[0] > west + east else 1) * (half_pt + 3.0) / panel.points_per_m
-            box = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (half_pt, 6.0) / panel.points_per_m
-            panel.polygons([np.array([x_m, xy_m[1]]) + box], Ink("white"), _FRAME_Z)
-            panel.text(text, x_m, xy_m[1], _SIZE_PT, INK, _WORDS_Z)
+            y_m, half_m, high_m = xy_m[1], half_pt / panel.points_per_m, 6.0 / panel.points_per_m
+            step_m, taken = high_m if 2 * y_m < south + north else -high_m, shapely.union_all(panel.taken)
+            while (room := shapely.box(x_m - half_m, y_m - high_m, x_m + half_m, y_m + high_m)).intersects(taken):
+                y_m += step_m
+            panel.taken.append(room)
+            panel.polygons([shapely.get_coordinates(room)], Ink("white"), _FRAME_Z)
+            panel.text(text, x_m, y_m, _SIZE_PT, INK, _WORDS_Z)
 
     def legend(self, left: Sequence[Sign], right: Sequence[Sign]) -> None:
         """Draw the legend: the parties below the left panel, the meaning of the signs below the right one."""

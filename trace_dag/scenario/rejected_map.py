@@ -54,12 +54,11 @@ def draw_rejected_map(
     lines = _osm_lines(network, extract)
     for column, title, window in ((0, "Streets around", wide), (1, "Reported point", close)):
         panel = sheet.panel(column, title, window)
-        drawing.draw(panel)
+        for street in pointed_at if column == 0 else ():
+            x, y = street.nearest_xy_m
+            sheet.write_at(panel, (x, y), f"{street.distance_m:.1f} m  {street.name or street.highway}")
+        drawing.draw(panel)  # with the names of streets clear of what was written
         _draw_findings(panel, report, pointed_at, lines)
-        if column == 0:
-            for street in pointed_at:
-                x, y = street.nearest_xy_m
-                sheet.write_at(panel, (x, y), f"{street.distance_m:.1f} m  {street.name or street.highway}")
     sheet.legend(_KEY, _signs(report))
     return sheet.svg()
 
