@@ -55,6 +55,14 @@ def test_trees_are_round_and_walls_are_open_lines():
     assert math.isclose(float(wall.get("length")), 40.0, abs_tol=0.05)
 
 
+def test_ids_are_whole_numbers_that_no_two_objects_share():
+    trees = [feature(shapely.Point(x, 12.0), number, natural="tree") for number, x in enumerate((-50.0, 0.0, 50.0))]
+    once = with_objects(write_opendrive(STREET), surrounding_objects(STREET, trees))
+    twice = etree.fromstring(with_objects(once, surrounding_objects(STREET, trees)))
+    ids = [int(each.get("id")) for each in twice.findall("road/objects/object")]
+    assert len(ids) == len(set(ids)) == 6
+
+
 @pytest.mark.parametrize(
     ("shape", "tags"),
     [

@@ -29,13 +29,16 @@ class PlacedObject(NamedTuple):
 
 
 def with_objects(xodr: bytes, objects: Sequence[PlacedObject]) -> bytes:
-    """The map with the objects on it; the same bytes where there are none."""
+    """The map with the objects on it, numbered on from its own; the same bytes where there are none."""
     if not objects:
         return xodr
     root = etree.fromstring(xodr, _PARSER)
     roads = {road.get("id"): road for road in root.iterfind("road")}
-    for placed in objects:
-        _objects_of(roads[placed.road_id]).append(deepcopy(placed.element))
+    first = 1 + max((int(own.get("id", "")) for own in root.iterfind("road/objects/object")), default=-1)
+    for number, placed in enumerate(objects, first):
+        element = deepcopy(placed.element)
+        element.set("id", str(number))  # readers such as CommonRoad's take whole numbers only
+        _objects_of(roads[placed.road_id]).append(element)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
 
 
@@ -59,16 +62,18 @@ def fixed_objects(network: RoadNetwork, items: Iterable[FixedObject]) -> list[Pl
 
 
 def new_object(
-    number: str, category: str, name: str, place: tuple[float, float, float], size_m: Mapping[str, float]
+    category: str, name: str, place: tuple[float, float, float], size_m: Mapping[str, float]
 ) -> etree._Element:
-    """An ``<object>``: ``place`` is s and t (m) and the heading (rad) relative to the road there, ``size_m`` its
-    ``height`` and its ``radius`` or ``length`` and ``width``.
+    """An ``<object>``, which gets its id on the map.
 
-    >>> new_object("3", "pole", "mast", (12.0, -4.5, 0.0), {"height": 8.0, "radius": 0.1}).get("t")  # right of the road
+    ``place`` is s and t (m) and the heading (rad) relative to the road there, ``size_m`` its ``height`` and its
+    ``radius`` or ``length`` and ``width``.
+
+    >>> new_object("pole", "mast", (12.0, -4.5, 0.0), {"height": 8.0, "radius": 0.1}).get("t")  # right of the road
     '-4.5'
     """
     s_m, t_m, turned_rad = place
-    attributes = {"id": number, "type": category, "name": name, "s": rounded(max(s_m, 0.0)), "t": rounded(t_m)}
+    attributes = {"id": "", "type": category, "name": name, "s": rounded(max(s_m, 0.0)), "t": rounded(t_m)}
     turned = rounded(math.remainder(turned_rad, math.tau))
     attributes |= {"zOffset": "0", "orientation": "none", "hdg": turned, "pitch": "0", "roll": "0"}
     return etree.Element("object", attributes | {key: rounded(value) for key, value in size_m.items()})
@@ -109,8 +114,7 @@ def _objects_of(road: etree._Element) -> etree._Element:
 
 def _fixed_object(item: FixedObject, s_m: float, t_m: float, turned_rad: float) -> etree._Element:
     size_m = {"height": item.height_m, "length": item.length_m, "width": item.width_m}
-    number, category = f"fixed_{item.event_number}", object_category(item)
-    made = new_object(number, category, in_words(item), (s_m, t_m, turned_rad), size_m)
+    made = new_object(object_category(item), in_words(item), (s_m, t_m, turned_rad), size_m)
     made.set("zOffset", rounded(base_m(item)))
     add_notes(made, {"placedBy": item.placed_by, "osmId": item.osm_id, "event": item.event_number, "soe": item.code})
     return made

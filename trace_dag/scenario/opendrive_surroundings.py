@@ -89,10 +89,10 @@ def surrounding_objects(
         return []
     roads = _Roads(network, [shape for _, shape, _ in wanted])
     placed = []
-    for number, (feature, shape, kind) in enumerate(wanted):
+    for feature, shape, kind in wanted:
         place = roads.place(shape)
         if place is not None:
-            placed.append(PlacedObject(place.road_id, _object(f"osm_{number}", feature, shape, kind, place)))
+            placed.append(PlacedObject(place.road_id, _object(feature, shape, kind, place)))
     return placed
 
 
@@ -159,18 +159,18 @@ def _kind(feature: OsmFeature, shape: BaseGeometry) -> _Kind | None:
     return None
 
 
-def _object(number: str, feature: OsmFeature, shape: BaseGeometry, kind: _Kind, place: _Place) -> etree._Element:
+def _object(feature: OsmFeature, shape: BaseGeometry, kind: _Kind, place: _Place) -> etree._Element:
     told_m = _told_height_m(feature)
     size_m = {"height": kind.height_m if told_m is None else told_m}
     name = feature.tags.get("name") or kind.category
     if kind.radius_m:
         size_m["radius"] = kind.radius_m
-        made = new_object(number, kind.category, name, (place.s_m, place.t_m, 0.0), size_m)
+        made = new_object(kind.category, name, (place.s_m, place.t_m, 0.0), size_m)
     else:
         cos, sin = np.cos(place.heading_rad), np.sin(place.heading_rad)
         corners_m = (_corners(shape) - place.xy_m) @ np.array([[cos, -sin], [sin, cos]])
         size_m["length"], size_m["width"] = np.ptp(corners_m, axis=0).tolist()
-        made = new_object(number, kind.category, name, (place.s_m, place.t_m, 0.0), size_m)
+        made = new_object(kind.category, name, (place.s_m, place.t_m, 0.0), size_m)
         _add_outline(made, corners_m, size_m["height"], closed=isinstance(shape, shapely.Polygon))
     add_notes(made, {"osmId": feature.id, "height": "usual" if told_m is None else ""})
     return made

@@ -120,3 +120,14 @@ def test_one_can_drive_round_a_ring_and_out_again() -> None:
             reached.add(ref)
             waiting.extend(network.successors(ref))
     assert start._replace(lane_id=1) in reached
+
+
+def test_no_light_stands_where_one_way_traffic_leaves_the_map() -> None:
+    town = Town()
+    town.street([(-100, 0), (-20, 0), (0, 0), (20, 0), (80, 0)], oneway="yes", highway="secondary")
+    town.street([(0, -80), (0, 0), (0, 80)])
+    town.sign(-20, 0, highway="traffic_signals")
+    town.sign(20, 0, highway="traffic_signals")
+    (light,) = (signal for road in town.network().roads for signal in road.signals if signal.dynamic)
+    assert light.osm_node_id is not None
+    assert town.extract().nodes[light.osm_node_id].longitude_deg < -77.0

@@ -3,7 +3,7 @@ asked of it. Places are worked out by hand from the streets' own numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -373,3 +373,26 @@ def test_cycle_lanes_go_on_straight_and_to_the_right() -> None:
     straight = {("east", "west"), ("west", "east"), ("north", "south"), ("south", "north")}
     assert ends == straight | set(right_of.items())
     assert len(roads) == len(ends)
+
+
+def _edges(network: RoadNetwork) -> Iterator[tuple[LaneRef, np.ndarray]]:
+    """Both edges of every lane, half a metre from place to place, seen along the reference line."""
+    for ref in network.lanes():
+        lane = network.geometry(ref)
+        s_m = np.linspace(lane.begin_m + 1e-6, lane.end_m - 1e-6, max(3, int(2 * (lane.end_m - lane.begin_m))))
+        line, half = lane.road.line.sample(s_m), lane.width.sample(s_m) / 2
+        for t in (lane.centre.sample(s_m) - half, lane.centre.sample(s_m) + half):
+            at = np.column_stack([line[:, 0] - t * np.sin(line[:, 2]), line[:, 1] + t * np.cos(line[:, 2])])
+            heading = (line[1:, 2] + line[:-1, 2]) / 2
+            yield ref, (np.diff(at, axis=0) * np.column_stack([np.cos(heading), np.sin(heading)])).sum(axis=1)
+
+
+@pytest.mark.parametrize("bend_m", [(6.0, 8.0), (3.0, 3.0), (0.5, 6.0)])
+def test_no_edge_folds_over_inside_a_bend(bend_m: tuple[float, float]) -> None:
+    town = Town()
+    x, y = bend_m
+    town.street([(-80, 0), (0, 0), (x, y), (x - 2, y + 80)], sidewalk="both", cycleway="lane")
+    town.street([(-80, 0), (-80, -70)], sidewalk="both")
+    town.street([(-80, 0), (-140, 30)], sidewalk="both")
+    for ref, forward_m in _edges(town.network()):
+        assert (forward_m > -1e-6).all(), ref

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.roads.towns import Town
-from trace_dag.roads.from_osm.turn_curves import TIGHTEST_RADIUS_M, drivable_turn, tightest_radius_m
+from trace_dag.roads.from_osm.polyline_fit import fit_plan
+from trace_dag.roads.from_osm.turn_curves import (
+    TIGHTEST_RADIUS_M,
+    drivable_turn,
+    tightest_radius_m,
+    without_tight_bends,
+)
 from trace_dag.roads.gates.measures import shortest_element, tightest_turns
 from trace_dag.roads.map.curves import PlanPose, PlanView, join_plans, plan_pose, without_slivers
 from trace_dag.roads.map.model import PlanElement, Road
@@ -151,3 +158,48 @@ def test_pieces_shorter_than_a_centimetre_go_and_the_line_stays(pieces: list[tup
 def test_lines_of_a_town_have_no_slivers() -> None:
     length_m, _ = shortest_element(_divided(0.0, "2").network())
     assert length_m >= 0.01
+
+
+_turns = st.lists(st.floats(-1.7, 1.7), min_size=1, max_size=5)
+_steps = st.lists(st.floats(1.0, 8.0), min_size=5, max_size=5)
+
+
+@given(_turns, _steps, st.floats(2.0, 6.0))
+def test_wider_bends_begin_and_end_as_before(turns: list[float], steps_m: list[float], radius_m: float) -> None:
+    """A way of a few metres between corners of up to 100 degrees, 30 m before and behind them."""
+    points, heading = [(0.0, 0.0), (30.0, 0.0)], 0.0
+    for turn, step_m in zip(turns, [*steps_m[1 : len(turns)], 30.0], strict=True):
+        heading += turn
+        x, y = points[-1]
+        points.append((x + step_m * math.cos(heading), y + step_m * math.sin(heading)))
+    plan = fit_plan(points, radius_m)
+    wider = without_tight_bends(plan, radius_m)
+    for before, after in ((0.0, 0.0), (plan.length_m, wider.length_m)):
+        assert plan_pose(wider, after)[:2] == pytest.approx(plan_pose(plan, before)[:2], abs=1e-5)
+    assert tightest_radius_m(wider) >= min(tightest_radius_m(plan), radius_m) * (1 - 1e-5)
+    assert len(wider.vertex_s_m) == len(points)
+    assert list(wider.vertex_s_m) == sorted(wider.vertex_s_m)
+
+
+@pytest.mark.parametrize("highway", ["service", "residential"])
+def test_no_car_has_to_drive_a_bend_of_less_than_two_metres(highway: str) -> None:
+    """A parking aisle, drawn with corners a metre and a half apart."""
+    town = Town()
+    town.street([(-40, 0), (0, 0), (1.5, 0.5), (1.5, 2), (0, 2.5), (-40, 6)], highway=highway)
+    network = town.network()
+    for road in network.roads:
+        assert all(abs(piece.curvature_1pm) <= 1 / 1.999 for piece in road.plan)
+    for ref in network.drivable_lanes():
+        x, y, _, heading = network.centreline(ref, 0.1).T
+        steps_m = np.hypot(np.diff(x), np.diff(y))
+        assert (np.abs(np.diff(heading)) <= steps_m / 1.9 + 1e-3).all()
+
+
+def test_one_lane_beside_another_is_reached_by_a_curve_that_a_car_can_steer() -> None:
+    """Straight on from the left lane of two into the right one, over a junction 10 m long."""
+    town = Town()
+    town.street([(-100, 0), (0, 0)], highway="secondary", oneway="yes", lanes="1", placement="right_of:1")
+    town.street([(0, 0), (100, 0)], highway="secondary", oneway="yes", lanes="2", placement="left_of:1")
+    town.street([(0, 0), (0, 80)], highway="service")
+    turns, _ = tightest_turns(town.network())
+    assert turns.radius_m >= 2.0 * (1 - 1e-3)

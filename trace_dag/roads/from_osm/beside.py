@@ -33,6 +33,8 @@ from trace_dag.roads.map.model import Cubic, Lane, LaneType, Road
 _END_M: Final = 1.0  # length over which a sidewalk begins and ends
 _LEAST_M: Final = 8.0  # a shorter one is left out
 _SHOULDER_STEP_M: Final = 2 * STEP_M
+_FOLDS: Final = 0.9  # distance of an edge from the line over its radius
+_FOLD_MARGIN_M: Final = _SHOULDER_STEP_M  # places are looked at no closer than that
 _TO_JUNCTION_M: Final = 8.0  # a strip that ends this near to a junction goes on to it
 
 
@@ -120,6 +122,18 @@ class _Chain:
         if ends and self.end_m - high_m <= _TO_JUNCTION_M:
             high_m = self.end_m
         return low_m, high_m
+
+    def folds(self, s_m: FloatArray, strip: Strip, others: Sequence[Strip]) -> NDArray[np.bool_]:
+        """Where a strip lies inside a bend that is too tight for its outer edge; all ``others`` may lie further in."""
+        out_m = self.edges_m(s_m, strip.side, drivable=strip.type is LaneType.BIKING) + strip.verge_m + strip.width_m
+        if strip.type is LaneType.SIDEWALK:
+            out_m += max((o.width_m for o in others if o.side == strip.side and o.type is not strip.type), default=0.0)
+        begins_m, _, _, _, curvature = self._elements
+        ends_m = np.append(begins_m[1:], np.inf)
+        blocked = np.zeros(len(s_m), bool)
+        for k in np.flatnonzero(strip.side * curvature * out_m.max() > _FOLDS):
+            blocked |= (s_m > begins_m[k] - _FOLD_MARGIN_M) & (s_m < ends_m[k] + _FOLD_MARGIN_M)
+        return blocked
 
     def road_ids(self) -> frozenset[str]:
         """The street's own roads."""
@@ -292,7 +306,7 @@ def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: 
         return {}
     begins = np.cumsum([0, *(len(each) for each in edges)])
     strip_of = np.repeat(np.arange(len(edges)) // 2, np.diff(begins))
-    blocked = [np.zeros(len(each.s_m), bool) for each in samples]
+    blocked = [chains[index].folds(s_m, strips[index][number], strips[index]) for index, number, s_m in samples]
     own = {index: chain.road_ids() for index, chain in chains.items()}
     for edge, road in carriageways.at(np.concatenate(edges)):
         number = strip_of[edge]

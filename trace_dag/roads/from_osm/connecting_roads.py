@@ -44,6 +44,7 @@ _SHORTEST_M: Final = 0.05  # below it two arms touch and there is nothing to con
 _HALF_CAR_M: Final = 0.95
 _OVERRUN_M: Final = 0.3  # how far a car that turns round may leave the ground between the ends of the roads
 _STEP_M: Final = 0.5
+_SHIFT_RADIUS_M: Final = 3.7
 
 
 class _Link(NamedTuple):
@@ -99,15 +100,23 @@ def _links(movements: Sequence[Movement]) -> list[_Link]:
         run: list[tuple[ArmLane, ArmLane]] = []
         for pair in movement.lanes:
             if run and not (_adjacent(run[-1][0], pair[0]) and _adjacent(run[-1][1], pair[1])):
-                links.append(_street_link(movement, run, plan))
+                links += _side_by_side(movement, run, plan)
                 run = []
             run.append(pair)
-        links.append(_street_link(movement, run, plan))
+        links += _side_by_side(movement, run, plan)
         origin, target = movement.origin, movement.target
         if origin.centre and target.centre and origin.road_id <= target.road_id:
             middle = (origin.centre, _seen_outbound(target.centre))
             links.append(_street_link(movement, [middle], plan, LaneType.BIDIRECTIONAL))
     return links
+
+
+def _side_by_side(movement: Movement, run: Sequence[tuple[ArmLane, ArmLane]], plan: PlanView) -> list[_Link]:
+    """Lanes on one connecting road; each on its own if they shift sideways faster than a car can steer."""
+    shift_m = abs(run[0][1].offset_m - run[0][0].offset_m)
+    if 6 * shift_m * _SHIFT_RADIUS_M > plan.length_m**2:  # the curvature at the ends of a cubic from level to level
+        return [link for pair in run if (link := _lane_link(movement, pair)) is not None]
+    return [_street_link(movement, run, plan)]
 
 
 def _street_link(
@@ -133,12 +142,13 @@ def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | Non
 
 
 def _possible(links: list[_Link]) -> list[_Link]:
-    """The links that a car can drive, and others only if a lane has no other way on or in.
+    """The links that a car can drive, and U-turns that it cannot only if a lane has no other way on or in.
 
     A car cannot drive U-turns that leave the junction's ground (to turn round across a narrow median it needs room to
     swing out first), nor corners that are too tight even with swinging out.
     """
-    undrivable = [link for link in links if not _drivable(link, links)]
+    links = [link for link in links if tightest_radius_m(link.plan) >= CORNER_RADIUS_M * 0.999]
+    undrivable = [link for link in links if link.movement.turn == "u_turn" and not _fits(link, links)]
     if not undrivable:
         return links
     ways: Counter[tuple[str, ContactPoint, int]] = Counter(end for link in links for end in _lane_ends(link))
@@ -148,12 +158,6 @@ def _possible(links: list[_Link]) -> list[_Link]:
             ways.subtract(_lane_ends(link))
             impossible.append(link)
     return [link for link in links if not any(link is other for other in impossible)]
-
-
-def _drivable(link: _Link, links: Sequence[_Link]) -> bool:
-    if link.movement.turn == "u_turn":
-        return _fits(link, links)
-    return tightest_radius_m(link.plan) >= CORNER_RADIUS_M * 0.999
 
 
 def _lane_ends(link: _Link) -> list[tuple[str, ContactPoint, int]]:

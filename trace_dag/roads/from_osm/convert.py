@@ -17,9 +17,13 @@ from dataclasses import replace
 from itertools import count
 from typing import Final
 
+import numpy as np
+import shapely
+
 from trace_dag.errors import Reason, Rejection
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
+from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
 from trace_dag.roads.from_osm.arm_cuts import end_profile
 from trace_dag.roads.from_osm.beside import with_lanes_beside
@@ -44,6 +48,7 @@ from trace_dag.roads.from_osm.signs import place_signs
 from trace_dag.roads.from_osm.street_graph import Street, build_street_graph
 from trace_dag.roads.from_osm.street_roads import StreetRoads, build_street_roads
 from trace_dag.roads.from_osm.tags import CrossSection, WayProfile, read_profile
+from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, without_tight_bends
 from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_plan
 from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork
@@ -53,6 +58,9 @@ from trace_dag.wording import counted
 
 CONVERTER: Final = f"trace-dag native {__version__}"
 _EDGE_RATIO: Final = 1.3  # bends this much wider than the outermost lane's outer border
+_CENTRE_RATIO: Final = 1.15  # with room for the lanes' own tapers
+_FARTHEST_M: Final = 2.9  # a public road is laid no farther from its way so that all its lanes can be driven
+_FOLD_RATIO: Final = 1.1  # narrower than this an edge folds
 _LANE_STEP_RATIO: Final = 5.2  # bends this much wider than the outermost lane's offset: all lanes near equal length
 
 
@@ -101,7 +109,7 @@ def convert(
             measured=0.0,
             threshold=1.0,
         )
-    plans = [fit_plan(street.points, _least_radius_m(street)) for street in streets]
+    plans = [_plan(street) for street in streets]
     layout = lay_out(streets, plans)
     ids = count()
 
@@ -161,18 +169,33 @@ def convert(
     return with_lanes_through_junctions(network, carriageways, new_id)
 
 
-def _least_radius_m(street: Street) -> float:
-    """Radius at which the lanes of a street differ little in length and none folds at its inner edge."""
-    return max(radius for span in street.spans for radius in _radii_needed(span.profile.section))
+def _plan(street: Street) -> PlanView:
+    """The reference line of a street: bends as wide as its lanes like where there is room, and nowhere so tight that a
+    lane folds at its inner edge or its centre is tighter than a corner that a car can take."""
+    wanted, needed = zip(*(radii for span in street.spans for radii in _radii(span.profile.section)), strict=True)
+    plan = fit_plan(street.points, max(wanted))
+    wide = without_tight_bends(plan, max(needed))
+    if wide is not plan and any(road_class(span.profile.highway).public for span in street.spans):
+        missed_m = shapely.distance(
+            shapely.linestrings([plan_pose(wide, s_m)[:2] for s_m in np.arange(0.0, wide.length_m + 1.0, 1.0)]),
+            shapely.points(shapely.get_coordinates(shapely.segmentize(shapely.linestrings(street.points), 1.0))),
+        )
+        wide = wide if missed_m.max() <= _FARTHEST_M else plan
+    return without_tight_bends(wide, CORNER_RADIUS_M)
 
 
-def _radii_needed(section: CrossSection) -> Iterator[float]:
-    """The radius of the reference line that each lane of a cross-section needs."""
+def _radii(section: CrossSection) -> Iterator[tuple[float, float]]:
+    """The radius of the reference line that each lane of a cross-section likes, so that lanes differ little in length,
+    and the least that it needs."""
     for lanes, sign in ((section.left, 1), (section.forward, -1)):
         border = section.offset_m
         for lane in lanes:
             centre, border = border + sign * lane.width_m / 2, border + sign * lane.width_m
-            yield max(_EDGE_RATIO * abs(border), _LANE_STEP_RATIO * abs(centre) if lane.type.drivable else 0.0)
+            edge_m, drivable = abs(border), lane.type.drivable
+            yield (
+                max(_EDGE_RATIO * edge_m, _LANE_STEP_RATIO * abs(centre) if drivable else 0.0),
+                max(_FOLD_RATIO * edge_m, abs(centre) + _CENTRE_RATIO * CORNER_RADIUS_M if drivable else 0.0),
+            )
 
 
 def _linked(roads: list[Road], start_junction: str | None, end_junction: str | None) -> list[Road]:

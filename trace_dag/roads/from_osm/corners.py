@@ -18,6 +18,7 @@ import numpy as np
 from trace_dag.geometry import hermite
 from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.marks import NOT_CROSSED
+from trace_dag.roads.from_osm.turn_curves import tightest_radius_m, turn_of_radius
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanPose, PlanView, connect, element_pose, plan_pose, without_slivers
 from trace_dag.roads.map.model import (
@@ -35,6 +36,7 @@ from trace_dag.roads.map.network import RoadNetwork
 
 _LEAST_WIDTH_M: Final = 0.5  # a lane that has closed before the junction does not go on
 _LEAST_M: Final = 0.1
+_INNER_EDGE_M: Final = 0.1  # least radius of the inner edge, which would fold without any
 _FARTHEST_M: Final = 60.0  # farthest distance of a corner's ends: as large as the largest junctions
 _STEP_M: Final = 1.0
 
@@ -182,7 +184,11 @@ def _path(kind: LaneType, origin: _Arm, side: int, target: _Arm) -> _Path | None
     start, end = _shifted(origin.pose, lane.left_m), _shifted(target.pose, onward.left_m)
     if not _LEAST_M < math.hypot(end.x_m - start.x_m, end.y_m - start.y_m) < _FARTHEST_M:
         return None
-    plan = connect(start, PlanPose(end.x_m, end.y_m, end.heading_rad + math.pi))
+    to = PlanPose(end.x_m, end.y_m, end.heading_rad + math.pi)
+    plan = connect(start, to)
+    least_m = max(lane.width_m, onward.width_m) / 2 + _INNER_EDGE_M
+    if plan is not None and tightest_radius_m(plan) < least_m:
+        plan = turn_of_radius(start, to, least_m)
     return None if plan is None else _Path(kind, origin, lane, target, onward, plan)
 
 

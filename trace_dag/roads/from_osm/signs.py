@@ -145,8 +145,8 @@ def _directions(
     node: OsmNode, oneway: bool, against_way: bool, to_start: float | None, to_end: float | None
 ) -> tuple[bool, ...]:
     """The directions along the street to which a node applies: as tagged, else towards the junction it stands at."""
-    if oneway:
-        return (True,)
+    if oneway:  # where the map ends, nothing is left that a light could control
+        return (True,) if to_end is not None else ()
     tagged = node.tags.get("traffic_signals:direction") or node.tags.get("direction") or ""
     if tagged in ("forward", "backward"):
         return ((tagged == "forward") != against_way,)

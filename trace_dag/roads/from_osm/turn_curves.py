@@ -11,7 +11,16 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from trace_dag.roads.map.curves import PlanPose, PlanView, Point, element_pose, join_plans
+from trace_dag.roads.map.curves import (
+    PlanPose,
+    PlanView,
+    Point,
+    connect,
+    cut_plan,
+    element_pose,
+    join_plans,
+    plan_pose,
+)
 from trace_dag.roads.map.model import PlanElement
 
 TIGHTEST_RADIUS_M: Final = 3.7
@@ -31,6 +40,7 @@ _MOST_BACK_RAD: Final = (
 _MOST_BACK_IN_A_FOLD_RAD: Final = 3.6
 _RADII_M: Final = (TIGHTEST_RADIUS_M, 3.2, 2.7, 2.3, CORNER_RADIUS_M)
 _SAME_RAD: Final = 1e-6
+_ROOM_M: Final = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)  # before and behind a bend that is made wider
 
 _Piece = tuple[float, float]  # length in metres (of a line) or angle in radians (of an arc); 0, or an arc's side: 1, -1
 
@@ -60,6 +70,60 @@ def drivable_turn(start: PlanPose, end: PlanPose) -> PlanView | None:
         if plan is not None:
             return plan
     return _shortest(start, end, CORNER_RADIUS_M, _MOST_BACK_IN_A_FOLD_RAD)
+
+
+def turn_of_radius(start: PlanPose, end: PlanPose, radius_m: float) -> PlanView | None:
+    """The shortest curve from pose to pose whose arcs have one radius; None if every such curve is a loop.
+
+    >>> quarter = turn_of_radius(PlanPose(0.0, 0.0, 0.0), PlanPose(10.0, 10.0, math.pi / 2), 4.0)
+    >>> round(quarter.length_m, 3)  # two lines of 6 m and a quarter of 2 pi 4 m
+    18.283
+    """
+    return _shortest(start, end, radius_m, _MOST_BACK_RAD)
+
+
+def without_tight_bends(plan: PlanView, radius_m: float) -> PlanView:
+    """The same line with a wider bend in place of each arc tighter than ``radius_m``, as near to it as there is room.
+
+    It begins and ends as before. An arc without room for a wider one stays.
+
+    >>> tight = connect(PlanPose(0.0, 0.0, 0.0), PlanPose(20.0, 0.5, math.pi / 2))
+    >>> tightest_radius_m(tight), round(tightest_radius_m(without_tight_bends(tight, 2.0)), 6)
+    (0.5, 2.0)
+    """
+    begin_m = 0.0
+    while (arc := _first_tight(plan, radius_m, begin_m)) is not None:
+        wider = _widened(plan, arc, radius_m)
+        begin_m = arc.s_m + arc.length_m
+        if wider is not None:
+            begin_m += wider.length_m - plan.length_m
+            plan = wider
+    return plan
+
+
+def _first_tight(plan: PlanView, radius_m: float, begin_m: float) -> PlanElement | None:
+    return next(
+        (e for e in plan.elements if e.s_m > begin_m - _SAME_RAD and abs(e.curvature_1pm) * radius_m > 1.0 + 1e-6), None
+    )
+
+
+def _widened(plan: PlanView, arc: PlanElement, radius_m: float) -> PlanView | None:
+    for reach_m in _ROOM_M:
+        low_m, high_m = max(arc.s_m - reach_m, 0.0), min(arc.s_m + arc.length_m + reach_m, plan.length_m)
+        start, end = plan_pose(plan, low_m), plan_pose(plan, high_m)
+        curves = [connect(start, end), turn_of_radius(start, end, radius_m)]
+        wide = [each for each in curves if each and tightest_radius_m(each) >= radius_m * (1 - 1e-6)]
+        if wide:
+            curve = min(wide, key=lambda each: each.length_m)
+            pieces = cut_plan(plan, 0.0, low_m), curve, cut_plan(plan, high_m, plan.length_m)
+            joined = join_plans([piece for piece in pieces if piece.elements])
+            scale = curve.length_m / (high_m - low_m)
+            vertices = tuple(
+                s_m if s_m <= low_m else low_m + (min(s_m, high_m) - low_m) * scale + max(s_m - high_m, 0.0)
+                for s_m in plan.vertex_s_m
+            )
+            return PlanView(joined.elements, joined.length_m, vertices)
+    return None
 
 
 def _shortest(start: PlanPose, end: PlanPose, radius_m: float, most_back_rad: float) -> PlanView | None:
