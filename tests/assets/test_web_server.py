@@ -121,6 +121,18 @@ def test_no_page_frames_it(server: Server):
         assert server.ask("GET", path, Sec_Fetch_Dest="iframe", Sec_Fetch_Mode="navigate")[0] == 403
 
 
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_the_page_of_a_crash_shows_its_replay_in_a_frame(server: Server, root: Path, tmp_path: Path):
+    crashes = root / "benchmark" / "crashes"
+    crashes.mkdir(parents=True)
+    (crashes / "crash.html").write_text("<iframe src='../replay.html?2023-319003'></iframe>")
+    (crashes.parent / "replay.html").write_text("<p>A replay")
+    with Page(tmp_path / "profile") as page:
+        page.open(f"http://{server.host}/site/benchmark/crashes/crash.html")
+        assert any("replay.html" in each for each in page.requests)
+        assert [error for error in page.errors if "replay.html" in error] == []
+
+
 def test_what_there_is_not_of_a_run_is_not_found(server: Server):
     assert server.ask("GET", "/download_debug/x")[0] == 404
     assert server.ask("GET", "/logs/x/y/z")[0] == 404

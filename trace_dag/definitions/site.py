@@ -16,11 +16,14 @@ from trace_dag.benchmark.build import INDEX
 from trace_dag.benchmark.crash_files import FOLDER
 from trace_dag.definitions.asgi import App, Message, Receive, Send, send_bytes
 from trace_dag.errors import Failure, UserError
+from trace_dag.scenario.replay_library import PAGE
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, check_name
 
 PREFIX: Final = "/site"
 _HOME: Final = f"{PREFIX}/{FOLDER}/"
+REPLAY: Final = f"{_HOME}{PAGE}"
+"""The one page that is shown in frames, those of the crashes' pages: their origins are nobody's, not even their own."""
 _SERVED: Final = (FOLDER, "pictures", Stage.ROAD_MAP.value, Stage.VERDICT.value)
 _SANDBOX: Final = b"sandbox allow-scripts allow-popups allow-popups-to-escape-sandbox allow-downloads"
 

@@ -26,7 +26,7 @@ from urllib.parse import parse_qs, urlsplit
 import click
 
 from trace_dag.definitions.asgi import App, Message, Receive, Send, again, read_body, send_bytes
-from trace_dag.definitions.site import PREFIX, BenchmarkSite
+from trace_dag.definitions.site import PREFIX, REPLAY, BenchmarkSite
 from trace_dag.storage import Storage
 
 log = logging.getLogger(__name__)
@@ -71,7 +71,7 @@ class Guard:
             await send_bytes(send, 403, f"trace-dag ui: {refused}\n".encode())
 
     async def _answer(self, scope: Message, receive: Receive, send: Send) -> None:
-        """Let Dagster answer, in no frame; what it has of runs that there are not is not found."""
+        """Let Dagster answer, in no frame but the replay; what it has of runs that there are not is not found."""
         of_a_run = str(scope["path"]).startswith(_OF_RUNS)
         broken = False
 
@@ -79,7 +79,8 @@ class Guard:
             nonlocal broken
             if message["type"] == "http.response.start":
                 broken = of_a_run and message["status"] == 500
-                message = {**message, "headers": [*message["headers"], *_NO_FRAMES]}
+                if scope["path"] != REPLAY:
+                    message = {**message, "headers": [*message["headers"], *_NO_FRAMES]}
             if not broken:
                 await send(message)
 
@@ -104,7 +105,7 @@ class Guard:
             return "pages of other origins may not ask this server"
         if scope["type"] == "websocket":
             return ""
-        if headers.get(b"sec-fetch-dest", [""])[0] in _FRAMES:
+        if headers.get(b"sec-fetch-dest", [""])[0] in _FRAMES and scope["path"] != REPLAY:
             return "its pages are shown in no frame"
         if scope["path"].startswith(f"{PREFIX}/") and scope["method"] in _WITHOUT_EFFECT:
             return ""  # its pages have an origin of their own, and what they show changes nothing
