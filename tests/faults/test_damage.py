@@ -217,6 +217,7 @@ EVERYTHING = (
     ("cohorts/sample.json", DisagreementKind.LOST_COHORT),
     ("cohorts/copies/sample.json", DisagreementKind.LOST_COHORT),
     ("benchmark/manifest.json", DisagreementKind.DAMAGED_PAGE),
+    ("cache/warehouse.json", DisagreementKind.DAMAGED_CACHE),
 )
 
 
@@ -271,10 +272,12 @@ def test_crashes_whose_cohorts_are_lost_with_their_copies_are_registered_from_th
     said = trace_dag(root, "verify")
     assert said.returncode == 1
     assert "no cohort is registered" in said.stdout
-    trace_dag(root, "verify", "--repair")
+    assert "1 disagreement: 1 lost cohorts" in said.stdout, "what follows from it is not listed crash by crash"
+    repaired = trace_dag(root, "verify", "--repair")
     (recovered,) = Registry(Storage(root)).cohorts().values()
     not_released = "2023-319061"  # whose report is an answer without a case, kept nowhere
     assert before.reports.keys() - recovered.reports.keys() == {not_released}
+    assert f"nothing is kept of the report: {not_released}; ingest it again" in repaired.stderr
     workspace = Workspace.open(str(root), FLOW)
     assert first_stale(workspace, workspace.registry.keys()) == {}, "nothing has to be made again"
 

@@ -98,14 +98,16 @@ def _look(
 ) -> tuple[StorageReport, list[Disagreement]]:
     from trace_dag.assets.verify import verify_dagster
     from trace_dag.benchmark.verify import verify_benchmark
-    from trace_dag.flow.verify import verify_storage
+    from trace_dag.flow.verify import DisagreementKind, verify_storage
     from trace_dag.warehouse.verify import verify_warehouse
 
     with progress_told("artefacts") as tell:
         report = verify_storage(storage, workspace.local_folder, contents=contents, progress=tell)
     found = [*report.disagreements]
+    lost = any(each.kind in (DisagreementKind.LOST_COHORT, DisagreementKind.LOST_REGISTRY) for each in found)
     if not report.older:
         found += verify_benchmark(storage, contents=contents)
+    if not report.older and not lost:  # else every crash would be too much for both
         found += verify_dagster(instance, report.records)
         found += verify_warehouse(workspace.warehouse, report.records)
     return report, found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from trace_dag.cohorts.registry import Registry, ReportSource
 from trace_dag.flow.artefacts import REPORT_XML
 from trace_dag.flow.records import read_records
+from trace_dag.logs import complain
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
@@ -18,16 +19,19 @@ def register_again(storage: Storage) -> None:
     Its report is the one that the first stage kept, or asked of the service again. Of maps only a digest is known, so
     that what was made from them stays as it is; crashes that still need one fail until maps are registered again.
     """
+    left_out = []
     keys = {crash_of(name) for name in storage.list(Stage.RAW_REPORT.value)}
     by_maps: dict[str, dict[str, ReportSource]] = {}
     for key, records in read_records(storage, sorted(keys)).items():
         record, extract = records.get(Stage.RAW_REPORT), records.get(Stage.OSM_EXTRACT)
         if record is None:
+            left_out.append(key)
             continue
         source = ReportSource("crashapi")
         if record.figures.get("source") != "crashapi":
             kept = record.artefact(REPORT_XML.extensions[0])
             if kept is None:
+                left_out.append(key)
                 continue
             source = ReportSource("stored", f"reports/{key}.xml", kept.sha256)
             if not storage.exists(source.location):
@@ -35,9 +39,10 @@ def register_again(storage: Storage) -> None:
         maps = extract.provenance.inputs.get("maps", "") if extract is not None else ""
         by_maps.setdefault(maps, {})[key] = source
     unknown = by_maps.pop("", {})
-    for number, (maps, reports) in enumerate(sorted(by_maps.items()), 1):
+    first = min(by_maps, default="")
+    by_maps[first] = by_maps.get(first, {}) | unknown
+    for number, (maps, reports) in enumerate(sorted(each for each in by_maps.items() if each[1]), 1):
         name = COHORT if number == 1 else f"{COHORT}-{number}"
-        Registry(storage).register(name, reports | unknown, origin="records of a lost registry", lost_maps=maps)
-        unknown = {}
-    if unknown:
-        Registry(storage).register(COHORT, unknown, origin="records of a lost registry")
+        Registry(storage).register(name, reports, origin="records of a lost registry", lost_maps=maps or None)
+    if left_out:
+        complain(f"not registered again, since nothing is kept of the report: {', '.join(left_out)}; ingest it again")

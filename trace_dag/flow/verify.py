@@ -390,14 +390,15 @@ def _report_disagreements(storage: Storage, cohorts: Iterable[Cohort], contents:
 
 
 def _cache_disagreements(storage: Storage) -> Iterator[Disagreement]:
-    """Kept answers of models, and what was seen in reports, that are not as they were written."""
+    """Kept answers of models, and notes of reports and of the warehouse, that are not as they were written."""
     root = storage.local_root
     answers = sorted((root / _ANSWERS).rglob("*.json")) if root is not None else []
     names = [path.relative_to(root).as_posix() for path in answers if root is not None]
+    notes = [LISTINGS, *(name for name in storage.list(CACHE_FOLDER) if name.endswith(".json"))]
     for path in damaged_answers(storage.local_folder / CACHE_FOLDER):
         detail = f"{path} is not the answer that was kept"
         yield Disagreement(DisagreementKind.DAMAGED_ANSWER, detail, file=str(path))
-    for name, data in storage.read_many([*names, LISTINGS], unreadable=lambda _: None).items():
+    for name, data in storage.read_many([*names, *notes], unreadable=lambda _: None).items():
         try:
             checked(data, name=name)
         except DamagedFile as damaged:
