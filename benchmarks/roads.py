@@ -138,7 +138,7 @@ def convert_all(places: Places, folder: Path) -> dict[Path, RoadNetwork]:
                 print(f"  {key}: {gate.name} {gate.value} {gate.unit} ({gate.detail[:100]})")
         comparison = MapComparison(network, extract)
         deviations.append(comparison.way_deviation())
-        compared, differing, _ = comparison.lanes_against_tags()
+        compared, differing = comparison.lanes_against_tags()
         lanes_compared, lanes_differing = lanes_compared + compared, lanes_differing + differing
         returning += sum(map(_returns, network.roads))
         path = folder / f"{key}.xodr"

@@ -93,6 +93,10 @@ class RoadSettings(_Section):
     marks: Literal["reconstruction", "legal"] = Field(
         "reconstruction", description="Marks that allow every reported motion, or those the law paints."
     )
+    gate_scope: Literal["used", "all"] = Field(
+        "used",
+        description="Roads for which a map is rejected: those that the crash can use (others are left out), or all.",
+    )
     max_move_m: float = Field(30.0, description="How far a reported point may be moved to reach the road it names.")
 
 

@@ -97,7 +97,7 @@ def test_a_gate_that_does_not_hold_leaves_the_map_and_what_was_measured(monkeypa
             dataclasses.replace(gate, passed=gate.name != "way_deviation_mean") for gate in check_map(*given, **limits)
         )
 
-    monkeypatch.setattr("trace_dag.roads.build.check_map", strict)
+    monkeypatch.setattr("trace_dag.roads.gates.scope.check_map", strict)
     rejected = built(town_with_a_bridge().extract(), report(street="MAIN ST"))
     assert isinstance(rejected, RejectedRoadMap)
     assert rejected.reason == Reason.MAP_DISTORTED

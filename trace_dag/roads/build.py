@@ -22,7 +22,8 @@ from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.converter import Converter
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.from_osm.way_direction import along_traffic
-from trace_dag.roads.gates.gates import check_map, require
+from trace_dag.roads.gates.gates import require
+from trace_dag.roads.gates.scope import check_in_scope
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
@@ -89,8 +90,15 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
             network = with_kinds(converter.convert(filling.extract, frame, settings, filling.hints), filling.extract)
             placement = place_crash(network, record, settings)
             comparisons = tuple(_marked(comparison, filling.attributes) for comparison in comparisons)
-        stored = StoredMap(write_opendrive(network, marks=settings.marks), name=f"road map of {record.key}")
-        gates = check_map(network, filling.extract, stored, placement, limits=converter.limits)
+        checked = check_in_scope(
+            network,
+            filling.extract,
+            placement,
+            name=f"road map of {record.key}",
+            limits=converter.limits,
+            settings=settings,
+        )
+        network, gates = checked.network, checked.gates
         require(gates)
     except Rejection as why:
         beside = RejectedMapReport(network.converter, settings.max_move_m, near_streets(network, record), gates)
@@ -109,9 +117,10 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         ),
         things=things_near(extract.surroundings, frame, placement),
         tags_not_followed=tuple(_tags_not_followed(network, extract)),
+        left_out_roads=checked.left_out,
         reversible_roads=tuple(ReversibleRoad(road.id, road.reversible) for road in network.roads if road.reversible),
     )
-    return RoadMap(network, stored, report)
+    return RoadMap(network, checked.stored, report)
 
 
 def road_converter(settings: RoadSettings) -> Converter:

@@ -45,6 +45,7 @@ class MapGate:
     unit: str
     passed: bool | None  # None: not evaluated, ``detail`` says why
     detail: str = ""
+    road_ids: tuple[str, ...] = ()  # where it does not hold
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,16 @@ class MappedThing:
 
 
 @dataclass(frozen=True)
+class LeftOutRoad:
+    """A road that is not on the map since it failed a gate; the crash cannot have used it."""
+
+    road_id: str
+    name: str
+    osm_way_ids: tuple[int, ...]
+    why: str
+
+
+@dataclass(frozen=True)
 class TagNotFollowed:
     """What an OpenStreetMap way says that is not on the map, since it contradicts other tags or cannot be read."""
 
@@ -121,6 +132,7 @@ class MapReport:
     things: tuple[MappedThing, ...] = ()  # within 40 m, nearest first
     tags_not_followed: tuple[TagNotFollowed, ...] = ()
     reversible_roads: tuple[ReversibleRoad, ...] = ()
+    left_out_roads: tuple[LeftOutRoad, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -344,7 +344,7 @@ def test_hints_fill_what_is_untagged() -> None:
 # --- all of it -----------------------------------------------------------------------------------------------------
 def test_links_are_mutual_and_leave_no_gap() -> None:
     network = cross(lanes="4").network()
-    assert one_sided_links(network) == []
+    assert not one_sided_links(network)
     assert stranded_lanes(network) == []
     assert max(gap.position_m for gap in link_gaps(network)) < 0.02
     assert {c.contact_point for junction in network.junctions for c in junction.connections} == {ContactPoint.START}

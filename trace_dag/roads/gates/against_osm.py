@@ -234,13 +234,13 @@ class MapComparison:
             if (node_id := place.crosswalk.osm_node_id) in self._node_xy
         ]
 
-    def lanes_against_tags(self) -> tuple[int, int, list[str]]:
-        """Roads whose lane count is tagged, how many of them differ, and how.
+    def lanes_against_tags(self) -> tuple[int, dict[str, str]]:
+        """How many roads have their lane count tagged, and how those that differ do, by road id.
 
         A road made of one way is compared in the middle, where no lane has begun to open or close for a junction.
         """
         by_id = {way.id: way for way in self.ways}
-        compared, differing = 0, []
+        compared, differing = 0, {}
         for road in self.network.roads:
             if road.junction_id is not None or len(road.osm_way_ids) != 1 or road.osm_way_ids[0] not in by_id:
                 continue
@@ -252,8 +252,8 @@ class MapComparison:
             count = _lane_count(road, road.length_m / 2)
             if count != tagged:
                 lanes = counted(count, "lane")
-                differing.append(f"road {road.id} has {lanes}, way {road.osm_way_ids[0]} is tagged {tagged}")
-        return compared, len(differing), differing
+                differing[road.id] = f"road {road.id} has {lanes}, way {road.osm_way_ids[0]} is tagged {tagged}"
+        return compared, differing
 
     def geodesic_anchors(self, count: int) -> tuple[FloatArray, FloatArray]:
         """Well-spread places of OSM and where the map has them: (n, 2) latitude and longitude, (n, 2) x and y.

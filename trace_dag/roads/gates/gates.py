@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -41,9 +41,11 @@ def check_map(
     placement: CrashPlacement | None = None,
     *,
     limits: MapLimits | None = None,
+    left_out_ways: Collection[int] = (),
 ) -> tuple[MapGate, ...]:
     """All gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` it was made from.
 
+    The map need not have roads of ``left_out_ways``. A gate that fails names the roads where it does.
     Everything is measured on the file as read back. If it breaks more rules than allowed, nothing else is measured.
     """
     limits = limits or MapLimits()
@@ -55,7 +57,7 @@ def check_map(
     return (
         rules,
         _stored(network, stored, limits),
-        *_ways(comparison, limits),
+        *_ways(comparison, limits, left_out_ways),
         _lanes(comparison, limits),
         *_links(stored, limits),
         *_curves(stored, limits),
@@ -83,18 +85,22 @@ def _sentence(gate: MapGate) -> str:
     return f"The map fails its gate {gate.name.replace('_', ' ')}{value}{limit}{detail}."
 
 
-def _at_most(name: str, value: float, threshold: float, unit: str, detail: str = "") -> MapGate:
+def _at_most(
+    name: str, value: float, threshold: float, unit: str, detail: str = "", roads: Iterable[str] = ()
+) -> MapGate:
     limit = threshold if math.isfinite(threshold) else None
-    return MapGate(name, value, limit, unit, value <= threshold, detail)
+    passed = value <= threshold
+    return MapGate(name, value, limit, unit, passed, detail, () if passed else tuple(dict.fromkeys(roads)))
 
 
-def _at_least(name: str, value: float, threshold: float, unit: str, detail: str) -> MapGate:
+def _at_least(name: str, value: float, threshold: float, unit: str, detail: str, road_id: str) -> MapGate:
     # Lines are made exactly to the limit, so rounding errors are allowed for.
-    return MapGate(name, value, threshold, unit, value >= threshold * (1 - 1e-3), detail)
+    passed = value >= threshold * (1 - 1e-3)
+    return MapGate(name, value, threshold, unit, passed, detail, () if passed else (road_id,))
 
 
-def _count_gate(name: str, found: list[str], unit: str, threshold: float = 0) -> MapGate:
-    return _at_most(name, len(found), threshold, unit, "; ".join(found[:_SHOWN]))
+def _count_gate(name: str, found: list[str], unit: str, threshold: float = 0, roads: Iterable[str] = ()) -> MapGate:
+    return _at_most(name, len(found), threshold, unit, "; ".join(found[:_SHOWN]), roads)
 
 
 def _stored(network: RoadNetwork, stored: RoadNetwork, limits: MapLimits) -> MapGate:
@@ -110,10 +116,15 @@ def _stored(network: RoadNetwork, stored: RoadNetwork, limits: MapLimits) -> Map
     return _at_most(name, largest_m, limits.stored_difference_m, unit)
 
 
-def _ways(comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:
+def _ways(comparison: MapComparison, limits: MapLimits, left_out_ways: Collection[int]) -> Iterator[MapGate]:
     deviation = comparison.way_deviation()
     length = f"over {deviation.length_m:.0f} m of ways outside junctions"
-    yield _at_most("way_deviation_mean", deviation.mean_m, limits.mean_way_deviation_m, "m", length)
+
+    def roads_of(way_id: int | None) -> tuple[str, ...]:
+        return tuple(road.id for road in comparison.roads_of_way.get(way_id, ())) if way_id is not None else ()
+
+    worst_roads = roads_of(deviation.worst_way_id)
+    yield _at_most("way_deviation_mean", deviation.mean_m, limits.mean_way_deviation_m, "m", length, worst_roads)
     worst = f"way {deviation.worst_public_way_id}; {deviation.worst_m:.2f} m with service roads"
     yield _at_most(
         "way_deviation_worst",
@@ -121,25 +132,30 @@ def _ways(comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:
         limits.worst_way_deviation_m,
         "m",
         worst if deviation.worst_public_way_id is not None else "",
+        roads_of(deviation.worst_public_way_id),
     )
     share = deviation.share_within_1m
     passed = share >= limits.share_within_1m
-    yield MapGate("way_length_within_1m", share, limits.share_within_1m, "of length", passed, length)
-    missing = [f"way {way_id}" for way_id in deviation.missing_public_way_ids]
+    roads = () if passed else worst_roads
+    yield MapGate("way_length_within_1m", share, limits.share_within_1m, "of length", passed, length, roads)
+    missing = [f"way {way_id}" for way_id in deviation.missing_public_way_ids if way_id not in left_out_ways]
     yield _count_gate("ways_missing", missing, "public ways", limits.ways_missing)
 
 
 def _lanes(comparison: MapComparison, limits: MapLimits) -> MapGate:
-    compared, differing, examples = comparison.lanes_against_tags()
+    compared, examples = comparison.lanes_against_tags()
     name, unit = "lanes_against_tags", "of tagged roads differ"
     if not compared:
         return MapGate(name, None, limits.lanes_against_tags, unit, None, "no road of this map has its lanes tagged")
-    detail = "; ".join([f"{compared} roads compared", *examples[:_SHOWN]])
-    return _at_most(name, differing / compared, limits.lanes_against_tags, unit, detail)
+    detail = "; ".join([f"{compared} roads compared", *[*examples.values()][:_SHOWN]])
+    return _at_most(name, len(examples) / compared, limits.lanes_against_tags, unit, detail, examples)
 
 
 def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
-    yield _count_gate("links_both_ways", measures.one_sided_links(stored), "one-sided links")
+    one_sided = measures.one_sided_links(stored)
+    yield _count_gate(
+        "links_both_ways", [*one_sided.values()], "one-sided links", roads=[ref.road_id for ref in one_sided]
+    )
     gaps = measures.link_gaps(stored)
     for name, unit, limit, size in (
         ("link_gap", "m", limits.link_gap_m, [math.hypot(gap.position_m, gap.height_m) for gap in gaps]),
@@ -151,7 +167,8 @@ def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
         worst = int(np.argmax(np.round(size, 6)))
         source, target = gaps[worst].source, gaps[worst].target
         where = f"road {source.road_id} lane {source.lane_id} to road {target.road_id} lane {target.lane_id}"
-        yield _at_most(name, size[worst], limit, unit, f"{len(gaps)} links, worst {where}")
+        roads = (source.road_id, target.road_id)
+        yield _at_most(name, size[worst], limit, unit, f"{len(gaps)} links, worst {where}", roads)
     stranded = measures.stranded_lanes(stored)
     detail = "; ".join(stranded[:_SHOWN])
     yield MapGate("lanes_leading_nowhere", len(stranded), None, "lanes", None if stranded else True, detail)
@@ -165,14 +182,15 @@ def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
         if turn.road_id is None:
             yield MapGate(name, None, limit_m, "m", True, "no lane turns")
         else:
-            yield _at_least(name, turn.radius_m, limit_m, "m", f"road {turn.road_id}")
+            yield _at_least(name, turn.radius_m, limit_m, "m", f"road {turn.road_id}", turn.road_id)
     length_m, road_id = measures.shortest_element(stored)
-    yield _at_least("shortest_element", length_m, limits.shortest_element_m, "m", f"road {road_id}")
+    yield _at_least("shortest_element", length_m, limits.shortest_element_m, "m", f"road {road_id}", road_id or "")
 
 
 def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
     """Each neighbour has the lane as its neighbour in turn, and they share a border."""
     broken: list[str] = []
+    roads: list[str] = []
     for ref in stored.drivable_lanes():
         geometry = stored.geometry(ref)
         middle = (geometry.begin_m + geometry.end_m) / 2
@@ -184,7 +202,8 @@ def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
             widths = (geometry.width.at(middle) + neighbour.width.at(middle)) / 2
             if ref not in stored.neighbours(other) or abs(between - widths) > 1e-6:
                 broken.append(f"lane {ref.lane_id} of road {ref.road_id} and its {side} neighbour {other.lane_id}")
-    yield _count_gate("neighbours_both_ways", broken, "pairs")
+                roads.append(ref.road_id)
+    yield _count_gate("neighbours_both_ways", broken, "pairs", roads=roads)
 
 
 def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
@@ -213,7 +232,9 @@ def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
     for name, steepest, limit in (("grade", main, limits.grade), ("ramp_grade", ramp, limits.ramp_grade)):
         detail = f"road {steepest.road_id}" if steepest.road_id is not None else "level"
         # The profile is fitted exactly to the limit, so rounding errors are allowed for.
-        yield MapGate(name, steepest.grade, limit, "rise over run", steepest.grade <= limit * (1 + 1e-3), detail)
+        passed = steepest.grade <= limit * (1 + 1e-3)
+        steep = () if passed or steepest.road_id is None else (steepest.road_id,)
+        yield MapGate(name, steepest.grade, limit, "rise over run", passed, detail, steep)
     found = measures.crossings(stored)
     separated = [crossing for crossing in found if crossing.separated]
     level = (
@@ -226,7 +247,8 @@ def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
     where = f"roads {lowest.road_ids[0]} and {lowest.road_ids[1]} at ({lowest.x_m:.0f}, {lowest.y_m:.0f})"
     detail = "; ".join(filter(None, [f"{len(separated)} crossings of levels, lowest {where}", level]))
     passed = lowest.clearance_m >= limits.clearance_m - 1e-3
-    yield MapGate("clearance", lowest.clearance_m, limits.clearance_m, "m", passed, detail)
+    roads = () if passed else lowest.road_ids
+    yield MapGate("clearance", lowest.clearance_m, limits.clearance_m, "m", passed, detail, roads)
 
 
 def _for_people(stored: RoadNetwork, comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:
@@ -249,7 +271,8 @@ def _for_people(stored: RoadNetwork, comparison: MapComparison, limits: MapLimit
     detail = f"{beside.length_m:.0f} m of sidewalks and cycle lanes"
     if beside.share_on_roadway:
         detail += f", worst road {beside.worst_road_id}"
-    yield _at_most(name, beside.share_on_roadway, limits.lanes_beside_on_roadway, unit, detail)
+    roads = [beside.worst_road_id] if beside.worst_road_id else []
+    yield _at_most(name, beside.share_on_roadway, limits.lanes_beside_on_roadway, unit, detail, roads)
 
 
 def _crash(stored: RoadNetwork, placement: CrashPlacement | None, limits: MapLimits) -> MapGate:

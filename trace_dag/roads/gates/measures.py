@@ -122,13 +122,13 @@ def _near_drivable(network: RoadNetwork, places: FloatArray) -> NDArray[np.intp]
     return np.unique(pairs[0])
 
 
-def one_sided_links(network: RoadNetwork) -> list[str]:
-    """Lanes that name a next lane which names no lane back, inside roads and between roads.
+def one_sided_links(network: RoadNetwork) -> dict[LaneRef, str]:
+    """Lanes that name a next lane which names no lane back, inside roads and between roads, and how.
 
     >>> one_sided_links(network)
-    []
+    {}
     """
-    found = []
+    found = {}
     for ref in network.drivable_lanes():
         road = network.road_by_id[ref.road_id]
         geometry = network.geometry(ref)
@@ -141,7 +141,7 @@ def one_sided_links(network: RoadNetwork) -> list[str]:
             lane = network.lane(target)
             back = lane.predecessor if network.direction(target) > 0 else lane.successor
             if back is None:
-                found.append(f"{_named(ref)} leads into {_named(target)}, which names no lane back")
+                found[ref] = f"{_named(ref)} leads into {_named(target)}, which names no lane back"
     return found
 
 

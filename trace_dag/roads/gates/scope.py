@@ -1,0 +1,165 @@
+"""Which roads a crash can use, and a map without the bad ones among the others.
+
+A map is rejected for a road that the crash can use. One that fails a gate farther away is left out, and the map's
+report says so.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections import defaultdict
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from trace_dag.roads.from_osm.converter import MapLimits
+from trace_dag.roads.gates.gates import check_map
+from trace_dag.roads.map.model import Road, RoadLink
+from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.roads.report import CrashPlacement, LeftOutRoad, MapGate
+from trace_dag.settings import RoadSettings
+
+if TYPE_CHECKING:
+    from trace_dag.osm.types import OsmExtract
+    from trace_dag.roads.map.network import RoadNetwork
+
+_IN_USE_M: Final = 200.0  # along the roads: what 40 m/s (90 mph) cover in the 5 s that are reconstructed
+_MOST_ROUNDS: Final = 20
+
+
+@dataclass(frozen=True)
+class CheckedMap:
+    """A map as converted and as written, its gates, and the roads that were left out of it."""
+
+    network: RoadNetwork
+    stored: StoredMap
+    gates: tuple[MapGate, ...]
+    left_out: tuple[LeftOutRoad, ...]
+
+
+def check_in_scope(
+    network: RoadNetwork,
+    extract: OsmExtract,
+    placement: CrashPlacement,
+    *,
+    name: str,
+    limits: MapLimits,
+    settings: RoadSettings,
+) -> CheckedMap:
+    """The map written and checked, without the roads that fail a gate and that the crash cannot use."""
+    used: frozenset[str] | None = None
+    left_out: list[LeftOutRoad] = []
+    while True:
+        stored = StoredMap(write_opendrive(network, marks=settings.marks), name=name)
+        ways = [way_id for road in left_out for way_id in road.osm_way_ids]
+        gates = check_map(network, extract, stored, placement, limits=limits, left_out_ways=ways)
+        failed = next((gate for gate in gates if gate.passed is False), None)
+        checked = CheckedMap(network, stored, gates, tuple(left_out))
+        if failed is None or settings.gate_scope == "all" or len(left_out) >= _MOST_ROUNDS:
+            return checked
+        used = roads_in_use(network, placement) if used is None else used
+        bad = [road_id for road_id in failed.road_ids if road_id not in used]
+        if not bad:
+            return checked
+        for road_id in bad:
+            road = network.road_by_id[road_id]
+            left_out.append(LeftOutRoad(road_id, road.name, road.osm_way_ids, f"{failed.name}: {failed.detail}"))
+        network = without_roads(network, bad)
+
+
+def roads_in_use(network: RoadNetwork, placement: CrashPlacement) -> frozenset[str]:
+    """The roads that begin less than 200 m from the crash along the roads, in either direction.
+
+    >>> len(roads_in_use(network, map_report.placement)) < len(network.roads)
+    True
+    """
+    next_to: dict[str, set[str]] = defaultdict(set)
+    for road in network.roads:
+        for link in (road.predecessor, road.successor):
+            if link is not None and link.element_type == "road":
+                next_to[road.id].add(link.element_id)
+                next_to[link.element_id].add(road.id)
+    here = {placement.road_id, *placement.cross_road_ids}
+    reached: dict[str, float] = {}
+    queue = [(0.0, road_id) for road_id in sorted(here)]
+    while queue:
+        begins_m, road_id = heapq.heappop(queue)
+        if road_id in reached or road_id not in network.road_by_id:
+            continue
+        reached[road_id] = begins_m
+        road = network.road_by_id[road_id]
+        ends_m = _nearer_end_m(road, placement) if road_id in here else begins_m + road.length_m
+        if ends_m < _IN_USE_M:
+            for other in sorted(next_to[road_id] - reached.keys()):
+                heapq.heappush(queue, (ends_m, other))
+    return frozenset(reached)
+
+
+def _nearer_end_m(road: Road, placement: CrashPlacement) -> float:
+    first = road.plan[0]
+    return min(math.dist((first.x_m, first.y_m), (placement.x_m, placement.y_m)), road.length_m)
+
+
+def without_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwork:
+    """The network without some roads, the connecting roads from and to them, and all links to any of these.
+
+    >>> corner = next(road for road in network.roads if road.junction_id is not None)
+    >>> len(network.roads) - len(without_roads(network, [corner.id]).roads)
+    1
+    """
+    gone = set(road_ids)
+    for road in network.roads:
+        links = (road.predecessor, road.successor)
+        if road.junction_id is not None and any(link is not None and link.element_id in gone for link in links):
+            gone.add(road.id)
+    junctions = [
+        replace(
+            junction,
+            connections=tuple(
+                each
+                for each in junction.connections
+                if each.incoming_road not in gone and each.connecting_road not in gone
+            ),
+        )
+        for junction in network.junctions
+    ]
+    kept = {junction.id: junction for junction in junctions if junction.connections}
+    roads = tuple(_unlinked(road, gone, kept.keys()) for road in network.roads if road.id not in gone)
+    signals = {signal.id for road in roads for signal in road.signals}
+    controllers = tuple(
+        replace(each, signal_ids=left)
+        for each in network.controllers
+        if (left := tuple(signal_id for signal_id in each.signal_ids if signal_id in signals))
+    )
+    known = {each.id for each in controllers}
+    return replace(
+        network,
+        roads=roads,
+        controllers=controllers,
+        junctions=tuple(
+            replace(each, controller_ids=tuple(number for number in each.controller_ids if number in known))
+            for each in kept.values()
+        ),
+    )
+
+
+def _unlinked(road: Road, gone: Collection[str], junctions: Collection[str]) -> Road:
+    """A road without links to what is gone; its lanes end where the link did."""
+
+    def left(link: RoadLink | None) -> RoadLink | None:
+        if link is None:
+            return None
+        is_there = link.element_id not in gone if link.element_type == "road" else link.element_id in junctions
+        return link if is_there else None
+
+    before, after = left(road.predecessor), left(road.successor)
+    if (before, after) == (road.predecessor, road.successor):
+        return road
+    sections = list(road.lane_sections)
+    if before is None:
+        sections[0] = replace(sections[0], lanes=tuple(replace(each, predecessor=None) for each in sections[0].lanes))
+    if after is None:
+        sections[-1] = replace(sections[-1], lanes=tuple(replace(each, successor=None) for each in sections[-1].lanes))
+    return replace(road, predecessor=before, successor=after, lane_sections=tuple(sections))
