@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
+from lxml import etree
 from numpy.typing import NDArray
 
 from tests.roads.networks import FRAME, crossroads, one_road
@@ -14,10 +16,11 @@ from tests.roads.towns import Town
 from tests.scenario.pixels import drawn, rgb
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road, RoadMark, Signal
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.canvas import Canvas, length_pt
 from trace_dag.scenario.map_marks import WHITE
 from trace_dag.scenario.map_scene import MapScene
 from trace_dag.scenario.map_surfaces import ASPHALT, SURFACES
-from trace_dag.scenario.maps import GROUND, draw_network
+from trace_dag.scenario.maps import GROUND, MapDrawing, draw_network
 
 _PIXELS_PER_M = 8
 _HALF_M = 50
@@ -132,3 +135,21 @@ def test_crosswalks_are_barred_and_cycle_lanes_coloured() -> None:
     for side in (-1, 1):
         assert _is(_at(picture, 20.0, side * 4.25), SURFACES[LaneType.BIKING])
         assert _is(_at(picture, 20.0, side * 5.75), SURFACES[LaneType.SIDEWALK])
+
+
+def test_the_name_of_a_street_is_whole_in_the_window_and_clear_of_what_is_taken() -> None:
+    """A name as long as 41 m, on a street of which the last 34 m before the border are shown: not in their middle."""
+    town = Town()
+    town.street([(16, 0), (300, 0)], name="A very long name of a street")
+    window = (-_HALF_M, -_HALF_M, _HALF_M, _HALF_M)
+    drawing = MapDrawing(town.network(), window)
+    clear, taken = Canvas(window, 200.0), Canvas(window, 200.0, [shapely.box(-20.0, -5.0, 5.0, 5.0)])
+    names = []
+    for canvas in (clear, taken):
+        drawing.draw(canvas)
+        names.append([float(text.get("x")) / 100 - _HALF_M for text in etree.fromstring(canvas.svg()).iter("{*}text")])
+    half_m = length_pt("A very long name of a street", 6.5) / clear.points_per_m / 2
+    assert half_m == pytest.approx(20.5, abs=1.5)
+    ((x_m,), none) = names
+    assert x_m + half_m < _HALF_M
+    assert none == [], "there is no other place for it"
