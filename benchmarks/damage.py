@@ -8,8 +8,8 @@ A root of some crashes of the sample is made once: run, with an agent evaluated 
 of it; then ``verify --contents --repair`` and ``run`` have to bring back every file that was there with the same bytes,
 but for times in records, the warehouse (whose rows ``verify`` compares) and what was noted of reports. Printed are the
 way, the file, whether verify named it, and what is there afterwards. Exit code 1 where a file was not found or did not
-come back; results of studies need only be found, since their own commands make them. What Dagster keeps of runs is not
-touched.
+come back; results of studies, which their own commands make, and notes need only be found. What Dagster keeps of runs
+is not touched.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _KEY = re.compile(r"\d{4}-\d{5,6}")
 _OUTSIDE = ("dagster", "locks", "quarantine", "settings.toml")
 _OF_TIME = ("run_id", "started_at", "duration_s", "attempts", "history", "checksum", "failed_attempt", "fetched")
 _NOTES = ("cache/", "listings.json")  # made anew when they are needed: their loss is no damage
-_OF_STUDIES = ("comparisons", "evaluations", "variations", "estimators")
+_MADE_LATER = (*_NOTES, "comparisons", "evaluations", "variations", "estimators")
 
 
 def truncate(path: Path, _: random.Random) -> None:
@@ -186,14 +186,14 @@ def attempt(root: Path, folder: Path, damaged: Sequence[tuple[str, str]], draw: 
         if name not in hurt:
             continue
         found = any(each.endswith(name) for each in said)
-        excused = name.startswith(_OF_STUDIES)
+        excused = name.startswith(_MADE_LATER)
         all_well &= found and (excused or (name not in lost and name not in other))
         print(
             f"{way:8} {name:55} {'found' if found else 'NOT FOUND':9} {'lost' if name in lost else 'there':5} "
             f"{'' if name in lost else 'other bytes' if name in other else 'same bytes'}",
             flush=True,
         )
-    beside = [name for name in (*lost, *other) if name not in hurt and not name.startswith(_OF_STUDIES)]
+    beside = [name for name in (*lost, *other) if name not in hurt and not name.startswith(_MADE_LATER)]
     if beside or ran.returncode or again:
         all_well = False
         print(f"  run {ran.returncode}, verify {again}, not as before: {', '.join(beside[:5])} {ran.stderr[-300:]}")
