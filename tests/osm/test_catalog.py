@@ -439,3 +439,60 @@ def test_all_files_that_cannot_be_read_are_named_at_once(tmp_path: Path) -> None
     with pytest.raises(UserErrors) as raised:
         MapCatalog.open([tmp_path])
     assert [Path(said.partition(":")[0]).name for said in raised.value.messages] == ["a.osm.pbf", "b.osm.gz"]
+
+
+# --- files that touch ------------------------------------------------------------------------------------------------
+_WEST = (node(1, -200, 0), node(2, -100, 0), node(3, 40, 0), way(10, [1, 2, 3], name="Main Street"))
+_EAST = (node(3, 40, 0), node(4, 150, 0), node(5, 200, 0), way(11, [3, 4, 5], name="Main Street"))
+_SOUTH = (node(5, 200, 0), node(6, 200, -100), node(7, 200, -200), way(12, [5, 6, 7], name="Side Street"))
+
+
+@pytest.mark.parametrize("order", [("a", "b", "c"), ("c", "b", "a"), ("b", "a", "c")])
+def test_files_that_touch_are_joined_whatever_their_order(tmp_path: Path, order: tuple[str, ...]) -> None:
+    for name, content in zip(order, (_WEST, _EAST, _SOUTH), strict=True):
+        save(tmp_path / f"{name}.osm", *content)
+    joined = found(extract(tmp_path))
+    assert {each.id: each.node_ids for each in joined.ways} == {10: (1, 2, 3), 11: (3, 4, 5), 12: (5, 6, 7)}
+    assert not any(each.clipped for each in joined.nodes.values())
+
+
+def test_a_way_that_both_files_cut_at_the_line_between_them_is_whole(tmp_path: Path) -> None:
+    """As ``osmium extract --strategy simple`` leaves it: each file lacks the nodes beyond the line."""
+    nodes = {number: node(number, x, 0) for number, x in enumerate((-200, -100, 0, 100, 200, 250), 1)}
+    road = way(10, [1, 2, 3, 4, 5, 6])
+    save(
+        tmp_path / "west.osm",
+        nodes[1],
+        nodes[2],
+        nodes[3],
+        road,
+        node(8, -100, 90),
+        node(9, -100, 50),
+        way(7, [8, 9, 2]),
+    )
+    save(tmp_path / "east.osm", nodes[3], nodes[4], nodes[5], nodes[6], road, node(12, 100, 90), way(6, [12, 4]))
+    joined = found(extract(tmp_path))
+    assert {each.id: each.node_ids for each in joined.ways} == {10: (1, 2, 3, 4, 5, 6), 7: (8, 9, 2), 6: (12, 4)}
+
+
+def test_files_of_the_same_ground_are_not_joined(tmp_path: Path) -> None:
+    """The older one has a street that is gone."""
+    save(tmp_path / "new.osm", *CROSSROADS, node(40, 50, 50), node(41, 60, 90), node(42, 70, 99), way(41, [40, 41, 42]))
+    save(tmp_path / "old.osm", *CROSSROADS, node(30, 20, 20), way(31, [1, 30]))
+    assert found(extract(tmp_path)).source == "new.osm"
+
+
+def test_files_whose_numbers_agree_by_chance_are_not_joined(tmp_path: Path) -> None:
+    save(tmp_path / "a.osm", *_WEST)
+    elsewhere = (node(3, 100, 80), node(4, 150, 80), way(11, [3, 4]))
+    save(tmp_path / "b.osm", *elsewhere)
+    assert found(extract(tmp_path)).source == "a.osm"
+
+
+def test_the_nodes_where_the_data_end_are_marked(tmp_path: Path) -> None:
+    """At the border of the file, and where the file lacks the next node; not at the end of a street."""
+    cut = (node(1, -200, 0), node(2, -100, 0), node(3, 40, 0), way(10, [1, 2, 3]), node(5, -100, 60), way(12, [2, 5]))
+    file = save(tmp_path / "west.osm", *cut, way(11, [2, 77]), bounds_m=(-900, -900, 40, 900))
+    assert {each.id for each in found(extract(file)).nodes.values() if each.clipped} == {3}
+    file = save(tmp_path / "lacking.osm", *cut[:3], way(10, [1, 2, 3, 77]))
+    assert {each.id for each in found(extract(file)).nodes.values() if each.clipped} == {3}

@@ -136,3 +136,16 @@ def test_what_is_no_osm_is_said_in_one_line(data: bytes, said: str) -> None:
 def test_garbage_never_escapes_as_anything_else(data: bytes) -> None:
     with pytest.raises(UserError):
         read_osm(data, name="garbage")
+
+
+def test_of_a_history_the_newest_version_counts_if_it_exists() -> None:
+    """Also where versions are not in order, and where Overpass repeats a way without its tags."""
+    data = b"""<osm><node id="1" lat="1" lon="2"/><node id="2" lat="1" lon="3"/>
+      <way id="7" version="2"><nd ref="1"/><nd ref="2"/><tag k="lanes" v="4"/></way>
+      <way id="7" version="1"><nd ref="1"/><nd ref="2"/><tag k="lanes" v="2"/></way>
+      <way id="8" version="1"><nd ref="1"/><nd ref="2"/><tag k="lanes" v="6"/></way>
+      <way id="8" version="2" visible="false"/>
+      <way id="9"><nd ref="1"/><nd ref="2"/><tag k="lanes" v="1"/></way>
+      <way id="9"><nd ref="1"/><nd ref="2"/></way></osm>"""
+    ways = read_osm(data, name="history").ways
+    assert {way.id: way.tags for way in ways} == {7: {"lanes": "4"}, 9: {"lanes": "1"}}

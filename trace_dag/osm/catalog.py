@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,14 +16,16 @@ from trace_dag.errors import Failure, Reason, Rejection, UserError, UserErrors
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.cutting import cut_roads
 from trace_dag.osm.extraction import Around, FileHeader, FilePass, read_around, read_header
+from trace_dag.osm.joining import joined_ways, neighbours
 from trace_dag.osm.pbf_check import PbfChecker
 from trace_dag.osm.plausibility import UnreadableMapError, check_roads, check_text, xml_opener
-from trace_dag.osm.types import BoundingBox, OsmExtract, Site
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, Site
 from trace_dag.settings import OsmSettings
 
 OSM_SUFFIXES: Final = (".osm", ".osm.gz", ".osm.bz2", ".pbf")
 
 _EARTH_RADIUS_M: Final = 6_371_008.8  # mean radius, IUGG; good to 0.3 %, for boxes and sentences only
+_BORDER_DEG: Final = 5e-5  # a few metres
 _MIN_COS_LATITUDE: Final = 1e-3  # nearer the poles a box around a point spans all longitudes anyway
 
 
@@ -103,13 +106,16 @@ class MapCatalog:
 
         A file covers a site if there is a way in the box of the site, cut from that file. Of several the one whose
         own bounds hold the whole box is taken, then the one with most road in the box, then the newest, then the first
-        by name. A site that no file covers is rejected, with the distance to the nearest data; where some file cannot
+        by name. Files of neighbouring ground, which share nodes with it, are joined to it.
+
+        A site that no file covers is rejected, with the distance to the nearest data; where some file cannot
         be read to its end that could have covered it, it is a failure that names the file.
         """
         boxes = {site.key: box_around(site, settings.radius_m) for site in sites if is_on_earth(site)}
-        best: dict[str, tuple[MapFile, OsmExtract]] = {}
+        parts: dict[str, list[_Part]] = {site.key: [] for site in sites}
         nearest_m: dict[str, tuple[float, str]] = {}
         missing = {site.key: [*self.unreadable] for site in sites}
+        area_km2 = (2e-3 * settings.radius_m) ** 2
         for file in self.files:
             wanted = [site for site in sites if site.key in boxes and may_cover(file.header, boxes[site.key])]
             bounds = file.header.box
@@ -126,25 +132,22 @@ class MapCatalog:
                     continue
                 bounds = bounds or found.road_bounds
                 for index, each in enumerate(around):
-                    extract = _cut(file, found, index, each.box)
+                    part = _Part(file, found, index, each.box)
                     try:
-                        length_m = _road_length_m(extract)
-                        area_km2 = (2e-3 * settings.radius_m) ** 2
-                        check_roads(extract, file.path, area_km2=area_km2, length_m=length_m)
+                        check_roads(part.extract, file.path, area_km2=area_km2, length_m=part.length_m)
                     except UnreadableMapError as error:
                         missing[each.key].append(_with_remedy(error, file.path))
                         continue
-                    rival = best.get(each.key)
-                    if extract.ways and (rival is None or _rank(file, extract) > _rank(*rival)):
-                        best[each.key] = file, replace(extract, surroundings=found.surroundings(index))
+                    if part.extract.ways:
+                        parts[each.key].append(part)
             if bounds is not None:
                 for site in sites:
                     distance_m = _distance_m(site, bounds)
                     nearest_m[site.key] = min(nearest_m.get(site.key, (math.inf, "")), (distance_m, file.path.name))
         answers: dict[str, OsmExtract | Rejection | Failure] = {}
         for site in sites:
-            if site.key in best:
-                answers[site.key] = best[site.key][1]
+            if parts[site.key]:
+                answers[site.key] = _joined(parts[site.key])
             elif missing[site.key] and is_on_earth(site):
                 answers[site.key] = Failure("; ".join(missing[site.key]))
             else:
@@ -203,20 +206,79 @@ def box_around(site: Site, radius_m: float) -> BoundingBox:
     )
 
 
-def _rank(file: MapFile, extract: OsmExtract) -> tuple[bool, int, str]:
-    bounds, box = file.header.box, extract.box
-    whole = bounds is not None and (
-        bounds.contains(box.south_deg, box.west_deg) and bounds.contains(box.north_deg, box.east_deg)
+class _Part:
+    """What one file has around one site."""
+
+    def __init__(self, file: MapFile, found: FilePass, index: int, box: BoundingBox) -> None:
+        self.file, self.box = file, box
+        self.ways = found.ways[index]
+        self.node_tags = found.node_tags
+        self.restrictions = {
+            relation.id: relation for way_id in self.ways for relation in found.restrictions_of.get(way_id, ())
+        }
+        self.extract = _cut([self])
+        self.length_m = _road_length_m(self.extract)
+        self.surroundings = found.surroundings(index) if self.extract.ways else ()
+
+    @property
+    def rank(self) -> tuple[bool, int, str]:
+        """The best file has the highest: its bounds hold the whole box, most road, newest."""
+        bounds, box = self.file.header.box, self.box
+        whole = bounds is not None and (
+            bounds.contains(box.south_deg, box.west_deg) and bounds.contains(box.north_deg, box.east_deg)
+        )
+        return whole, round(self.length_m), self.file.header.timestamp
+
+
+def _joined(parts: Sequence[_Part]) -> OsmExtract:
+    """The best part, with those of neighbouring ground."""
+    best, *others = sorted(
+        sorted(parts, key=lambda part: part.file.path.name), key=lambda part: part.rank, reverse=True
     )
-    return whole, round(_road_length_m(extract)), file.header.timestamp
+    chosen = [best, *(others[number] for number in neighbours(best.ways, [part.ways for part in others]))]
+    extract = best.extract if len(chosen) == 1 else _cut(chosen)
+    things = {thing.id: thing for part in reversed(chosen) for thing in part.surroundings}
+    surroundings = best.surroundings if len(chosen) == 1 else tuple(things.values())
+    return replace(extract, nodes=_with_data_ends(extract, chosen), surroundings=surroundings)
 
 
-def _cut(file: MapFile, found: FilePass, index: int, box: BoundingBox) -> OsmExtract:
-    ways = found.ways[index]
-    restrictions = {relation.id: relation for way_id in ways for relation in found.restrictions_of.get(way_id, ())}
-    roads = cut_roads(box, ways.values(), found.node_tags, restrictions.values())
-    header = file.header
-    return replace(roads, source=file.path.name, data_timestamp=header.timestamp, attribution=header.attribution)
+def _cut(parts: Sequence[_Part]) -> OsmExtract:
+    first, ways = parts[0], joined_ways(part.ways for part in parts)
+    node_tags = {node_id: tags for part in reversed(parts) for node_id, tags in part.node_tags.items()}
+    restrictions = {number: relation for part in parts for number, relation in part.restrictions.items()}
+    roads = cut_roads(first.box, ways.values(), node_tags, restrictions.values())
+    return OsmExtract(
+        box=first.box,
+        nodes=roads.nodes,
+        ways=roads.ways,
+        relations=roads.relations,
+        walkways=roads.walkways,
+        source=", ".join(part.file.path.name for part in parts),
+        data_timestamp=first.file.header.timestamp,
+        attribution="; ".join(dict.fromkeys(part.file.header.attribution for part in parts)),
+    )
+
+
+def _with_data_ends(extract: OsmExtract, parts: Sequence[_Part]) -> dict[int, OsmNode]:
+    """The nodes, those marked at which a road ends on the border of all the files, where the data end."""
+    bounds = [part.file.header.box for part in parts]
+    if None in bounds:
+        return extract.nodes
+    ends = Counter(end for way in extract.ways for end in (way.node_ids[0], way.node_ids[-1]))
+    nodes = dict(extract.nodes)
+    for node_id, uses in ends.items():
+        node = nodes[node_id]
+        if uses == 1 and not any(box is not None and _is_within(box, node) for box in bounds):
+            nodes[node_id] = node._replace(clipped=True)
+    return nodes
+
+
+def _is_within(box: BoundingBox, node: OsmNode) -> bool:
+    """Whether a node lies in a box, farther from its border than a few metres."""
+    return (
+        box.south_deg + _BORDER_DEG < node.latitude_deg < box.north_deg - _BORDER_DEG
+        and box.west_deg + _BORDER_DEG < node.longitude_deg < box.east_deg - _BORDER_DEG
+    )
 
 
 def may_cover(header: FileHeader, box: BoundingBox) -> bool:

@@ -81,7 +81,14 @@ class _Cutter:
         kept[1:] |= (inside & (leaves == 1))[:-1]
         kept_ids = ids[kept].tolist()
         tags = [node_tags.get(node_id, NO_TAGS) for node_id in kept_ids]
-        nodes = map(OsmNode, kept_ids, y_deg[kept].tolist(), x_deg[kept].tolist(), tags)
+        missing = np.isnan(x_deg)
+        ends = np.zeros(len(missing), bool)  # beside a node that the source lacks
+        ends[1:] |= missing[:-1]
+        ends[lasts + 1 - sizes] = False
+        before = np.append(missing[1:], False)
+        before[lasts] = False
+        ends |= before
+        nodes = map(OsmNode, kept_ids, y_deg[kept].tolist(), x_deg[kept].tolist(), tags, ends[kept].tolist())
         self.nodes = dict(zip(kept_ids, nodes, strict=True))
         self._whole = np.logical_and.reduceat(whole, lasts + 1 - sizes).tolist() if ways else []
         self._ids, self._x_deg, self._y_deg = ids.tolist(), x_deg.tolist(), y_deg.tolist()

@@ -76,7 +76,7 @@ def _rewrite(source: Path, target: Path) -> None:
     newest: dict[str, dict[int, _Element]] = {kind: {} for kind in _KINDS}
     for element in root.iterchildren(*_KINDS):
         of_kind, number = newest[element.tag], int(element.get("id", ""))
-        if number not in of_kind or _order(element) >= _order(of_kind[number]):
+        if number not in of_kind or age(element) >= age(of_kind[number]):
             of_kind[number] = element
     located: dict[int, _Element] = {}
     for nd in root.iterfind("way/nd[@lat]"):
@@ -89,13 +89,27 @@ def _rewrite(source: Path, target: Path) -> None:
                 file.write(_plain(nd, "node", number))
         for kind, of_kind in newest.items():
             for number, element in of_kind.items():
-                if element.get("visible") != "false" and element.get("action") != "delete":
+                if not is_gone(element):
                     file.write(_plain(element, kind, number))
 
 
-def _order(element: _Element) -> tuple[int, int]:
-    """Newer ones after older ones; of one version, as Overpass repeats ways, the one with more in it last."""
-    return int(element.get("version", "0")), len(element)
+def age(element: _Element) -> tuple[int, int]:
+    """Newer ones after older ones; of one version, as Overpass repeats ways, the one with more in it last.
+
+    >>> age(etree.Element("way", version="3")) > age(etree.Element("way"))
+    True
+    """
+    version = element.get("version", "")
+    return int(version) if version.isdecimal() else 0, len(element)
+
+
+def is_gone(element: _Element) -> bool:
+    """Whether a history or an editor says that the object exists no more.
+
+    >>> is_gone(etree.Element("way", visible="false")), is_gone(etree.Element("way"))
+    (True, False)
+    """
+    return element.get("visible") == "false" or element.get("action") == "delete"
 
 
 def _plain(element: _Element, kind: str, number: int) -> _Element:

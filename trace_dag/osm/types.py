@@ -30,7 +30,8 @@ class Site:
 
 
 class OsmNode(NamedTuple):
-    """A node in WGS84 degrees. ``clipped`` marks one that was made where a way was cut at the box."""
+    """A node in WGS84 degrees. ``clipped`` marks one where a road ends and goes on in reality: one below 0 was made
+    where a way was cut at the box, at others the data end."""
 
     id: int
     latitude_deg: float

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from operator import attrgetter
 from typing import Final
@@ -20,6 +20,7 @@ from xml.sax.saxutils import escape
 from lxml import etree
 
 from trace_dag.errors import UserError
+from trace_dag.osm.plain_xml import age, is_gone
 from trace_dag.osm.rights import read_attribution
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 from trace_dag.osm.walkways import is_walkway
@@ -64,9 +65,9 @@ def write_osm(extract: OsmExtract) -> bytes:
 def read_osm(data: bytes, *, name: str) -> OsmExtract:
     """Read OSM XML; ``name`` (a path or address) is for error messages.
 
-    A way's references to nodes that are not in the data are dropped, as are ways with fewer than two nodes left and
-    deleted objects, so that the result keeps the promise of :class:`OsmExtract`. Without ``<bounds>`` the box is that
-    of the nodes.
+    Of several versions of an object the newest counts. A way's references to nodes that are not in the data are
+    dropped, as are ways with fewer than two nodes left and deleted objects, so that the result keeps the promise of
+    :class:`OsmExtract`. Without ``<bounds>`` the box is that of the nodes.
 
     Raises :class:`UserError` for anything that is not OSM XML.
 
@@ -80,9 +81,7 @@ def read_osm(data: bytes, *, name: str) -> OsmExtract:
     relations: dict[int, OsmRelation] = {}
     timestamp = ""
     box: BoundingBox | None = None
-    for element in root:
-        if element.get("visible") == "false" or element.get("action") == "delete":
-            continue
+    for element in _current(root, name):
         match element.tag:
             case "bounds":
                 box = BoundingBox(
@@ -118,6 +117,19 @@ def read_osm(data: bytes, *, name: str) -> OsmExtract:
         data_timestamp=timestamp,
         attribution=read_attribution({str(name): str(value) for name, value in root.attrib.items()}),
     )
+
+
+def _current(root: etree._Element, name: str) -> Iterator[etree._Element]:
+    """The header's elements, and of each object the newest version, if it exists."""
+    newest: dict[tuple[str, int], etree._Element] = {}
+    for element in root:
+        if element.tag not in _MEMBER_TYPES:
+            yield element
+            continue
+        key = str(element.tag), _integer(element, "id", name)
+        if key not in newest or age(element) >= age(newest[key]):
+            newest[key] = element
+    yield from (element for element in newest.values() if not is_gone(element))
 
 
 def _parse(data: bytes, name: str) -> etree._Element:

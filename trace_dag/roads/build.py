@@ -23,7 +23,7 @@ from trace_dag.roads.from_osm.converter import Converter
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.gates import require
-from trace_dag.roads.gates.scope import check_in_scope
+from trace_dag.roads.gates.scope import check_in_scope, data_ends
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
@@ -118,6 +118,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         things=things_near(extract.surroundings, frame, placement),
         tags_not_followed=tuple(_tags_not_followed(network, extract)),
         left_out_roads=checked.left_out,
+        data_ends=data_ends(network, extract, placement),
         reversible_roads=tuple(ReversibleRoad(road.id, road.reversible) for road in network.roads if road.reversible),
     )
     return RoadMap(network, checked.stored, report)

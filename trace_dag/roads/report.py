@@ -90,6 +90,15 @@ class MappedThing:
 
 
 @dataclass(frozen=True)
+class DataEnd:
+    """Where the map's data end and the road goes on in reality: ``distance_m`` from the crash along the roads."""
+
+    road_id: str
+    name: str
+    distance_m: float
+
+
+@dataclass(frozen=True)
 class LeftOutRoad:
     """A road that is not on the map since it failed a gate; the crash cannot have used it."""
 
@@ -133,6 +142,7 @@ class MapReport:
     tags_not_followed: tuple[TagNotFollowed, ...] = ()
     reversible_roads: tuple[ReversibleRoad, ...] = ()
     left_out_roads: tuple[LeftOutRoad, ...] = ()
+    data_ends: tuple[DataEnd, ...] = ()  # nearest first; none at the border of the box
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from trace_dag.stage import Stage
 VERSIONS = {
     Stage.RAW_REPORT: 1,
     Stage.CRASH_RECORD: 1,
-    Stage.OSM_EXTRACT: 1,
+    Stage.OSM_EXTRACT: 2,
     Stage.ROAD_MAP: 3,
     Stage.STATE_ESTIMATE: 2,
     Stage.SIMULATION_LOG: 1,

@@ -1,4 +1,4 @@
-"""Which roads a crash can use, and a map without the bad ones among the others.
+"""Which roads a crash can use, a map without the bad ones among the others, and where the data end.
 
 A map is rejected for a road that the crash can use. One that fails a gate farther away is left out, and the map's
 report says so.
@@ -7,18 +7,19 @@ report says so.
 from __future__ import annotations
 
 import heapq
-import math
 from collections import defaultdict
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates.gates import check_map
-from trace_dag.roads.map.model import Road, RoadLink
+from trace_dag.roads.map.model import ContactPoint, Road, RoadLink
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.roads.report import CrashPlacement, LeftOutRoad, MapGate
+from trace_dag.roads.report import CrashPlacement, DataEnd, LeftOutRoad, MapGate
 from trace_dag.settings import RoadSettings
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _IN_USE_M: Final = 200.0  # along the roads: what 40 m/s (90 mph) cover in the 5 s that are reconstructed
 _MOST_ROUNDS: Final = 20
+_SAME_END_M: Final = 15.0  # a road cut off just behind a junction is prolonged by up to 12 m
 
 
 @dataclass(frozen=True)
@@ -75,12 +77,46 @@ def roads_in_use(network: RoadNetwork, placement: CrashPlacement) -> frozenset[s
     >>> len(roads_in_use(network, map_report.placement)) < len(network.roads)
     True
     """
-    next_to: dict[str, set[str]] = defaultdict(set)
+    return frozenset(road_id for road_id, begins_m in _distances_m(network, placement).items() if begins_m < _IN_USE_M)
+
+
+def data_ends(network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement) -> tuple[DataEnd, ...]:
+    """Where roads end because the data do, and how far from the crash along the roads, the nearest first.
+
+    >>> data_ends(network, extract, map_report.placement)  # the sample's map reaches beyond the box
+    ()
+    """
+    nodes = [node for node in extract.nodes.values() if node.clipped and node.id > 0]
+    if not nodes:
+        return ()
+    places = network.frame.to_local(
+        np.array([node.latitude_deg for node in nodes]), np.array([node.longitude_deg for node in nodes])
+    )
+    begins_m = _distances_m(network, placement)
+    here = {placement.road_id, *placement.cross_road_ids}
+    found = []
     for road in network.roads:
-        for link in (road.predecessor, road.successor):
+        line = network.road_geometry(road.id).line
+        for link, s_m in ((road.predecessor, 0.0), (road.successor, road.length_m)):
+            if link is not None or road.id not in begins_m:
+                continue
+            end = np.array(line.at(s_m)[:2])
+            if np.hypot(*(places - end).T).min() > _SAME_END_M:
+                continue
+            along_m = abs(s_m - _station_m(network, road.id, placement)) if road.id in here else road.length_m
+            distance_m = begins_m[road.id] + along_m
+            found.append(DataEnd(road.id, road.name, round(distance_m, 1)))
+    return tuple(sorted(found, key=lambda end: end.distance_m))
+
+
+def _distances_m(network: RoadNetwork, placement: CrashPlacement) -> dict[str, float]:
+    """How far from the crash each road begins along the roads, in either direction; 0 for the crash's own."""
+    next_to: dict[str, set[tuple[ContactPoint | None, str]]] = defaultdict(set)  # by the end where they meet
+    for road in network.roads:
+        for own, link in ((ContactPoint.START, road.predecessor), (ContactPoint.END, road.successor)):
             if link is not None and link.element_type == "road":
-                next_to[road.id].add(link.element_id)
-                next_to[link.element_id].add(road.id)
+                next_to[road.id].add((own, link.element_id))
+                next_to[link.element_id].add((link.contact_point, road.id))
     here = {placement.road_id, *placement.cross_road_ids}
     reached: dict[str, float] = {}
     queue = [(0.0, road_id) for road_id in sorted(here)]
@@ -89,17 +125,16 @@ def roads_in_use(network: RoadNetwork, placement: CrashPlacement) -> frozenset[s
         if road_id in reached or road_id not in network.road_by_id:
             continue
         reached[road_id] = begins_m
-        road = network.road_by_id[road_id]
-        ends_m = _nearer_end_m(road, placement) if road_id in here else begins_m + road.length_m
-        if ends_m < _IN_USE_M:
-            for other in sorted(next_to[road_id] - reached.keys()):
-                heapq.heappush(queue, (ends_m, other))
-    return frozenset(reached)
+        length_m = network.road_by_id[road_id].length_m
+        crash_m = _station_m(network, road_id, placement) if road_id in here else 0.0
+        for end, other in next_to[road_id]:
+            away_m = crash_m if road_id in here and end == ContactPoint.START else length_m - crash_m
+            heapq.heappush(queue, (begins_m + away_m, other))
+    return reached
 
 
-def _nearer_end_m(road: Road, placement: CrashPlacement) -> float:
-    first = road.plan[0]
-    return min(math.dist((first.x_m, first.y_m), (placement.x_m, placement.y_m)), road.length_m)
+def _station_m(network: RoadNetwork, road_id: str, placement: CrashPlacement) -> float:
+    return network.road_geometry(road_id).line.project(placement.x_m, placement.y_m)[0]
 
 
 def without_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwork:
