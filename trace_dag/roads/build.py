@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
@@ -19,7 +19,8 @@ from trace_dag.roads.crash_site.crossings import with_kinds
 from trace_dag.roads.crash_site.gap_filling import fill_gaps
 from trace_dag.roads.crash_site.near_streets import near_streets
 from trace_dag.roads.crash_site.placement import place_crash
-from trace_dag.roads.from_osm.converter import Converter
+from trace_dag.roads.from_osm.converter import Converter, WayHints
+from trace_dag.roads.from_osm.left_hand import LEFT_HAND_STATES, mirrored_extract, mirrored_network
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.gates import require
@@ -78,7 +79,15 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
     extract = along_traffic(extract, _local_time(record))
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
     converter = road_converter(settings)
-    network = with_kinds(converter.convert(extract, frame, settings, {}), extract)
+    left_hand = record.state_code in LEFT_HAND_STATES
+
+    def converted(given: OsmExtract, hints: Mapping[int, WayHints]) -> RoadNetwork:
+        if not left_hand:
+            return with_kinds(converter.convert(given, frame, settings, hints), given)
+        made = converter.convert(mirrored_extract(given, frame), frame, settings, hints)
+        return with_kinds(mirrored_network(made), given)
+
+    network = converted(extract, {})
     gates: tuple[MapGate, ...] = ()
     try:
         if not settings.elevation:
@@ -87,7 +96,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         comparisons = compare(network, record, placement)
         filling = fill_gaps(network, extract, record, placement)
         if filling.attributes:
-            network = with_kinds(converter.convert(filling.extract, frame, settings, filling.hints), filling.extract)
+            network = converted(filling.extract, filling.hints)
             placement = place_crash(network, record, settings)
             comparisons = tuple(_marked(comparison, filling.attributes) for comparison in comparisons)
         checked = check_in_scope(

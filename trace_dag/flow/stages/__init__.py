@@ -14,7 +14,7 @@ VERSIONS = {
     Stage.RAW_REPORT: 1,
     Stage.CRASH_RECORD: 1,
     Stage.OSM_EXTRACT: 2,
-    Stage.ROAD_MAP: 3,
+    Stage.ROAD_MAP: 4,
     Stage.STATE_ESTIMATE: 2,
     Stage.SIMULATION_LOG: 1,
     Stage.VERDICT: 2,

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
-from trace_dag.roads.crash_site.crossings import is_one_way
 from trace_dag.roads.from_osm.tags import LEFT_TURNS, RIGHT_TURNS
 from trace_dag.roads.map.model import Lane, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
@@ -50,7 +49,7 @@ class Carriageway:
     @property
     def one_way(self) -> bool:
         """Whether the road object carries one direction only."""
-        return is_one_way(self.road)
+        return self.road.one_way
 
     @property
     def divided(self) -> bool:
@@ -69,7 +68,7 @@ def carriageway_at(network: RoadNetwork, road_id: str, x_m: float, y_m: float) -
     line = network.road_geometry(road_id).line
     s_m, _, _ = line.project(x_m, y_m)
     at_x, at_y, heading, _ = line.at(s_m)
-    opposite = _opposite(network, road, at_x, at_y, heading) if is_one_way(road) else None
+    opposite = _opposite(network, road, at_x, at_y, heading) if road.one_way else None
     opposite_counts: tuple[LaneCount, ...] = ()
     if opposite is not None:
         other_s_m, _, _ = network.road_geometry(opposite.id).line.project(at_x, at_y)
@@ -90,28 +89,29 @@ def _lane_counts(road: Road, s_m: float, reach_m: float = _APPROACH_M) -> tuple[
         traffic = [lane for lane in section.lanes if lane.type.drivable and lane.type != LaneType.BIDIRECTIONAL]
         through = [lane for lane in traffic if not lane.turns or not _TURNS.issuperset(lane.turns)]
         centre = sum(lane.type == LaneType.BIDIRECTIONAL for lane in section.lanes)
-        near.append((distance, start, _count(traffic, centre)))
-        near.append((distance, start, _count(through, 0)))
+        near.append((distance, start, _count(road, traffic, centre)))
+        near.append((distance, start, _count(road, through, 0)))
     return tuple(dict.fromkeys(count for _, _, count in sorted(near, key=lambda item: item[:2])))
 
 
-def _count(lanes: list[Lane], centre: int) -> LaneCount:
-    return LaneCount(sum(lane.id < 0 for lane in lanes), sum(lane.id > 0 for lane in lanes), centre)
+def _count(road: Road, lanes: list[Lane], centre: int) -> LaneCount:
+    along = sum(road.direction(lane.id) > 0 for lane in lanes)
+    return LaneCount(along, len(lanes) - along, centre)
 
 
 def _opposite(network: RoadNetwork, road: Road, x_m: float, y_m: float, heading_rad: float) -> Road | None:
-    """The nearest one-way road in the other direction, on the left, unless it is clearly another street."""
+    """The nearest one-way road in the other direction, on its side, unless it is clearly another street."""
     for match in network.nearest_lanes(x_m, y_m, _OTHER_CARRIAGEWAY_M):
         other = network.road_by_id[match.lane.road_id]
         if other.id == road.id or other.junction_id is not None or other.highway in SERVICE_HIGHWAYS:
             continue
-        if not is_one_way(other) or other.highway.endswith("_link") != road.highway.endswith("_link"):
+        if not other.one_way or other.highway.endswith("_link") != road.highway.endswith("_link"):
             continue
         if road.names and other.names and not set(road.names) & set(other.names):
             continue
         pose = network.pose(match.lane, match.s_m)
         opposed = abs(wrap_angle(pose.heading_rad - heading_rad)) > _OPPOSED_RAD
         left_of = -(pose.x_m - x_m) * math.sin(heading_rad) + (pose.y_m - y_m) * math.cos(heading_rad)
-        if opposed and left_of > 0 and (road.names or other.highway == road.highway):
+        if opposed and (left_of > 0) != road.left_hand and (road.names or other.highway == road.highway):
             return other
     return None

@@ -182,7 +182,7 @@ def _is_inside_crossing(road: Road, junctions: list[Junction], ends: dict[str, l
     It crosses a median, goes round a roundabout, or connects the two halves of a street that crosses with an offset.
     """
     if all(junction.kind == RoadTopology.ROUNDABOUT.value for junction in junctions):
-        return is_one_way(road)
+        return road.one_way
     if road.length_m < _MEDIAN_M and all(_on_divided_road(ends[junction.id], road) for junction in junctions):
         return True
     if road.length_m > _OFFSET_M:
@@ -196,7 +196,7 @@ def _is_inside_crossing(road: Road, junctions: list[Junction], ends: dict[str, l
 
 def _on_divided_road(ends: list[_End], median_road: Road) -> bool:
     """Whether a carriageway passes this junction beside the road over the median: one one-way road in, one out."""
-    others = [(road, contact) for road, contact in ends if road.id != median_road.id and is_one_way(road)]
+    others = [(road, contact) for road, contact in ends if road.id != median_road.id and road.one_way]
     return len({contact for _, contact in others}) == 2
 
 
@@ -275,7 +275,7 @@ def _arm(network: RoadNetwork, road: Road, contact: ContactPoint, centre: tuple[
     along_m = min(_ARM_SEEN_AT_M, road.length_m)
     s_m = along_m if contact == ContactPoint.START else road.length_m - along_m
     x_m, y_m, heading_rad, _ = network.road_geometry(road.id).line.at(s_m)
-    oneway = is_one_way(road)
+    oneway = road.one_way
     return Arm(
         (road.id,),
         wrap_angle(heading_rad if contact == ContactPoint.START else heading_rad + math.pi),
@@ -290,7 +290,7 @@ def _arm(network: RoadNetwork, road: Road, contact: ContactPoint, centre: tuple[
 def _lead_to_one_place(network: RoadNetwork, a: Arm, b: Arm, members: Collection[str]) -> bool:
     """Whether two arms meet again at their far ends, one of them one-way: the sides of a traffic island."""
     roads = [network.road_by_id[road_id] for road_id in (*a.road_ids, *b.road_ids)]
-    if any(road.length_m > _SLIP_ROAD_M for road in roads) or not any(is_one_way(road) for road in roads):
+    if any(road.length_m > _SLIP_ROAD_M for road in roads) or not any(road.one_way for road in roads):
         return False
     far = [
         {
@@ -336,15 +336,6 @@ def _joined(a: Arm, b: Arm) -> Arm:
 
 def _between(a_rad: float, b_rad: float) -> float:
     return wrap_angle(a_rad + wrap_angle(b_rad - a_rad) / 2)
-
-
-def is_one_way(road: Road) -> bool:
-    """Whether all traffic lanes of a road go along its reference line.
-
-    >>> {road.name for road in network.roads if road.name and is_one_way(road) and not road.junction_id}  # oneway=yes
-    {'Cedar Street'}
-    """
-    return not any(lane.id > 0 and lane.type.drivable for section in road.lane_sections for lane in section.lanes)
 
 
 def _kind(arms: tuple[Arm, ...]) -> RoadTopology | None:

@@ -24,7 +24,6 @@ from trace_dag.geometry import FloatArray, arc_lengths
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
-from trace_dag.roads.crash_site.crossings import is_one_way
 from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.crash_site.reported_road import pair_of
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, goes_one_way
@@ -245,7 +244,7 @@ class _Canvas:
                 line = self._line(way)
                 s_m = _station(line, here)
                 xy_m, direction = _on(line, s_m)
-                street = _Street(way, s_m, xy_m, direction, is_one_way(road))
+                street = _Street(way, s_m, xy_m, direction, road.one_way)
                 found.append((float(np.hypot(*(xy_m - here))), way.id, street))
         return min(found, key=lambda each: each[:2])[2] if found else None
 

@@ -17,7 +17,6 @@ from typing import Final, TypeVar
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.crash_site.agreement import CONTROL, LANES, LIMIT, SiteStreets, StreetAtCrash, streets_at
-from trace_dag.roads.crash_site.crossings import is_one_way
 from trace_dag.roads.crash_site.driveways import add_driveways
 from trace_dag.roads.crash_site.reported_road import Control, Trafficway, control_of, trafficway_of
 from trace_dag.roads.from_osm.converter import WayHints
@@ -89,10 +88,10 @@ def _agreed(values: Iterable[_Number | None]) -> _Number | None:
 def _whole_street(network: RoadNetwork, street: StreetAtCrash) -> Iterable[Road]:
     """The roads of a street at the crash, and those of the same name and class beyond."""
     at_crash = {road.id: road for road in street.roads}
-    named = {(road.highway, is_one_way(road), name) for road in street.roads for name in road.names}
+    named = {(road.highway, road.one_way, name) for road in street.roads for name in road.names}
     for road in network.roads:
         if road.id in at_crash or (
-            road.junction_id is None and any((road.highway, is_one_way(road), name) in named for name in road.names)
+            road.junction_id is None and any((road.highway, road.one_way, name) in named for name in road.names)
         ):
             yield road
 
@@ -102,7 +101,7 @@ def _lanes_of(road: Road, vehicle: VehicleRecord) -> int | None:
     lanes, trafficway = vehicle.lanes, trafficway_of(vehicle)
     if lanes is None:
         return None
-    if is_one_way(road):
+    if road.one_way:
         if trafficway == Trafficway.UNDIVIDED:
             return lanes // 2 if lanes % 2 == 0 else None
         return lanes

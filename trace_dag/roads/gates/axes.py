@@ -53,10 +53,7 @@ def _axes(network: RoadNetwork, roads: Iterable[Road]) -> dict[str, list[FloatAr
     """The axes of some roads as points, by road id."""
     wanted = list(roads)
     lines = [network.road_geometry(road.id).line for road in wanted]
-    one_way = [
-        not any(lane.id > 0 and lane.type.drivable for section in road.lane_sections for lane in section.lanes)
-        for road in wanted
-    ]
+    one_way = [road.one_way for road in wanted]
     s_m, owner = _flat([_stations(line, everywhere) for line, everywhere in zip(lines, one_way, strict=True)])
     stations = Stations(s_m, owner, np.flatnonzero(np.diff(owner, prepend=-1)))
     sampled = sample_reference_lines(lines, stations)

@@ -127,7 +127,7 @@ class LaneGeometry:
         self.begin_m, self.end_m = span
         self.centre = centre
         self.width = width
-        self.direction = -1 if lane.id > 0 else 1
+        self.direction = road.road.direction(lane.id)
         self._centrelines: dict[float, FloatArray] = {}
         self._samples: LaneSamples | None = None
 

@@ -76,7 +76,7 @@ class LaneLinks:
     def _find(self, ref: LaneRef) -> list[LaneRef]:
         road = self._road_by_id[ref.road_id]
         lane = self._lanes[ref]
-        forward = ref.lane_id < 0
+        forward = road.direction(ref.lane_id) > 0
         linked_id = lane.successor if forward else lane.predecessor
         next_section = ref.section + (1 if forward else -1)
         if 0 <= next_section < len(road.lane_sections):
@@ -116,7 +116,8 @@ class LaneLinks:
         if lane_id is None:
             return []
         ref = LaneRef(road_id, section, lane_id)
-        return [ref] if self._is_drivable(ref) and (lane_id < 0) == along else []
+        goes_along = self._road_by_id[road_id].direction(lane_id) > 0
+        return [ref] if self._is_drivable(ref) and goes_along == along else []
 
     def _is_drivable(self, ref: LaneRef) -> bool:
         lane = self._lanes.get(ref)

@@ -2,8 +2,8 @@
 
 Frame: the project's local frame. Lane ids follow OpenDRIVE: positive left of the reference line, negative right of it,
 0 the reference line itself; in right-hand traffic negative lanes travel along the reference line and positive ones
-against it. One-way roads have only negative lanes. Queries over these types are in
-:class:`trace_dag.roads.map.network.RoadNetwork`.
+against it. One-way roads have only negative lanes. In left-hand traffic it is the other way round. Queries over these
+types are in :class:`trace_dag.roads.map.network.RoadNetwork`.
 """
 
 from __future__ import annotations
@@ -190,12 +190,27 @@ class Road:
     lanes_from_tags: bool = False  # lane counts were tagged in OSM, not class defaults or the report's
     turn: str | None = None  # of a connecting road: "straight", "left", "right", "u_turn"
     inferred: str = ""  # why it exists, if it is not from OpenStreetMap but drawn because of the crash report
+    left_hand: bool = False  # traffic keeps left: OpenDRIVE's ``rule``
     reversible: str = ""  # its lanes go one way at a time: "by the hour" of the crash, or "unknown" which way they went
 
     @property
     def level(self) -> int:
         """Storey as tagged; a bridge without a layer is one up, a tunnel one down."""
         return self.layer or (1 if self.bridge else -1 if self.tunnel else 0)
+
+    def direction(self, lane_id: int) -> int:
+        """+1 for a lane whose traffic goes along the reference line, -1 for one against it."""
+        return -1 if (lane_id > 0) != self.left_hand else 1
+
+    @property
+    def one_way(self) -> bool:
+        """Whether all traffic lanes go along the reference line."""
+        return all(
+            self.direction(lane.id) > 0
+            for section in self.lane_sections
+            for lane in section.lanes
+            if lane.id and lane.type.drivable
+        )
 
 
 @dataclass(frozen=True)

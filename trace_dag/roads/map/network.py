@@ -118,7 +118,7 @@ class RoadNetwork:
 
     def direction(self, ref: LaneRef) -> int:
         """+1 if the lane's traffic goes along the reference line, -1 if against it."""
-        return -1 if ref.lane_id > 0 else 1
+        return self.road_by_id[ref.road_id].direction(ref.lane_id)
 
     def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
         """Lanes that follow at the lane's end, in its direction of travel (several at a junction)."""
@@ -134,6 +134,8 @@ class RoadNetwork:
         inner_id = ref.lane_id - outward if abs(ref.lane_id) > 1 else -outward
         left = LaneRef(ref.road_id, ref.section, inner_id)
         right = LaneRef(ref.road_id, ref.section, ref.lane_id + outward)
+        if self.road_by_id[ref.road_id].left_hand:
+            left, right = right, left
         return (left if self.is_drivable(left) else None, right if self.is_drivable(right) else None)
 
     # --- places ----------------------------------------------------------------------------------------------

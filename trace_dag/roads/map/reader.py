@@ -163,6 +163,7 @@ class _Reader(ValueReader):
             lanes_from_tags=first_note(notes, "lanesFromTags") == "true",
             turn=first_note(notes, "turn") or None,
             inferred=first_note(notes, "inferred"),
+            left_hand=element.get("rule") == "LHT",
             reversible=first_note(notes, "reversible"),
         )
 

@@ -130,7 +130,7 @@ def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
 
 def _mapped_shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float | None:
     ref = match.lane
-    on_left = left == (ref.lane_id < 0)  # left of the reference line: lanes with positive ids go against it
+    on_left = left == (network.direction(ref) > 0)  # left of the reference line
     lanes = network.road_by_id[ref.road_id].lane_sections[ref.section].lanes
     for lane in lanes:
         if lane.type is LaneType.SHOULDER and (lane.id > 0) == on_left:

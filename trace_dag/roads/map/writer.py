@@ -104,7 +104,7 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
     junction = "-1" if road.junction_id is None else road.junction_id
     out.append(
         f'<road name="{_text(road.name)}" length="{_number(road.length_m)}" id="{road.id}" junction="{junction}" '
-        f'rule="RHT">\n<link>\n{_road_link("predecessor", road.predecessor)}'
+        f'rule="{"LHT" if road.left_hand else "RHT"}">\n<link>\n{_road_link("predecessor", road.predecessor)}'
         f"{_road_link('successor', road.successor)}</link>\n"
         f'<type s="0" type="{road_class(road.highway).opendrive_type}" country="US">\n'
     )
