@@ -109,6 +109,18 @@ def test_lists_lose_the_entries_that_no_car_uses() -> None:
     assert [lane.turns for lane in made.forward] == [("left",), ("through",), ("right",)]
 
 
+def test_lanes_for_cars_with_several_people_are_lanes_for_cars() -> None:
+    made = profile(
+        oneway="yes",
+        lanes="3",
+        hov__lanes="designated||",
+        motor_vehicle__lanes="no||",
+        turn__lanes="||merge_to_left",
+    )
+    assert [lane.turns for lane in made.section.forward] == [(), (), ("merge_to_left",)]
+    assert made.not_followed == ()
+
+
 def test_bus_lanes_are_lanes_for_buses() -> None:
     counted = profile(oneway="yes", lanes="3", bus__lanes="||designated").section.forward
     assert [lane.bus for lane in counted] == [False, False, True]

@@ -31,7 +31,7 @@ Tags = Mapping[str, str]
 _CAR_KEYS: Final = ("motorcar", "motor_vehicle", "vehicle", "access")  # the most particular first
 _BUS_KEYS: Final = ("bus", "psv")
 _SAYS_LANES: Final = ("turn", "change", "width", "maxspeed")  # lists that say how many lanes there are
-_SAYS_WHO: Final = (*_CAR_KEYS, *_BUS_KEYS, "bicycle", "cycleway")  # and whose they are
+_SAYS_WHO: Final = (*_CAR_KEYS, "hov", *_BUS_KEYS, "bicycle", "cycleway")  # and whose they are
 _CLOSED: Final = frozenset({"no", "private"})
 _OPEN: Final = frozenset({"yes", "designated", "official", "permissive"})
 _CONTRAFLOW: Final = frozenset({"opposite_lane", "opposite", "lane:opposite"})
@@ -152,6 +152,8 @@ class _Lists:
 
 def _user(entry: Tags) -> str:
     """Whose a lane is: "car", "bus", or "" for nobody with a motor."""
+    if entry.get("hov") == "designated":  # often with "motor_vehicle:lanes=no" for those who are alone in theirs
+        return "car"
     car = next((entry[key] for key in _CAR_KEYS if entry.get(key)), "")
     bus = next((entry[key] for key in _BUS_KEYS if entry.get(key)), "")
     if car in _CLOSED:
