@@ -76,8 +76,8 @@ def turn_of_radius(start: PlanPose, end: PlanPose, radius_m: float) -> PlanView 
     """The shortest curve from pose to pose whose arcs have one radius; None if every such curve is a loop.
 
     >>> quarter = turn_of_radius(PlanPose(0.0, 0.0, 0.0), PlanPose(10.0, 10.0, math.pi / 2), 4.0)
-    >>> round(quarter.length_m, 3)  # two lines of 6 m and a quarter of 2 pi 4 m
-    18.283
+    >>> round(quarter.length_m, 3)  # an eighth of 2 pi 4 m, a line between circles 8.485 m apart, another eighth
+    14.768
     """
     return _shortest(start, end, radius_m, _MOST_BACK_RAD)
 
@@ -87,9 +87,9 @@ def without_tight_bends(plan: PlanView, radius_m: float) -> PlanView:
 
     It begins and ends as before. An arc without room for a wider one stays.
 
-    >>> tight = connect(PlanPose(0.0, 0.0, 0.0), PlanPose(20.0, 0.5, math.pi / 2))
-    >>> tightest_radius_m(tight), round(tightest_radius_m(without_tight_bends(tight, 2.0)), 6)
-    (0.5, 2.0)
+    >>> tight = connect(PlanPose(0.0, 0.0, 0.0), PlanPose(20.0, 0.6, math.pi / 2))
+    >>> round(tightest_radius_m(tight), 6), round(tightest_radius_m(without_tight_bends(tight, 2.0)), 6)
+    (0.6, 2.0)
     """
     begin_m = 0.0
     while (arc := _first_tight(plan, radius_m, begin_m)) is not None:
