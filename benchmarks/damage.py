@@ -42,6 +42,7 @@ _KEY = re.compile(r"\d{4}-\d{5,6}")
 _OUTSIDE = ("dagster", "locks", "quarantine", "settings.toml")
 _OF_TIME = ("run_id", "started_at", "duration_s", "attempts", "history", "checksum", "failed_attempt", "fetched")
 _NOTES = ("cache/", "listings.json")  # made anew when they are needed: their loss is no damage
+_OF_AGENTS = ("benchmark/index.html", "benchmark/leaderboard.html")  # say which evaluations there are
 _MADE_LATER = (*_NOTES, "comparisons", "evaluations", "variations", "estimators")
 
 
@@ -186,14 +187,14 @@ def attempt(root: Path, folder: Path, damaged: Sequence[tuple[str, str]], draw: 
         if name not in hurt:
             continue
         found = any(each.endswith(name) for each in said)
-        excused = name.startswith(_MADE_LATER)
-        all_well &= found and (excused or (name not in lost and name not in other))
+        all_well &= found and (name.startswith(_MADE_LATER) or (name not in lost and name not in other))
         print(
             f"{way:8} {name:55} {'found' if found else 'NOT FOUND':9} {'lost' if name in lost else 'there':5} "
             f"{'' if name in lost else 'other bytes' if name in other else 'same bytes'}",
             flush=True,
         )
-    beside = [name for name in (*lost, *other) if name not in hurt and not name.startswith(_MADE_LATER)]
+    excused = (*_MADE_LATER, *(_OF_AGENTS if any(name.startswith("evaluations") for name in hurt) else ()))
+    beside = [name for name in (*lost, *other) if name not in hurt and not name.startswith(excused)]
     if beside or ran.returncode or again:
         all_well = False
         print(f"  run {ran.returncode}, verify {again}, not as before: {', '.join(beside[:5])} {ran.stderr[-300:]}")
