@@ -1,12 +1,11 @@
 """Fit the weights by which a report's facts support a verdict, and say how well they do on crashes left out.
 
-    python benchmarks/fit_support.py ROOT                    collisions of two vehicles
-    python benchmarks/fit_support.py ROOT --strikes          crashes in which vehicles struck people
+    python -m benchmarks.fit_support ROOT
 
-``ROOT`` holds computed crashes. True reports at their true places are those accepted there. Facts of the place are
-worth what they are in collisions, of strikes too: a street's name does not know who met on it. Either run leaves the
-facts of the other as they are in the table.
-Controls of the place are the same reports at the places of other crashes of the cohort, and at random points of
+``ROOT`` holds computed crashes of all kinds. True reports at their true places are those accepted there. Facts of the
+place are worth what they are over all kinds: a street's name does not know who met on it. Facts of the course have
+names of their own by what a crash begins with (vehicles that meet, people or animals struck, a departure from the
+road). Controls of the place are the same reports at the places of other crashes of the cohort, and at random points of
 their own maps at least 300 m away on another street, each with a road map, an estimate and a simulation made anew.
 Controls of the course are the simulations beside other crashes' reports. A fact's weight is the logarithm of how many
 times likelier it is to come out so in a true report than in its controls; how often it did in each is the table
@@ -27,8 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trace_dag.crash.codes.events import VEHICLE_EVENTS
-from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Rejection
 from trace_dag.flow.artefacts import EXTRACT, MAP_REPORT
@@ -43,23 +41,10 @@ from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
 from trace_dag.studies.stored_crashes import StoredCrash, judged_crashes
-from trace_dag.verdict.controls import renumbered
-from trace_dag.verdict.course_facts import course_facts
+from trace_dag.verdict.controls import in_place_of
 from trace_dag.verdict.judge import judge
-from trace_dag.verdict.metrics import observe
-from trace_dag.verdict.strike_controls import in_place_of
-from trace_dag.verdict.strike_facts import OF_STRIKES, strike_facts
-from trace_dag.verdict.strikes import observe_strikes
-from trace_dag.verdict.support import (
-    Weight,
-    facts_of,
-    facts_of_strikes,
-    grade_of,
-    read_weights,
-    supported,
-    weights_of,
-)
-from trace_dag.verdict.support_weights import COUNTS
+from trace_dag.verdict.rules import Comparison
+from trace_dag.verdict.support import Weight, facts_of, facts_of_course, grade_of, supported, weights_of
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade
 
 TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.py"
@@ -73,7 +58,7 @@ class Judged:
     """One report at one place: "true", "foreign site", "random point" or, unjudged, "other report" of the course."""
 
     kind: str
-    cohort: str
+    begins: str  # kind of the first event
     keys: frozenset[str]  # whose report, at whose place
     accepted: bool
     facts: tuple[Fact, ...]
@@ -83,45 +68,35 @@ def main() -> None:
     """Fit, write the table, print the cross-validated rates."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root")
-    parser.add_argument("--strikes", action="store_true", help="fit what facts of strikes are worth")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
-    wanted = Reconstruction.STRIKES if arguments.strikes else Reconstruction.COLLISION
     workspace = Workspace.open(arguments.root)
     keys = [(cohort, key) for cohort in workspace.registry.cohorts() for key in workspace.registry.keys(cohort)]
-    tasks = [(arguments.root, cohort, key, wanted) for cohort, key in keys]
+    tasks = [(arguments.root, cohort, key) for cohort, key in keys]
     with get_context("fork").Pool(arguments.workers, maxtasksperchild=16) as pool:
         rows = [row for found in pool.imap(_rows_of, tasks) for row in found]
-    kept = [] if wanted is Reconstruction.COLLISION else list(read_weights(COUNTS))
-    write_table(counts(rows, weighed(wanted)), wanted)
-    print_rates(rows, kept, weighed(wanted))
+    write_table(counts(rows))
+    print_rates(rows)
 
 
-def weighed(wanted: Reconstruction) -> frozenset[ComparedWith]:
-    """What the facts are compared with that a run fits: of strikes those of the course alone."""
-    of_course = frozenset({ComparedWith.COURSE})
-    return of_course if wanted is Reconstruction.STRIKES else of_course | {ComparedWith.MAP}
-
-
-def write_table(table: Iterable[Weight], wanted: Reconstruction) -> None:
-    """The counts as the package holds them, in place of those of the same kind of crash."""
+def write_table(table: Iterable[Weight]) -> None:
+    """The counts as the package holds them."""
     names = ("fact", "agreement", "true_count", "true_of", "chance_count", "chance_of")
-    others = [row for row in read_weights(COUNTS) if (row.fact in OF_STRIKES) is (wanted is Reconstruction.COLLISION)]
-    rows = sorted([*others, *table], key=lambda row: row.fact)
+    rows = sorted(table, key=lambda row: row.fact)
     lines = [",".join(names), *(",".join(str(getattr(row, name)) for name in names) for row in rows)]
     head = TABLE.read_text().partition('"""\\\n')[0]
     TABLE.write_text(head + '"""\\\n' + "\n".join(lines) + '\n"""\n')
 
 
-def counts(rows: Iterable[Judged], against: frozenset[ComparedWith], *, without: str | None = None) -> list[Weight]:
-    """How often each fact that is compared with one of ``against`` came out each way, crash ``without`` left out."""
+def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight]:
+    """How often each fact came out each way, crash ``without`` left out."""
     true: dict[str, Counter[Agreement]] = defaultdict(Counter)
     chance: dict[str, Counter[Agreement]] = defaultdict(Counter)
     for row in rows:
         if without in row.keys:
             continue
         for fact in row.facts:
-            if fact.against not in against:
+            if fact.against is ComparedWith.RECORD:
                 continue  # a contradiction is essential or a note, not weighed
             if row.kind == "true":
                 true[fact.name][fact.agreement] += 1
@@ -137,74 +112,67 @@ def counts(rows: Iterable[Judged], against: frozenset[ComparedWith], *, without:
     ]
 
 
-def print_rates(rows: list[Judged], kept: list[Weight], against: frozenset[ComparedWith]) -> None:
-    """Accepted and corroborated by kind and cohort, each crash judged by weights fitted without it, and those kept."""
-    others = [row for row in kept if row.fact not in OF_STRIKES]
+def print_rates(rows: list[Judged]) -> None:
+    """Accepted and corroborated by kind and what the crashes begin with, each judged by weights fitted without it."""
     keys = {min(row.keys) for row in rows}
-    weights = {key: weights_of([*others, *counts(rows, against, without=key)]) for key in keys}
+    weights = {key: weights_of(counts(rows, without=key)) for key in keys}
     rates: dict[tuple[str, str], Counter[Grade]] = defaultdict(Counter)
+    crashes: dict[str, set[str]] = defaultdict(set)
     for row in rows:
+        crashes[row.begins].add(min(row.keys))
         if row.kind != "other report":
             support = supported(row.facts, weights[min(row.keys)])
-            rates[row.kind, row.cohort][grade_of(row.accepted, support)] += 1
-    for (kind, cohort), grades in sorted(rates.items()):
+            rates[row.kind, row.begins][grade_of(row.accepted, support)] += 1
+    for (kind, begins), grades in sorted(rates.items()):
         total, corroborated = grades.total(), grades[Grade.CORROBORATED]
         accepted = corroborated + grades[Grade.CONSISTENT]
-        print(f"{kind:14} {cohort:8} {total:4} judged, {accepted:4} accepted, {corroborated:4} corroborated", end="")
+        print(f"{kind:14} {begins:16} {total:4} judged, {accepted:4} accepted, {corroborated:4} corroborated", end="")
         print(f" ({corroborated / total:.1%})")
+    print("; ".join(f"{begins}: {len(found)} crashes" for begins, found in sorted(crashes.items())))
 
 
 # --- one crash ---------------------------------------------------------------------------------------------------
-def _rows_of(task: tuple[str, str, str, Reconstruction]) -> list[Judged]:
-    root, cohort, key, wanted = task
+def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
+    root, cohort, key = task
     workspace = Workspace.open(root)
     found = judged_crashes(workspace, [key])
-    if not found or not found[0].accepted or not _is_wanted(found[0].judged.record, wanted):
+    if not found or not found[0].accepted:
         return []
     own, rng = found[0], np.random.default_rng(int(key.replace("-", "")))
+    begins = own.judged.sequence.first.kind
     others = [other for other in workspace.registry.keys(cohort) if other != key]
     others = [others[index] for index in rng.permutation(len(others))]
-    rows = [_true(own, cohort)]
+    rows = [_true(own)]
     places = reports = 0
     for other in others:
         if places == PLACES_OF_EACH and reports == REPORTS_OF_EACH:
             break
         there = next(iter(judged_crashes(workspace, [other])), None)
-        if there is None or not there.accepted or not _is_wanted(there.judged.record, wanted):
+        if there is None or not there.accepted or there.judged.sequence.first.kind is not begins:
             continue
         if places < PLACES_OF_EACH:
             record = there.judged.record
             extract = there.files.load(EXTRACT)
-            rows += _at(own, cohort, "foreign site", other, extract, record.latitude_deg, record.longitude_deg)
+            rows += _at(own, "foreign site", other, extract, record.latitude_deg, record.longitude_deg)
             places += 1
         if reports < REPORTS_OF_EACH:
-            rows += _beside(own, cohort, there)
+            rows += _beside(own, there)
             reports += 1
     extract = own.files.load(EXTRACT)
     for latitude_deg, longitude_deg in _random_points(own.judged.record, extract, rng):
-        rows += _at(own, cohort, "random point", key, extract, latitude_deg, longitude_deg)
+        rows += _at(own, "random point", key, extract, latitude_deg, longitude_deg)
     return rows
 
 
-def _is_wanted(record: CrashRecord, wanted: Reconstruction) -> bool:
-    of_vehicles = record.first_harmful_event_code in VEHICLE_EVENTS
-    return reconstruction_of(record) is wanted and (wanted is Reconstruction.STRIKES or of_vehicles)
-
-
-def _true(own: StoredCrash, cohort: str) -> Judged:
+def _true(own: StoredCrash) -> Judged:
     crash, report = own.judged, own.files.load(MAP_REPORT)
-    if reconstruction_of(crash.record) is Reconstruction.STRIKES:
-        observed = observe_strikes(crash.network, crash.hypothesis, crash.log)
-        facts = facts_of_strikes(crash.record, crash.network, report, observed)
-    else:
-        observation = observe(crash.network, crash.hypothesis, crash.log)
-        facts = facts_of(crash.record, crash.network, report, observation)
-    return Judged("true", cohort, frozenset({crash.record.key}), own.accepted, facts)
+    beside = Comparison.of(crash.record, crash.sequence, crash.observed, Settings().verdict)
+    facts = facts_of(crash.record, crash.network, report, beside)
+    return Judged("true", crash.sequence.first.kind, frozenset({crash.record.key}), own.accepted, facts)
 
 
 def _at(
     own: StoredCrash,
-    cohort: str,
     kind: str,
     place: str,
     extract: OsmExtract,
@@ -223,24 +191,19 @@ def _at(
     logs = simulate(EmbeddedBackend(settings.sim), network, built.stored.xodr, states, settings.sim, record=record)
     verdict = judge(record, network, built.report, states, logs, settings.verdict)
     facts = verdict.support.facts if verdict.support else ()
-    yield Judged(kind, cohort, frozenset({record.key, place}), verdict.accepted, facts)
+    yield Judged(kind, own.judged.sequence.first.kind, frozenset({record.key, place}), verdict.accepted, facts)
 
 
-def _beside(own: StoredCrash, cohort: str, other: StoredCrash) -> Iterator[Judged]:
+def _beside(own: StoredCrash, other: StoredCrash) -> Iterator[Judged]:
     """The simulation beside another crash's report."""
     crash = own.judged
-    if reconstruction_of(crash.record) is Reconstruction.STRIKES:
-        foreign = in_place_of(other.judged.record, crash.record)
-        if foreign is not None and foreign.kind is crash.record.kind:
-            observed = observe_strikes(crash.network, crash.hypothesis, crash.log)
-            keys = frozenset({crash.record.key, foreign.key})
-            yield Judged("other report", cohort, keys, False, tuple(strike_facts(foreign, observed)))
+    foreign = in_place_of(other.judged.record, crash.record)
+    if foreign is None:
         return
-    record = renumbered(other.judged.record, crash.record)
-    observation = observe(crash.network, crash.hypothesis, crash.log)
-    if record is not None and observation is not None:
-        keys = frozenset({crash.record.key, record.key})
-        yield Judged("other report", cohort, keys, False, tuple(course_facts(record, observation)))
+    beside = Comparison.of(foreign, sequence_of(foreign), crash.observed, Settings().verdict)
+    facts = facts_of_course(beside)
+    keys = frozenset({crash.record.key, foreign.key})
+    yield Judged("other report", crash.sequence.first.kind, keys, False, facts)
 
 
 def _random_points(record: CrashRecord, extract: OsmExtract, rng: np.random.Generator) -> Iterator[tuple[float, float]]:

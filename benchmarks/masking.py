@@ -16,7 +16,8 @@ from pathlib import Path
 from benchmarks.cohorts import MAPS, SAMPLE
 from benchmarks.measuring import SHARED
 from trace_dag.cohorts.ingest import ingest
-from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
+from trace_dag.crash.event_sequence import sequence_of
+from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.errors import Rejection
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, ROAD_MAP, VERDICT
@@ -81,7 +82,9 @@ def collisions(root: str, draws: int, estimator: str) -> Iterator[Crash]:
     for files in crash_files(workspace, keys):
         if _verified(files):
             record = files.load(RECORD)
-            if reconstruction_of(record) is Reconstruction.COLLISION:
+            sequence = sequence_of(record)
+            met = sequence.first.kind is EventKind.VEHICLE_CONTACT and sequence.first.parked is None
+            if met and len(sequence.contacts) == 1:
                 yield Crash(
                     record, files.load(ROAD_MAP), files.load(MAP_REPORT), workspace.settings, draws, asked, usual
                 )

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from cases import SAMPLE, SETTINGS
 
-from trace_dag.crash.departures import departure_of
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.strikes import strikes_of
+from trace_dag.crash.road_departure import departure_of
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, OsmWay, Site
 from trace_dag.roads.build import build_road_map
@@ -54,7 +54,7 @@ from trace_dag.states.striking import StrikePlan, strike_plans, ways_of
 from trace_dag.states.types import StateEstimate
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
-from trace_dag.verdict.metrics import observe
+from trace_dag.verdict.observation import ObservedCrash, observe_crash
 from trace_dag.verdict.perturbed.scene import PerturbedScene
 from trace_dag.verdict.types import Verdict
 
@@ -118,14 +118,14 @@ def judged(name: str) -> JudgedCrash:
 def solution() -> Solution:
     """The likeliest way in which the two of the first crash met."""
     scene = scene_of("record")
-    reading = encounters(scene.record, *parties(scene.record))[0]
+    reading = encounters(scene.record, *parties(scene.record, sequence_of(scene.record).first))[0]
     return solve_all(scene, candidates(scene, reading))[0]
 
 
 @cache
 def strike_plan() -> StrikePlan:
     """The likeliest way in which the pedestrian was struck."""
-    return strike_plans(scene_of("pedestrian_record"), strikes_of(record_of("pedestrian_record"))[0])[0]
+    return strike_plans(scene_of("pedestrian_record"), sequence_of(record_of("pedestrian_record")).first)[0]
 
 
 @cache
@@ -204,6 +204,11 @@ def tee_arms() -> list[JunctionArm]:
     return arms
 
 
+def observed_crash() -> ObservedCrash:
+    made = made_of("record")
+    return observe_crash(made.network, made.state_estimate.hypotheses[0], made.logs[0])
+
+
 MAKERS: dict[str, Callable[[], object]] = {
     **{name: partial(record_of, name) for name in REPORTS},
     **{name: partial(scene_of, of) for name, of in SCENES.items()},
@@ -219,9 +224,8 @@ MAKERS: dict[str, Callable[[], object]] = {
     "hypothesis": lambda: made_of("record").state_estimate.hypotheses[0],
     "log": lambda: made_of("record").logs[0],
     "verdict": verdict,
-    "first_contact": lambda: observe(
-        made_of("record").network, made_of("record").state_estimate.hypotheses[0], made_of("record").logs[0]
-    ),
+    "observed_crash": observed_crash,
+    "first_contact": lambda: observed_crash().first,
     "simulated_pair": lambda: simulated_bodies("record"),
     "simulated_person": lambda: simulated_bodies("pedestrian_record")[1],
     "perturbed_scene": lambda: PerturbedScene(record_of("record"), np.random.default_rng(0)),
@@ -229,7 +233,7 @@ MAKERS: dict[str, Callable[[], object]] = {
     # What the estimators make on the way
     "solution": solution,
     "strike_plan": strike_plan,
-    "departure": lambda: departure_of(record_of("tree_record")),
+    "departure": lambda: departure_of(record_of("tree_record"), sequence_of(record_of("tree_record"))),
     "way_past_the_tree": way_past_the_tree,
     "tree": lambda: made_of("tree_record").state_estimate.hypotheses[0].objects[0],
     # How its roads are made

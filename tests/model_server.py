@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from cases import SETTINGS, Case
 from loopback import Answer, Request
 
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import build_scene, parties, solve_all
 from trace_dag.states.candidates import candidates
@@ -37,7 +38,7 @@ def llm_settings(**changes: object) -> StateSettings:
 def choices_of(case: Case) -> Choices:
     """What the model can choose from."""
     scene = build_scene(case.record, case.network, case.report, lead_time_s=5.0)
-    readings = encounters(case.record, *parties(case.record))
+    readings = encounters(case.record, *parties(case.record, sequence_of(case.record).first))
     return Choices(scene, tuple(each for reading in readings for each in candidates(scene, reading)))
 
 

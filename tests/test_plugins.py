@@ -17,8 +17,8 @@ KEY = "2023-319003"
 MODULE = '''
 from dataclasses import replace
 
+from trace_dag.reconstruction.search import estimate_by_record
 from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.states.analytic import estimate_analytic
 
 
 class Slower:
@@ -33,7 +33,7 @@ class Slower:
         pass
 
     def estimate(self, record, network, report):
-        made = estimate_analytic(record, network, report, self.settings)
+        made = estimate_by_record(record, network, report, self.settings)
         return replace(made, run=replace(made.run, estimator="elsewhere", version="7"))
 
     @staticmethod

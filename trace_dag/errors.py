@@ -216,7 +216,7 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
         "A vehicle is struck at another place of its body than reported.",
-        "See the criterion clock_error; verdict.max_clock_error_h is the limit.",
+        "See the criterion clock_error; verdict.max_clock_error_positions is the limit.",
     ),
     Reason.WRONG_SEQUENCE: _ReasonFacts(
         Stage.VERDICT,

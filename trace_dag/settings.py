@@ -232,7 +232,9 @@ class VerdictSettings(_Section):
 
     rule_set: RuleSetName = Field("trace-dag", description="Which rules judge.")
     max_contact_distance_m: float = Field(5.0, gt=0, description="First contact to the reported location.")
-    max_clock_error_h: float = Field(2.0, ge=0, le=6, description="Impact on each body, against the reported one.")
+    max_clock_error_positions: float = Field(
+        2.0, ge=0, le=6, description="Impact on each body, against the reported one."
+    )
     max_direction_error_deg: float = Field(
         45.0, ge=0, le=180, description="Each turn, and the angle between the approaches, against the reported ones."
     )

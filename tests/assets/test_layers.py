@@ -28,7 +28,7 @@ LAYERS = (
     {"roads"},
     {"states"},
     {"sim"},
-    {"estimators"},
+    {"reconstruction"},
     {"evaluation"},
     {"variations"},
     {"verdict"},

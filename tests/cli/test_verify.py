@@ -34,9 +34,9 @@ def test_stages_that_are_older_than_the_settings_are_named_and_are_no_disagreeme
     judged = [key for key, crash in crashes.items() if crash["stage_reached"] == "verdict"]
     assert (done.returncode, json.loads(done.stdout)["stale"]) == (0, {"verdict": len(judged)})
     assert {key for key, crash in crashes.items() if crash["stale"] == "verdict"} == set(judged)
-    assert crashes[VERIFIED]["stale_because"] == ["setting max_clock_error_h"]
+    assert crashes[VERIFIED]["stale_because"] == ["setting max_clock_error_positions"]
     shown = trace_dag(root, "status", **changed).stdout
-    assert shown.splitlines()[-2].split() == ["verdict", str(len(judged)), "setting", "max_clock_error_h"]
+    assert shown.splitlines()[-2].split() == ["verdict", str(len(judged)), "setting", "max_clock_error_positions"]
 
 
 def test_damage_is_listed_mended_as_far_as_it_can_be_and_the_rest_is_for_a_run(root):

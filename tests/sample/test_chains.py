@@ -8,15 +8,14 @@ from pathlib import Path
 import pytest
 from cases import SETTINGS, Case, cases
 
-from trace_dag.crash.contacts import contacts_of
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import StateEstimate
 from trace_dag.studies.truth import SampleTruth, load_truth, score_truth
 from trace_dag.studies.truth_of_contacts import contacts_by_kind
-from trace_dag.verdict.contact_controls import contact_controls
-from trace_dag.verdict.controls import JudgedCrash
+from trace_dag.verdict.controls import JudgedCrash, changed_reports
 from trace_dag.verdict.judge import judge
 
 
@@ -48,8 +47,8 @@ def test_every_crash_is_verified_and_its_controls_are_refused(
         assert verdict.accepted, f"{key}: {verdict.detail}"
         chosen = verdict.hypothesis
         crash = JudgedCrash(case.record, case.network, made.hypotheses[chosen], logs[chosen])
-        controls = list(contact_controls(crash, [], SETTINGS.verdict))
-        assert len(controls) == (2 * len(contacts_of(case.record)) - 1 if len(made.best.planned) > 1 else 0)
+        controls = list(changed_reports(crash, [], SETTINGS.verdict))
+        assert len(controls) == (2 * len(crash.sequence.contacts) - 1 if len(made.best.planned) > 1 else 0)
         assert not any(row.accepted for row in controls), key
 
 
@@ -73,10 +72,10 @@ def test_everybody_is_estimated_in_the_lane_where_it_was(
 
 def test_planned_events_are_the_reported_contacts(found: dict[str, Case], estimates: dict[str, StateEstimate]) -> None:
     for key, case in found.items():
-        contacts = contacts_of(case.record)
+        contacts = sequence_of(case.record).contacts
         for hypothesis in estimates[key].hypotheses:
             planned = [(event.event_number, event.party_1, event.party_2) for event in hypothesis.planned]
-            assert planned == [(each.event_number, each.one.number, each.two.number) for each in contacts]
+            assert planned == [(each.number, each.vehicle.number, each.party) for each in contacts]
         times = [event.time_s for event in estimates[key].best.planned]
         assert times == sorted(times)
         assert len(estimates[key].best.participants) == len(case.record.vehicles)

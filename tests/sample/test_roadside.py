@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 from cases import SETTINGS, Case, cases
 
+from tests.verdict.crashes import row_of_change
 from trace_dag.crash.completeness import check
-from trace_dag.crash.departures import departure_of
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parse import read_report
+from trace_dag.crash.road_departure import departure_of
 from trace_dag.errors import Reason, Rejection
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
@@ -18,8 +20,8 @@ from trace_dag.sim.types import overturned_at
 from trace_dag.states.estimate import estimate
 from trace_dag.studies.truth import SampleTruth, load_truth, score_truth
 from trace_dag.studies.truth_of_contacts import contacts_by_kind
-from trace_dag.verdict.controls import JudgedCrash, shifted_estimate, shifted_row
-from trace_dag.verdict.departure_controls import mirrored_departure, object_moved
+from trace_dag.verdict.changed_plans import changed_plans
+from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Verdict
 
@@ -66,14 +68,8 @@ def test_the_other_side_and_a_moved_object_are_refused(judged: dict[str, tuple[J
     for key, (crash, verdict) in judged.items():
         if not verdict.accepted or key == ON_ROADWAY:
             continue
-        for shift in (mirrored_departure(crash), object_moved(crash, SETTINGS.verdict)):
-            if shift is None:
-                continue
-            changed = shifted_estimate(crash, shift)
-            backend = EmbeddedBackend(SETTINGS.sim)
-            (log,) = simulate(backend, crash.network, b"", changed, SETTINGS.sim, record=crash.record)
-            row = shifted_row(crash, shift, log, SETTINGS.verdict)
-            assert row.accepted is False, key
+        for name, changed in changed_plans(crash, SETTINGS.verdict):
+            assert row_of_change(crash, name, changed).accepted is False, key
             refused += 1
     assert refused >= 12
 
@@ -94,8 +90,8 @@ def test_vehicles_come_from_their_lane_and_strike_where_they_did(
 
 
 def test_sides_are_read_from_the_events(truth: SampleTruth, found: dict[str, Case]) -> None:
-    sides = {key: departure_of(case.record) for key, case in found.items()}
-    read = {key: str(departure.side) for key, departure in sides.items() if departure and departure.side}
+    sides = {key: departure_of(case.record, sequence_of(case.record)).side for key, case in found.items()}
+    read = {key: str(side) for key, side in sides.items() if side}
     assert read == {
         **{f"2023-{number}": "right" for number in (319111, 319114, 319115, 319116, 319117, 319120)},
         **{f"2023-{number}": "left" for number in (319112, 319113)},

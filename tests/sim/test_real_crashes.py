@@ -10,7 +10,7 @@ import pytest
 from cases import SETTINGS, cases
 from motion_judge import judge_geometry
 
-from tests.verdict.crashes import acceptance_rate
+from tests.verdict.crashes import acceptance_rate, row_of_change
 from trace_dag.crash.parse import read_report
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.sim.embedded import EmbeddedBackend
@@ -20,16 +20,8 @@ from trace_dag.sim.run import simulate
 from trace_dag.sim.types import SimulationLog, Termination
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import StateEstimate
-from trace_dag.verdict.controls import (
-    JudgedCrash,
-    against_other_reports,
-    renumbered,
-    reports_differ,
-    shifted_estimate,
-    shifted_in_time,
-    shifted_row,
-    true_pairing,
-)
+from trace_dag.verdict.changed_plans import changed_plans
+from trace_dag.verdict.controls import JudgedCrash, changed_reports, true_pairing
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.peer import compare
 from trace_dag.verdict.types import Verdict
@@ -130,20 +122,14 @@ def test_negative_controls(cohort: list[Ours]) -> None:
     crashes = [crash.judged for crash in of_two_vehicles(cohort) if crash.verdict.accepted]
     true = [true_pairing(crash, SETTINGS.verdict) for crash in crashes]
     assert acceptance_rate(true) == 1.0
-    of_two = (SETTINGS.verdict, renumbered, reports_differ)
-    rows = [row for crash in crashes for row in against_other_reports(crash, crashes, *of_two)]
+    rows = [row for crash in crashes for row in changed_reports(crash, crashes, SETTINGS.verdict)]
+    rows = [row for row in rows if row.kind == "other_report"]
     assert len(rows) == len(crashes) * (len(crashes) - 1)
     differ = [row for row in rows if row.reports_differ]
     assert acceptance_rate(differ) <= 0.06  # two reports that contradict each other are told apart
     assert acceptance_rate(rows) <= 0.4  # a third of the cohort are head-on crashes with the same codes
-    shifted = []
-    for crash in crashes:
-        shift = shifted_in_time(crash.hypothesis)
-        log = None
-        if shift is not None:
-            states = shifted_estimate(crash, shift)
-            (log,) = simulate(EmbeddedBackend(SETTINGS.sim), crash.network, b"", states, SETTINGS.sim)
-        shifted.append(shifted_row(crash, shift, log, SETTINGS.verdict))
+    changed = [(crash, *each) for crash in crashes for each in changed_plans(crash, SETTINGS.verdict)]
+    shifted = [row_of_change(*each) for each in changed]
     assert acceptance_rate(shifted) <= 0.02
     assert sum(row.accepted is not None for row in shifted) >= 28
 

@@ -9,6 +9,10 @@ from cases import Case
 from loopback import Loopback, serving
 from model_server import Respond, llm_settings
 
+from trace_dag.crash.event_sequence import sequence_of
+from trace_dag.settings import StateSettings
+from trace_dag.states.analytic import build_scene
+from trace_dag.states.llm.client import LlmClient
 from trace_dag.states.llm.estimator import estimate_llm, llm_client
 from trace_dag.states.types import StateEstimate
 from trace_dag.storage import Storage
@@ -29,6 +33,12 @@ class Asked:
         return json.loads(self.server.requests[number].body)["messages"][-1]["content"]
 
 
+def by_model(case: Case, settings: StateSettings, client: LlmClient) -> StateEstimate:
+    """What a model makes of the first contact of a crash."""
+    scene = build_scene(case.record, case.network, case.report, lead_time_s=settings.lead_time_s)
+    return estimate_llm(scene, sequence_of(case.record).first, settings, client)
+
+
 def asking(monkeypatch, case: Case, respond: Respond, *, files: Storage | None = None, **changes: object) -> Asked:
     """Estimate a crash with answers of the server's; ``changes`` are settings."""
     chosen = llm_settings(**changes)
@@ -37,5 +47,5 @@ def asking(monkeypatch, case: Case, respond: Respond, *, files: Storage | None =
         client = llm_client(chosen, files=files)
         asked = Asked(None, server)
         client.sleep = asked.slept.append
-        asked.estimate = estimate_llm(case.record, case.network, case.report, chosen, client)
+        asked.estimate = by_model(case, chosen, client)
     return asked

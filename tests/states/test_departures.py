@@ -1,4 +1,4 @@
-"""Departures from the road: read, planned by the analytic estimator, simulated, judged, and their controls."""
+"""Departures from the road: planned by the analytic estimator, simulated, judged, and their controls."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.verdict.crashes import STREET, area, record, vehicle
-from trace_dag.crash.departures import DepartureManner, DepartureSide, departure_of
+from tests.verdict.crashes import STREET, area, record, row_of_change, vehicle
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, VehicleClass
@@ -20,11 +19,11 @@ from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.departing import angle_log_likelihood
-from trace_dag.states.departures import estimate_departure
+from trace_dag.states.estimate import estimate
 from trace_dag.states.objects import PlacedBy
 from trace_dag.states.types import StateEstimate
-from trace_dag.verdict.controls import JudgedCrash, against_other_reports, shifted_estimate, shifted_row
-from trace_dag.verdict.departure_controls import departures_differ, in_place_of, mirrored_departure, object_moved
+from trace_dag.verdict.changed_plans import mirrored_departure, object_moved
+from trace_dag.verdict.controls import JudgedCrash, changed_reports
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Verdict
 
@@ -58,7 +57,7 @@ def left_road(
 
 
 def reconstructed(crash: CrashRecord) -> tuple[StateEstimate, tuple[SimulationLog, ...], Verdict]:
-    made = estimate_departure(crash, STREET, PLACE, StateSettings())
+    made = estimate(crash, STREET, PLACE, StateSettings())
     logs = simulate(EmbeddedBackend(SimSettings()), STREET, b"", made, SimSettings(), record=crash)
     return made, logs, judge(crash, STREET, PLACE, made, logs, VerdictSettings())
 
@@ -67,47 +66,6 @@ def judged_crash(crash: CrashRecord) -> JudgedCrash:
     made, logs, verdict = reconstructed(crash)
     assert verdict.accepted, verdict.detail
     return JudgedCrash(crash, STREET, made.hypotheses[verdict.hypothesis], logs[verdict.hypothesis])
-
-
-# --- what the report says ------------------------------------------------------------------------------------------
-def test_the_side_is_that_of_the_last_departure_before_the_first_harmful_event() -> None:
-    crash = left_road(TREE)
-    events = (
-        EventRecord(1, RIGHT, 1, None, None, None),
-        EventRecord(2, 69, 1, None, None, None),
-        EventRecord(3, LEFT, 1, None, None, None),
-        EventRecord(4, TREE, 1, area(12), thing_party(4), None),
-        EventRecord(5, RIGHT, 1, None, None, None),
-    )
-    departure = departure_of(replace(crash, events=events))
-    assert departure is not None
-    assert departure.side is DepartureSide.LEFT
-    assert [(struck.event_number, struck.code) for struck in departure.objects] == [(4, TREE)]
-
-
-@pytest.mark.parametrize(
-    ("crash_type", "side", "manner"),
-    [
-        (1, DepartureSide.RIGHT, DepartureManner.DRIFT),
-        (2, DepartureSide.RIGHT, DepartureManner.CONTROL_LOST),
-        (3, DepartureSide.RIGHT, DepartureManner.AVOIDANCE),
-        (6, DepartureSide.LEFT, DepartureManner.DRIFT),
-        (7, DepartureSide.LEFT, DepartureManner.CONTROL_LOST),
-        (12, DepartureSide.AHEAD, DepartureManner.DRIFT),
-        (14, DepartureSide.AHEAD, DepartureManner.END_OF_ROAD),
-        (98, None, DepartureManner.DRIFT),
-    ],
-)
-def test_a_report_without_events_tells_the_side_by_the_crash_type(
-    crash_type: int, side: DepartureSide | None, manner: DepartureManner
-) -> None:
-    """FARS/CRSS Coding and Validation Manual, crash types A (right), B (left) and C (forward)."""
-    crash = left_road(TREE)
-    (car,) = crash.vehicles
-    departure = departure_of(replace(crash, events=(), vehicles=(replace(car, crash_type_code=crash_type),)))
-    assert departure is not None
-    assert (departure.side, departure.manner) == (side, manner)
-    assert [(struck.event_number, struck.code) for struck in departure.objects] == [(1, TREE)]
 
 
 # --- planned, simulated and judged -----------------------------------------------------------------------------------
@@ -199,19 +157,16 @@ def test_another_side_zone_or_object_is_not_what_happened() -> None:
 @pytest.mark.parametrize("code", [TREE, GUARDRAIL])
 def test_the_other_side_and_a_moved_object_are_rejected(code: int) -> None:
     crash = judged_crash(left_road(code))
-    reasons = []
-    for shift in (mirrored_departure(crash), object_moved(crash, VerdictSettings())):
-        assert shift is not None
-        changed = shifted_estimate(crash, shift)
-        (log,) = simulate(EmbeddedBackend(SimSettings()), STREET, b"", changed, SimSettings(), record=crash.record)
-        row = shifted_row(crash, shift, log, VerdictSettings())
-        assert row.accepted is False
-        reasons.append(row.reason)
-    assert reasons[0] in (Reason.WRONG_SIDE, Reason.NO_DEPARTURE)
-    assert reasons[1] in (Reason.WRONG_LOCATION, Reason.NO_COLLISION)
+    mirrored = row_of_change(crash, "mirrored", mirrored_departure(crash))
+    moved = row_of_change(crash, "moved", object_moved(crash, VerdictSettings()))
+    assert (mirrored.accepted, moved.accepted) == (False, False)
+    assert mirrored.reason in (Reason.WRONG_SIDE, Reason.NO_DEPARTURE)
+    assert moved.reason in (Reason.WRONG_LOCATION, Reason.NO_COLLISION)
 
 
 def test_a_report_of_another_object_does_not_pass_for_the_own_one() -> None:
     crashes = [judged_crash(replace(left_road(code), key=f"2023-{code}")) for code in (TREE, POLE)]
-    rows = list(against_other_reports(crashes[0], crashes, VerdictSettings(), in_place_of, departures_differ))
-    assert [(row.other_key, row.reports_differ, row.accepted) for row in rows] == [("2023-30", True, False)]
+    rows = changed_reports(crashes[0], crashes, VerdictSettings())
+    assert [(row.kind, row.other_key, row.reports_differ, row.accepted) for row in rows] == [
+        ("other_report", "2023-30", True, False)
+    ]

@@ -9,14 +9,14 @@ from dataclasses import asdict
 
 import pytest
 from cases import sample_case
-from llm_asking import HEAD_ON, LEFT_TURN
+from llm_asking import HEAD_ON, LEFT_TURN, by_model
 from loopback import serving
 from model_server import COST_USD, KEY, knowing, llm_settings
 
 from trace_dag.checksums import with_checksum
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.settings import StateSettings
-from trace_dag.states.llm.estimator import estimate_llm, llm_client
+from trace_dag.states.llm.estimator import llm_client
 from trace_dag.states.llm.ledger import FOLDER, Page, SpendingLedger
 from trace_dag.states.types import StateEstimate
 from trace_dag.storage import Storage
@@ -126,7 +126,7 @@ def test_the_budget_ends_a_batch_in_the_middle_and_a_later_run_goes_on(monkeypat
 
     def run(case, chosen: StateSettings, ledger: str) -> StateEstimate:
         client = llm_client(chosen, files=files, ledger=ledger)
-        return estimate_llm(case.record, case.network, case.report, chosen, client)
+        return by_model(case, chosen, client)
 
     with serving(knowing([one, two])) as server:
         monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")

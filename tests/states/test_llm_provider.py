@@ -10,14 +10,14 @@ import time
 
 import pytest
 from cases import Case, sample_case
-from llm_asking import HEAD_ON, asking
+from llm_asking import HEAD_ON, asking, by_model
 from loopback import Answer, serving
 from model_server import COST_USD, KEY, completion, failing, in_turn, llm_settings, right_answer
 
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.llm.client import LlmClient
-from trace_dag.states.llm.estimator import estimate_llm, llm_client
+from trace_dag.states.llm.estimator import llm_client
 from trace_dag.storage import Storage
 
 
@@ -68,7 +68,7 @@ def test_a_provider_that_cannot_be_reached_is_given_up_after_the_stated_attempts
     slept: list[float] = []
     client.sleep = slept.append
     with pytest.raises(TransientFailure, match=r"Connection error.*\(asked 4 times\)"):
-        estimate_llm(case.record, case.network, case.report, chosen, client)
+        by_model(case, chosen, client)
     assert slept == [2.0, 4.0, 8.0]
 
 
@@ -145,7 +145,7 @@ def test_a_missing_key_is_named_and_not_waited_for(monkeypatch, case, model, key
         monkeypatch.delenv(name, raising=False)
     chosen = llm_settings(llm_model=model)
     with pytest.raises(Failure, match=f"the environment lacks .*{key}") as caught:
-        estimate_llm(case.record, case.network, case.report, chosen, llm_client(chosen))
+        by_model(case, chosen, llm_client(chosen))
     assert not isinstance(caught.value, TransientFailure)
 
 

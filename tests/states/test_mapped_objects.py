@@ -16,7 +16,7 @@ from trace_dag.roads.report import MappedThing
 from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
-from trace_dag.states.departures import estimate_departure
+from trace_dag.states.estimate import estimate
 from trace_dag.states.objects import FixedObject, PlacedBy
 from trace_dag.verdict.judge import judge
 
@@ -25,7 +25,7 @@ GUARDRAIL = 24
 
 def struck(code: int, *things: MappedThing, to: int = RIGHT) -> FixedObject:
     report = replace(PLACE, things=things)
-    return estimate_departure(left_road(code, to=to), STREET, report, StateSettings()).best.objects[0]
+    return estimate(left_road(code, to=to), STREET, report, StateSettings()).best.objects[0]
 
 
 def sides() -> tuple[tuple[float, float], tuple[float, float]]:
@@ -47,7 +47,7 @@ def test_a_crash_into_a_tree_of_the_map_is_verified() -> None:
     (x_m, y_m), _ = sides()
     report = replace(PLACE, things=(MappedThing("node/7", "natural=tree", ((x_m + 1.0, y_m - 1.0),)),))
     crash = left_road(TREE)
-    made = estimate_departure(crash, STREET, report, StateSettings())
+    made = estimate(crash, STREET, report, StateSettings())
     logs = simulate(EmbeddedBackend(SimSettings()), STREET, b"", made, SimSettings(), record=crash)
     verdict = judge(crash, STREET, report, made, logs, VerdictSettings())
     assert verdict.accepted, verdict.detail
@@ -58,7 +58,7 @@ def test_what_stands_to_the_right_of_the_other_direction_is_met_by_who_goes_ther
     (x_m, y_m), (_, other_side_y_m) = sides()
     tree = MappedThing("node/7", "natural=tree", ((x_m, other_side_y_m),))
     report = replace(PLACE, things=(tree,))
-    [vehicle] = estimate_departure(left_road(TREE), STREET, report, StateSettings()).best.participants
+    [vehicle] = estimate(left_road(TREE), STREET, report, StateSettings()).best.participants
     assert other_side_y_m * y_m < 0
     # North of a street along the x axis, who goes west has it at the right.
     assert math.cos(vehicle.impact_pose.heading_rad) * other_side_y_m < 0

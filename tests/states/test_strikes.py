@@ -12,8 +12,6 @@ from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.parties import PartyKind, person_party, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
-from trace_dag.crash.strikes import strikes_of, untold_strike
-from trace_dag.errors import Rejection
 from trace_dag.roads.map.model import Crosswalk
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
@@ -64,33 +62,6 @@ def relative_deg(found: StateEstimate) -> float:
     """Heading of the person less that of the vehicle, at the strike, in the best hypothesis."""
     car, person = found.best.participants
     return math.degrees(wrap_angle(person.impact_pose.heading_rad - car.impact_pose.heading_rad))
-
-
-# --- who struck whom -------------------------------------------------------------------------------------------------
-def test_a_report_without_persons_still_says_that_somebody_was_struck() -> None:
-    crash = replace(struck(walker()), non_motorists=(), events=())
-    (strike,) = strikes_of(crash)
-    assert strike.pair == (1, 1001)
-    assert (strike.person.kind, strike.person.age_years) == (PartyKind.PEDESTRIAN, None)
-
-
-def test_which_of_two_vehicles_is_not_guessed() -> None:
-    crash = replace(struck(walker(), vehicles=2), non_motorists=(), events=())
-    assert strikes_of(crash) == ()
-    assert "which of 2 vehicles" in (untold_strike(crash) or "")
-    with pytest.raises(Rejection, match="which of 2 vehicles"):
-        estimated(crash)
-
-
-def test_running_over_whom_one_has_struck_is_the_same_strike() -> None:
-    crash = struck(walker(), vehicles=2)
-    first, last = crash.events
-    events = (first, replace(first, number=2, area_1=None), replace(last, number=3))
-    found = strikes_of(replace(crash, events=events))
-    assert [(each.event_number, each.pair, each.going_on) for each in found] == [
-        (1, (1, 1001), (2,)),
-        (3, (2, 1001), ()),
-    ]
 
 
 # --- which way the person went ---------------------------------------------------------------------------------------

@@ -14,7 +14,9 @@ from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, PreCras
 from trace_dag.geometry import LocalFrame, Pose
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.sim.run import participants
+from trace_dag.settings import SimSettings, VerdictSettings
+from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.sim.run import participants, simulate
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import (
     EstimatorRun,
@@ -26,7 +28,8 @@ from trace_dag.states.types import (
     Trajectory,
 )
 from trace_dag.units import clock_to_bearing_rad
-from trace_dag.verdict.controls import ControlRow
+from trace_dag.verdict.changed_plans import ChangedPlan, changed_estimate, changed_row
+from trace_dag.verdict.controls import ControlRow, JudgedCrash
 
 LANE_WIDTH_M = 3.5
 FRAME = LocalFrame(37.0, -77.0)
@@ -136,6 +139,15 @@ def estimate(*hypotheses: Hypothesis, key: str = "2023-1") -> StateEstimate:
 def moved(trajectory: Trajectory, dx_m: float, dy_m: float) -> Trajectory:
     """The same motion elsewhere."""
     return replace(trajectory, x_m=trajectory.x_m + dx_m, y_m=trajectory.y_m + dy_m)
+
+
+def row_of_change(crash: JudgedCrash, name: str, changed: ChangedPlan | None) -> ControlRow:
+    """The judgement of a changed plan, simulated; of none where nothing could be changed."""
+    log = None
+    if changed is not None:
+        made = changed_estimate(crash, changed)
+        (log,) = simulate(EmbeddedBackend(SimSettings()), crash.network, b"", made, SimSettings(), record=crash.record)
+    return changed_row(crash, name, changed, log, VerdictSettings())
 
 
 def acceptance_rate(rows: Sequence[ControlRow]) -> float | None:

@@ -10,29 +10,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.sim.motions import CAR, driven, straight
-from tests.verdict.crashes import CROSSROADS, STREET, acceptance_rate, area, estimate, moved, record, simulated, vehicle
-from trace_dag.crash.record import EventRecord, ImpactArea, PreCrashMovement
+from tests.verdict.crashes import (
+    CROSSROADS,
+    STREET,
+    acceptance_rate,
+    area,
+    estimate,
+    moved,
+    record,
+    row_of_change,
+    simulated,
+    vehicle,
+)
+from trace_dag.crash.record import ImpactArea, PreCrashMovement
 from trace_dag.errors import Failure, Reason
 from trace_dag.geometry import LocalFrame, Pose, contact_clock_h
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
-from trace_dag.settings import SimSettings, VerdictSettings
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
+from trace_dag.settings import VerdictSettings
 from trace_dag.units import clock_difference_h
-from trace_dag.verdict.controls import (
-    JudgedCrash,
-    against_other_reports,
-    renumbered,
-    reports_differ,
-    shifted_estimate,
-    shifted_in_time,
-    shifted_row,
-    true_pairing,
-)
+from trace_dag.verdict.changed_plans import late_vehicle
+from trace_dag.verdict.controls import JudgedCrash, changed_reports, true_pairing
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge, judge_hypothesis
-from trace_dag.verdict.metrics import clock_error_h, compare, observe
+from trace_dag.verdict.metrics import clock_error_positions
 from trace_dag.verdict.peer import compare as set_beside
 from trace_dag.verdict.types import Verdict
 
@@ -118,17 +119,15 @@ def left_turn(late_s: float = 0.0) -> tuple:
 
 def test_a_vehicle_hit_in_the_middle_of_its_turn_was_turning() -> None:
     turning = record(vehicle(1, 2, 68, PreCrashMovement.TURNING_LEFT), vehicle(2, 12, 69))
-    hypothesis, log = simulated(*left_turn())
-    assert log.first_contact is not None
-    measured = compare(observe(CROSSROADS, hypothesis, log), turning)
-    assert measured.vehicles[0].turn_deg == pytest.approx(90.0, abs=15.0)
-    assert measured.vehicles[1].turn_deg == pytest.approx(0.0, abs=3.0)
-    assert measured.relation_error_deg == pytest.approx(0.0, abs=5.0)
+    verdict = verdict_of(left_turn(), turning, CROSSROADS)
+    assert verdict.criterion("turn", 1).value == pytest.approx(90.0, abs=15.0)
+    assert verdict.criterion("turn", 2).value == pytest.approx(0.0, abs=3.0)
+    assert verdict.criterion("relation_error").value == pytest.approx(0.0, abs=5.0)
     wrong = record(vehicle(1, 2, 68, PreCrashMovement.TURNING_RIGHT), vehicle(2, 12, 69))
-    right = compare(observe(CROSSROADS, hypothesis, log), wrong).vehicles[0].turn_error_deg
-    assert right < 45.0  # ACC_TYPE says left, P_CRASH1 right: a report that contradicts itself allows both
+    both = verdict_of(left_turn(), wrong, CROSSROADS).criterion("direction_error", 1)
+    assert both.value < 45.0  # ACC_TYPE says left, P_CRASH1 right: a report that contradicts itself allows both
     only_right = record(vehicle(1, 2, None, PreCrashMovement.TURNING_RIGHT), vehicle(2, 12))
-    assert compare(observe(CROSSROADS, hypothesis, log), only_right).vehicles[0].turn_error_deg > 135.0
+    assert verdict_of(left_turn(), only_right, CROSSROADS).criterion("direction_error", 1).value > 135.0
 
 
 def test_the_first_accepted_hypothesis_wins_and_the_first_stands_for_none() -> None:
@@ -154,22 +153,6 @@ def test_verdicts_survive_their_file() -> None:
         verdict_from_json(b"{}")
 
 
-FIRE, TREE = 2, 42
-
-
-def test_another_collision_of_the_same_vehicles_is_looked_for_among_the_contacts() -> None:
-    events = (
-        EventRecord(1, 12, 1, None, 2, None),
-        EventRecord(2, 12, 1, None, 2, None),
-        EventRecord(3, FIRE, 1, None, None, None),
-        EventRecord(4, TREE, 1, None, None, None),  # shown with the aftermath
-    )
-    hypothesis, log = simulated(*HEAD_ON)
-    observation = observe(STREET, hypothesis, log)
-    measured = compare(observation, record(vehicle(1, 12), vehicle(2, 12), events=events))
-    assert [event.occurred for event in measured.later_events] == [len(log.contacts) > 1, None]
-
-
 # --- clock positions ---------------------------------------------------------------------------------------------
 @given(st.floats(-math.pi, math.pi), st.floats(2.0, 20.0), st.floats(0.8, 3.0), st.floats(0, 12, exclude_min=True))
 def test_a_clock_position_does_not_depend_on_where_the_body_is(
@@ -191,14 +174,14 @@ def test_faces_of_long_bodies_have_their_share_of_the_clock() -> None:
 
 def test_wide_areas_are_met_anywhere_in_them() -> None:
     left_side = ImpactArea(61, 9.0, math.pi / 2, math.radians(45))
-    assert clock_error_h(9.9, left_side) == 0.0
-    assert clock_error_h(12.0, left_side) == pytest.approx(1.5)
-    assert clock_error_h(12.0, ImpactArea(9, 9.0, math.pi / 2, math.radians(15))) == pytest.approx(2.5)
-    assert clock_error_h(12.0, None) is None
+    assert clock_error_positions(9.9, left_side) == 0.0
+    assert clock_error_positions(12.0, left_side) == pytest.approx(1.5)
+    assert clock_error_positions(12.0, ImpactArea(9, 9.0, math.pi / 2, math.radians(15))) == pytest.approx(2.5)
+    assert clock_error_positions(12.0, None) is None
 
 
 def test_two_clock_positions_either_way_let_five_of_twelve_pass() -> None:
-    passing = [error <= 2.0 for error in (clock_error_h(12 * k / 1200, area(3)) for k in range(1, 1201))]
+    passing = [error <= 2.0 for error in (clock_error_positions(12 * k / 1200, area(3)) for k in range(1, 1201))]
     assert sum(passing) / len(passing) == pytest.approx(5 / 12, abs=0.002)
 
 
@@ -214,33 +197,26 @@ def test_true_pairings_pass_and_other_reports_do_not() -> None:
     crashes = cohort()
     settings = VerdictSettings()
     assert acceptance_rate([true_pairing(crash, settings) for crash in crashes]) == 1.0
-    rows = [
-        row for crash in crashes for row in against_other_reports(crash, crashes, settings, renumbered, reports_differ)
-    ]
+    rows = [row for crash in crashes for row in changed_reports(crash, crashes, settings)]
     assert {(row.key, row.other_key) for row in rows} == {("2023-1", "2023-2"), ("2023-2", "2023-1")}
     assert acceptance_rate(rows) == 0.0
     assert all(row.reports_differ for row in rows)
-    assert all(row.clock_error_max_h is not None and row.clock_error_max_h > 2.0 for row in rows)
+    assert all(row.clock_error_max_positions is not None and row.clock_error_max_positions > 2.0 for row in rows)
 
 
 def test_a_vehicle_that_comes_late_misses_or_meets_elsewhere() -> None:
-    settings = VerdictSettings()
     for crash in cohort():
-        shift = shifted_in_time(crash.hypothesis)
-        assert shift is not None
-        sim = SimSettings()
-        log = simulate(EmbeddedBackend(sim), crash.network, b"", shifted_estimate(crash, shift), sim)[0]
-        row = shifted_row(crash, shift, log, settings)
+        row = row_of_change(crash, "shifted", late_vehicle(crash))
         assert row.accepted is False
+        assert row.shift_s >= 2.0
         assert row.reason in (Reason.NO_COLLISION, Reason.WRONG_LOCATION)
 
 
 def test_a_standing_vehicle_cannot_be_missed_by_coming_late() -> None:
     standing = straight(HALF, -1.75, math.pi, 0.0)
-    hypothesis, log = simulated(HEAD_ON[0], standing)
-    crash = JudgedCrash(HEAD_ON_RECORD, STREET, hypothesis, log)
-    assert shifted_in_time(hypothesis) is None
-    row = shifted_row(crash, None, None, VerdictSettings())
+    crash = JudgedCrash(HEAD_ON_RECORD, STREET, *simulated(HEAD_ON[0], standing))
+    assert late_vehicle(crash) is None
+    row = row_of_change(crash, "shifted", None)
     assert row.accepted is None
     assert acceptance_rate([row]) is None
 

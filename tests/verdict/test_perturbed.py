@@ -12,7 +12,7 @@ import pytest
 from cases import SAMPLE, SETTINGS
 
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.reconstruction import Reconstruction
+from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import PreCrashMovement
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
@@ -285,7 +285,7 @@ def test_every_perturbation_of_a_whole_report_can_be_read_and_is_drawn_alike(nam
 def test_real_reports_take_the_perturbations_their_fields_allow(shared_data) -> None:
     report = (shared_data / "va-2023" / "reports" / "crash_510002.xml").read_bytes()
     here = scene(report)
-    of_collisions = {name: kind for name, kind in KINDS.items() if Reconstruction.COLLISION in kind.of}
+    of_collisions = {name: kind for name, kind in KINDS.items() if EventKind.VEHICLE_CONTACT in kind.of}
     applied = {name for name, kind in of_collisions.items() if perturb(kind, report, here) is not None}
     # Vehicle 1 turned left at a T-intersection on a straight road; both speeds and both streets are reported.
     assert of_collisions.keys() - applied <= {"alignment_mirrored", "type_left_across"}

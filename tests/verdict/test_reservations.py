@@ -9,22 +9,33 @@ import example_objects
 import numpy as np
 import pytest
 
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import EventRecord
 from trace_dag.states.alternatives import alternatives
-from trace_dag.states.types import StateEstimate
+from trace_dag.states.types import EstimateCheck, StateEstimate
 from trace_dag.units import kmh_to_mps
-from trace_dag.verdict.event_outcomes import event_outcomes
+from trace_dag.verdict.happened import event_outcomes
 from trace_dag.verdict.judge import judge
+from trace_dag.verdict.observation import ObservedCrash, observe_crash
 from trace_dag.verdict.reservations import off_mapped_ground_m, reservations_about
-from trace_dag.verdict.types import Criterion, Doubt, EventOutcome, Grade, Happening
+from trace_dag.verdict.rules import Comparison
+from trace_dag.verdict.types import Doubt, EventOutcome, Grade, Happening
 
 RECORD = example_objects.record_of("record")  # a car turns left across a motorcycle
 MADE = example_objects.made_of("record")
 LOG = MADE.logs[0]
 
 
+def observed(log=LOG, hypothesis=MADE.state_estimate.hypotheses[0]) -> ObservedCrash:
+    return observe_crash(MADE.network, hypothesis, log)
+
+
+def outcomes(record, seen: ObservedCrash) -> tuple[EventOutcome, ...]:
+    return event_outcomes(Comparison.of(record, sequence_of(record), seen, example_objects.SETTINGS.verdict))
+
+
 def doubts(record=RECORD, *, report=MADE.map_report, log=LOG, events=()) -> dict[Doubt, str]:
-    found = reservations_about(record, MADE.network, report, None, MADE.state_estimate.hypotheses[0], log, events)
+    found = reservations_about(record, report, None, observed(log), events)
     return {each.doubt: each.detail for each in found}
 
 
@@ -72,13 +83,14 @@ def test_an_impact_that_no_recorder_records_cannot_have_killed(kmh: float, harml
 def test_an_event_that_does_not_happen_is_doubted_one_that_cannot_be_simulated_is_not():
     rolled, burnt = EventRecord(2, 1, 1, None, None, None), EventRecord(3, 2, 1, None, None, None)
     record = replace(RECORD, events=(*RECORD.events, rolled, burnt))
-    missed = Criterion("later_overturn", 0.0, 1.0, "", False, None, "it tilts by 4 degrees at most", 1, 2)
-    events = event_outcomes(record, (Criterion("contact", 1.0, 1.0, "contacts", True), missed))
-    assert events == (
-        EventOutcome(1, 12, Happening.HAPPENED),
-        EventOutcome(2, 1, Happening.MISSED, "it tilts by 4 degrees at most"),
-        EventOutcome(3, 2, Happening.NOT_MODELLED),
-    )
+    planned = EstimateCheck("overturn of event 2", False, "it tilts by 4 degrees at most")
+    best = replace(MADE.state_estimate.hypotheses[0], later_events=(planned,))
+    events = outcomes(record, observed(hypothesis=best))
+    assert [(each.event_number, each.code, each.outcome, each.why) for each in events] == [
+        (1, 12, Happening.HAPPENED, ""),
+        (2, 1, Happening.MISSED, "it tilts by 4 degrees at most"),
+        (3, 2, Happening.NOT_MODELLED, ""),
+    ]
     found = doubts(record, events=events)
     assert list(found) == [Doubt.EVENT_MISSED]
     assert found[Doubt.EVENT_MISSED].startswith("vehicle 1 overturned: does not happen")
@@ -87,8 +99,24 @@ def test_an_event_that_does_not_happen_is_doubted_one_that_cannot_be_simulated_i
 def test_events_at_once_between_the_same_two_are_one_that_goes_on():
     first = RECORD.events[0]
     again = replace(RECORD, events=(first, replace(first, number=2)))
-    outcomes = event_outcomes(again, (Criterion("contact", 1.0, 1.0, "contacts", True),))
-    assert [each.outcome for each in outcomes] == [Happening.HAPPENED, Happening.HAPPENED]
+    assert [each.outcome for each in outcomes(again, observed())] == [Happening.HAPPENED, Happening.HAPPENED]
+
+
+def test_a_report_without_events_has_the_one_that_its_first_harmful_event_implies():
+    made = example_objects.made_of("tree_record")
+    seen = observe_crash(made.network, made.state_estimate.hypotheses[0], made.logs[0])
+    record = example_objects.record_of("tree_record")
+    (tree,) = (event for event in record.events if event.is_harmful)
+    silent = replace(record, events=(), first_harmful_event_code=tree.code)
+    assert [(each.event_number, each.code) for each in outcomes(silent, seen)] == [(1, tree.code)]
+
+
+def test_what_came_before_the_first_harmful_event_is_missed():
+    tree = EventRecord(1, 42, 1, None, 2001, None)
+    record = replace(RECORD, first_harmful_event_code=12, events=(tree, replace(RECORD.events[0], number=2)))
+    before, first = outcomes(record, observed())
+    assert (before.outcome, before.why) == (Happening.MISSED, "it comes before the first harmful event")
+    assert first.outcome is Happening.HAPPENED
 
 
 def test_a_crash_whose_other_approach_is_as_likely_says_so_and_is_not_corroborated():

@@ -8,20 +8,15 @@ import pytest
 
 from tests.sim.motions import log_of
 from tests.states.test_strikes import estimated, rider, struck, walker
-from tests.verdict.crashes import STREET, record, vehicle
+from tests.verdict.crashes import STREET, record, row_of_change, vehicle
 from tests.verdict.test_strikes import FROM_RIGHT, crossing
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.strikes import strikes_of
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.run import participants
 from trace_dag.states.types import Manoeuvre
-from trace_dag.verdict.controls import JudgedCrash, against_other_reports, of_same_kind, shifted_row
-from trace_dag.verdict.strike_controls import (
-    in_place_of,
-    late_person,
-    mirrored,
-    strikes_differ,
-)
+from trace_dag.verdict.changed_plans import late_person, mirrored_person
+from trace_dag.verdict.controls import ControlRow, JudgedCrash, changed_reports, in_place_of, reports_differ
 
 SETTINGS = VerdictSettings()
 
@@ -49,7 +44,7 @@ def other(person_fields: dict[str, object], key: str = "2023-2") -> JudgedCrash:
 def test_another_persons_report_is_refused_where_it_says_something_else(
     fields: dict[str, object], differ: bool
 ) -> None:
-    (row,) = against_other_reports(judged(), [other(fields)], SETTINGS, in_place_of, strikes_differ)
+    (row,) = changed_reports(judged(), [other(fields)], SETTINGS)
     assert (row.kind, row.other_key, row.reports_differ) == ("other_report", "2023-2", differ)
     assert row.accepted is not differ
 
@@ -58,7 +53,7 @@ def test_reports_of_another_kind_or_length_are_not_set_beside_it() -> None:
     cyclist = struck(rider(), code=9)
     _, hypothesis, log = crossing()
     others = [JudgedCrash(replace(cyclist, key="2023-3"), STREET, hypothesis, log)]
-    assert list(of_same_kind(judged(), others)) == []
+    assert list(changed_reports(judged(), others, SETTINGS)) == []
     assert in_place_of(struck(FROM_RIGHT, vehicles=2), struck(FROM_RIGHT)) is None
     assert in_place_of(record(vehicle(1, 12), vehicle(2, 12)), struck(FROM_RIGHT)) is None
 
@@ -69,7 +64,7 @@ def test_parties_get_the_numbers_of_the_own_report() -> None:
     assert found is not None
     (event,) = found.events
     assert (event.party_1, event.party_2) == (1, 1001)
-    assert not strikes_differ(found, struck(FROM_RIGHT), SETTINGS)
+    assert not reports_differ(found, struck(FROM_RIGHT), SETTINGS)
 
 
 @pytest.mark.parametrize("listed", [True, False])
@@ -78,55 +73,49 @@ def test_a_report_that_lists_no_person_can_be_set_beside_another(listed: bool) -
     events = tuple(replace(event, party_2=None) for event in theirs.events) if listed else ()
     found = in_place_of(replace(theirs, non_motorists=(), events=events), struck(FROM_RIGHT))
     assert found is not None
-    assert [strike.pair for strike in strikes_of(found)] == [(1, 1001)]
+    assert [event.pair for event in sequence_of(found).events] == [(1, 1001)]
 
 
-def shifted(crash: CrashRecord) -> tuple[bool | None, float | None]:
+def planned(crash: CrashRecord) -> JudgedCrash:
     hypothesis = estimated(crash).best
-    shift = late_person(hypothesis)
-    assert shift is not None
-    row = shifted_row(
-        JudgedCrash(crash, STREET, hypothesis, log_of(participants(hypothesis))),
-        shift,
-        log_of(participants(shift.hypothesis)),
-        SETTINGS,
-    )
-    return row.accepted, row.shift_s
+    return JudgedCrash(crash, STREET, hypothesis, log_of(participants(hypothesis)))
+
+
+def late(crash: JudgedCrash) -> ControlRow:
+    return row_of_change(crash, "shifted", late_person(crash))
 
 
 def test_a_person_two_seconds_late_is_not_struck_there() -> None:
-    assert shifted(struck(FROM_RIGHT)) == (False, 2.0)
+    row = late(judged())
+    assert (row.accepted, row.shift_s) == (False, 2.0)
 
 
 def test_who_goes_along_the_road_comes_so_late_that_the_place_is_another() -> None:
-    accepted, shift_s = shifted(struck(walker(pedestrian_type_code=440)))
-    assert accepted is False
-    assert shift_s is not None
-    assert shift_s * 1.57 > 10.0
+    row = late(planned(struck(walker(pedestrian_type_code=440))))
+    assert row.accepted is False
+    assert row.shift_s is not None
+    assert row.shift_s * 1.57 > 10.0
 
 
 def test_who_stands_cannot_be_late() -> None:
-    assert late_person(estimated(struck(walker(pedestrian_type_code=610))).best) is None
+    assert late_person(planned(struck(walker(pedestrian_type_code=610)))) is None
 
 
 def test_no_delay_makes_a_cyclist_miss_a_standing_car() -> None:
-    crash = struck(rider(cyclist_type_code=243), code=9, clock_h=6, speed_mps=0.0)
-    assert late_person(estimated(crash).best) is None
+    assert late_person(planned(struck(rider(cyclist_type_code=243), code=9, clock_h=6, speed_mps=0.0))) is None
 
 
 def test_a_person_from_the_other_side_is_refused() -> None:
     crash = judged()
-    other_side = mirrored(crash.record, crash.hypothesis)
+    other_side = mirrored_person(crash)
     assert other_side is not None
     person, was = other_side.hypothesis.participants[1], crash.hypothesis.participants[1]
     assert was.manoeuvre is Manoeuvre.CROSS_FROM_RIGHT
     street_y = was.impact_pose.y_m  # the street runs east: mirrored is north for south
     assert person.initial_pose.y_m - street_y == pytest.approx(street_y - was.initial_pose.y_m, abs=1e-3)
     assert person.initial_pose.x_m == pytest.approx(was.initial_pose.x_m, abs=1e-3)
-    row = shifted_row(crash, other_side, log_of(participants(other_side.hypothesis)), SETTINGS)
-    assert row.accepted is False
+    assert row_of_change(crash, "mirrored", other_side).accepted is False
 
 
 def test_a_side_that_is_not_coded_has_no_mirror() -> None:
-    crash = struck(walker(pedestrian_type_code=760))
-    assert mirrored(crash, estimated(crash).best) is None
+    assert mirrored_person(planned(struck(walker(pedestrian_type_code=760)))) is None

@@ -151,20 +151,3 @@ def test_the_fitted_table_speaks_for_what_agrees() -> None:
 def test_a_graded_verdict_is_read_back_as_it_was_written() -> None:
     verdict = graded(AS_REPORTED)
     assert verdict_from_json(verdict_to_json(verdict)) == verdict
-
-
-@pytest.mark.parametrize(
-    ("codes", "agrees"),
-    [((12,), True), ((63, 12), True), ((42, 12), False), ((68, 42, 12), False)],
-)
-def test_without_a_first_harmful_event_the_first_event_that_harms_stands_for_it(codes, agrees: bool) -> None:
-    """63 and 68 (ran off to the right, crossed the centre line) harm nobody; 42 is a tree."""
-    collision = AS_REPORTED.events[0]
-    events = tuple(
-        replace(collision, number=number, code=code, party_2=collision.party_2 if code == 12 else None)
-        for number, code in enumerate(codes, 1)
-    )
-    support = graded(replace(AS_REPORTED, first_harmful_event_code=None, events=events)).support
-    assert support is not None
-    (found,) = (each for each in support.facts if each.name == "first harmful event")
-    assert (found.agreement is Agreement.AGREES) is agrees

@@ -17,7 +17,17 @@ from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import query, rows
 
-JUDGED = {"two_vehicles", "multi_vehicle", "parked", "fixed_object", "overturn", "pedestrian", "cyclist", "animal"}
+JUDGED = {
+    "two_vehicles",
+    "multi_vehicle",
+    "parked",
+    "fixed_object",
+    "lying_object",
+    "overturn",
+    "pedestrian",
+    "cyclist",
+    "animal",
+}
 CONTACTS = {12, 14, 45, 55}
 NO_HARM = {*range(60, 72), 79, 98, 99}
 MALFORMED = ("crash_510030", "crash_510108", "crash_510150")
@@ -33,8 +43,8 @@ def kind(harm_ev: int, vehicles: int, events: list[int]) -> str:
     harmful = [code for code in events if code not in NO_HARM]
     if vehicles > 1 and harm_ev != 10 and (harm_ev == 12 or not harmful or CONTACTS & set(harmful)):
         return "two_vehicles" if vehicles == 2 else "multi_vehicle"
-    if harm_ev == 1:
-        return "overturn"
+    if harm_ev in {1, 18, 91}:
+        return "overturn" if harm_ev == 1 else "lying_object"
     return "fixed_object" if 17 <= harm_ev <= 59 and harm_ev not in NOT_FIXED else "other"
 
 

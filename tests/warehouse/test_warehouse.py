@@ -24,7 +24,7 @@ CONTRACT = {
     "crashes": "key case_year state_case cohort latitude_deg longitude_deg final_state stage_reached reason "
     "collision_type road_topology vehicle_trajectory",
     "stage_outcomes": "key stage outcome reason detail duration_s",
-    "verdicts": "key accepted contact_distance_m clock_error_max_h direction_ok speed_error_initial_max_rel "
+    "verdicts": "key accepted contact_distance_m clock_error_max_positions direction_ok speed_error_initial_max_rel "
     "speed_error_impact_max_rel",
     "funnel": "step crashes published",
     "failure_reasons": "stage reason published_category crashes",
@@ -121,7 +121,7 @@ def test_verdicts_equal_the_criteria_in_the_artefacts(root):
         harmful = [event["outcome"] for event in document["events"]]
         assert (row["events_reported"], row["events_happened"]) == (len(harmful), harmful.count("happened"))
         if "clock_error" in values:
-            assert row["clock_error_max_h"] == pytest.approx(max(values["clock_error"]))
+            assert row["clock_error_max_positions"] == pytest.approx(max(values["clock_error"]))
         if "initial_speed_error" in values:
             assert row["speed_error_initial_max_rel"] == pytest.approx(max(map(abs, values["initial_speed_error"])))
 

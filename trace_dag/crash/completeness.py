@@ -15,13 +15,12 @@ from typing import Final
 from trace_dag.crash.codes.crash import REL_ROAD, TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.crash_types import crash_type_of
-from trace_dag.crash.departures import is_of_departure, overturns_on_road, untold_departure, untold_side
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
+from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, Missing, event_sequence
 from trace_dag.crash.kind import CrashKind
-from trace_dag.crash.modelled import another_kind, untold_meeting
-from trace_dag.crash.parties import PartyKind
+from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
-from trace_dag.crash.strikes import is_of_strikes, strikes_of, untold_strike
+from trace_dag.crash.road_departure import overturns_on_road, side_of_first
 from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
 from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.schemas import Column, ColumnType
@@ -40,6 +39,7 @@ _REAR_H: Final = 6.0
 _SQUARELY_H: Final = 0.5
 """Half an hour to either side: a corner may be struck by one that turns or crosses."""
 
+_OF_PEOPLE: Final = frozenset({EventKind.PERSON_STRUCK, EventKind.ANIMAL_STRUCK})
 _DIRECTED_MANNERS: Final = frozenset({1, 2, 7, 8, 10})
 """``MAN_COLL`` values that say how the two vehicles were headed relative to each other."""
 
@@ -210,30 +210,46 @@ def _topology(record: CrashRecord) -> str | None:
 
 
 def _trajectory(record: CrashRecord) -> str | None:
-    if is_of_departure(record):
-        return untold_side(record) or (_course_of_vehicles(record) if overturns_on_road(record) else None)
-    return _course_of_persons(record) if is_of_strikes(record) else _course_of_vehicles(record)
+    """How each vehicle came to the first event, and to whom it struck."""
+    sequence = event_sequence(record)
+    if isinstance(sequence, Missing):
+        return _course_of(record, [vehicle for vehicle in record.vehicles if vehicle.in_transport])
+    first = sequence.first
+    if first.kind in OFF_THE_ROAD:
+        if overturns_on_road(record, sequence):
+            return _course_of(record, [first.vehicle])
+        return _untold_side(record, first)
+    struck = [event for event in sequence.events if event.kind in _OF_PEOPLE]
+    begun = {vehicle.number for vehicle in first.vehicles}
+    drove = [event.vehicle for event in struck if event.vehicle.number not in begun]
+    courses = (_course_of(record, first.vehicles), *(_course_of(record, [vehicle]) for vehicle in drove))
+    untold = next((sentence for sentence in courses if sentence is not None), None)
+    return untold or (_place_of_person(record, struck[0]) if struck and struck[0] is first else None)
 
 
-def _course_of_persons(record: CrashRecord) -> str | None:
-    """Every person or animal was struck by a vehicle whose course is known, the first one at a place that is known."""
-    strikes = strikes_of(record)
-    for strike in strikes:
-        if not _trajectory_known(record, strike.vehicle, None):
-            return _untold_course(strike.vehicle)
-    zone_told = REL_ROAD.known(record.road_relation_code) is not None
-    if not strikes or strikes[0].person.place_code is not None or zone_told:
+def _untold_side(record: CrashRecord, event: CrashEvent) -> str | None:
+    vehicle = event.vehicle
+    if side_of_first(record, event) is not None:
         return None
-    if strikes[0].person.kind is PartyKind.ANIMAL:
+    return (
+        f"nothing tells to which side vehicle {vehicle.number} left the road: no departure to a side among its events, "
+        f"ACC_TYPE {_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}"
+    )
+
+
+def _place_of_person(record: CrashRecord, strike: CrashEvent) -> str | None:
+    person = strike.person
+    if person.place_code is not None or REL_ROAD.known(record.road_relation_code) is not None:
+        return None
+    if person.kind is PartyKind.ANIMAL:
         return "nothing tells where the animal was: REL_ROAD is not known"
-    who = f"person {strikes[0].person.number}"
-    return f"nothing tells where {who} was: neither LOCATION nor PEDPOS nor BIKEPOS nor REL_ROAD is known"
+    return (
+        f"nothing tells where person {person.number} was: neither LOCATION nor PEDPOS nor BIKEPOS nor REL_ROAD is known"
+    )
 
 
-def _course_of_vehicles(record: CrashRecord) -> str | None:
-    vehicles = record.colliding_vehicles or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
-    if not vehicles:
-        return "the report lists no vehicle, so that nothing tells how any of them moved"
+def _course_of(record: CrashRecord, vehicles: Sequence[VehicleRecord]) -> str | None:
+    """Every vehicle's course is told, by its own fields or those of the other one."""
     for index, vehicle in enumerate(vehicles):
         partner = vehicles[1 - index] if len(vehicles) == 2 else None
         if not _trajectory_known(record, vehicle, partner):
@@ -259,26 +275,33 @@ def _movement(movement: PreCrashMovement) -> str:
 def _impact(record: CrashRecord) -> str | None:
     """A verdict needs an area of impact on a side of a body (not the top, not the undercarriage): without one,
     anything simulated would agree with the report. A departure from the road is judged by its place, too."""
-    if is_of_departure(record):
+    sequence = event_sequence(record)
+    if isinstance(sequence, Missing) or sequence.first.kind in OFF_THE_ROAD:
         return None
-    if is_of_strikes(record):
-        struck = [(strike.vehicle.number, strike.area) for strike in strikes_of(record)]
-    else:
-        struck = [(vehicle.number, vehicle.impact) for vehicle in record.colliding_vehicles or ()]
-    if not struck or any(area is not None for _, area in struck):
+    first = sequence.first
+    judged = [event for event in sequence.events if event.kind in _OF_PEOPLE] if first.kind in _OF_PEOPLE else [first]
+    struck = [vehicle for event in judged for vehicle in event.vehicles]
+    if any(vehicle.impact is not None for vehicle in struck):
         return None
-    numbers = sorted({number for number, _ in struck})
+    numbers = sorted({vehicle.number for vehicle in struck})
     said = " and ".join(f"vehicle {number}" for number in numbers)
     return f"nothing tells on which side {said} {'was' if len(numbers) == 1 else 'were'} struck"
 
 
-KINDS: Final[tuple[Rule, ...]] = (
-    Rule(
-        "sequence", Reason.INCOMPLETE_SEQUENCE, "which vehicles met first is known, where vehicles met", untold_meeting
-    ),
-    Rule("strikes", Reason.INCOMPLETE_SEQUENCE, "which vehicle struck whom is known", untold_strike),
-    Rule("departure", Reason.INCOMPLETE_SEQUENCE, "which vehicle left the road is known", untold_departure),
-    Rule("modelled", Reason.NOT_MODELLED, "a kind of crash that can be judged", another_kind),
+def _missing(reason: Reason) -> Callable[[CrashRecord], str | None]:
+    def sentence(record: CrashRecord) -> str | None:
+        found = event_sequence(record)
+        return found.sentence if isinstance(found, Missing) and found.reason is reason else None
+
+    return sentence
+
+
+KINDS: Final[tuple[Rule, ...]] = tuple(
+    Rule(name, reason, meaning, _missing(reason))
+    for name, reason, meaning in (
+        ("sequence", Reason.INCOMPLETE_SEQUENCE, "which parties met first is known, and who met whom in its contacts"),
+        ("modelled", Reason.NOT_MODELLED, "the first harmful event is one that can be simulated"),
+    )
 )
 """What kind of crash it has to be."""
 

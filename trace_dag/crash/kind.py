@@ -22,20 +22,14 @@ class CrashKind(StrEnum):
     CYCLIST = "cyclist"  # 9
     PARKED = "parked"  # 14, 45
     FIXED_OBJECT = "fixed_object"  # 17-59 but those named here, 93
+    LYING_OBJECT = "lying_object"  # 18, 91: on the road or beside it, and not fixed
     OVERTURN = "overturn"  # 1
     ANIMAL = "animal"  # 11, 49
     OTHER = "other"
 
 
-COLLISIONS: Final = frozenset({CrashKind.TWO_VEHICLES, CrashKind.MULTI_VEHICLE})
-"""Kinds whose vehicles touched."""
-OF_PERSONS: Final = frozenset({CrashKind.PEDESTRIAN, CrashKind.CYCLIST})
-OF_STRIKES: Final = OF_PERSONS | {CrashKind.ANIMAL}
-"""Kinds in which a vehicle first strikes who is outside of vehicles."""
-JUDGED_KINDS: Final = frozenset(
-    {CrashKind.PARKED, *COLLISIONS, *OF_STRIKES, CrashKind.FIXED_OBJECT, CrashKind.OVERTURN}
-)
-"""Kinds that can be judged: adding one here lets its crashes pass on to the map, once a rejection has a name for it."""
+JUDGED_KINDS: Final = frozenset(set(CrashKind) - {CrashKind.OTHER})
+"""Kinds that can be judged."""
 
 _BEFORE_ALL: Final[Mapping[int, CrashKind]] = {
     **dict.fromkeys((codes.PEDESTRIAN, codes.PERSON_ON_CONVEYANCE), CrashKind.PEDESTRIAN),
@@ -47,6 +41,7 @@ _BEFORE_ALL: Final[Mapping[int, CrashKind]] = {
 _OF_ONE_VEHICLE: Final[Mapping[int, CrashKind]] = {
     codes.OVERTURN: CrashKind.OVERTURN,
     **dict.fromkeys(codes.FIXED_OBJECTS, CrashKind.FIXED_OBJECT),
+    **dict.fromkeys(codes.LYING_OBJECTS, CrashKind.LYING_OBJECT),
 }
 _OF_VEHICLES: Final = frozenset({codes.MOTOR_VEHICLE_IN_TRANSPORT, codes.VEHICLE_OUTSIDE_TRAFFICWAY})
 

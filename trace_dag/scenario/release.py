@@ -85,7 +85,12 @@ RELEASE_INDEX = TableSchema(
         Column("events_happened", _T.INTEGER, "Harmful events that happen in the simulation"),
         Column("events_not_modelled", _T.INTEGER, "Harmful events that no simulation can have"),
         Column("alternatives", _T.TEXT, "What is as likely as the course in the package, in words"),
-        Column("clock_error_max_h", _T.REAL, "Impact against the reported clock position, the worse vehicle", unit="h"),
+        Column(
+            "clock_error_max_positions",
+            _T.REAL,
+            "Impact against the reported clock position, the worse vehicle",
+            unit="h",
+        ),
         Column(
             "speed_error_initial_max_rel",
             _T.REAL,

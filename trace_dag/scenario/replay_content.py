@@ -15,7 +15,7 @@ import numpy as np
 from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.summary import classes_in_words
+from trace_dag.crash.summary import classes_in_words, event_named
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.canvas import Canvas
@@ -31,7 +31,7 @@ from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.sim.drawn_courses import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.units import mps_to_mph
-from trace_dag.verdict.types import Verdict
+from trace_dag.verdict.types import Happening, Verdict
 
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
@@ -126,6 +126,7 @@ def replay_content(
         **_data(record, network, log, windows),
         **_ghost(drive, log),
         "courses": [] if sampled is None or drive is not None else _courses(sampled),
+        "events": [] if verdict is None or drive is not None else _events(verdict),
         "map": [round(value, 2) for value in map_window],
         "key": record.key,
         "night": is_dark(record),
@@ -153,6 +154,18 @@ def place_in_words(record: CrashRecord) -> str:
     """
     roads = " / ".join(filter(None, (record.trafficway_1, record.trafficway_2)))
     return ", ".join(filter(None, (roads, record.county_name.title(), record.state_name)))
+
+
+def _events(verdict: Verdict) -> list[dict[str, object]]:
+    """A mark of the time line for each reported harmful event: when it happens, if it does, and in words."""
+    marks: list[dict[str, object]] = []
+    for each in verdict.events:
+        what = event_named(each.event_number, each.code)
+        if each.outcome is Happening.HAPPENED and each.time_s is None:
+            continue  # it goes on with the one before it
+        how = "" if each.time_s is not None else ": does not happen" + (f" ({each.why})" if each.why else "")
+        marks.append({"number": each.event_number, "time": each.time_s, "words": f"{what}{how}"})
+    return marks
 
 
 def _outcome(verdict: Verdict | None) -> str:

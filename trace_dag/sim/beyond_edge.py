@@ -1,6 +1,7 @@
 """The ground beyond the edge of what is paved: its height, its slope, and what a change of slope does to a vehicle.
 
-OpenStreetMap says nothing of it, so that it is what such roads commonly have. Roads of high speed have open sides
+The edge of a bridge holds: it has a rail, of which OpenStreetMap seldom says. Elsewhere OpenStreetMap says nothing of
+it, so that it is what such roads commonly have. Roads of high speed have open sides
 (:func:`trace_dag.osm.road_classes.is_high_speed`): beyond the shoulder the ground falls by 1V:6H, which a driver
 recovers from (AASHTO, Roadside Design Guide, 2011, section 3.2.1: recoverable up to 1V:4H), over 3 m and goes on level.
 Streets with kerbs have level ground beside them. Where the report has a ditch or an embankment, that is what slopes
@@ -23,6 +24,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
+import numpy as np
 import shapely
 
 from trace_dag.crash.record import VehicleClass
@@ -36,6 +38,10 @@ _FORE_SLOPE: Final = 1 / 6
 FORE_SLOPE_M: Final = 3.0
 """From the edge on the ground falls so far, beside roads of high speed."""
 _REACH_M: Final = 250.0  # farther from the crash nobody slides
+_RAIL_M: Final = (
+    1.5,
+    4.0,
+)  # beyond the edge of what is paved: the rail, and so far a vehicle may get before it is held
 _APPROACH: Final = {  # tangent of the angle of a slope that the overhangs clear; 28 degrees make a light truck one for
     # rough ground (49 CFR 523.5), cars have 12 to 18
     VehicleClass.CAR: math.tan(math.radians(15)),
@@ -103,10 +109,12 @@ class BeyondEdge:
     def __init__(self, network: RoadNetwork | None, objects: Sequence[FixedObject], end: Pose) -> None:
         place = objects[0].pose if objects else end
         self._profiles = [_Profile.of(item) for item in objects if item.resistance is Resistance.SLOPE]
-        self._paved = self._open = self._kerbed = None
+        self._paved = self._open = self._kerbed = self._bridges = None
         if network is None:
             return
         self._paved = network.paved_near(place.x_m, place.y_m, _REACH_M, z_m=place.z_m)
+        bridges = network.paved_near(place.x_m, place.y_m, _REACH_M, z_m=place.z_m, of=lambda road: road.bridge)
+        self._bridges = None if bridges.is_empty else bridges
         if self._profiles:
             return
         opened = network.paved_near(place.x_m, place.y_m, _REACH_M, z_m=place.z_m, of=_is_open)
@@ -125,6 +133,16 @@ class BeyondEdge:
             return None
         pose = min((each.pose for each in self._profiles), key=lambda p: math.hypot(p.x_m - x_m, p.y_m - y_m))
         return -math.sin(pose.heading_rad), math.cos(pose.heading_rad)
+
+    def off_bridge(self, x_m: float, y_m: float) -> tuple[float, float] | None:
+        """The unit vector away from a bridge whose rail a point is at or beyond; None of other points."""
+        if self._bridges is None or self.is_paved(x_m, y_m):
+            return None
+        if not _RAIL_M[0] <= self._bridges.beyond_m(np.array([x_m]), np.array([y_m]))[0] <= _RAIL_M[1]:
+            return None
+        edge_x, edge_y = self._bridges.nearest(x_m, y_m)
+        away_m = math.hypot(x_m - edge_x, y_m - edge_y)
+        return ((x_m - edge_x) / away_m, (y_m - edge_y) / away_m) if away_m > 1e-6 else None
 
     def is_paved(self, x_m: float, y_m: float) -> bool:
         """Whether a point lies on what is paved."""

@@ -137,5 +137,5 @@ class PlannedLine:
             skids_from_s=max(planned.skids_from_s - self._meets_s + back_s, 0.0),
             trailer_heading_rad=0.0 if trailing is None else float(trailing[0]),
             beyond_edge=False,
-            turned_wheels=None,
+            losses_of_control=(),
         )

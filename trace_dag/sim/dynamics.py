@@ -32,6 +32,7 @@ from trace_dag.sim.plan import SampledTrajectory
 from trace_dag.sim.surface import Ground
 from trace_dag.sim.types import AfterStriking, Participant
 from trace_dag.sim.vehicles import VehicleModel
+from trace_dag.states.types import LossOfControl
 from trace_dag.units import GRAVITY_MPS2
 
 _POSITION_GAIN = 6.0  # 1/s2
@@ -62,6 +63,7 @@ class Vehicle:
         "_front_share",
         "_limit_n",
         "_locked_wheels",
+        "_losses",
         "_mass",
         "_outline",
         "_outline_place",
@@ -74,18 +76,21 @@ class Vehicle:
         "_turned_rad",
         "_yaw_damping",
         "crashed",
+        "digs_in",
         "ground",
         "heading",
         "held_mps2",
+        "lost_from_step",
         "model",
+        "next_loss_step",
         "number",
+        "off_road",
         "plan_end_s",
         "reach_m",
         "roll",
         "side_grip",
         "skids_from_s",
         "steer",
-        "turned_from_step",
         "vx",
         "vy",
         "x",
@@ -130,7 +135,10 @@ class Vehicle:
         self.held_mps2: tuple[float, float] | None = None  # what a trailer did to it in the last step
         self._friction = -1.0
         self._locked_wheels = locked_wheels
-        self.turned_from_step, self._turned_rad = sys.maxsize, 0.0
+        self.lost_from_step, self._turned_rad = sys.maxsize, 0.0
+        self._losses: list[tuple[int, LossOfControl]] = []
+        self.next_loss_step, self.digs_in = sys.maxsize, False
+        self.off_road = False  # beyond the pavement nobody accelerates
         self._toppled = participant.body.vehicle_class is VehicleClass.MOTORCYCLE
         self._mass = model.body.mass_kg
         self._traction_n = (self._mass + model.pulled_kg) * model.max_acceleration_mps2
@@ -155,9 +163,20 @@ class Vehicle:
         self._rear_grip_2 = (friction * self.model.rear_load_n) ** 2
         self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
 
-    def turn_wheels(self, from_step: int, turned_rad: float) -> None:
-        """From a step on nobody drives it any more, and its front wheels are turned so far to the left."""
-        self.turned_from_step, self._turned_rad = from_step, turned_rad
+    def lose_control(self, losses: Sequence[tuple[int, LossOfControl]]) -> None:
+        """From the first of these steps on nobody drives it any more; what is assumed of it holds until the next
+        one."""
+        self._losses = list(losses)
+        self.lost_from_step, self.next_loss_step = losses[0][0], losses[0][0]
+
+    def begin_loss(self) -> None:
+        """Take over what is assumed from the next loss of control on."""
+        _, loss = self._losses.pop(0)
+        self._turned_rad, self.digs_in = loss.wheels_rad, loss.digs_in
+        self.yaw_rate += loss.yaw_rps
+        if loss.locked_wheels is not None:
+            self._locked_wheels = loss.locked_wheels
+        self.next_loss_step = self._losses[0][0] if self._losses else sys.maxsize
 
     def carry(self, time_s: float, step_s: float) -> None:
         """Be where the plan has the vehicle at a time, and move as there."""
@@ -255,11 +274,11 @@ class Vehicle:
         return self._after_strike is not None and self._after_strike.stops
 
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
-        if step >= self.turned_from_step:
+        if step >= self.lost_from_step:
             self.crashed = True
         if self.crashed:
             rolls = self.roll is not None and self.roll.over and not self._toppled
-            turned_rad = self._turned_rad if step >= self.turned_from_step else 0.0
+            turned_rad = self._turned_rad
             return self._rolling() if rolls else self._free(self._locked_wheels, turned_rad)
         if self._after_strike is not None:
             ahead_v = self.vx * math.cos(self.heading) + self.vy * math.sin(self.heading)
@@ -294,7 +313,7 @@ class Vehicle:
         else:
             along = mass * (want_x * c + want_y * s) + drag
         backward = ahead_v < -0.1 or (ahead_v < 0.1 and planned_speed < 0)
-        traction = self._traction_n + (drag if drag > 0 else -drag)
+        traction = 0.0 if self.off_road else self._traction_n + (drag if drag > 0 else -drag)
         if traction > limit:
             traction = limit
         low, high = (-traction, limit) if backward else (-limit, traction)

@@ -18,11 +18,9 @@ from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.beyond_edge import BeyondEdge
+from trace_dag.sim.crash_run import BACKEND_NAME, CrashRun
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.plan import check_participants
-from trace_dag.sim.run_of_vehicles import BACKEND_NAME, VehicleRun
-from trace_dag.sim.run_with_objects import RoadsidePeopleRun, RoadsideRun
-from trace_dag.sim.run_with_people import PeopleRun
 from trace_dag.sim.surface import NetworkSurface, Surface
 from trace_dag.sim.types import BodyKind, Contact, Participant, SimulationLog
 from trace_dag.states.objects import FixedObject
@@ -99,21 +97,18 @@ class EmbeddedSimulation:
         time_limit_s: float,
         drivers: Mapping[int, Driver] | None = None,
         objects: tuple[FixedObject, ...] = (),
-    ) -> VehicleRun:
+    ) -> CrashRun:
         """A run at its start, for who looks at it before it has come to rest and goes on afterwards."""
         check_participants(participants)
         paths = [np.stack([p.trajectory.x_m, p.trajectory.y_m], axis=-1) for p in participants]
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
-        people = any(p.body.is_figure for p in participants)
-        what = (self._settings, surface, self._friction, participants, time_limit_s, drivers or {})
         # Who strikes an animal often leaves the road or falls afterwards.
         leaves = any(
             p.beyond_edge or p.body.kind is BodyKind.ANIMAL or not math.isinf(p.skids_from_s) for p in participants
         )
-        if not objects and not leaves:
-            return (PeopleRun if people else VehicleRun)(*what)
-        run = RoadsidePeopleRun if people else RoadsideRun
-        return run(*what, objects=objects, beyond=self._ground_beyond(objects, participants[0].trajectory))
+        beyond = self._ground_beyond(objects, participants[0].trajectory) if objects or leaves else None
+        settings, friction, driven = self._settings, self._friction, drivers or {}
+        return CrashRun(settings, surface, friction, participants, time_limit_s, driven, objects=objects, beyond=beyond)
 
     def _ground_beyond(self, objects: tuple[FixedObject, ...], first: Trajectory) -> BeyondEdge:
         """The ground around the first object, else around the end of the first plan."""

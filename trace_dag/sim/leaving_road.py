@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.crash.departures import DepartureSide
+from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import Body, SimulationLog, VehicleLog

@@ -23,6 +23,9 @@ _BODY: Final = (
     "{inside}</body>"
 )
 
+BodyStates = tuple[list[float], list[float]]
+"""Positions and rates of all bodies as MuJoCo has them: x, y, yaw of each centre of gravity, one after the other."""
+
 
 class RigidBodies:
     """The bodies of one simulation in MuJoCo. Coordinates of body i: x, y, yaw of its centre of gravity."""

@@ -74,7 +74,8 @@ def participant(state: ParticipantState) -> Participant:
         trailer=state.trailer,
         trailer_heading_rad=0.0 if state.trailer_heading_rad is None else float(state.trailer_heading_rad[0]),
         beyond_edge=state.beyond_edge,
-        turned_wheels=state.turned_wheels,
+        breaks_rail=state.breaks_rail,
+        losses_of_control=state.losses_of_control,
     )
 
 

@@ -23,11 +23,11 @@ from trace_dag.errors import Failure
 from trace_dag.geometry import Pose, body_bearing_rad
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
+from trace_dag.sim.crash_run import CrashRun
 from trace_dag.sim.drawn import LONGEST_BACK_S, DrawnCrash
 from trace_dag.sim.drawn_courses import DrawnCourse, course_of
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import surface_friction
-from trace_dag.sim.run_of_vehicles import VehicleRun
 from trace_dag.sim.surface import NetworkSurface
 from trace_dag.sim.types import PULSE_S, Contact, SimulationLog
 from trace_dag.states.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood
@@ -107,13 +107,13 @@ def simulate_samples(
     friction = surface_friction(settings, record)
     simulation = EmbeddedSimulation(settings, NetworkSurface(network), friction, network)
 
-    def begun(drawn: DrawnCrash, sample: Sample) -> VehicleRun:
+    def begun(drawn: DrawnCrash, sample: Sample) -> CrashRun:
         parties, limit_s = drawn.participants(_COURSE_AFTER_S), LONGEST_BACK_S + _COURSE_AFTER_S
         here = simulation.with_friction(friction * sample.friction)
         return here.begin(parties, time_limit_s=limit_s, objects=drawn.objects)
 
     weighed: list[tuple[SampledContact, float]] = []
-    heaviest: list[tuple[float, int, DrawnCrash, VehicleRun]] = []  # the likeliest so far, which may go on
+    heaviest: list[tuple[float, int, DrawnCrash, CrashRun]] = []  # the likeliest so far, which may go on
     for k, sample in enumerate(estimate.samples):
         drawn = DrawnCrash.of(estimate.hypotheses[sample.hypothesis], sample)
         if drawn is None:

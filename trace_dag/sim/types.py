@@ -21,7 +21,7 @@ from trace_dag.geometry import FloatArray, Pose, Poses
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.driving import Driver
 from trace_dag.states.objects import FixedObject
-from trace_dag.states.types import Trajectory, TurnedWheels
+from trace_dag.states.types import LossOfControl, Trajectory
 
 if TYPE_CHECKING:
     from trace_dag.settings import SimSettings
@@ -119,8 +119,9 @@ class Participant:
     person moves along the trajectory exactly, from its first point, until touched, and stands where it ends. So does a
     vehicle from ``skids_from_s`` on, which is out of control then and need not head the way it goes. A ``trailer``
     heads ``trailer_heading_rad`` at the start. With ``beyond_edge`` the ground beyond the carriageway's edge is
-    simulated, and vehicles can roll over; from when it has ``turned_wheels`` on nobody drives it any more. After its
-    first contact ``locked_wheels`` carry that share of its weight, from 0 to 1; None is what the settings have.
+    simulated, and vehicles can roll over; who ``breaks_rail`` is not held at the edge
+    of a bridge. From the first of its ``losses_of_control`` on nobody drives it. After its first contact
+    ``locked_wheels`` carry that share of its weight, from 0 to 1; None is what the settings have.
     """
 
     number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person, 2000 + EVENTNUM for an animal
@@ -133,7 +134,8 @@ class Participant:
     trailer: Trailer | None = None
     trailer_heading_rad: float = 0.0
     beyond_edge: bool = False
-    turned_wheels: TurnedWheels | None = None
+    breaks_rail: bool = False
+    losses_of_control: tuple[LossOfControl, ...] = ()
     locked_wheels: float | None = None
 
 

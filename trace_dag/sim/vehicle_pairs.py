@@ -1,7 +1,7 @@
 """The pairs of vehicles of a run that can touch each other: how far they are apart, and how they press each other in.
 
 Belongs here: what two vehicles are to each other at a moment, and the dents that last. Does not belong here: contacts,
-which begin and end (:mod:`trace_dag.sim.run_of_vehicles`), and the force between two (:mod:`trace_dag.sim.crush`).
+which begin and end (:mod:`trace_dag.sim.crash_run`), and the force between two (:mod:`trace_dag.sim.crush`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, separation
 from trace_dag.sim.people import Person
 from trace_dag.sim.towing import Hitch
+
+BOUND, BOUND_MPS = 1.5, 10.0
+"""A closing speed may grow by so much until it is looked at again."""
 
 
 class VehiclePairs:

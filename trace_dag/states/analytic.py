@@ -5,6 +5,7 @@ Deterministic, no network, no key.
 
 from __future__ import annotations
 
+from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.roads.map.network import RoadNetwork
@@ -18,7 +19,7 @@ from trace_dag.states.ranking import ambiguity, first_of_groups, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import Solution, solve
 from trace_dag.states.stream_finder import StreamFinder
-from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
+from trace_dag.states.types import Hypothesis
 from trace_dag.wording import counted
 
 NAME = "analytic"
@@ -40,47 +41,42 @@ def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *,
     return Scene(record, network, placement, finder, finder.streams(placement.junction_id), report.things)
 
 
-def parties(record: CrashRecord) -> tuple[Party, Party]:
-    """The two vehicles that collided; rejects a record that does not have two.
+def parties(record: CrashRecord, event: CrashEvent) -> tuple[Party, Party]:
+    """The two vehicles of a contact.
 
-    >>> {each.vehicle.number: each.turn and each.turn.value for each in parties(record)}  # crash types 69 and 68
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> both = parties(record, sequence_of(record).first)
+    >>> {each.vehicle.number: each.turn and each.turn.value for each in both}  # crash types 69 and 68
     {2: None, 1: 'left'}
     """
-    pair = record.colliding_vehicles
-    if pair is None:
-        raise Rejection(
-            Reason.NO_FEASIBLE_STATE,
-            f"{counted(len(record.vehicles), 'vehicle')} in the record, and its events name no collision between two",
-            measured=len(record.vehicles),
-        )
-    return party(record, pair[0]), party(record, pair[1])
+    one, two = event.vehicles
+    return party(record, one), party(record, two)
 
 
-def estimate_analytic(
-    record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings
-) -> StateEstimate:
-    """The ranked hypotheses of one crash.
+def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
+    """The ranked hypotheses of a contact of two vehicles in transport, and the posterior share of all but the best.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no reading of the record lets the vehicles meet.
 
-    >>> best = estimate_analytic(record, network, map_report, StateSettings()).hypotheses[0]
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> scene = build_scene(record, network, map_report, lead_time_s=5.0)
+    >>> (best, *_), _ = first_contact(scene, sequence_of(record).first, StateSettings())
     >>> [state.manoeuvre.value for state in best.participants]
     ['turn_left', 'straight']
     """
-    scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
-    readings = encounters(record, *parties(record))
+    readings = encounters(scene.record, *parties(scene.record, event))
     found = [candidate for reading in readings for candidate in candidates(scene, reading)]
-    solutions = solve_all(scene, found)
-    hypotheses, ambiguity = ranked(scene, solutions, settings)
+    hypotheses, unsure = ranked(scene, solve_all(scene, found), settings)
     if not hypotheses:
         raise Rejection(Reason.NO_FEASIBLE_STATE, _why_not(scene, readings, found), measured=len(found))
-    return StateEstimate(record.key, hypotheses, EstimatorRun(NAME, VERSION), ambiguity)
+    return hypotheses, unsure
 
 
 def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
     """Solutions of the likeliest candidates, best first.
 
-    >>> reading = encounters(record, *parties(record))[0]
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> reading = encounters(record, *parties(record, sequence_of(record).first))[0]
     >>> best = solve_all(scene, candidates(scene, reading))[0]
     >>> best.candidate.encounter.mover.vehicle.number  # vehicle 1 turns across the other
     1

@@ -17,7 +17,7 @@ from trace_dag.states.manoeuvres import Option
 from trace_dag.states.paths import STEP_M, Path
 from trace_dag.states.solver import Placed, Solution
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes
-from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
+from trace_dag.states.types import Hypothesis, Manoeuvre, ParticipantState, SpeedSource, Trajectory
 from trace_dag.units import bearing_to_clock_h
 
 AFTER_IMPACT_S = 3.0
@@ -148,6 +148,38 @@ def driven(
         braking=brakes(vehicle) and profile.impact_mps < profile.initial_mps,
         trailer=vehicle.trailer,
         trailer_heading_rad=None if vehicle.trailer is None else np.round(trailing, _DECIMALS),
+    )
+
+
+def driven_still(network: RoadNetwork, vehicle: VehicleRecord, pose: Pose) -> ParticipantState:
+    """A vehicle that stands at a pose throughout.
+
+    >>> state = driven_still(network, record.vehicles[0], Pose(1.0, 2.0, 0.5))
+    >>> state.initial_speed_mps, (state.initial_pose.x_m, state.initial_pose.y_m)
+    (0.0, (1.0, 2.0))
+    """
+    still = np.zeros(2)
+    time = np.array([0.0, AFTER_IMPACT_S])  # and on from there
+    trajectory = Trajectory(time, still + pose.x_m, still + pose.y_m, still + pose.z_m, still + pose.heading_rad, still)
+    lane = lane_under(network, pose)
+    return ParticipantState(
+        vehicle_number=vehicle.number,
+        vehicle_class=vehicle.vehicle_class,
+        length_m=vehicle.length_m,
+        width_m=vehicle.width_m,
+        height_m=vehicle.height_m,
+        mass_kg=vehicle.mass_kg,
+        manoeuvre=Manoeuvre.STOPPED,
+        initial_pose=pose,
+        initial_speed_mps=0.0,
+        impact_pose=pose,
+        impact_speed_mps=0.0,
+        speed_source=SpeedSource.INFERRED_MANOEUVRE,
+        trajectory=trajectory,
+        initial_lane=lane,
+        impact_lane=lane,
+        trailer=vehicle.trailer,
+        trailer_heading_rad=None if vehicle.trailer is None else trajectory.heading_rad,
     )
 
 

@@ -44,8 +44,9 @@ def candidates(scene: Scene, encounter: Encounter) -> list[Candidate]:
     """All candidates of one reading.
 
     >>> from trace_dag.states.encounters import encounters
+    >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.states.analytic import parties
-    >>> found = candidates(scene, encounters(record, *parties(record))[0])
+    >>> found = candidates(scene, encounters(record, *parties(record, sequence_of(record).first))[0])
     >>> {each.mover.manoeuvre.value for each in found}  # vehicle 1 turns left, by every reading of its path
     {'turn_left'}
     """

@@ -14,8 +14,10 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.crash.departures import Departure, DepartureManner, DepartureSide, ObjectStruck
+from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
+from trace_dag.crash.road_departure import Departure, DepartureManner
 from trace_dag.states.leaving import SIGN
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.objects import KINDS, ObjectForm
@@ -106,7 +108,7 @@ def _slip(departure: Departure) -> float:
     return math.remainder(facing, math.tau) or turn * _STRAY_RAD
 
 
-def _facing(departure: Departure, first: ObjectStruck, area: ImpactArea) -> float | None:
+def _facing(departure: Departure, first: CrashEvent, area: ImpactArea) -> float | None:
     """How far the body has to be turned for an area to face the object: ahead if it is compact, beside if it runs along
     the road; None if the area is one that is struck without turning."""
     sign = SIGN[departure.side or DepartureSide.AHEAD]

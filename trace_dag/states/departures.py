@@ -21,24 +21,12 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.crash.departures import (
-    ON_ROADWAY,
-    ON_SHOULDER,
-    Departure,
-    DepartureManner,
-    DepartureSide,
-    departure_of,
-    untold_departure,
-)
-from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER, Departure, DepartureManner
 from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import Pose, body_bearing_rad
-from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import roadside_at
-from trace_dag.roads.report import MapReport
-from trace_dag.settings import StateSettings
 from trace_dag.states import evidence
-from trace_dag.states.analytic import NAME, VERSION, build_scene
 from trace_dag.states.assemble import AFTER_IMPACT_M, driven
 from trace_dag.states.departing import LeavingCourse, angle_log_likelihood, courses_of
 from trace_dag.states.encounters import Party, party
@@ -60,17 +48,11 @@ from trace_dag.states.object_extent import clear_of_roadways
 from trace_dag.states.objects import KINDS, FixedObject, PlacedBy
 from trace_dag.states.paths import Path
 from trace_dag.states.placing import Led, PlannedContacts, as_mapped, objects_along, touching
-from trace_dag.states.ranking import Scored, ambiguity, leaders_first
+from trace_dag.states.ranking import Scored, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.striking import ways_of
-from trace_dag.states.types import (
-    EstimatorRun,
-    Hypothesis,
-    Manoeuvre,
-    PlannedEvent,
-    StateEstimate,
-)
+from trace_dag.states.types import Hypothesis, Manoeuvre, PlannedEvent
 from trace_dag.units import bearing_to_clock_h
 
 _LEAST_OFF_M: Final = 0.2
@@ -107,31 +89,17 @@ class DeparturePlan(Scored):
         return f"vehicle {vehicle}: leaves {self.option.stream.name} {side}, {self.course.name}"
 
 
-def estimate_departure(
-    record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings
-) -> StateEstimate:
-    """The ranked hypotheses of a crash in which a vehicle leaves the road, best first.
+def departure_hypotheses(scene: Scene, departure: Departure, *, lead_s: float, most: int) -> tuple[Hypothesis, ...]:
+    """The ranked hypotheses of a vehicle that leaves the road and strikes what stands there, at most so many.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
-
-    >>> estimate_departure(record, network, map_report, StateSettings())
-    Traceback (most recent call last):
-    trace_dag.errors.Rejection: no_feasible_state: no departure from the road in the record
     """
-    departure = departure_of(record)
-    if departure is None or departure.side is None:
-        raise Rejection(
-            Reason.NO_FEASIBLE_STATE, untold_departure(record) or "no departure from the road in the record"
-        )
-    scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
     plans = sorted(_plans(scene, departure), key=lambda plan: (-plan.score, plan.name))
     if not plans:
         detail = scene.no_way_that(f"leads off the road to the {departure.side}")
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.streams))
-    chosen = leaders_first(plans, lambda plan: plan.option.stream.name)[: settings.max_hypotheses]
-    hypotheses = tuple(_hypothesis(scene, plan, settings.lead_time_s) for plan in chosen)
-    unsure = ambiguity(chosen[0].score, (plan.score for plan in chosen))
-    return StateEstimate(record.key, hypotheses, EstimatorRun(NAME, VERSION), unsure)
+    chosen = leaders_first(plans, lambda plan: plan.option.stream.name)[:most]
+    return tuple(_hypothesis(scene, plan, lead_s) for plan in chosen)
 
 
 def _plans(scene: Scene, departure: Departure) -> Iterator[DeparturePlan]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.crash_types import Turn
-from trace_dag.crash.departures import departs_at_end
+from trace_dag.crash.departure_side import departs_at_end
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.road_classes import road_class

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.crash.departures import DepartureSide
+from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.geometry import Pose
 from trace_dag.states.assemble import rounded
 from trace_dag.states.encounters import Party

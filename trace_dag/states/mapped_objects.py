@@ -14,7 +14,7 @@ from typing import Final
 
 import shapely
 
-from trace_dag.crash.departures import ON_ROADWAY, ON_SHOULDER
+from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.report import MappedThing
 from trace_dag.settings import VerdictSettings

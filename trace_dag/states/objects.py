@@ -124,6 +124,8 @@ _GUARDRAIL_N: Final = 80e3
 _LONG_M: Final = 40.0
 
 KINDS: Final[Mapping[int, ObjectKind]] = {
+    18: ObjectKind("object on the road", _POST, 0.6, 0.6, 0.5, _YIELDING, 0.2, 15e3, 10e3),
+    91: ObjectKind("object on the road", _POST, 0.6, 0.6, 0.5, _YIELDING, 0.2, 15e3, 10e3),
     17: ObjectKind("boulder", _POST, 1.0, 1.0, 0.8, _RIGID, 3.0),
     19: ObjectKind("building", _POST, 8.0, 8.0, 5.0, _RIGID, 8.0),
     20: ObjectKind("crash cushion", _POST, 2.5, 0.9, 0.9, _YIELDING, 1.0, 90e3, 500e3),
@@ -155,7 +157,7 @@ KINDS: Final[Mapping[int, ObjectKind]] = {
     59: ObjectKind("traffic sign support", _POST, 0.15, 0.15, 2.5, _YIELDING, 3.6, *_BREAKAWAY),
     93: ObjectKind("unknown fixed object", _POST, 0.6, 0.6, 1.2, _RIGID, 2.5),
 }
-"""By ``SOE``: every code of a fixed object."""
+"""By ``SOE``: every code of a fixed object, and of one that lay on the road."""
 
 _DITCH: Final = 34
 

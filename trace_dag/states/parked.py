@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.codes.events import RAN_OFF_LEFT, RAN_OFF_RIGHT
-from trace_dag.crash.contacts import VehicleContact
 from trace_dag.crash.crash_types import Side
+from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleRecord
 from trace_dag.crash.zones import Zone, zones_of_first_event
 from trace_dag.geometry import FloatArray
@@ -33,7 +33,7 @@ from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 from trace_dag.states.streams import Stream
 from trace_dag.states.striking import edge_m, ways_of
-from trace_dag.states.types import EstimateCheck, Hypothesis, Manoeuvre, ParticipantState, SpeedSource
+from trace_dag.states.types import EstimateCheck, Hypothesis, Manoeuvre, ParticipantState, PlannedEvent, SpeedSource
 from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
 
 _FROM_KERB_M: Final = 0.3
@@ -120,19 +120,19 @@ class _Plan(Scored):
         return self.drive.stream.name, self.stand.option.stream.name, self.stand.option.constant_m
 
 
-def parked_contacts(scene: Scene, contact: VehicleContact, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
+def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
     """The ranked hypotheses of a moving vehicle that strikes a standing one first, at most so many.
 
     >>> from dataclasses import replace
+    >>> from trace_dag.crash.parties import EventKind
     >>> car = tree_record.vehicles[0]
-    >>> contact = VehicleContact(1, car, None, replace(car, number=2, in_transport=False), None)  # had it met its like
+    >>> contact = CrashEvent(1, 14, EventKind.VEHICLE_CONTACT, car, None, replace(car, number=2, in_transport=False))
     >>> best = parked_contacts(tree_scene, contact, lead_time_s=5.0, most=1)[0]
     >>> [(state.vehicle_number, state.impact_speed_mps) for state in best.participants]  # 50 mph, and parked
     [(1, 22.352), (2, 0.0)]
     """
-    driven_one, parked = sorted((contact.one, contact.two), key=lambda vehicle: not vehicle.in_transport)
-    who = party(scene.record, contact.vehicle(driven_one.number))
-    standing = contact.vehicle(parked.number)
+    driven_one, standing = sorted(contact.vehicles, key=lambda vehicle: not vehicle.in_transport)
+    who = party(scene.record, driven_one)
     tries = [
         _Try(number, speed, profile, terms, stand, moved)
         for number, (option, speed, terms, stand) in enumerate(
@@ -157,7 +157,7 @@ def parked_contacts(scene: Scene, contact: VehicleContact, *, lead_time_s: float
         leading[plan.group] = max(plan.score, leading.get(plan.group, -math.inf))
     found = sorted(best.values(), key=lambda plan: (-plan.score, plan.drive.name, plan.stand.option.name))
     chosen = leaders_first(found, lambda plan: plan.group)[:most]
-    return tuple(_hypothesis(scene, plan, standing, lead_time_s) for plan in chosen)
+    return tuple(_hypothesis(scene, contact, plan, standing, lead_time_s) for plan in chosen)
 
 
 # --- one plan --------------------------------------------------------------------------------------------------------
@@ -277,7 +277,7 @@ def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> fl
 
 
 # --- hypotheses ------------------------------------------------------------------------------------------------------
-def _hypothesis(scene: Scene, plan: _Plan, parked: VehicleRecord, lead_s: float) -> Hypothesis:
+def _hypothesis(scene: Scene, contact: CrashEvent, plan: _Plan, parked: VehicleRecord, lead_s: float) -> Hypothesis:
     after_s = min(max(AFTER_IMPACT_S, 25.0 / plan.profile.impact_mps), _LONGEST_AFTER_S)
     common = {"lead_time_s": lead_s, "after_s": after_s}
     vehicle, network = plan.who.vehicle, scene.network
@@ -309,4 +309,5 @@ def _hypothesis(scene: Scene, plan: _Plan, parked: VehicleRecord, lead_s: float)
         impact_time_s=lead_s,
         impact_point_xy_m=(x_m, y_m),
         checks=(EstimateCheck("stands in the reported zone", True, detail),),
+        planned=(PlannedEvent(contact.number, contact.vehicle.number, contact.party, lead_s, (x_m, y_m)),),
     )

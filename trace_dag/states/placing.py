@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.crash.departures import Departure, ObjectStruck
+from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass, VehicleRecord
+from trace_dag.crash.road_departure import Departure
 from trace_dag.geometry import Pose
 from trace_dag.roads.report import MappedThing
 from trace_dag.states.departing import LeavingCourse
@@ -54,12 +55,12 @@ def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
     return replace(item, pose=pose, placed_by=PlacedBy.OPENSTREETMAP, osm_id=thing.osm_id)
 
 
-def touching(vehicle: VehicleRecord, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
+def touching(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float, outward_rad: float) -> Spot:
     """Where on the vehicle an object touches it: a compact one at the spot of the area of impact, one along the edge at
     the foremost corner towards ``outward_rad`` (in the vehicle's axes).
 
-    >>> tree = ObjectStruck(event_number=1, code=42, area=None)
-    >>> touching(tree_record.vehicles[0], tree, 0.0, 0.0).ahead_m  # half of 4.85 m: the middle of the front
+    >>> car = tree_record.vehicles[0]
+    >>> touching(car, replace(departure.objects[0], area=None), 0.0, 0.0).ahead_m  # half its length
     2.425
     """
     half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
@@ -118,7 +119,7 @@ def _passes(departure: Departure, item: FixedObject) -> bool:
 
 def placed(
     vehicle: VehicleRecord,
-    struck: ObjectStruck,
+    struck: CrashEvent,
     pose: Pose,
     slip_rad: float,
     along_rad: float,
@@ -161,7 +162,7 @@ def placed(
         round(pose.z_m, 6),
     )
     item = FixedObject.of_kind(
-        struck.code, number=struck.party, event_number=struck.event_number, pose=placed, length_m=round(length_m, 6)
+        struck.code, number=struck.party, event_number=struck.number, pose=placed, length_m=round(length_m, 6)
     )
     return item, (round(float(contact[0]), 6), round(float(contact[1]), 6))
 

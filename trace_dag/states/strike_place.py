@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 import shapely
 
+from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist
-from trace_dag.crash.strikes import Strike
 from trace_dag.crash.zones import in_crosswalk
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.people import crosswalks_near
@@ -36,7 +36,7 @@ _TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at l
 
 
 # --- where on the vehicle ------------------------------------------------------------------------------------------
-def spot_of(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
+def spot_of(strike: CrashEvent, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
     """The spot of the reported area, or the nearest one at which the two can touch; None if there is none. A
     trailer is taken to be in line.
     """

@@ -1,7 +1,7 @@
 """Who takes part when vehicles strike people: the first strike's vehicle and people, and vehicles that come later.
 
 The first strike is planned by :mod:`trace_dag.states.striking`. Where the people are thrown is found by a simulator,
-see :mod:`trace_dag.estimators.strikes`.
+see :mod:`trace_dag.reconstruction.planners.pedestrian`.
 """
 
 from __future__ import annotations
@@ -13,17 +13,19 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.crash.record import VehicleClass
-from trace_dag.crash.strikes import Strike
+from trace_dag.crash.event_sequence import CrashEvent
+from trace_dag.crash.record import NonMotorist, VehicleClass
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven, lane_under, pose_of, rounded
 from trace_dag.states.contact import Shape, shape_gaps_m, shapes
+from trace_dag.states.courses import Course, CourseReading
 from trace_dag.states.encounters import Party, party
+from trace_dag.states.gaits import Gait
 from trace_dag.states.manoeuvres import Option, steepest_slope
-from trace_dag.states.paths import LateralShift, Path, shifted
+from trace_dag.states.paths import LateralShift, Path, shifted, straight
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
-from trace_dag.states.striking import StrikePlan, Walk, ways_of
+from trace_dag.states.striking import StrikePlan, Walk, person_kind_of, size_of, ways_of
 from trace_dag.states.types import (
     EstimateCheck,
     Hypothesis,
@@ -43,16 +45,15 @@ _HIGH: Final = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, Vehi
 _TYRE_M: Final = 0.15  # from a vehicle's side to the middle of its tyres
 _HIT_AND_RUN_AFTER_S: Final = 12.0
 _COMPANION_M: Final = 0.8  # how far apart people walk who are struck together
-_ROOM_M: Final = 0.2
-ESSENTIAL: Final = frozenset({"no earlier contact", "nobody in the way"})
-"""Checks without which a hypothesis is none."""
+ROOM_M: Final = 0.2
+"""Least gap up to the first strike between a later vehicle and who is there: nearer it would be in the way."""
 
 
 @dataclass(frozen=True, eq=False)
 class LaterStrike:
     """A strike after the first one: the vehicle's way over a person who lies there, and the time."""
 
-    strike: Strike
+    strike: CrashEvent
     who: Party
     option: Option
     path: Path
@@ -66,7 +67,7 @@ class LaterStrike:
 
 
 # --- hypotheses ------------------------------------------------------------------------------------------------------
-def _companions(plan: StrikePlan, together: Sequence[Strike]) -> list[Walk]:
+def _companions(plan: StrikePlan, together: Sequence[CrashEvent]) -> list[Walk]:
     """Others struck by the same vehicle: beside the first person, as far apart as people walk."""
     found = []
     others = {strike.person.party: strike for strike in together if strike.person.party != plan.strike.person.party}
@@ -79,7 +80,7 @@ def _companions(plan: StrikePlan, together: Sequence[Strike]) -> list[Walk]:
 
 
 def first_states(
-    scene: Scene, plan: StrikePlan, together: Sequence[Strike], lead_s: float, *, pulls_over: bool
+    scene: Scene, plan: StrikePlan, together: Sequence[CrashEvent], lead_s: float, *, pulls_over: bool
 ) -> list[ParticipantState]:
     """The parties of the first strike, ``lead_s`` after the beginning: the vehicle and the people it strikes. Its
     driver may pull over afterwards; a driver who left, by the report, drives on.
@@ -101,39 +102,27 @@ def later_state(scene: Scene, later: LaterStrike) -> ParticipantState:
 
 
 def strike_hypothesis(
-    plan: StrikePlan,
-    states: Sequence[ParticipantState],
-    together: Sequence[Strike],
-    chain: Sequence[LaterStrike],
-    lead_s: float,
+    plan: StrikePlan, states: Sequence[ParticipantState], together: Sequence[CrashEvent], lead_s: float
 ) -> Hypothesis:
-    """The hypothesis made of the first strike's plan, other strikes by the same vehicle, and later strikes.
+    """The hypothesis made of the first strike's plan, and other strikes by the same vehicle with it.
 
     >>> states = first_states(pedestrian_scene, strike_plan, [], 5.0, pulls_over=False)
-    >>> made = strike_hypothesis(strike_plan, states, [], [], 5.0)
+    >>> made = strike_hypothesis(strike_plan, states, [], 5.0)
     >>> made.impact_time_s, made.name == strike_plan.name
     (5.0, True)
     """
-    participants = tuple(sorted(states, key=lambda state: state.vehicle_number))
     first = _rounded_xy(plan.contact_xy_m)
-    planned = [PlannedEvent(plan.strike.event_number, *plan.strike.pair, lead_s, first)]
-    planned += [PlannedEvent(strike.event_number, *strike.pair, lead_s, first) for strike in together]
-    planned += [
-        PlannedEvent(each.strike.event_number, *each.strike.pair, round(each.time_s, 6), _rounded_xy(each.lies_at))
-        for each in chain
-    ]
-    terms = dict(plan.terms)
-    for each in chain:
-        terms[f"way of the next vehicle (vehicle {each.who.vehicle.number})"] = each.score
+    vehicle, person = (next(s for s in states if s.vehicle_number == number) for number in plan.strike.pair)
+    before_m = least_gap_m(vehicle, person, lead_s - 0.05)
     return Hypothesis(
-        name="; ".join([plan.name, *(each.name for each in chain)]),
-        score=round(sum(terms.values()), 6),
-        evidence={name: round(value, 6) for name, value in sorted(terms.items())},
-        participants=participants,
+        name=plan.name,
+        score=round(sum(plan.terms.values()), 6),
+        evidence={name: round(value, 6) for name, value in sorted(plan.terms.items())},
+        participants=tuple(sorted(states, key=lambda state: state.vehicle_number)),
         impact_time_s=lead_s,
         impact_point_xy_m=first,
-        checks=_checks(plan, participants, chain, lead_s),
-        planned=tuple(planned),
+        checks=(EstimateCheck("no earlier contact", before_m > 0, f"least gap before the strike {before_m:.3f} m"),),
+        planned=tuple(PlannedEvent(each.number, *each.pair, lead_s, first) for each in (plan.strike, *together)),
     )
 
 
@@ -200,6 +189,20 @@ def _walked(scene: Scene, walk: Walk, lead_s: float) -> ParticipantState:
     )
 
 
+def standing_person(
+    scene: Scene, person: NonMotorist, touched_xy_m: FloatArray, outward_rad: float, z_m: float
+) -> ParticipantState:
+    """A person, or an animal, who stands so that a vehicle touches them at a place whose outward normal is given."""
+    kind = person_kind_of(person)
+    size = size_of(person, kind)
+    heading = math.remainder(outward_rad + math.pi / 2, math.tau)  # faces across the way of who comes
+    x, y = touched_xy_m + size.width_m / 2 * np.array([math.cos(outward_rad), math.sin(outward_rad)])
+    pose = Pose(float(x), float(y), heading, z_m)
+    reading = CourseReading(Course.STANDING, 0.0, told=False)
+    path = straight(pose, back_m=1.0, ahead_m=1.0)
+    return _walked(scene, Walk(person, kind, size, reading, Gait.STANDING, path, 1.0, pose, 0.0), AFTER_IMPACT_S)
+
+
 def _pulling_over(plan: StrikePlan) -> Path:
     """The path of a driver who stops at the side after the strike."""
     drive = plan.drive
@@ -212,7 +215,9 @@ def _pulling_over(plan: StrikePlan) -> Path:
 
 
 # --- strikes after the first -----------------------------------------------------------------------------------------
-def next_way(scene: Scene, strike: Strike, lies_at: FloatArray, course_rad: float, at_s: float) -> LaterStrike | None:
+def next_way(
+    scene: Scene, strike: CrashEvent, lies_at: FloatArray, course_rad: float, at_s: float
+) -> LaterStrike | None:
     """The likeliest way of the next vehicle over the person who lies there.
 
     >>> way = next_way(pedestrian_scene, strike_plan.strike, np.array(strike_plan.contact_xy_m), 0.0, 9.0)
@@ -244,24 +249,7 @@ def next_way(scene: Scene, strike: Strike, lies_at: FloatArray, course_rad: floa
     return best
 
 
-# --- checks ----------------------------------------------------------------------------------------------------------
-def _checks(
-    plan: StrikePlan, participants: Sequence[ParticipantState], chain: Sequence[LaterStrike], lead_s: float
-) -> tuple[EstimateCheck, ...]:
-    states = {state.vehicle_number: state for state in participants}
-    vehicle, person = (states[number] for number in plan.strike.pair)
-    before = _least_gap_m(vehicle, person, lead_s - 0.05)
-    checks = [EstimateCheck("no earlier contact", before > 0, f"least gap before the strike {before:.3f} m")]
-    for each in chain:
-        follower = states[each.who.vehicle.number]
-        gap = min(_least_gap_m(follower, vehicle, lead_s), _least_gap_m(follower, person, lead_s))
-        checks.append(
-            EstimateCheck("nobody in the way", gap > _ROOM_M, f"least gap up to the first strike {gap:.2f} m")
-        )
-    return tuple(checks)
-
-
-def _least_gap_m(one: ParticipantState, two: ParticipantState, until_s: float) -> float:
+def least_gap_m(one: ParticipantState, two: ParticipantState, until_s: float) -> float:
     """Least gap between two planned motions from the beginning to a time."""
     time = np.arange(0.0, max(until_s, 0.02), 0.02)
 

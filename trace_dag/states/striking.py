@@ -17,9 +17,9 @@ import shapely
 
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.codes.events import RAN_OFF_LEFT
+from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import CrashRecord, NonMotorist
-from trace_dag.crash.strikes import Strike
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.geometry import FloatArray, Pose, body_bearing_rad
 from trace_dag.roads.map.areas import Area
@@ -115,7 +115,7 @@ class Walk:
 class StrikePlan(Scored):
     """One way one strike can have happened. ``terms`` are log-likelihoods."""
 
-    strike: Strike
+    strike: CrashEvent
     drive: StrikingDrive
     walk: Walk
     contact_xy_m: tuple[float, float]
@@ -138,12 +138,12 @@ class StrikePlan(Scored):
         return option.stream.name, option.manoeuvre.value, self.walk.reading.course.value
 
 
-def _person_kind_of(person: NonMotorist) -> PartyKind:
+def person_kind_of(person: NonMotorist) -> PartyKind:
     """The kind of figure that the person is simulated as: on foot, unless the report names what the person rides."""
     return person.kind if person.kind in _AS_THEY_ARE else PartyKind.PEDESTRIAN
 
 
-def strike_plans(scene: Scene, strike: Strike) -> list[StrikePlan]:
+def strike_plans(scene: Scene, strike: CrashEvent) -> list[StrikePlan]:
     """Every way the strike can have happened, likeliest first.
 
     >>> plans = strike_plans(pedestrian_scene, strike_plan.strike)
@@ -212,7 +212,7 @@ def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> d
 
 def _plan(
     scene: Scene,
-    strike: Strike,
+    strike: CrashEvent,
     who: Party,
     option: Option,
     speed: TravelSpeed,
@@ -245,7 +245,7 @@ def _plan(
 
 
 # --- the way of the vehicle ------------------------------------------------------------------------------------------
-def _onto_person(scene: Scene, strike: Strike, option: Option, spot: Spot) -> tuple[Option, Path]:
+def _onto_person(scene: Scene, strike: CrashEvent, option: Option, spot: Spot) -> tuple[Option, Path]:
     """The vehicle's way: along its lanes, or off the carriageway if the person was not on it."""
     zones = reported_zones(scene.record, strike.person)
     zone = next((each for each in _OUTWARD if each in zones), None)
@@ -264,7 +264,7 @@ def _onto_person(scene: Scene, strike: Strike, option: Option, spot: Spot) -> tu
     return moved, moved.path()
 
 
-def _leaves_left(record: CrashRecord, strike: Strike) -> bool:
+def _leaves_left(record: CrashRecord, strike: CrashEvent) -> bool:
     own = [event.code for event in record.events if event.party_1 == strike.vehicle.number]
     return RAN_OFF_LEFT in own
 
@@ -298,8 +298,8 @@ def _walk(
     speed_mps: float,
     person: NonMotorist,
 ) -> Walk:
-    kind = _person_kind_of(person)
-    size = _size(person, kind)
+    kind = person_kind_of(person)
+    size = size_of(person, kind)
     heading = _heading(drive, reading.course, person)
     angle = heading - drive.pose.heading_rad
     half = np.array([size.length_m, size.width_m]) / 2
@@ -315,7 +315,8 @@ def _walk(
     return Walk(person, kind, size, reading, gait, path, station, path.pose(station), speed_mps, set_off)
 
 
-def _size(person: NonMotorist, kind: PartyKind) -> PersonSize:
+def size_of(person: NonMotorist, kind: PartyKind) -> PersonSize:
+    """Dimensions and mass of a person by age and sex, of an animal by its species."""
     if isinstance(person, StruckAnimal):
         return SIZES[person.species]
     return person_size(kind, person.age_years, female={1: False, 2: True}.get(person.sex_code or 0))
@@ -351,7 +352,7 @@ def _line(scene: Scene, drive: StrikingDrive, pose: Pose, course: Course) -> tup
 
 # --- evidence ----------------------------------------------------------------------------------------------
 def _contact_terms(
-    scene: Scene, strike: Strike, drive: StrikingDrive, contact_xy_m: tuple[float, float]
+    scene: Scene, strike: CrashEvent, drive: StrikingDrive, contact_xy_m: tuple[float, float]
 ) -> dict[str, float]:
     x, y = contact_xy_m[0] - scene.place_xy_m[0], contact_xy_m[1] - scene.place_xy_m[1]
     along, across = drive.option.stream.path.pose(drive.station_m).forward @ np.array([x, y]), 0.0

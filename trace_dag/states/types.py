@@ -85,14 +85,21 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
-class TurnedWheels:
-    """Front wheels that are turned to the left (rad; right: negative) from a time on (s), since when nobody drives.
+class LossOfControl:
+    """What is assumed of a vehicle that nobody drives any more from a time on (s): what led it off the road after a
+    contact, its driver or its damage, or tripped it, is not reported.
 
-    An assumption: what led a vehicle off the road after a contact, its driver or its damage, is not reported.
+    Its front wheels are turned to the left (``wheels_rad``; right: negative). It spins (``yaw_rps``, added to its yaw
+    rate then), as one does that was struck off its middle. ``locked_wheels`` carry that share of its weight: with 0 it
+    rolls on, with 1 it slides; None is what the settings have. Wheels that dig in (``digs_in``) hold it across as in
+    soil, on pavement too: bare rims gouge it.
     """
 
     from_s: float
-    angle_rad: float
+    wheels_rad: float = 0.0
+    yaw_rps: float = 0.0
+    locked_wheels: float | None = None
+    digs_in: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +134,8 @@ class ParticipantState:
     skids_from_s: float | None = None  # out of control from then on: it moves along the trajectory whatever its heading
     # What the report has it do after a contact is off the road: the ground there, and rolling over, are simulated.
     beyond_edge: Annotated[bool, Field(exclude_if=lambda beyond: not beyond)] = False
-    turned_wheels: Annotated[TurnedWheels | None, Field(exclude_if=lambda turned: turned is None)] = None
+    breaks_rail: Annotated[bool, Field(exclude_if=lambda breaks: not breaks)] = False
+    losses_of_control: Annotated[tuple[LossOfControl, ...], Field(exclude_if=lambda lost: not lost)] = ()
     trailer: Annotated[Trailer | None, Field(exclude_if=lambda trailer: trailer is None)] = None
     trailer_heading_rad: Annotated[Series | None, Field(exclude_if=lambda heading: heading is None)] = None
 
@@ -161,7 +169,7 @@ class Hypothesis:
     impact_point_xy_m: tuple[float, float]
     checks: tuple[EstimateCheck, ...] = ()
     planned: tuple[PlannedEvent, ...] = ()  # strikes of persons, in order; a collision of two vehicles has none
-    aftermath: tuple[EstimateCheck, ...] = ()  # what came of the events after a contact
+    later_events: tuple[EstimateCheck, ...] = ()  # what came of the later objects and overturns
     objects: tuple[FixedObject, ...] = ()  # beside the road, in the order of their events; planned or struck afterwards
 
 

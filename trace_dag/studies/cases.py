@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
+from trace_dag.crash.event_sequence import OFF_THE_ROAD, sequence_of
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.splits import Split, splits_of
@@ -99,7 +99,7 @@ def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: Simu
 
 def somebody_met(crash: CrashArtefacts) -> bool:
     """Whether anybody met somebody in a crash: a vehicle that left the road by itself had nobody to react to."""
-    return reconstruction_of(crash.load(RECORD)) not in (Reconstruction.DEPARTURE, Reconstruction.OVERTURN)
+    return sequence_of(crash.load(RECORD)).first.kind not in OFF_THE_ROAD
 
 
 def number_of(case: Case, role: AgentRole) -> int:

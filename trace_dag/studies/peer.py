@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from trace_dag.crash.modelled import another_kind, untold_meeting
+from trace_dag.crash.event_sequence import Missing, event_sequence
+from trace_dag.crash.parties import EventKind
+from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
@@ -24,6 +26,15 @@ class PublishedComparison:
 
     rows: list[ComparisonRow]
     left_out: dict[str, str]
+
+
+def _no_collision(record: CrashRecord) -> str | None:
+    """Why a crash does not begin with two vehicles that meet; None if it does."""
+    sequence = event_sequence(record)
+    if isinstance(sequence, Missing):
+        return sequence.sentence
+    met = sequence.first.kind is EventKind.VEHICLE_CONTACT
+    return None if met else f"event {sequence.first.number}, its first, is no contact of two vehicles"
 
 
 def published_comparison(
@@ -52,7 +63,7 @@ def published_comparison(
             continue
         try:
             record = files.load(RECORD)
-            no_collision = untold_meeting(record) or another_kind(record)
+            no_collision = _no_collision(record)
             if no_collision is not None:
                 left_out[key] = no_collision
                 continue

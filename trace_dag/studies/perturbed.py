@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from trace_dag.cohorts.registry import RegisteredMap
-from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
+from trace_dag.crash.event_sequence import first_event_kind
+from trace_dag.crash.parties import EventKind
 from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
 from trace_dag.flow.batch import work_of
@@ -98,11 +99,11 @@ def perturbed_controls(
         asked = f"of {', '.join(request.only)} none is verified" if request.only else "no crash is verified yet"
         raise UserError(f"cohort {cohort!r}: {asked}; only verified crashes are perturbed")
     tasks: list[PerturbTask] = []
-    for reconstruction in sorted(PERTURBED):
-        alike = [each for each in verified if _reconstructed(each) is reconstruction]
+    for begins in sorted(PERTURBED):
+        alike = [each for each in verified if _begins(each) is begins]
         asked_for = [each for each in alike if not request.only or each.key in request.only]
         crashes = drawn(asked_for, request.most, request.seed)
-        tasks += _tasks(workspace, crashes, alike, [kind for kind in kinds if reconstruction in kind.of], request)
+        tasks += _tasks(workspace, crashes, alike, [kind for kind in kinds if begins in kind.of], request)
     rows = _run(workspace, tasks, tell)
     store(workspace, PERTURBED_TABLE, cohort, rows)
     return rows
@@ -110,11 +111,11 @@ def perturbed_controls(
 
 def _is_verified(crash: CrashFiles) -> bool:
     """Whether the crash is verified and of a kind whose reports are changed here."""
-    return crash.has(VERDICT) and crash.load(VERDICT).accepted and _reconstructed(crash) in PERTURBED
+    return crash.has(VERDICT) and crash.load(VERDICT).accepted and _begins(crash) in PERTURBED
 
 
-def _reconstructed(crash: CrashFiles) -> Reconstruction:
-    return reconstruction_of(crash.load(RECORD))
+def _begins(crash: CrashFiles) -> EventKind | None:
+    return first_event_kind(crash.load(RECORD))
 
 
 def _tasks(

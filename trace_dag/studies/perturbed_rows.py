@@ -18,7 +18,6 @@ import numpy as np
 
 from trace_dag.cohorts.registry import CrashSource, RegisteredMap, ReportSource
 from trace_dag.crash.classes import CollisionType, VehicleTrajectory
-from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.errors import Reason
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, REPORT_XML, VERDICT, VERDICT_JSON
@@ -34,12 +33,11 @@ from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.studies.stored_crashes import StoredCrash, read_judged
-from trace_dag.verdict.controls import JudgedCrash, renumbered
+from trace_dag.verdict.controls import JudgedCrash, in_place_of
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.perturbed.kinds import KINDS, Changed, Needs, perturb
 from trace_dag.verdict.perturbed.places import is_same_street, random_point
 from trace_dag.verdict.perturbed.scene import PerturbedScene, Point
-from trace_dag.verdict.strike_controls import in_place_of
 
 FARTHEST_M = 1000.0
 """How far from its crash a report is set down at most."""
@@ -189,8 +187,7 @@ class _Perturbation:
     def _own_accepted(self, record: CrashRecord) -> bool | None:
         crash = self._judged
         if self._change.other is not None:
-            of_strikes = reconstruction_of(crash.record) is Reconstruction.STRIKES
-            foreign = (in_place_of if of_strikes else renumbered)(record, crash.record)
+            foreign = in_place_of(record, crash.record)
             if foreign is None:
                 return None
             record = foreign

@@ -6,9 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from trace_dag.crash.contacts import OF_CONTACTS
-from trace_dag.crash.departures import OF_DEPARTURES
-from trace_dag.crash.kind import OF_PERSONS, CrashKind
 from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
 from trace_dag.scenario.share_chart import Share
@@ -31,12 +28,12 @@ class StudyTable(NamedTuple):
     of_what: str = ""
 
 
-_FURTHER = {
+_CHANGED = {
     "mirrored": "its own, the side mirrored",
-    "object_moved": "its own, the object moved",
+    "shifted": "its own, one party late",
+    "moved": "its own, the object or the parked vehicle moved",
     "dropped": "its own, one contact dropped",
     "swapped": "its own, two contacts swapped",
-    "parked_moved": "its own, the parked vehicle moved aside",
 }
 
 
@@ -51,29 +48,15 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
     }
     for (cohort, kind), rows in by_kind.items():
         differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
-        late = [row for row in rows if row.kind == "shifted"]
-        people = kind in OF_PERSONS
-        late_one = "the animal" if kind == CrashKind.ANIMAL else "the person" if people else "one vehicle"
-        departs = kind in OF_DEPARTURES
-        further = {
-            "mirrored": people or departs,
-            "object_moved": kind == CrashKind.FIXED_OBJECT,
-            "dropped": kind in OF_CONTACTS,
-            "swapped": kind in OF_CONTACTS,
-            "parked_moved": kind == CrashKind.PARKED,
-        }
         groups = (
             ("its own report", [row for row in rows if row.kind == "true"]),
             ("another crash's report", [row for row in rows if row.kind == "other_report"]),
             ("another that says something else", differ),
-            *(() if departs else ((f"its own, {late_one} late", late),)),
-            *(
-                (_FURTHER[name], [row for row in rows if row.kind == name])
-                for name, applies in further.items()
-                if applies
-            ),
+            *((title, [row for row in rows if row.kind == name]) for name, title in _CHANGED.items()),
         )
         for title, group in groups:
+            if not group:
+                continue
             judged = [row for row in group if row.accepted is not None]
             accepted = [row for row in judged if row.accepted]
             kept = [row for row in accepted if row.speeds_kept is not False]

@@ -11,12 +11,14 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from trace_dag.crash.classes import CollisionType, RoadTopology
-from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
+from trace_dag.crash.codes.events import HARM_EV
 from trace_dag.crash.crash_types import CrashType, EncounterRole, Relation, Side, crash_type_of, critical_event
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.units import clock_difference_h, wrap_angle
 from trace_dag.verdict.directions import STRAIGHT_MOVEMENTS, TURN_DEG, TURNS_BY_MOVEMENT, turn_error_deg
-from trace_dag.verdict.metrics import FirstContact, ObservedVehicle, clock_error_h, speed_error_rel
+from trace_dag.verdict.metrics import clock_error_positions, speed_error_rel
+from trace_dag.verdict.observation import ObservedVehicle
+from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 
 _SAME_CLOCK_H: Final = 0.5
@@ -33,15 +35,22 @@ _ANY_ANGLE: Final = frozenset(
 )
 
 
-def course_facts(record: CrashRecord, observation: FirstContact) -> Iterator[Fact]:
-    """Every fact about the course that the report says something of.
+def course_facts(beside: Comparison) -> Iterator[Fact]:
+    """Every fact about the course to the first contact of two vehicles that the report says something of.
 
-    >>> {fact.agreement.value for fact in course_facts(record, first_contact)}
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.settings import VerdictSettings
+    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
+    >>> {fact.agreement.value for fact in course_facts(beside)}
     {'agrees'}
     """
-    yield from _first_harm(record)
-    one, two = observation.vehicles
-    reported = {vehicle.number: vehicle for vehicle in record.vehicles}
+    record, first = beside.record, beside.observed.first
+    if first is None or len(first.vehicles) != 2:
+        return
+    yield from _first_harm(beside)
+    one, two = (first.vehicles[number] for number in first.vehicles)
+    event = beside.begins
+    reported = {} if event is None else {vehicle.number: vehicle for vehicle in event.vehicles}
     for seen, other in ((one, two), (two, one)):
         vehicle = reported.get(seen.number)
         if vehicle is not None:
@@ -53,14 +62,11 @@ def course_facts(record: CrashRecord, observation: FirstContact) -> Iterator[Fac
 
 
 # --- what happened -----------------------------------------------------------------------------------------------
-def _first_harm(record: CrashRecord) -> Iterator[Fact]:
-    """The first harmful event: what is simulated is the collision of two vehicles, not what came before it."""
-    code = record.first_harmful_event_code
-    if code is None:
-        code = next((event.code for event in record.events if HARM_EV.meaning(event.code)), None)
+def _first_harm(beside: Comparison) -> Iterator[Fact]:
+    """The first harmful event is the one that the sequence begins with."""
+    code, first = beside.record.first_harmful_event_code, beside.sequence.first
     if code is not None:
-        agreement = Agreement.AGREES if code in VEHICLE_EVENTS else Agreement.DIFFERS
-        found = "two vehicles collide"
+        agreement, found = Agreement.of(code == first.code), HARM_EV.meaning(first.code)
         yield Fact("first harmful event", ComparedWith.COURSE, agreement, HARM_EV.meaning(code), found, essential=True)
 
 
@@ -178,7 +184,7 @@ def _critical_event(
 def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
     """``P_CRASH1``: turning, going straight, standing, backing; None for what says none of these.
 
-    >>> fact = movement_fact(record, record.vehicles[0], first_contact.vehicles[0])
+    >>> fact = movement_fact(record, record.vehicles[0], first_contact.vehicles[1])
     >>> fact.reported, fact.agreement.value
     ('turning left', 'agrees')
     """
@@ -206,11 +212,11 @@ def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVeh
 def impact_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
     """The area of impact, by the clock; None if none is reported.
 
-    >>> fact = impact_fact(record.vehicles[0], first_contact.vehicles[0])
+    >>> fact = impact_fact(record.vehicles[0], first_contact.vehicles[1])
     >>> fact.reported, fact.found, fact.agreement.value
     ("3 o'clock", "3.0 o'clock", 'agrees')
     """
-    error = clock_error_h(seen.clock_h, vehicle.impact)
+    error = clock_error_positions(seen.clock_h, vehicle.impact)
     if vehicle.impact is None or error is None:
         return None
     agreement = Agreement.DIFFERS
@@ -241,7 +247,7 @@ def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
 def speed_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
     """The travel speed; None if none is reported.
 
-    >>> fact = speed_fact(record.vehicles[1], first_contact.vehicles[1])  # 30 mph
+    >>> fact = speed_fact(record.vehicles[1], first_contact.vehicles[2])  # 30 mph
     >>> fact.reported, fact.found, fact.agreement.value
     ('13.4 m/s', '13.4 m/s', 'agrees')
     """

@@ -13,12 +13,10 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason
 from trace_dag.roads.crash_site.near_streets import joined_by, roads_near
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import VehicleLog
-from trace_dag.verdict.types import Criterion
 
 _REACH_M: Final = 100.0
 _STEP_S: Final = 0.1
@@ -63,16 +61,20 @@ def departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) ->
     return NO_STREET
 
 
-def street_criterion(street: DepartedStreet, record: CrashRecord, number: int, event: int) -> Criterion:
-    """Whether the vehicle left a street that the report names; not evaluated where none of them is on the map there."""
+def street_likeness(street: DepartedStreet, record: CrashRecord) -> tuple[float | None, bool | None, str]:
+    """How like the street that the vehicle left is to one that the report names (0 to 1), whether it is that, and what
+    it is otherwise; not compared (None) where none of those is on the map there.
+
+    >>> street_likeness(NO_STREET, record)
+    (None, None, '')
+    """
     reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
     likeness, best_near = (
         max((value for each in reported if (value := similarity(each, names)) is not None), default=None)
         for names in (street.names, street.near)
     )
     if likeness is None or best_near is None or best_near < SAME_STREET:
-        return Criterion("departed_street", likeness, SAME_STREET, "", None, Reason.WRONG_LOCATION, "", number, event)
+        return likeness, None, ""
     held = likeness >= SAME_STREET
     said = f"the vehicle leaves {', '.join(sorted(street.names))}, reported is {' / '.join(reported)}"
-    detail = "" if held else said
-    return Criterion("departed_street", likeness, SAME_STREET, "", held, Reason.WRONG_LOCATION, detail, number, event)
+    return likeness, held, "" if held else said

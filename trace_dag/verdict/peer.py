@@ -24,7 +24,7 @@ class ComparisonRow:
     contact: bool
     contact_distance_m: float | None
     within_distance: bool
-    clock_error_max_h: float | None
+    clock_error_max_positions: float | None
     clocks_ok: bool | None
     direction_error_max_deg: float | None
     initial_speed_error_max_rel: float | None
@@ -59,7 +59,7 @@ def compare(
         contact=log.first_contact is not None,
         contact_distance_m=distance.value if distance else None,
         within_distance=bool(distance and distance.passed),
-        clock_error_max_h=verdict.worst("clock_error"),
+        clock_error_max_positions=verdict.worst("clock_error"),
         clocks_ok=verdict.all_hold("clock_error"),
         direction_error_max_deg=verdict.worst("direction_error", "relation_error"),
         initial_speed_error_max_rel=max(speed_errors, default=None),

@@ -33,7 +33,7 @@ from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
 from trace_dag.units import wrap_angle
-from trace_dag.verdict.metrics import ObservedVehicle
+from trace_dag.verdict.observation import ObservedVehicle
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 
 _OTHER_STREET: Final = 0.4  # similarity of names below which two are not one street

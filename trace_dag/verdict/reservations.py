@@ -12,49 +12,43 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.codes.events import CROSSED_MEDIAN, RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
-from trace_dag.crash.departures import ON_ROADWAY
-from trace_dag.crash.kind import COLLISIONS, CrashKind
 from trace_dag.crash.parties import PartyKind, party_in_words
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.summary import event_in_words
+from trace_dag.crash.road_departure import ON_ROADWAY
+from trace_dag.crash.summary import event_in_words, event_named
 from trace_dag.roads.crash_site.street_names import SAME_STREET, parse_street, similarity
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.sim.types import SimulationLog, moment_of, overturned_at
+from trace_dag.sim.types import SimulationLog, moment_of
 from trace_dag.states.alternatives import Alternatives
-from trace_dag.states.types import Hypothesis
 from trace_dag.units import mps_to_mph
-from trace_dag.verdict.metrics import LEAST_RECORDED_MPS
+from trace_dag.verdict.observation import LEAST_RECORDED_MPS, ObservedCrash
 from trace_dag.verdict.place_facts import names_at
 from trace_dag.verdict.types import Doubt, EventOutcome, Happening, Reservation
 
 OFF_GROUND_M: Final = 1.0
 """How far the middle of a vehicle may be off what is mapped: widths of lanes and shoulders are known no better."""
 _STEP_S: Final = 0.1
-_OF_IMPACTS: Final = COLLISIONS | {CrashKind.PARKED, CrashKind.FIXED_OBJECT, CrashKind.OVERTURN}
-"""Kinds in which who was killed sat in a vehicle."""
 _LEFT_ROAD: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, RAN_OFF_AT_END, RAN_OFF, CROSSED_MEDIAN})
 
 
 def reservations_about(
     record: CrashRecord,
-    network: RoadNetwork,
     report: MapReport,
     unsure: Alternatives | None,
-    hypothesis: Hypothesis,
-    log: SimulationLog,
+    observed: ObservedCrash,
     events: Sequence[EventOutcome],
 ) -> tuple[Reservation, ...]:
     """Every doubt about a simulated hypothesis that agrees with its report.
 
-    >>> reservations_about(record, network, map_report, None, hypothesis, log, verdict.events)
+    >>> reservations_about(record, map_report, None, observed_crash, verdict.events)
     ()
     """
     found = (
-        _off_mapped_ground(record, network, hypothesis, log),
-        _other_street(record, network, report),
+        _off_mapped_ground(record, observed),
+        _other_street(record, observed.network, report),
         *_missed(record, events),
-        _harmless(record, log),
+        _harmless(observed),
         _ambiguous(unsure),
     )
     return tuple(each for each in found if each is not None)
@@ -80,18 +74,16 @@ def off_mapped_ground_m(network: RoadNetwork, log: SimulationLog, numbers: Itera
     return found
 
 
-def _off_mapped_ground(
-    record: CrashRecord, network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog
-) -> Reservation | None:
+def _off_mapped_ground(record: CrashRecord, observed: ObservedCrash) -> Reservation | None:
     """A vehicle that is where no road is, though the report does not have it off the road."""
     if record.road_relation_code is not None and record.road_relation_code not in ON_ROADWAY:
         return None
     moving = [
         state.vehicle_number
-        for state in hypothesis.participants
+        for state in observed.hypothesis.participants
         if state.kind is PartyKind.MOTOR_VEHICLE and not _left_road(record, state.vehicle_number)
     ]
-    off_m = off_mapped_ground_m(network, log, moving)
+    off_m = off_mapped_ground_m(observed.network, observed.log, moving)
     far = [(number, value) for number, value in off_m.items() if value > OFF_GROUND_M]
     if not far:
         return None
@@ -134,18 +126,19 @@ def _missed(record: CrashRecord, events: Sequence[EventOutcome]) -> Iterator[Res
     by_number = {event.number: event for event in record.events}
     for each in events:
         if each.outcome is Happening.MISSED:
-            detail = f"{event_in_words(by_number[each.event_number])}: does not happen in the simulation ({each.why})"
+            event = by_number.get(each.event_number)
+            what = event_in_words(event) if event else event_named(each.event_number, each.code)
+            detail = f"{what}: does not happen in the simulation ({each.why})"
             yield Reservation(Doubt.EVENT_MISSED, detail)
 
 
-def _harmless(record: CrashRecord, log: SimulationLog) -> Reservation | None:
-    """No vehicle changes its velocity by what an event data recorder records, and none overturns."""
-    moment = moment_of(log)
-    if record.kind not in _OF_IMPACTS or moment is None or not log.contacts:
+def _harmless(observed: ObservedCrash) -> Reservation | None:
+    """No vehicle changes its velocity by what an event data recorder records, none overturns, and nobody outside a
+    vehicle is struck."""
+    if not observed.events or any(event.overturn or event.person for event in observed.events):
         return None
-    if any(overturned_at(vehicle) is not None for vehicle in log.parties):
-        return None
-    change_mps = max(float(np.hypot(*delta)) for c in log.contacts for delta in (c.delta_v_1_mps, c.delta_v_2_mps))
+    changes = [side.delta_v_mps for event in observed.events for side in event.sides.values()]
+    change_mps = max(changes, default=0.0)
     if change_mps >= LEAST_RECORDED_MPS:
         return None
     detail = (

@@ -1,37 +1,44 @@
-"""Judging what was measured: criteria with thresholds, and what they add up to.
+"""The rules of a verdict: a table of criteria, each with the events it applies to, its measure, its limit and its
+reason.
 
 Three rule sets. "trace-dag": the paper's three criteria (first contact near the reported location, each impact within
 two clock positions, each direction as reported), with the impact measured where the bodies touch, and thresholds
-from settings. "strict": those, and every reported travel speed kept, which the paper does not ask for. "published": the
-published pipeline's procedure as it is, contact within 10 m and the impact as the direction to the other body's
-centre, for comparison.
+from settings. "strict": those, and every reported travel speed kept and every later object and overturn, which the
+paper does not ask for. "published": the published pipeline's procedure as it is, contact within 10 m and the impact as
+the direction to the other body's centre, for comparison.
 
-A crash is accepted if no criterion that can reject it fails and each of the paper's three kinds was evaluated at least
-once: what the report leaves open is "not evaluated", and a crash about which nothing was evaluated has not been shown
-to be right. A report need not give speeds.
+A crash is accepted if no criterion that can reject it fails and each of the reasons that its first event calls for was
+evaluated at least once: what the report leaves open is "not evaluated", and a crash about which nothing was evaluated
+has not been shown to be right. A report need not give speeds.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final, TypeAlias
 
-from trace_dag.crash.parties import party_in_words
-from trace_dag.crash.summary import event_named
+from trace_dag.crash.crash_types import turn_of
+from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, EventSequence
+from trace_dag.crash.parties import EventKind, party_in_words
+from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.road_departure import Departure, departure_of
+from trace_dag.crash.zones import Zone, reported_zones, zones_of_first_event
 from trace_dag.errors import Reason
+from trace_dag.roads.crash_site.street_names import SAME_STREET
+from trace_dag.roads.map.roadside import RoadZone
 from trace_dag.settings import RuleSetName, VerdictSettings
-from trace_dag.sim.types import SimulationLog
-from trace_dag.verdict.metrics import CrashMeasures, VehicleMeasures
+from trace_dag.sim.matching import Happening, Matching, expected_of, happenings_of, match
+from trace_dag.verdict.departed_street import street_likeness
+from trace_dag.verdict.metrics import clock_error_positions, relation_error, speed_error_rel, turn_error
+from trace_dag.verdict.observation import LEAST_RECORDED_MPS, ObservedCrash, ObservedEvent, ObservedVehicle, StruckSide
+from trace_dag.verdict.people import compass_error_deg, course_error_deg, zone_error_m
+from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone, roadside_error_m
 from trace_dag.verdict.types import Criterion
 from trace_dag.wording import beside_limit
 
-REQUIRED = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
-REQUIRED_OF_SEQUENCES = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT)
-"""Of several strikes or contacts: a person's direction is coded near intersections only, and who stood or left a
-parking place made no turn."""
-REQUIRED_OF_DEPARTURES = (Reason.NO_COLLISION, Reason.NO_DEPARTURE, Reason.WRONG_SIDE, Reason.WRONG_LOCATION)
-"""The area of impact of an object is not known in 15 % of such crashes (2016)."""
-REQUIRED_OF_OVERTURNS = (Reason.NO_OVERTURN, Reason.WRONG_LOCATION)
-"""Who overturned on the roadway left it to no side."""
 UNITS_IN_WORDS = {"h": "clock positions", "deg": "degrees", "mps": "m/s"}
 _INCOMPLETE = {
     Reason.WRONG_DIRECTION: Reason.INCOMPLETE_TRAJECTORY,
@@ -52,6 +59,34 @@ _REJECTING = (
     Reason.WRONG_DIRECTION,
     Reason.WRONG_SPEED,
 )
+_OF_STRIKES: Final = frozenset({EventKind.PERSON_STRUCK, EventKind.ANIMAL_STRUCK})
+_REQUIRED: Final[Mapping[EventKind, tuple[Reason, ...]]] = {
+    EventKind.VEHICLE_CONTACT: (
+        Reason.NO_COLLISION,
+        Reason.WRONG_LOCATION,
+        Reason.WRONG_IMPACT,
+        Reason.WRONG_DIRECTION,
+    ),
+    # A person's direction is coded near intersections only.
+    **dict.fromkeys(_OF_STRIKES, (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT)),
+    # The area of impact of an object is not known in 15 % of such crashes (2016).
+    EventKind.OBJECT_STRUCK: (Reason.NO_COLLISION, Reason.NO_DEPARTURE, Reason.WRONG_SIDE, Reason.WRONG_LOCATION),
+    # Who overturned on the roadway left it to no side.
+    EventKind.OVERTURN: (Reason.NO_OVERTURN, Reason.WRONG_LOCATION),
+}
+
+
+def required_reasons(sequence: EventSequence) -> tuple[Reason, ...]:
+    """Reasons of which something has to have been evaluated, by the first event and who takes part in it.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> [reason.value for reason in required_reasons(sequence_of(tree_record))]
+    ['no_collision', 'no_departure', 'wrong_side', 'wrong_location']
+    """
+    found = _REQUIRED[sequence.first.kind]
+    if sequence.first.kind is EventKind.VEHICLE_CONTACT and (sequence.first.parked or len(sequence.contacts) > 1):
+        return tuple(reason for reason in found if reason is not Reason.WRONG_DIRECTION)  # who stood made no turn
+    return found
 
 
 @dataclass(frozen=True)
@@ -64,9 +99,9 @@ class RuleSet:
     limits: VerdictSettings | None = None
     speeds_reject: bool = False
 
-    def clock_error(self, vehicle: VehicleMeasures) -> float | None:
-        """The clock error (hours) that counts."""
-        return vehicle.bearing_clock_error_h if self.by_bearing else vehicle.clock_error_h
+    def clock_h(self, side: StruckSide | ObservedVehicle) -> float:
+        """The clock position that counts."""
+        return side.bearing_clock_h if self.by_bearing else side.clock_h
 
 
 RULE_SETS: dict[RuleSetName, RuleSet] = {
@@ -88,41 +123,408 @@ class Judgement:
     detail: str
 
 
-def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: VerdictSettings) -> tuple[Criterion, ...]:
-    """Every criterion of the rule set, those that reject first, then those that are only reported.
+# --- a report beside a simulation ------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A report's events matched with what happens in a simulation, and the limits that count.
 
-    >>> (criterion,) = criteria(None, log, VerdictSettings())  # nothing touched
-    >>> criterion.reason.value, criterion.passed
-    ('no_collision', False)
+    ``begins`` is the reported event that the crash begins with in the simulation: the first one that happens.
     """
-    if measures is None:
-        detail = log.reason
-        return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail),)
-    rules = RULE_SETS[settings.rule_set]
-    limits = rules.limits or settings
-    rejecting = [
-        Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION),
-        at_most(
-            "contact_distance", measures.contact_distance_m, limits.max_contact_distance_m, "m", Reason.WRONG_LOCATION
-        ),
-    ]
-    if not measures.right_pair:
-        numbers = " and ".join(str(vehicle.number) for vehicle in measures.vehicles)
-        detail = f"the first contact is between vehicles {numbers}, which no event of the report has touch first"
-        rejecting.append(Criterion("right_pair", 0.0, 1.0, "", False, Reason.WRONG_IMPACT, detail))
-    for vehicle in measures.vehicles:
-        error = rules.clock_error(vehicle)
-        rejecting.append(clock_criterion(error, limits, vehicle.number))
-    for vehicle in measures.vehicles:
-        rejecting.append(direction_criterion(vehicle.turn_error_deg, limits, vehicle.number))
-    relation = measures.relation_error_deg
-    rejecting.append(at_most("relation_error", relation, limits.max_direction_error_deg, "deg", Reason.WRONG_DIRECTION))
-    speeds = [
-        speed_criterion(vehicle.initial_speed_error_rel, rules, limits, vehicle.number) for vehicle in measures.vehicles
-    ]
-    return (*rejecting, *speeds, *_reported(measures, limits))
+
+    record: CrashRecord
+    sequence: EventSequence
+    observed: ObservedCrash
+    matching: Matching
+    settings: VerdictSettings
+
+    @classmethod
+    def of(
+        cls, record: CrashRecord, sequence: EventSequence, observed: ObservedCrash, settings: VerdictSettings
+    ) -> Comparison:
+        """A report and its events beside a simulation.
+
+        >>> from trace_dag.crash.event_sequence import sequence_of
+        >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
+        >>> beside.begins.number, beside.seen(beside.begins).pair
+        (1, (1, 2))
+        """
+        seen = happenings_of(observed.log)
+        found = match(seen, expected_of(sequence.events), order_known=sequence.order_known)
+        return cls(record, sequence, observed, found, settings)
+
+    @property
+    def rules(self) -> RuleSet:
+        """The set of rules."""
+        return RULE_SETS[self.settings.rule_set]
+
+    @property
+    def limits(self) -> VerdictSettings:
+        """Where the limits stand."""
+        return self.rules.limits or self.settings
+
+    def seen(self, event: CrashEvent) -> ObservedEvent | None:
+        """What an event is in the simulation; None if it does not happen in its turn."""
+        return self.observed.of(self.matching.matched[self.sequence.events.index(event)])
+
+    @property
+    def begins(self) -> CrashEvent | None:
+        """The event that the crash begins with; None if no reported one happens."""
+        if self.sequence.order_known and self.seen(self.sequence.first) is not None:
+            return self.sequence.first
+        happening = [(seen.time_s, event) for event in self.sequence.events if (seen := self.seen(event)) is not None]
+        return min(happening, key=lambda each: each[0])[1] if happening else None
+
+    @property
+    def departure(self) -> Departure:
+        """How the vehicle of the first event left the road."""
+        return departure_of(self.record, self.sequence)
 
 
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """One reported event beside what it is in the simulation; ``first`` if the crash begins with it."""
+
+    event: CrashEvent
+    seen: ObservedEvent
+    first: bool
+    of: Comparison
+
+
+Values: TypeAlias = Iterator[tuple[int | None, float | None]]
+"""Numbers of parties, None for what is of the event as a whole, and values; None where the report says nothing."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One criterion: the events it applies to, its values, the most that is allowed, and what a crash is rejected for
+    that has more; None of what is shown alone."""
+
+    name: str
+    applies: Callable[[Beside], bool]
+    values: Callable[[Beside], Values]
+    unit: str
+    limit: Callable[[VerdictSettings], float]
+    reason: Reason | None
+
+    def criteria(self, each: Beside) -> Iterator[Criterion]:
+        """The criteria of an event; none where the rule does not apply."""
+        if not self.applies(each):
+            return
+        of = each.of
+        limit = self.limit(of.settings if self.reason is Reason.WRONG_ZONE else of.limits)
+        reason = self.reason if self.reason is not Reason.WRONG_SPEED or of.rules.speeds_reject else None
+        for number, value in self.values(each):
+            yield at_most(self.name, value, limit, self.unit, reason, number, each.event.number)
+
+
+def _is_first_contact(each: Beside) -> bool:
+    return each.first and each.event.is_contact
+
+
+def _is_first_off_road(each: Beside) -> bool:
+    return each.first and each.event.kind in OFF_THE_ROAD
+
+
+def _contact_distance(each: Beside) -> Values:
+    """From the reported point to the contact; along the road only where the person or the parked vehicle was off the
+    carriageway by the report, since the reported point lies on the road then."""
+    contact, parked = each.seen.contact, each.event.parked
+    zones, along = frozenset[Zone](), False
+    if each.event.kind in _OF_STRIKES:
+        zones = reported_zones(each.of.record, each.event.person)
+        along = bool(zones) and Zone.CARRIAGEWAY not in zones
+    elif parked is not None:
+        zones = zones_of_first_event(each.of.record)
+        along = bool(zones) and Zone.CARRIAGEWAY not in zones
+    if not along:
+        yield None, math.hypot(contact.x_m, contact.y_m)
+        return
+    drives = next((v for number, v in each.seen.vehicles.items() if parked is None or number != parked.number), None)
+    yield None, math.hypot(contact.x_m, contact.y_m) if drives is None else abs(contact.along_m(drives.approach_rad))
+
+
+def _station_distance(each: Beside) -> Values:
+    assert each.seen.departure is not None
+    yield None, each.seen.departure.along_m
+
+
+def _zone_error(each: Beside) -> Values:
+    """How far from the reported part of the road the event was."""
+    event, seen, record = each.event, each.seen, each.of.record
+    if seen.person is not None:
+        yield event.party, zone_error_m(seen.person.outside_m, reported_zones(record, event.person))
+    elif seen.departure is not None:
+        yield event.vehicle.number, roadside_error_m(seen.departure.place, reported_zone(record))
+    elif event.parked is not None and (outside_m := seen.outside_m.get(event.parked.number)) is not None:
+        yield event.parked.number, zone_error_m(outside_m, zones_of_first_event(record))
+
+
+def _clock_errors(each: Beside) -> Values:
+    for vehicle in each.event.vehicles:
+        side = each.seen.sides.get(vehicle.number)
+        if side is not None:
+            yield vehicle.number, clock_error_positions(each.of.rules.clock_h(side), vehicle.impact)
+
+
+def _direction_errors(each: Beside) -> Values:
+    for vehicle in each.event.vehicles:
+        went = each.seen.vehicles.get(vehicle.number)
+        if went is not None:
+            yield vehicle.number, turn_error(went, vehicle, each.of.record.road_topology)
+
+
+def _relation_error(each: Beside) -> Values:
+    one, two = each.event.vehicles
+    went = each.seen.vehicles
+    if one.number in went and two.number in went:
+        yield None, relation_error(went[one.number], went[two.number], one, two, each.of.record)
+
+
+def _course_error(each: Beside) -> Values:
+    person = each.event.person
+    assert each.seen.person is not None
+    drove = each.seen.vehicles[each.event.vehicle.number]
+    yield person.party, course_error_deg(drove, each.seen.person, person, turn_of(each.event.vehicle))
+
+
+def _compass_errors(each: Beside) -> Values:
+    person, walked = each.event.person, each.seen.person
+    assert walked is not None
+    number = each.event.vehicle.number
+    yield number, compass_error_deg(each.seen.vehicles[number].approach_rad, person.motorist_direction_code)
+    heading_rad = walked.heading_rad if walked.moves else None
+    yield person.party, compass_error_deg(heading_rad, person.pedestrian_direction_code)
+
+
+def _speed_errors(each: Beside) -> Values:
+    """Of the vehicles that take part for the first time."""
+    begun = each.of.sequence.events[: each.of.sequence.events.index(each.event)]
+    before = {vehicle.number for event in begun for vehicle in event.vehicles}
+    initial = {vehicle.number: float(vehicle.speed_mps[0]) for vehicle in each.of.observed.log.parties}
+    for vehicle in each.event.vehicles:
+        if vehicle.number not in before and vehicle.number in initial:
+            yield vehicle.number, speed_error_rel(initial[vehicle.number], vehicle)
+
+
+RULES: Final[Sequence[Rule]] = (
+    Rule(
+        "contact_distance",
+        _is_first_contact,
+        _contact_distance,
+        "m",
+        lambda s: s.max_contact_distance_m,
+        Reason.WRONG_LOCATION,
+    ),
+    Rule(
+        "station_distance",
+        _is_first_off_road,
+        _station_distance,
+        "m",
+        lambda s: s.max_contact_distance_m,
+        Reason.WRONG_LOCATION,
+    ),
+    Rule("zone_error", lambda e: e.first, _zone_error, "m", lambda s: s.max_zone_error_m, Reason.WRONG_ZONE),
+    Rule(
+        "clock_error",
+        lambda e: e.event.is_contact or (e.first and e.event.kind is EventKind.OBJECT_STRUCK),
+        _clock_errors,
+        "h",
+        lambda s: s.max_clock_error_positions,
+        Reason.WRONG_IMPACT,
+    ),
+    Rule(
+        "direction_error",
+        lambda e: e.event.kind in _OF_STRIKES or (e.first and e.event.kind is EventKind.VEHICLE_CONTACT),
+        _direction_errors,
+        "deg",
+        lambda s: s.max_direction_error_deg,
+        Reason.WRONG_DIRECTION,
+    ),
+    Rule(
+        "relation_error",
+        lambda e: e.first and e.event.kind is EventKind.VEHICLE_CONTACT,
+        _relation_error,
+        "deg",
+        lambda s: s.max_direction_error_deg,
+        Reason.WRONG_DIRECTION,
+    ),
+    Rule(
+        "course_error",
+        lambda e: e.first and e.event.kind is EventKind.PERSON_STRUCK,
+        _course_error,
+        "deg",
+        lambda s: s.max_direction_error_deg,
+        Reason.WRONG_DIRECTION,
+    ),
+    Rule(
+        "compass_error",
+        lambda e: e.first and e.event.kind is EventKind.PERSON_STRUCK,
+        _compass_errors,
+        "deg",
+        lambda s: s.max_direction_error_deg,
+        Reason.WRONG_DIRECTION,
+    ),
+    Rule(
+        "initial_speed_error", lambda e: True, _speed_errors, "rel", lambda s: s.max_speed_error_rel, Reason.WRONG_SPEED
+    ),
+    Rule(
+        "later_clock_error",
+        lambda e: not e.first and e.event.kind is EventKind.OBJECT_STRUCK,
+        _clock_errors,
+        "h",
+        lambda s: s.max_clock_error_positions,
+        None,
+    ),
+)
+"""Every criterion on a size. What asks for a thing to happen stands in :func:`criteria`."""
+
+
+def criteria(beside: Comparison) -> tuple[Criterion, ...]:
+    """Every criterion of the rule set, those that reject first, then those that are only shown.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> found = criteria(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings()))
+    >>> [criterion.name for criterion in found if criterion.reason and criterion.passed is False]
+    []
+    """
+    first = beside.sequence.first
+    begins, nothing = beside.begins, beside.observed.first is None
+    happens = _happens(beside, first, begins, nothing=nothing)
+    if nothing or (first.kind is EventKind.OVERTURN and begins is None):
+        return (happens,)
+    found = [happens, *_right_party(beside, begins)]
+    pairs = [
+        Beside(event, seen, event is begins, beside)
+        for event in beside.sequence.events
+        if (seen := beside.seen(event)) is not None
+    ]
+    for each in pairs:
+        if each.first and each.event.kind in OFF_THE_ROAD:
+            found += _departure(each)
+        for rule in RULES:
+            found += rule.criteria(each)
+    found += _sequence(beside, begins)
+    return tuple(found)
+
+
+def _happens(beside: Comparison, first: CrashEvent, begins: CrashEvent | None, *, nothing: bool) -> Criterion:
+    """That there is a crash at all: a contact, or the overturn."""
+    log, number = beside.observed.log, first.number
+    if first.kind is EventKind.OVERTURN:
+        over = begins is not None
+        detail = "" if over else f"vehicle {first.vehicle.number} does not overturn ({log.reason})"
+        return Criterion(
+            "overturn", float(over), 1.0, "", over, Reason.NO_OVERTURN, detail, first.vehicle.number, number
+        )
+    party = first.vehicle.number if first.kind is EventKind.OBJECT_STRUCK else None
+    touched = not nothing and bool(log.contacts)
+    detail = "" if touched else log.reason
+    return Criterion("contact", float(touched), 1.0, "contacts", touched, Reason.NO_COLLISION, detail, party, number)
+
+
+def _right_party(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criterion]:
+    """Says if the first contact is not the one that the report begins with."""
+    seen, first = beside.observed.first, beside.sequence.first
+    if seen is None or first.kind is EventKind.OVERTURN:
+        return
+    possible = [first] if beside.sequence.order_known else list(beside.sequence.contacts)
+    right_object = first.kind is not EventKind.OBJECT_STRUCK or seen.object_code == first.code
+    if seen.pair in [event.pair for event in possible] and right_object:
+        return
+    if seen.object_code is not None:
+        detail = (
+            f"an object of SOE {seen.object_code} is struck first, reported is SOE {first.code} in event {first.number}"
+        )
+    else:
+        parties = " and ".join(map(party_in_words, seen.pair))
+        detail = f"the first contact is between {parties}, which by the report do not touch first"
+    yield Criterion("right_party", 0.0, 1.0, "", False, Reason.WRONG_PARTY, detail, None, first.number)
+
+
+def _departure(each: Beside) -> list[Criterion]:
+    """Whether, and to which side, the vehicle left the road before the first event, and which street."""
+    departure, left = each.of.departure, each.seen.departure
+    assert left is not None
+    number, event = departure.vehicle.number, each.event.number
+    zone = reported_zone(each.of.record)
+    on_road = zone is RoadZone.ROADWAY or (departure.side is DepartureSide.AHEAD and zone is None)
+    gone = left.left_s is not None
+    detail = "" if gone or on_road else "the vehicle had not left the carriageway at the first harmful event"
+    found = [Criterion("departure", float(gone), 1.0, "", gone or on_road, Reason.NO_DEPARTURE, detail, number, event)]
+    told = departure.side
+    right = told in left.sides or (told is DepartureSide.AHEAD and not gone)
+    detail = ""
+    if told is None:
+        on_it = zone is RoadZone.ROADWAY
+        detail = "the first harmful event was on the roadway" if on_it else "the report does not say to which side"
+    elif not right:
+        went = f"left the road {SIDES_IN_WORDS[left.sides[0]]}" if left.sides else "did not leave the road"
+        detail = f"the vehicle {went}, reported is {told}"
+    held = None if told is None else right
+    found.append(Criterion("departure_side", float(right), 1.0, "", held, Reason.WRONG_SIDE, detail, number, event))
+    likeness, held, detail = street_likeness(left.street, each.of.record)
+    found.append(
+        Criterion("departed_street", likeness, SAME_STREET, "", held, Reason.WRONG_LOCATION, detail, number, event)
+    )
+    return found
+
+
+def _sequence(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criterion]:
+    """Every contact with vehicles, people and animals comes in its turn, and nobody touches whom no event has touch by
+    then; later objects and overturns are asked for by the strict rules alone."""
+    strict, sequence = beside.rules.speeds_reject, beside.sequence
+    told = "after what came before it" if sequence.order_known else "at all"
+    for event in sequence.events:
+        if event is begins or (event is sequence.first and begins is None):
+            continue
+        happens = beside.seen(event) is not None
+        both = f"{party_in_words(event.vehicle.number)} and {party_in_words(event.party)}"
+        if event.is_contact:
+            detail = "" if happens else f"{both} do not touch {told}, which event {event.number} says"
+            yield _held("next_contact", event, happens, Reason.WRONG_SEQUENCE, detail)
+        elif event.kind is EventKind.OVERTURN:
+            detail = "" if happens else f"the vehicle does not overturn, which event {event.number} says"
+            yield _held("later_overturn", event, happens, Reason.NO_OVERTURN if strict else None, detail)
+        else:
+            detail = "" if happens else "the object is not struck"
+            yield _held("later_object", event, happens, Reason.WRONG_SEQUENCE if strict else None, detail)
+    early = [event for event in sequence.events if not event.is_contact and _out_of_turn(beside, event)]
+    if sequence.first.kind is EventKind.OBJECT_STRUCK:
+        numbers = ", ".join(f"event {event.number}" for event in early)
+        detail = f"the object of {numbers} is struck in an order that the report does not say" if early else ""
+        yield _held("object_order", sequence.first, not early, Reason.WRONG_SEQUENCE, detail)
+    required = [seen.time_s for event in sequence.contacts if (seen := beside.seen(event)) is not None]
+    last_s = max(required, default=0.0)
+    strange = [
+        each
+        for each in beside.matching.strange
+        if each.time_s < last_s or not sequence.contacts or _collide(beside.observed, each)
+    ]
+    if strange:
+        parties = " and ".join(map(party_in_words, strange[0].pair))
+        detail = f"{parties} touch at {strange[0].time_s:.2f} s, which no event says by then"
+        count = float(len(strange))
+        yield Criterion("unreported_contact", count, 0.0, "contacts", False, Reason.WRONG_SEQUENCE, detail)
+
+
+def _collide(observed: ObservedCrash, strange: Happening) -> bool:
+    """Whether two vehicles touch as hard as an event data recorder records: no report leaves that out."""
+    seen = observed.of(strange)
+    changes = [side.delta_v_mps for side in seen.sides.values()] if seen is not None else []
+    return len(changes) == 2 and max(changes) >= LEAST_RECORDED_MPS
+
+
+def _out_of_turn(beside: Comparison, event: CrashEvent) -> bool:
+    """Whether an object is struck, but not when its turn comes."""
+    touched = any(each.pair == event.pair and each.object_code is not None for each in beside.observed.events)
+    return touched and beside.seen(event) is None
+
+
+def _held(name: str, event: CrashEvent, happens: bool, reason: Reason | None, detail: str) -> Criterion:
+    return Criterion(name, float(happens), 1.0, "", happens, reason, detail, event.vehicle.number, event.number)
+
+
+# --- judging ---------------------------------------------------------------------------------------------------------
 def at_most(
     name: str,
     value: float | None,
@@ -142,86 +544,7 @@ def at_most(
     return Criterion(name, value, threshold, unit, abs(value) <= threshold, reason, "", number, event)
 
 
-def clock_criterion(error_h: float | None, limits: VerdictSettings, number: int, event: int | None = None) -> Criterion:
-    """The criterion on where a body was struck, against the reported clock position.
-
-    >>> [clock_criterion(error_h, VerdictSettings(), 1).passed for error_h in (2.0, 2.1, None)]
-    [True, False, None]
-    """
-    return at_most("clock_error", error_h, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, number, event)
-
-
-def direction_criterion(
-    error_deg: float | None, limits: VerdictSettings, number: int, event: int | None = None
-) -> Criterion:
-    """The criterion on how far a vehicle turned, against the reported turn.
-
-    >>> [direction_criterion(error_deg, VerdictSettings(), 1).passed for error_deg in (10.0, 170.0, None)]
-    [True, False, None]
-    """
-    wrong, most = Reason.WRONG_DIRECTION, limits.max_direction_error_deg
-    return at_most("direction_error", error_deg, most, "deg", wrong, number, event)
-
-
-def speed_criterion(
-    error_rel: float | None, rules: RuleSet, limits: VerdictSettings, number: int, event: int | None = None
-) -> Criterion:
-    """The criterion on the initial speed against the reported one, which rejects where the rule set says so.
-
-    >>> [speed_criterion(0.5, rules, VerdictSettings(), 1).reason for rules in (RuleSet(), RULE_SETS["strict"])]
-    [None, <Reason.WRONG_SPEED: 'wrong_speed'>]
-    """
-    wrong = Reason.WRONG_SPEED if rules.speeds_reject else None
-    return at_most("initial_speed_error", error_rel, limits.max_speed_error_rel, "rel", wrong, number, event)
-
-
-def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterion]:
-    found = [
-        shown("approach_angle", measures.approach_angle_deg, "deg"),
-        shown("closing_speed", measures.closing_speed_mps, "mps"),
-    ]
-    for vehicle in measures.vehicles:
-        found += reported_of(vehicle, limits)
-    for event in measures.later_events:
-        value = None if event.occurred is None else float(event.occurred)
-        detail = event_named(event.number, event.code) + ("" if value is not None else ": not simulated")
-        found.append(Criterion("later_event", value, 1.0, "", event.occurred, None, detail, None, event.number))
-    return found
-
-
-def reported_of(vehicle: VehicleMeasures, limits: VerdictSettings, event: int | None = None) -> list[Criterion]:
-    """What is shown of one vehicle of a contact.
-
-    >>> from trace_dag.verdict.metrics import compare
-    >>> shown_of_first = reported_of(compare(first_contact, record).vehicles[0], VerdictSettings())
-    >>> [(each.name, each.value) for each in shown_of_first if each.name == "reported_clock"]
-    [('reported_clock', 3.0)]
-    """
-    number = vehicle.number
-    return [
-        at_most(
-            "impact_speed_error", vehicle.impact_speed_error_rel, limits.max_speed_error_rel, "rel", None, number, event
-        ),
-        shown("clock", vehicle.clock_h, "h", number, event),
-        shown("reported_clock", vehicle.reported_clock_h, "h", number, event),
-        shown("bearing_clock", vehicle.bearing_clock_h, "h", number, event),
-        shown("turn", vehicle.turn_deg, "deg", number, event),
-        shown("initial_speed", vehicle.initial_speed_mps, "mps", number, event),
-        shown("impact_speed", vehicle.impact_speed_mps, "mps", number, event),
-        shown("delta_v", vehicle.delta_v_mps, "mps", number, event),
-        shown("pdof", vehicle.pdof_deg, "deg", number, event),
-        shown("arrival_error", vehicle.arrival_error_m, "m", number, event),
-        shown("path_error_p99", vehicle.path_error_p99_m, "m", number, event),
-        shown("tracked_speed_error_p99", vehicle.tracked_speed_error_p99_rel, "rel", number, event),
-    ]
-
-
-def shown(name: str, value: float | None, unit: str, number: int | None = None, event: int | None = None) -> Criterion:
-    """A measure that is shown and judges nothing."""
-    return Criterion(name, value, None, unit, None, None, "", number, event)
-
-
-def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...] = REQUIRED) -> Judgement:
+def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...]) -> Judgement:
     """Whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it.
 
     Of each ``required`` reason something has to have been evaluated.

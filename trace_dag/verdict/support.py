@@ -11,20 +11,21 @@ from __future__ import annotations
 import csv
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
 
 from trace_dag.crash.contradictions import named_contradictions
+from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.verdict.course_facts import course_facts
-from trace_dag.verdict.metrics import FirstContact
+from trace_dag.verdict.departure_facts import departure_facts
 from trace_dag.verdict.place_facts import place_facts
+from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.strike_facts import crosswalk_facts, strike_facts
-from trace_dag.verdict.strikes import ObservedStrikes
 from trace_dag.verdict.support_weights import COUNTS
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Reservation, Support
 
@@ -87,35 +88,40 @@ class Weight:
 Weights = Mapping[tuple[str, Agreement], float]
 
 
-def facts_of(
-    record: CrashRecord, network: RoadNetwork, report: MapReport, observation: FirstContact | None
-) -> tuple[Fact, ...]:
+def facts_of(record: CrashRecord, network: RoadNetwork, report: MapReport, beside: Comparison) -> tuple[Fact, ...]:
     """Every fact of the report that can be compared with the map, the simulated course or the report itself.
 
-    Not weighed yet. Without an ``observation`` (no contact) those of the place and of the report alone.
+    Not weighed yet. Where nothing happens, those of the place and of the report alone.
 
-    >>> facts = facts_of(record, network, map_report, first_contact)
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.settings import VerdictSettings
+    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
+    >>> facts = facts_of(record, network, map_report, beside)
     >>> len({fact.name for fact in facts}), [fact.name for fact in facts if fact.agreement is Agreement.DIFFERS]
     (19, [])
     """
-    seen = observation.vehicles if observation is not None else ()
-    found = [*place_facts(record, network, report, seen), *_contradictions(record)]
-    if observation is not None:
-        found += course_facts(record, observation)
-    return tuple(found)
-
-
-def facts_of_strikes(
-    record: CrashRecord, network: RoadNetwork, report: MapReport, observed: ObservedStrikes
-) -> tuple[Fact, ...]:
-    """As :func:`facts_of`, of a crash in which vehicles struck people."""
-    seen = tuple({strike.vehicle.number: strike.vehicle for strike in reversed(observed.strikes)}.values())
+    seen = {number: drove for event in reversed(beside.observed.events) for number, drove in event.vehicles.items()}
     return (
-        *place_facts(record, network, report, seen),
-        *crosswalk_facts(record, network, report.placement),
+        *place_facts(record, network, report, tuple(seen.values())),
+        *crosswalk_facts(beside, report.placement),
         *_contradictions(record),
-        *strike_facts(record, observed),
+        *facts_of_course(beside),
     )
+
+
+def facts_of_course(beside: Comparison) -> tuple[Fact, ...]:
+    """The facts of the course alone, by what the crash begins with."""
+    return tuple(_COURSE_FACTS[beside.sequence.first.kind](beside))
+
+
+_COURSE_FACTS: Final[Mapping[EventKind, Callable[[Comparison], Iterator[Fact]]]] = {
+    EventKind.VEHICLE_CONTACT: course_facts,
+    EventKind.PERSON_STRUCK: strike_facts,
+    EventKind.ANIMAL_STRUCK: strike_facts,
+    EventKind.OBJECT_STRUCK: departure_facts,
+    EventKind.OVERTURN: departure_facts,
+}
+"""Which facts of the course there are, by what the crash begins with."""
 
 
 def _contradictions(record: CrashRecord) -> Iterator[Fact]:

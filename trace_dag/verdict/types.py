@@ -107,12 +107,16 @@ class Happening(StrEnum):
 
 @dataclass(frozen=True)
 class EventOutcome:
-    """A harmful event of the report and what becomes of it; ``why`` says in words why it does not happen."""
+    """A harmful event of the report and what becomes of it: when it happens (s), or ``why`` not, in words.
+
+    One that goes on with the event before it has no time of its own.
+    """
 
     event_number: int
     code: int
     outcome: Happening
     why: str = ""
+    time_s: float | None = None
 
 
 class Doubt(StrEnum):

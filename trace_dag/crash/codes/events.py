@@ -33,7 +33,9 @@ TRAINS: Final = frozenset({10, 74})
 FIXED_OBJECTS: Final = frozenset(
     {17, 19, 20, 21, 23, 24, 25, 26, *range(30, 36), *range(38, 45), 46, 48, 50, 52, 53, 57, 58, 59, 93}
 )
-LOOSE_OBJECTS: Final = frozenset({16, 18, 73, 91})
+LYING_OBJECTS: Final = frozenset({18, 91})
+"""Objects that were not fixed, and of which nothing says that they moved."""
+LOOSE_OBJECTS: Final = LYING_OBJECTS | {16, 73}
 """Objects that were thrown, fell, or lay on the road."""
 
 RAN_OFF_RIGHT: Final = 63

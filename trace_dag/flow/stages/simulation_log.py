@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
+from trace_dag.crash.event_sequence import sequence_of
+from trace_dag.crash.parties import EventKind
 from trace_dag.errors import Reason, Rejection
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.sim.backends import backend
@@ -52,10 +53,12 @@ def simulation_log(
         files["samples.json"], parsed["samples.json"] = samples_to_json(sampled), sampled
         figures["draws"] = f"{sampled.drawn}, worth {sampled.effective:g} of equal weight"
     rejection = None
-    if not collided and reconstruction_of(record) is not Reconstruction.OVERTURN:  # the verdict says so
+    first = sequence_of(record).first.kind
+    if not collided and first is not EventKind.OVERTURN:  # the verdict says so
         rejection = Rejection(
             Reason.NO_COLLISION,
-            f"{_who(record)} do not touch in any of {len(logs)} simulated hypotheses ({shown.reason}).",
+            f"{_WHO.get(first, 'The vehicles')} do not touch in any of {len(logs)} simulated hypotheses "
+            f"({shown.reason}).",
             measured=0.0,
             threshold=1.0,
         )
@@ -66,11 +69,8 @@ def _overturns(vehicle: VehicleLog) -> bool:
     return overturned_at(vehicle) is not None
 
 
-def _who(record: CrashRecord) -> str:
-    return _PARTIES.get(reconstruction_of(record), "The vehicles")
-
-
-_PARTIES: Final = {
-    Reconstruction.STRIKES: "Vehicle and person",
-    Reconstruction.DEPARTURE: "The vehicle and the objects beside the road",
+_WHO: Final = {
+    EventKind.PERSON_STRUCK: "Vehicle and person",
+    EventKind.ANIMAL_STRUCK: "Vehicle and animal",
+    EventKind.OBJECT_STRUCK: "The vehicle and the objects beside the road",
 }

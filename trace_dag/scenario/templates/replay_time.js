@@ -1,7 +1,8 @@
 // The controls and keys of a time line that ends at `end` (s). `draw` shows a moment; the clock is `draw`'s answer. Around
 // the `impact` (s, or null) time runs slower if that is chosen.
 const SLOW = { before: .4, after: .8, rate: .25 };
-function timeline(end, draw, impact) {
+// `events` are the reported ones: a mark where each happens, those that do not are struck out at the end.
+function timeline(end, draw, impact, events = []) {
   const line = { now: 0, show, stop };
   let playing = false, last = 0;
   function show(t) {
@@ -27,6 +28,16 @@ function timeline(end, draw, impact) {
   $("back").addEventListener("click", () => step(-.02));
   $("forward").addEventListener("click", () => step(.02));
   $("time").max = end;
+  const missed = events.filter(each => each.time === null).length;
+  let at = 0;
+  for (const each of events) {
+    const mark = document.createElement("button");
+    Object.assign(mark, { textContent: each.number, title: each.words, className: each.time === null ? "missed" : "" });
+    mark.setAttribute("aria-label", each.words);
+    mark.style.left = each.time === null ? `calc(100% - ${1.6 * (missed - 1 - at++)}rem)` : `${100 * each.time / (end || 1)}%`;
+    if (each.time !== null) mark.addEventListener("click", () => { stop(); show(each.time); });
+    $("events").append(mark);
+  }
   $("time").addEventListener("input", () => { stop(); show(Number($("time").value)); });
   document.addEventListener("keydown", e => {
     if (e.defaultPrevented || e.target.tagName === "SELECT") return;

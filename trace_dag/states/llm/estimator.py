@@ -6,11 +6,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
+from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
-from trace_dag.states.analytic import build_scene, estimate_analytic, parties, ranked, solve_all
+from trace_dag.states.analytic import NAME as ANALYTIC
+from trace_dag.states.analytic import VERSION as ANALYTIC_VERSION
+from trace_dag.states.analytic import first_contact, parties, ranked, solve_all
 from trace_dag.states.candidates import candidates
 from trace_dag.states.encounters import encounters
 from trace_dag.states.estimate import UnusableAnswers
@@ -20,6 +21,7 @@ from trace_dag.states.llm.client import REFUSED, LlmClient
 from trace_dag.states.llm.ledger import SharedFiles, SpendingLedger
 from trace_dag.states.llm.prompt import Prompt, ask_again
 from trace_dag.states.llm.store import AnswerFiles, AnswerStore, StoredAnswer
+from trace_dag.states.scene import Scene
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
 from trace_dag.wording import counted
 
@@ -97,14 +99,8 @@ class _Tally:
         )
 
 
-def estimate_llm(
-    record: CrashRecord,
-    network: RoadNetwork,
-    report: MapReport,
-    settings: StateSettings,
-    client: LlmClient,
-) -> StateEstimate:
-    """States with the approaches a language model chose.
+def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, client: LlmClient) -> StateEstimate:
+    """The contact of two vehicles with the approaches a language model chose.
 
     A wrong answer is a counted attempt; after ``llm_max_attempts`` of them the fallback of the settings follows.
 
@@ -114,21 +110,25 @@ def estimate_llm(
         TransientFailure, Failure: the provider failed or the budget is spent, see :meth:`LlmClient.ask`.
         UserError: no such prompt.
 
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.states.analytic import build_scene
     >>> class Unhelpful:  # in place of a client that asks a provider
     ...     def ask(self, messages, *, prompt, schema):
     ...         return StoredAnswer("I do not know.", "stop", "a-model", 900, 5, 0.0, 1.0)
-    >>> made = estimate_llm(record, network, map_report, StateSettings(llm_model="a-model"), Unhelpful())
+    >>> scene = build_scene(record, network, map_report, lead_time_s=5.0)
+    >>> event = sequence_of(record).first
+    >>> made = estimate_llm(scene, event, StateSettings(llm_model="a-model"), Unhelpful())
     >>> made.run.estimator, made.run.fallback_from, made.run.attempts
     ('analytic', 'llm', 3)
     """
     prompt = Prompt.load(settings.llm_prompt)
-    scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
-    one, two = parties(record)
+    record = scene.record
+    one, two = parties(record, event)
     numbers = (one.vehicle.number, two.vehicle.number)
     found = [each for reading in encounters(record, one, two) for each in candidates(scene, reading)]
     choices = Choices(scene, tuple(found))
     if not choices.approaches:
-        return estimate_analytic(record, network, report, settings)  # this raises the rejection that says why
+        first_contact(scene, event, settings)  # this raises the rejection that says why
     schema = form(prompt.kind).model_json_schema()
     messages = prompt.messages(record, choices, lead_time_s=settings.lead_time_s)
     tally = _Tally()
@@ -149,15 +149,11 @@ def estimate_llm(
     asked = tally.run(settings)
     if settings.llm_fallback == "reject":
         raise UnusableAnswers(why, asked, threshold=settings.llm_max_attempts)
-    made = estimate_analytic(record, network, report, settings)
+    hypotheses, ambiguity = first_contact(scene, event, settings)
     run = replace(
-        asked,
-        estimator=made.run.estimator,
-        version=made.run.version,
-        fallback_from=asked.estimator,
-        fallback_reason=why,
+        asked, estimator=ANALYTIC, version=ANALYTIC_VERSION, fallback_from=asked.estimator, fallback_reason=why
     )
-    return replace(made, run=run)
+    return StateEstimate(record.key, hypotheses, run, ambiguity)
 
 
 def _complaints(tally: _Tally) -> list[object]:

@@ -16,7 +16,7 @@ from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.objects import FixedObject
 from trace_dag.studies.validation.recorded import Damage, RecordedVehicle, Recording
 from trace_dag.units import mps_to_kmh
-from trace_dag.verdict.metrics import LEAST_RECORDED_MPS
+from trace_dag.verdict.observation import LEAST_RECORDED_MPS
 
 _PULLED: Final = 0.5  # of a delta-v: more cannot come of friction along the side
 _STAYS: Final = 0.85  # of dynamic crush, in NHTSA's frontal barrier tests

@@ -8,7 +8,8 @@ from enum import StrEnum
 from functools import partial
 from typing import Final, TypeAlias
 
-from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
+from trace_dag.crash.event_sequence import first_event_kind
+from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import PreCrashMovement
 from trace_dag.verdict.perturbed import crash, people, vehicles
 from trace_dag.verdict.perturbed.report import ChangedReport
@@ -27,16 +28,16 @@ class Needs(StrEnum):
     SAME_STREET = "same_street"  # a point of the map on the crash's street, far away
 
 
-_COLLISIONS: Final = frozenset({Reconstruction.COLLISION})
-_STRIKES: Final = frozenset({Reconstruction.STRIKES})
+_COLLISIONS: Final = frozenset({EventKind.VEHICLE_CONTACT})
+_STRIKES: Final = frozenset({EventKind.PERSON_STRUCK})
 PERTURBED: Final = _COLLISIONS | _STRIKES
-"""What a crash has to be reconstructed as for its report to be changed."""
+"""What a crash has to begin with for its report to be changed."""
 
 
 @dataclass(frozen=True)
 class PerturbationKind:
     """One perturbation. ``drawn``: another draw gives another report. ``moves``: the place is another one. ``of``: what
-    the crashes are reconstructed as whose reports it changes."""
+    the crashes begin with whose reports it changes."""
 
     name: str
     title: str
@@ -44,7 +45,7 @@ class PerturbationKind:
     needs: Needs = Needs.NOTHING
     drawn: bool = False
     moves: bool = False
-    of: frozenset[Reconstruction] = _COLLISIONS
+    of: frozenset[EventKind] = _COLLISIONS
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Cha
     >>> changed.detail, b"<IMPACT1>6</IMPACT1>" in changed.xml
     ('areas of vehicle 1 turned by 3 h', True)
     """
-    if reconstruction_of(scene.record) not in kind.of:
+    if first_event_kind(scene.record) not in kind.of:
         return None
     changed = ChangedReport(report)
     before = changed.to_bytes()

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
+from trace_dag.crash.event_sequence import sequence_of
+from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.strikes import strikes_of
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,9 @@ class PerturbedScene:
     @property
     def vehicles(self) -> tuple[int, ...]:
         """Numbers of the vehicles it is about: the pair that collided, or those that struck people, in order."""
-        if reconstruction_of(self.record) is Reconstruction.STRIKES:
-            return tuple(dict.fromkeys(strike.vehicle.number for strike in strikes_of(self.record)))
+        sequence = sequence_of(self.record)
+        if sequence.first.kind is EventKind.PERSON_STRUCK:
+            return tuple(dict.fromkeys(event.vehicle.number for event in sequence.contacts))
         return self.pair
 
     @property

@@ -11,7 +11,7 @@ FROM read_json(
         'contact': 'BOOLEAN',
         'contact_distance_m': 'DOUBLE',
         'within_distance': 'BOOLEAN',
-        'clock_error_max_h': 'DOUBLE',
+        'clock_error_max_positions': 'DOUBLE',
         'clocks_ok': 'BOOLEAN',
         'direction_error_max_deg': 'DOUBLE',
         'initial_speed_error_max_rel': 'DOUBLE',
@@ -30,7 +30,7 @@ COMMENT ON COLUMN benchmark_comparison.benchmark IS 'published, or trace-dag';
 COMMENT ON COLUMN benchmark_comparison.contact IS 'Whether the vehicles touched';
 COMMENT ON COLUMN benchmark_comparison.contact_distance_m IS 'First contact to the reported location, m';
 COMMENT ON COLUMN benchmark_comparison.within_distance IS 'Whether that is within the threshold';
-COMMENT ON COLUMN benchmark_comparison.clock_error_max_h IS 'Impact to the reported area, the worse vehicle, hours';
+COMMENT ON COLUMN benchmark_comparison.clock_error_max_positions IS 'Impact to the reported area, the worse vehicle, hours';
 COMMENT ON COLUMN benchmark_comparison.clocks_ok IS 'Whether every reported impact is met within the threshold';
 COMMENT ON COLUMN benchmark_comparison.direction_error_max_deg IS 'Turn or angle of approach against the report, the worst, degrees';
 COMMENT ON COLUMN benchmark_comparison.initial_speed_error_max_rel IS 'Initial against reported speed, the worse vehicle, relative';

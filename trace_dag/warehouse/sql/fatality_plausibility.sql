@@ -51,7 +51,7 @@ JOIN crashes USING (key)
 LEFT JOIN reported USING (key)
 LEFT JOIN drawn USING (key)
 LEFT JOIN fragile USING (key)
-WHERE crashes.kind IN ('two_vehicles', 'multi_vehicle', 'parked', 'fixed_object', 'overturn')
+WHERE crashes.kind IN ('two_vehicles', 'multi_vehicle', 'parked', 'fixed_object', 'lying_object', 'overturn')
 ORDER BY delta_v_mps, key;
 
 COMMENT ON VIEW fatality_plausibility IS 'Verified crashes of vehicles, and whether their simulated change of velocity can have killed';

@@ -17,7 +17,7 @@ FROM read_json(
         'reason': 'VARCHAR',
         'detail': 'VARCHAR',
         'contact_distance_m': 'DOUBLE',
-        'clock_error_max_h': 'DOUBLE',
+        'clock_error_max_positions': 'DOUBLE',
         'direction_error_max_deg': 'DOUBLE',
         'initial_speed_error_max_rel': 'DOUBLE',
         'speeds_kept': 'BOOLEAN'
@@ -39,7 +39,7 @@ COMMENT ON COLUMN negative_controls.accepted IS 'Whether the verdict accepts it;
 COMMENT ON COLUMN negative_controls.reason IS 'Why not';
 COMMENT ON COLUMN negative_controls.detail IS 'The same as a sentence';
 COMMENT ON COLUMN negative_controls.contact_distance_m IS 'First contact to the reported location, m';
-COMMENT ON COLUMN negative_controls.clock_error_max_h IS 'Impact to the reported area, the worse vehicle, hours';
+COMMENT ON COLUMN negative_controls.clock_error_max_positions IS 'Impact to the reported area, the worse vehicle, hours';
 COMMENT ON COLUMN negative_controls.direction_error_max_deg IS 'Turn or angle of approach against the report, the worst, degrees';
 COMMENT ON COLUMN negative_controls.initial_speed_error_max_rel IS 'Initial against reported speed, the worse vehicle, relative';
 COMMENT ON COLUMN negative_controls.speeds_kept IS 'Whether every reported speed is within the threshold, beyond the criteria of the paper; null if none is reported';

@@ -4,7 +4,7 @@ SELECT
     key,
     any_value(accepted) AS accepted,
     any_value(value) FILTER (criterion = 'reported_distance') AS contact_distance_m,
-    max(value) FILTER (criterion = 'clock_error') AS clock_error_max_h,
+    max(value) FILTER (criterion = 'clock_error') AS clock_error_max_positions,
     bool_and(passed) FILTER (reason = 'wrong_direction') AS direction_ok,
     max(abs(value)) FILTER (criterion = 'initial_speed_error') AS speed_error_initial_max_rel,
     max(abs(value)) FILTER (criterion = 'impact_speed_error') AS speed_error_impact_max_rel,
@@ -52,7 +52,7 @@ COMMENT ON COLUMN verdicts.events_reported IS 'Harmful events of the report';
 COMMENT ON COLUMN verdicts.events_happened IS 'Harmful events that happen in the simulation';
 COMMENT ON COLUMN verdicts.events_not_modelled IS 'Harmful events that no simulation can have';
 COMMENT ON COLUMN verdicts.alternatives IS 'What is as likely as the course that was judged; null where that is likelier than all others together';
-COMMENT ON COLUMN verdicts.clock_error_max_h IS 'Impact against the reported clock position, the worse vehicle, hours';
+COMMENT ON COLUMN verdicts.clock_error_max_positions IS 'Impact against the reported clock position, the worse vehicle, hours';
 COMMENT ON COLUMN verdicts.direction_ok IS 'Whether every direction that could be judged is as reported';
 COMMENT ON COLUMN verdicts.speed_error_initial_max_rel IS 'Initial speed against the reported one, the worse vehicle, relative; null if none is reported';
 COMMENT ON COLUMN verdicts.speed_error_impact_max_rel IS 'Speed at impact against the reported one, the worse vehicle, relative; null if none is reported';

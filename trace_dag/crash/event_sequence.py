@@ -1,0 +1,384 @@
+"""The harmful events of a crash in order, with their parties: what estimators plan, simulations show and verdicts
+judge.
+
+It begins with the first harmful event (``HARM_EV``). Events that follow at once between the same two parties belong to
+the one before: the two are still against each other, or the vehicle runs over whom it has struck. Tables before 2016
+often list no events, and no persons: then the first harmful event tells what the only vehicle struck. Nothing is
+guessed about several vehicles or persons: what is left open is :class:`Missing`, in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, TypeAlias
+
+from trace_dag.crash.animals import StruckAnimal
+from trace_dag.crash.codes import events as codes
+from trace_dag.crash.departure_side import SIDE_OF_EVENT, DepartureSide
+from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party
+from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
+from trace_dag.crash.struck import ORDER_OF_STRIKES
+from trace_dag.crash.summary import event_in_words
+from trace_dag.errors import Reason
+
+ORDER_OF_CONTACTS: Final = "order_of_contacts"
+_OBJECTS: Final = codes.FIXED_OBJECTS | codes.LYING_OBJECTS
+MODELLED: Final = codes.VEHICLE_CONTACTS | codes.PERSON_EVENTS | _OBJECTS | {codes.LIVE_ANIMAL, codes.OVERTURN}
+"""Events (``SOE``) that a simulation can have. Not trains, cargo and what falls or is thrown, ridden animals and what
+they draw, who falls from a vehicle, fire, water, and harm without a collision."""
+CONTACTS: Final = frozenset({EventKind.VEHICLE_CONTACT, EventKind.PERSON_STRUCK, EventKind.ANIMAL_STRUCK})
+"""Kinds of events in which a vehicle touches somebody: a verdict asks for each of them, in order."""
+OFF_THE_ROAD: Final = frozenset({EventKind.OBJECT_STRUCK, EventKind.OVERTURN})
+
+_PERSON_TYPE: Final = {codes.PEDESTRIAN: 5, codes.CYCLIST: 6, codes.PERSON_ON_CONVEYANCE: 8}
+"""``PER_TYP`` of who was struck in an event with that code."""
+_OF_TWO_IN_TRANSPORT: Final = frozenset({codes.MOTOR_VEHICLE_IN_TRANSPORT, codes.VEHICLE_OUTSIDE_TRAFFICWAY})
+_MOST_TOLD: Final = 4
+
+Partner: TypeAlias = VehicleRecord | NonMotorist | None
+
+
+@dataclass(frozen=True)
+class CrashEvent:
+    """A harmful event that can be simulated.
+
+    ``vehicle`` touches ``partner``: another vehicle, a person or an animal; None where it strikes an object or
+    overturns. ``area`` and ``partner_area`` are where they touch, None where not known. ``side`` is where the vehicle
+    left the road before, by the event ``departure``; None where no event says it. ``going_on`` are the numbers of the
+    events that follow at once between the same two.
+    """
+
+    number: int
+    code: int
+    kind: EventKind
+    vehicle: VehicleRecord
+    area: ImpactArea | None = None
+    partner: Partner = None
+    partner_area: ImpactArea | None = None
+    side: DepartureSide | None = None
+    departure: int | None = None
+    going_on: tuple[int, ...] = ()
+
+    @property
+    def party(self) -> int:
+        """Number of the second party: that of the vehicle itself where it overturns."""
+        if self.kind is EventKind.OBJECT_STRUCK:
+            return thing_party(self.number)
+        if isinstance(self.partner, VehicleRecord):
+            return self.partner.number
+        return self.vehicle.number if self.partner is None else self.partner.party
+
+    @property
+    def pair(self) -> tuple[int, int]:
+        """Numbers of both parties, the lower one first; an object's is 2000 and the event's."""
+        one, two = sorted((self.vehicle.number, self.party))
+        return one, two
+
+    @property
+    def is_contact(self) -> bool:
+        """Whether a vehicle touches another one, a person or an animal."""
+        return self.kind in CONTACTS
+
+    @property
+    def person(self) -> NonMotorist:
+        """Whom the vehicle strikes. Raises ``TypeError`` for an event of another kind."""
+        if not isinstance(self.partner, NonMotorist):
+            raise TypeError(f"event {self.number} is no strike of a person or an animal")
+        return self.partner
+
+    @property
+    def vehicles(self) -> tuple[VehicleRecord, ...]:
+        """The vehicles that take part, each struck where this event says."""
+        own = replace(self.vehicle, impact=self.area)
+        return (
+            (own, replace(self.partner, impact=self.partner_area))
+            if isinstance(self.partner, VehicleRecord)
+            else (own,)
+        )
+
+    def as_struck(self, number: int) -> VehicleRecord:
+        """A vehicle that takes part, struck where this event says. Raises ``KeyError`` for one that does not."""
+        for vehicle in self.vehicles:
+            if vehicle.number == number:
+                return vehicle
+        raise KeyError(number)
+
+    @property
+    def parked(self) -> VehicleRecord | None:
+        """The vehicle that is parked or at work, if one is."""
+        return next((vehicle for vehicle in self.vehicles if not vehicle.in_transport), None)
+
+    @property
+    def name(self) -> str:
+        """What it is called in a hypothesis."""
+        what = {EventKind.OBJECT_STRUCK: "object", EventKind.OVERTURN: "overturn"}.get(self.kind, "contact")
+        return f"{what} of event {self.number}"
+
+
+@dataclass(frozen=True)
+class EventSequence:
+    """The harmful events of a crash that can be simulated, in order, at least one.
+
+    ``not_modelled`` are the harmful events that no simulation here can have, ``unclear`` those whose parties the report
+    does not tell, by number and each with why. ``order_known`` is False where the report does not say in which order
+    the contacts came.
+    """
+
+    events: tuple[CrashEvent, ...]
+    order_known: bool = True
+    not_modelled: tuple[EventRecord, ...] = ()
+    unclear: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def first(self) -> CrashEvent:
+        """The first harmful event."""
+        return self.events[0]
+
+    @property
+    def contacts(self) -> tuple[CrashEvent, ...]:
+        """The events in which vehicles touch each other, people or animals."""
+        return tuple(event for event in self.events if event.is_contact)
+
+    def goes_on_with(self, number: int) -> CrashEvent | None:
+        """The event to which the report's event of a number belongs; None for one of its own."""
+        return next((event for event in self.events if number in event.going_on), None)
+
+
+@dataclass(frozen=True)
+class Missing:
+    """What of a crash's sequence the report does not tell, or cannot be simulated, as a sentence."""
+
+    reason: Reason
+    sentence: str
+
+
+def event_sequence(record: CrashRecord) -> EventSequence | Missing:
+    """The sequence of a crash, or what of it is missing.
+
+    >>> sequence = event_sequence(queue_record)
+    >>> [(event.kind.value, event.pair) for event in sequence.events]
+    [('vehicle_contact', (1, 2)), ('vehicle_contact', (2, 3))]
+    >>> event_sequence(replace(queue_record, vehicles_in_transport=4)).sentence
+    'the report lists 3 of 4 vehicles in transport'
+    """
+    harmful = _from_first_harmful(record)
+    if isinstance(harmful, Missing):
+        return harmful
+    if harmful[0].code not in MODELLED:
+        return _not_modelled(record, harmful)
+    reader = _Reader(record)
+    for event in harmful:
+        reader.add(event)
+    missing = _missing_from(record, harmful, reader)
+    if missing is not None:
+        return Missing(Reason.INCOMPLETE_SEQUENCE, missing)
+    order_known = not {ORDER_OF_CONTACTS, ORDER_OF_STRIKES} & set(record.implied)
+    beyond = tuple(event for event in harmful if event.code not in MODELLED)
+    return EventSequence(tuple(reader.events), order_known, beyond, reader.unclear)
+
+
+def sequence_of(record: CrashRecord) -> EventSequence:
+    """The sequence of a crash whose record was checked; ``ValueError`` where something is missing.
+
+    >>> sequence_of(tree_record).first.side.value  # it leaves the road to the right before it strikes a tree
+    'right'
+    """
+    found = event_sequence(record)
+    if isinstance(found, Missing):
+        raise ValueError(f"{record.key}: {found.sentence}")
+    return found
+
+
+def first_event_kind(record: CrashRecord) -> EventKind | None:
+    """The kind of the first harmful event; None where something is missing.
+
+    >>> str(first_event_kind(pedestrian_record))
+    'person_struck'
+    """
+    found = event_sequence(record)
+    return None if isinstance(found, Missing) else found.first.kind
+
+
+# --- which events ----------------------------------------------------------------------------------------------------
+def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord] | Missing:
+    """The harmful events from the first one on: that of ``HARM_EV`` where there is one; what that implies where the
+    report lists none."""
+    harmful = [event for event in record.events if event.is_harmful]
+    code = record.first_harmful_event_code
+    first = next((place for place, event in enumerate(harmful) if event.code == code), 0)
+    contradicted = code in codes.VEHICLE_CONTACTS | codes.PERSON_EVENTS and all(event.code != code for event in harmful)
+    return _implied(record, code) if contradicted or not harmful else harmful[first:]
+
+
+def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord] | Missing:
+    """The event that the first harmful event's code implies where the crash has one vehicle."""
+    if (unlisted := unlisted_vehicles(record)) is not None:
+        return Missing(Reason.INCOMPLETE_SEQUENCE, unlisted)
+    moving = [vehicle for vehicle in record.vehicles if vehicle.in_transport]
+    if code is None or code in codes.VEHICLE_CONTACTS:
+        said = "not known" if code is None else str(code)
+        listed = "such event" if record.events else "events"
+        return Missing(
+            Reason.INCOMPLETE_SEQUENCE, f"nothing tells what happened: HARM_EV {said}, and the report lists no {listed}"
+        )
+    if len(moving) != 1 and code in MODELLED:
+        which = f"which of {record.moving_vehicles} vehicles" if len(moving) > 1 else "which vehicle"
+        what = codes.HARM_EV.meaning(code)
+        return Missing(
+            Reason.INCOMPLETE_SEQUENCE, f"nothing tells {which} in transport {what}: the report lists no such event"
+        )
+    vehicle = moving[0] if moving else None
+    struck = thing_party(1) if code in _OBJECTS | codes.ANIMALS else None
+    number, area = (None, None) if vehicle is None else (vehicle.number, vehicle.impact)
+    return [EventRecord(1, code, number, area, struck, None, ("code", "party_1", "area_1"))]
+
+
+def unlisted_vehicles(record: CrashRecord) -> str | None:
+    """That the report lists fewer vehicles in transport than it counts (``VE_FORMS``), as a sentence; else None.
+
+    >>> unlisted_vehicles(replace(record, vehicles=record.vehicles[:1]))
+    'the report lists 1 of 2 vehicles in transport'
+    """
+    listed = sum(vehicle.in_transport for vehicle in record.vehicles)
+    if listed >= record.moving_vehicles:
+        return None
+    return f"the report lists {listed} of {record.moving_vehicles} vehicles in transport"
+
+
+def _not_modelled(record: CrashRecord, harmful: Sequence[EventRecord]) -> Missing:
+    told = [f"event {event.number} {event_in_words(event)} (SOE {event.code})" for event in harmful[:_MOST_TOLD]]
+    if len(harmful) > _MOST_TOLD:
+        told.append(f"and {len(harmful) - _MOST_TOLD} more")
+    what = codes.HARM_EV.meaning(harmful[0].code)
+    return Missing(
+        Reason.NOT_MODELLED,
+        f"the first harmful event is that a vehicle {what}, which is not modelled: {', '.join(told)}",
+    )
+
+
+# --- who takes part --------------------------------------------------------------------------------------------------
+class _Reader:
+    """The events read so far, and what they leave open."""
+
+    def __init__(self, record: CrashRecord) -> None:
+        self._record = record
+        self._vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
+        self._met: set[int] = set()  # vehicles that have touched somebody or something
+        self._animal: int | None = None  # number of the first event with one: there is only one animal
+        self._unlisted: dict[int, NonMotorist] = {}  # by code: a person whom the report strikes and does not list
+        self.events: list[CrashEvent] = []
+        self.unclear: dict[int, str] = {}
+
+    def add(self, event: EventRecord) -> None:
+        """Take one harmful event."""
+        if event.code not in MODELLED:
+            return
+        vehicle = self._vehicles.get(event.party_1 or 0)
+        if vehicle is None:
+            self.unclear[event.number] = f"event {event.number} (SOE {event.code}) does not say of which vehicle it is"
+            return
+        made = self._made(event, vehicle)
+        if made is None:
+            return
+        if self.events and self.events[-1].is_contact and made.pair == self.events[-1].pair:
+            self.events[-1] = replace(self.events[-1], going_on=(*self.events[-1].going_on, event.number))
+        else:
+            self.events.append(made)
+        if made.kind is not EventKind.OVERTURN:
+            self._met |= {vehicle.number, made.party}
+
+    def _made(self, event: EventRecord, vehicle: VehicleRecord) -> CrashEvent | None:
+        partner: Partner = None
+        if event.kind is EventKind.VEHICLE_CONTACT:
+            partner = self._vehicles.get(self._other_vehicle(event) or 0)
+            if partner is None or partner is vehicle:
+                self.unclear[event.number] = (
+                    f"event {event.number} (SOE {event.code}) does not say whom vehicle {vehicle.number} met"
+                )
+                return None
+        elif event.kind in (EventKind.PERSON_STRUCK, EventKind.ANIMAL_STRUCK):
+            partner = self._struck(event)
+            if partner is None:
+                persons = len(self._record.non_motorists)
+                which = (
+                    f"say which of {persons} persons was struck" if persons > 1 else "name the person that was struck"
+                )
+                self.unclear[event.number] = f"event {event.number} does not {which}"
+                return None
+        left = _last_departure(self._record, event)
+        return CrashEvent(
+            number=event.number,
+            code=event.code,
+            kind=event.kind,
+            vehicle=vehicle,
+            area=None if event.kind is EventKind.OVERTURN else self._area(vehicle, event.area_1),
+            partner=partner,
+            partner_area=self._area(partner, event.area_2) if isinstance(partner, VehicleRecord) else None,
+            side=None if left is None else SIDE_OF_EVENT[left.code],
+            departure=None if left is None else left.number,
+        )
+
+    def _area(self, vehicle: VehicleRecord, area: ImpactArea | None) -> ImpactArea | None:
+        """The area of an event. Where the event does not say it, a vehicle is first struck at its initial impact."""
+        return vehicle.impact if area is None and vehicle.number not in self._met else area
+
+    def _other_vehicle(self, event: EventRecord) -> int | None:
+        """The second vehicle of a contact: the only other one, if the event does not say it."""
+        if event.party_2 is not None or event.code not in _OF_TWO_IN_TRANSPORT or self._record.moving_vehicles != 2:
+            return event.party_2
+        others = [vehicle.number for vehicle in self._record.vehicles if vehicle.number != event.party_1]
+        return others[0] if len(others) == 1 else None
+
+    def _struck(self, event: EventRecord) -> NonMotorist | None:
+        """Whom an event was with: the one named, or one not listed; None if that cannot be told."""
+        if event.kind is EventKind.ANIMAL_STRUCK:
+            own = event.number if event.party_2 is None else event.party_2 - thing_party(0)
+            self._animal = own if self._animal is None else self._animal
+            return StruckAnimal(self._animal)
+        listed = self._record.non_motorists
+        named = next((person for person in listed if person.party == event.party_2), None)
+        if named is None and listed and not self._record.events:
+            struck = {_PERSON_TYPE[event.code], UNKNOWN_NON_MOTORIST}
+            possible = [person for person in listed if person.person_type_code in struck]
+            named = possible[0] if len(possible) == 1 else None
+        if named is not None and named.person_type_code == UNKNOWN_NON_MOTORIST:
+            return replace(named, person_type_code=_PERSON_TYPE[event.code])
+        if named is not None or listed:
+            return named
+        return self._unlisted.setdefault(event.code, NonMotorist(1 + len(self._unlisted), _PERSON_TYPE[event.code]))
+
+
+def _last_departure(record: CrashRecord, until: EventRecord) -> EventRecord | None:
+    """A vehicle's last departure to a known side before another event of it."""
+    own = [each for each in record.events if each.number < until.number and each.party_1 == until.party_1]
+    return next((each for each in reversed(own) if each.code in SIDE_OF_EVENT), None)
+
+
+# --- what is missing -------------------------------------------------------------------------------------------------
+def _missing_from(record: CrashRecord, harmful: Sequence[EventRecord], reader: _Reader) -> str | None:
+    """What the sequence leaves open, as a sentence: who took part in the first event or in a contact, and what part
+    each vehicle had where more than two met."""
+    several = len(record.vehicles) > 2 or record.moving_vehicles > 2 or record.kind is CrashKind.PARKED
+    meet = any(event.kind is EventKind.VEHICLE_CONTACT for event in harmful)
+    if meet and several and (unlisted := unlisted_vehicles(record)) is not None:
+        return unlisted
+    needed = [event.number for event in harmful if event.kind in CONTACTS or event is harmful[0]]
+    unclear = next((reader.unclear[number] for number in needed if number in reader.unclear), None)
+    if unclear is not None:
+        return unlisted_vehicles(record) or unclear
+    silent = _without_part(record, harmful) if meet and several else []
+    if not silent:
+        return None
+    numbers = " and ".join(map(str, silent))
+    return f"nothing tells what part vehicle{'s' if len(silent) > 1 else ''} {numbers} had: no event that is known"
+
+
+def _without_part(record: CrashRecord, harmful: Iterable[EventRecord]) -> list[int]:
+    """The vehicles without a harmful event that is known."""
+    taking_part: set[int | None] = set()
+    for event in harmful:
+        if event.is_vehicle_contact or event.kind is not EventKind.VEHICLE_CONTACT:
+            taking_part |= {event.party_1, event.party_2}
+    return [vehicle.number for vehicle in record.vehicles if vehicle.number not in taking_part]

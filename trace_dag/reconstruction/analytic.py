@@ -1,0 +1,34 @@
+"""The estimator ``analytic`` of the settings."""
+
+from __future__ import annotations
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import UserError
+from trace_dag.reconstruction.search import estimate_by_record
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import StateSettings
+from trace_dag.states.analytic import NAME
+from trace_dag.states.types import StateEstimate
+from trace_dag.storage import Storage
+
+
+class AnalyticEstimator:
+    """Asks nobody, and gives the same estimate for the same crash."""
+
+    paid = False
+
+    def __init__(self, settings: StateSettings, files: Storage | None = None, ledger: str = "run") -> None:
+        self._settings = settings
+
+    def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
+        """See :func:`estimate_by_record`."""
+        return estimate_by_record(record, network, report, self._settings)
+
+    def require(self) -> None:
+        """It needs nothing."""
+
+    @staticmethod
+    def variant(settings: StateSettings, name: str) -> StateSettings:
+        """There is only one."""
+        raise UserError(f"{NAME + name!r} is not an estimator; {NAME} has no variants")

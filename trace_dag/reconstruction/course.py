@@ -1,0 +1,147 @@
+"""The crash as far as it is planned, what that comes to in simulation, and the plans that go on from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from trace_dag.crash.event_sequence import CrashEvent, EventSequence
+from trace_dag.reconstruction.default_simulation import DEFAULTS
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.matching import Expected, Happening, Matching, expected_of, happenings, happenings_of, match
+from trace_dag.sim.run import participant
+from trace_dag.sim.types import Contact, SimulationLog
+from trace_dag.states.objects import FixedObject
+from trace_dag.states.scene import Scene
+from trace_dag.states.types import LossOfControl, ParticipantState
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """How an event can come about: everybody who takes part then, the objects, and why it is likely.
+
+    ``detail`` says in words what is assumed. Plans of one ``group`` differ in detail only.
+    """
+
+    states: tuple[ParticipantState, ...]
+    objects: tuple[FixedObject, ...] = ()
+    name: str = ""
+    score: float = 0.0
+    evidence: Mapping[str, float] = field(default_factory=dict)
+    group: Hashable = None
+    detail: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The crash so far: who takes part, what stands there, what comes of it, and the events planned so far."""
+
+    states: tuple[ParticipantState, ...]
+    objects: tuple[FixedObject, ...]
+    log: SimulationLog
+    events: tuple[CrashEvent, ...]
+    matching: Matching
+    score: float
+    names: tuple[str, ...]
+    evidence: Mapping[str, float]
+
+    @property
+    def numbers(self) -> frozenset[int]:
+        """Numbers of those who take part."""
+        return frozenset(state.vehicle_number for state in self.states)
+
+    @property
+    def rank(self) -> tuple[int, int, float]:
+        """More of the events first, then fewer contacts that nobody reported, then the likelier."""
+        return -self.matching.happened, len(self.matching.strange), -round(self.score, 6)
+
+    @property
+    def comes_right(self) -> bool:
+        """Whether every required event happens, and no contact that nobody reported."""
+        needed = zip(self.matching.matched, expected_of(self.events), strict=True)
+        return not self.matching.strange and all(seen is not None or not each.required for seen, each in needed)
+
+    def state_of(self, number: int) -> ParticipantState:
+        """The state of a party that takes part."""
+        return next(each for each in self.states if each.vehicle_number == number)
+
+    def last_event_s(self, number: int) -> float | None:
+        """When a party last touched somebody or something, or overturned; None if it did not."""
+        return max((each.time_s for each in happenings_of(self.log) if number in each.pair), default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What is known of the crash throughout: its scene, its events, and the simulation to look ahead with."""
+
+    scene: Scene
+    sequence: EventSequence
+    simulation: EmbeddedSimulation
+    lead_s: float
+    _lost: dict[tuple[Course, int, tuple[LossOfControl, ...]], Course] = field(default_factory=dict)
+
+    def expected(self, events: Sequence[CrashEvent]) -> list[Expected]:
+        """What these events are expected as."""
+        return expected_of(events)
+
+    def course(
+        self,
+        plan: Plan,
+        events: Sequence[CrashEvent],
+        before: Course | None = None,
+        tolerated: Sequence[Happening] = (),
+    ) -> Course:
+        """A plan simulated up to its end, or to a contact that comes too early or that nobody reported, but for those
+        that are tolerated."""
+        usual = {each.pair for each in tolerated}
+        expected, known = self.expected(events), self.sequence.order_known
+
+        def comes_right(contacts: Sequence[Contact]) -> bool:
+            strange = match(happenings(contacts), expected, order_known=known).strange
+            return all(each.pair in usual for each in strange)
+
+        log = self.log(plan.states, plan.objects, comes_right)
+        return Course(
+            plan.states,
+            plan.objects,
+            log,
+            tuple(events),
+            self.matching(log, events),
+            plan.score + (before.score if before else 0.0),
+            (*(before.names if before else ()), *((plan.name,) if plan.name else ())),
+            {**(before.evidence if before else {}), **plan.evidence},
+        )
+
+    def with_event(self, course: Course, event: CrashEvent) -> Course:
+        """The course as it is, with one event more that it is asked for."""
+        events = tuple(each for each in self.sequence.events if each in course.events or each is event)
+        return replace(course, events=events, matching=self.matching(course.log, events))
+
+    def changed(self, course: Course, state: ParticipantState) -> Course:
+        """The course with another state of one party."""
+        assert state.losses_of_control
+        key = course, state.vehicle_number, state.losses_of_control
+        if key not in self._lost:
+            states = tuple(state if s.vehicle_number == state.vehicle_number else s for s in course.states)
+            log = self.log(states, course.objects, None)
+            self._lost[key] = replace(course, states=states, log=log, matching=self.matching(log, course.events))
+        return self._lost[key]
+
+    def to_the_end(self, course: Course) -> Course:
+        """The course simulated until everybody is at rest, whatever touches."""
+        log = self.log(course.states, course.objects, None)
+        return replace(course, log=log, matching=self.matching(log, course.events))
+
+    def matching(self, log: SimulationLog, events: Sequence[CrashEvent]) -> Matching:
+        """The events in a simulation."""
+        return match(happenings_of(log), self.expected(events), order_known=self.sequence.order_known)
+
+    def log(
+        self,
+        states: Sequence[ParticipantState],
+        objects: tuple[FixedObject, ...],
+        as_long_as: Callable[[Sequence[Contact]], bool] | None,
+    ) -> SimulationLog:
+        """What comes of these parties and objects, as long as the contacts are as asked for."""
+        parties = tuple(map(participant, states))
+        return self.simulation.run(parties, time_limit_s=DEFAULTS.time_limit_s, objects=objects, as_long_as=as_long_as)

@@ -1,0 +1,21 @@
+"""The simulation that estimators look ahead with: the embedded back-end with its default settings.
+
+Never with the settings of a run: an estimate follows from the record and the map alone.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.settings import SimSettings
+from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation
+from trace_dag.sim.run import surface_friction
+
+DEFAULTS: Final = SimSettings()
+
+
+def default_simulation(network: RoadNetwork, record: CrashRecord) -> EmbeddedSimulation:
+    """The map made ready, with the grip that the record's surface has."""
+    return EmbeddedBackend(DEFAULTS).load(network, b"", friction=surface_friction(DEFAULTS, record))

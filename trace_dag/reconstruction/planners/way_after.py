@@ -1,0 +1,178 @@
+"""Where a vehicle goes after it has touched somebody, and what else it can have done: the ground for later events.
+
+Nobody drives after a crash of vehicles, and who strikes a person or an animal drives on: where a vehicle goes is
+simulated. Where that does not lead to what is reported, the vehicle is taken to be out of control with its front wheels
+turned, by as little as leads there: what led it is not reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.derive import impact_area
+from trace_dag.crash.record import ImpactArea, VehicleClass
+from trace_dag.geometry import FloatArray, Pose, rectangle_corners
+from trace_dag.reconstruction.course import Course, Search
+from trace_dag.roads.map.areas import Area
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.roadside import roadside_at
+from trace_dag.sim.leaving_road import left_road_after_contact
+from trace_dag.sim.types import PULSE_S, Body, SimulationLog, VehicleLog
+from trace_dag.states.leaving import SIGN
+from trace_dag.states.spots import Spot, spots_of
+from trace_dag.states.types import LossOfControl
+from trace_dag.units import bearing_to_clock_h
+
+_REACH_M: Final = 250.0  # farther from a contact nobody slides
+_CREEPS_MPS: Final = 0.5
+_MEETS: Final = 0.1  # a face that moves so little ahead strikes nothing
+_TURNED_DEG: Final = (1.0, 2.0, 4.0, 8.0, 16.0)  # of front wheels: the least that leads there is taken
+_SPINS_RPS: Final = (1.5, -1.5, 3.0, -3.0)  # after impacts off the middle
+
+
+def ways_on(
+    search: Search, course: Course, number: int, side: DepartureSide | None, *, tripped: bool = False
+) -> Iterator[tuple[Course, str]]:
+    """The courses that a vehicle can have gone on, each with what is assumed for it in words: as its wheels roll, then
+    with its front wheels turned ever more to the side to which it left the road; to both where none is reported.
+
+    Where it is ``tripped`` it may spin instead, and its wheels may dig in: nearly all vehicles that overturn are
+    tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report says by what.
+    """
+    yield course, ""
+    state, since_s = course.state_of(number), course.last_event_s(number)
+    if since_s is None or state.vehicle_class is VehicleClass.MOTORCYCLE:
+        return
+    from_s = round(since_s + PULSE_S, 6)
+    for loss in _tripped(from_s) if tripped else _steered(from_s, side):
+        lost = replace(state, losses_of_control=(*state.losses_of_control, loss))
+        yield search.changed(course, lost), f", taken to be out of control{_words(loss)}"
+
+
+def _steered(from_s: float, side: DepartureSide | None) -> Iterator[LossOfControl]:
+    sides = [to for to in (DepartureSide.RIGHT, DepartureSide.LEFT) if side in (to, None)]
+    for locked, turned_deg, to in product((None, 0.0), _TURNED_DEG, sides):
+        yield LossOfControl(from_s, wheels_rad=round(SIGN[to] * math.radians(turned_deg), 6), locked_wheels=locked)
+
+
+def _tripped(from_s: float) -> Iterator[LossOfControl]:
+    yield LossOfControl(from_s, digs_in=True)
+    for yaw_rps in _SPINS_RPS:
+        yield LossOfControl(from_s, yaw_rps=yaw_rps, locked_wheels=1.0, digs_in=True)
+
+
+def _words(loss: LossOfControl) -> str:
+    words = ""
+    if loss.wheels_rad:
+        side = "left" if loss.wheels_rad > 0 else "right"
+        words += f", its front wheels turned by {abs(math.degrees(loss.wheels_rad)):.0f}° to the {side}"
+    if loss.yaw_rps:
+        words += f", spinning at {abs(math.degrees(loss.yaw_rps)):.0f}° a second"
+    words += ", its wheels rolling" if loss.locked_wheels == 0.0 else ""
+    return words + (", its wheels digging in" if loss.digs_in else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Where a vehicle goes after a time: the steps of its log in which it moves, its pose at each of them, and how far
+    beyond the edge of the carriageway its four corners are (shape (k, 4), m, negative within it)."""
+
+    network: RoadNetwork
+    area: Area
+    log: SimulationLog
+    driven: VehicleLog
+    body: Body
+    steps: NDArray[np.intp]
+    poses: tuple[Pose, ...]
+    beyond_m: FloatArray
+    outlines: NDArray[np.object_]
+
+    @classmethod
+    def of(cls, network: RoadNetwork, log: SimulationLog, number: int, since_s: float) -> Way:
+        """That of a vehicle of a log."""
+        driven = log.vehicle_log(number)
+        body = log.bodies[number]
+        moves = np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= _CREEPS_MPS
+        steps = np.flatnonzero((driven.time_s > since_s) & moves)
+        steps = steps if len(steps) else np.array([len(driven.time_s) - 1])
+        columns = np.stack([driven.x_m, driven.y_m, driven.heading_rad, driven.z_m], axis=-1)[steps]
+        poses = tuple(Pose(*map(float, row)) for row in columns)
+        area = network.carriageway_near(poses[0].x_m, poses[0].y_m, _REACH_M, z_m=poses[0].z_m)
+        corners = np.concatenate([rectangle_corners(pose, body.length_m, body.width_m) for pose in poses])
+        beyond_m = area.beyond_m(corners[:, 0], corners[:, 1]).reshape(-1, 4)
+        outlines = np.asarray(shapely.polygons(corners.reshape(-1, 4, 2)))
+        return cls(network, area, log, driven, body, steps, poses, beyond_m, outlines)
+
+    def slip_rad(self, k: int) -> float:
+        """The heading less the course at a step."""
+        step = self.steps[k]
+        course = math.atan2(self.driven.velocity_y_mps[step], self.driven.velocity_x_mps[step])
+        return math.remainder(self.poses[k].heading_rad - course, math.tau)
+
+    def runs_rad(self, k: int) -> float:
+        """The direction of the road beside the vehicle at a step, that of the vehicle where there is none."""
+        pose = self.poses[k]
+        place = roadside_at(self.network, pose.x_m, pose.y_m, z_m=pose.z_m)
+        return pose.heading_rad if place is None else place.along_rad
+
+    def spot(self, k: int, area: ImpactArea | None) -> Spot | None:
+        """The spot of an area of impact at a step that could strike something; None where it does not go ahead."""
+        slip_rad = self.slip_rad(k)
+        goes = (math.cos(slip_rad), -math.sin(slip_rad))
+        spots = spots_of(area, self.body.length_m / 2, self.body.width_m / 2)
+        return next((each for each in spots if np.dot(goes, each.normal) > _MEETS), None)
+
+    def striking(self, area: ImpactArea | None, least_m: float) -> list[tuple[float, ImpactArea | None]]:
+        """For each step how far beyond the edge the part is that strikes (m; -inf where it does not go ahead), and its
+        area: the reported one, if that ever goes ahead so far beyond the edge, else what goes first."""
+        reported = self._touching([area] * len(self.poses)) if area is not None else []
+        if any(beyond_m >= least_m for beyond_m, _ in reported):
+            return reported
+        return self._touching([_ahead(self.slip_rad(k)) for k in range(len(self.poses))])
+
+    def _touching(self, areas: Sequence[ImpactArea | None]) -> list[tuple[float, ImpactArea | None]]:
+        spots = [self.spot(k, area) for k, area in enumerate(areas)]
+        places = np.array(
+            [
+                self.poses[k].to_world(np.array([spot.ahead_m, spot.left_m]))
+                for k, spot in enumerate(spots)
+                if spot is not None
+            ]
+        ).reshape(-1, 2)
+        beyond_m = iter(self.area.beyond_m(places[:, 0], places[:, 1]).tolist() if len(places) else ())
+        return [(-math.inf if spot is None else next(beyond_m), each) for spot, each in zip(spots, areas, strict=True)]
+
+    def left_to(self, side: DepartureSide | None, k: int) -> bool:
+        """Whether the vehicle left the road to a side by a step; any does where None is reported."""
+        return side is None or side in self.sides(k)
+
+    def sides(self, k: int) -> tuple[DepartureSide, ...]:
+        """Where the vehicle left the road by a step."""
+        until_s = float(self.driven.time_s[self.steps[k]])
+        return left_road_after_contact(self.network, self.log, self.driven.number, until_s)
+
+    def why_not(self, side: DepartureSide | None) -> str:
+        """Why there is no place for an object on its way, as a sentence with what was measured."""
+        who = f"vehicle {self.driven.number}"
+        farthest_m = float(self.beyond_m.max())
+        if farthest_m <= 0:
+            return f"{who} stays on the carriageway: it comes to {-farthest_m:.1f} m from its edge"
+        k = int(np.argmax(self.beyond_m.max(axis=1)))
+        if not self.left_to(side, k):
+            went = " or ".join(self.sides(k))
+            return f"{who} comes {farthest_m:.1f} m beyond the edge: it leaves the road {went}, reported is {side}"
+        return f"{who} comes {farthest_m:.1f} m beyond the edge at most, with no part ahead that could strike anything"
+
+
+def _ahead(slip_rad: float) -> ImpactArea | None:
+    """The clock position of what goes first."""
+    return impact_area(round(bearing_to_clock_h(-slip_rad)) or 12)

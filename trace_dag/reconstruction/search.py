@@ -1,0 +1,359 @@
+"""The estimate of a crash: its first event planned, and then event after event from the course so far.
+
+A planner says how one kind of event can come about; what it comes to is simulated, as long as nothing unexpected
+happens, and the best few courses are kept. Contacts with vehicles, people and animals come first: who takes part in the
+crash follows from them. Then what vehicles strike beside the road, and whether they overturn, is looked for in the best
+course, in the order of the events; what a planner cannot bring about is left out, and the hypothesis says why. The
+simulator's settings are the default ones, whatever those of the simulation are: an estimate follows from the record and
+the map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from trace_dag.crash.event_sequence import CrashEvent, EventSequence, sequence_of
+from trace_dag.crash.parties import EventKind, party_in_words
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Reason, Rejection
+from trace_dag.geometry import contact_clock_h
+from trace_dag.reconstruction.course import Course, Plan, Search
+from trace_dag.reconstruction.default_simulation import default_simulation
+from trace_dag.reconstruction.first_event import FirstEvent, FirstScene, plan_first_event
+from trace_dag.reconstruction.planners.later_vehicle import LONGEST_WAIT_S, arrival_plans
+from trace_dag.reconstruction.planners.pedestrian import (
+    LONGEST_CHAIN_S,
+    companions_of,
+    lying_plans,
+    with_assumed_animal,
+)
+from trace_dag.reconstruction.planners.roadside_object import object_plans
+from trace_dag.reconstruction.planners.rollover import later_overturn_plans
+from trace_dag.reconstruction.planners.standing import standing_plans
+from trace_dag.reconstruction.planners.way_after import ways_on
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import StateSettings, VerdictSettings
+from trace_dag.states.analytic import NAME, VERSION, build_scene
+from trace_dag.states.ranking import ambiguity, leaders_first
+from trace_dag.states.types import EstimateCheck, EstimatorRun, Hypothesis, PlannedEvent, StateEstimate
+from trace_dag.units import clock_difference_h
+
+_FIRSTS: Final = 6  # hypotheses of the first event that are gone on from
+_TRIED: Final = 6  # plans of one event that are simulated
+_FOLLOWED: Final = 2  # of those in which it happens, how many are gone on from
+_ASKED_LATER: Final = 2  # hypotheses in which later objects and overturns are looked for
+_AFTER_S: Final = 1.0  # an event of parties that were not there before comes so long after the one before it
+_CLOCK_POSITIONS: Final = VerdictSettings().max_clock_error_positions
+_DECIMALS: Final = 6
+
+Plans: TypeAlias = Iterator[Plan | str]
+"""Plans, and sentences that say why there are none, or no more of a kind."""
+FirstPlanner: TypeAlias = Callable[[FirstScene], FirstEvent]
+
+
+def estimate_by_record(
+    record: CrashRecord,
+    network: RoadNetwork,
+    report: MapReport,
+    settings: StateSettings,
+    first_planner: FirstPlanner = plan_first_event,
+) -> StateEstimate:
+    """The ranked hypotheses of a crash, best first: those in which more of its events happen.
+
+    ``first_planner`` plans the first event; another one may ask somebody how it came about. Raises :class:`Rejection`
+    (``no_feasible_state``) where none lets happen what is reported.
+    """
+    sequence = with_assumed_animal(sequence_of(record), settings)
+    lead_s = settings.lead_time_s
+    longest_s = LONGEST_WAIT_S if sequence.first.kind is EventKind.VEHICLE_CONTACT else LONGEST_CHAIN_S
+    scene = build_scene(record, network, report, lead_time_s=lead_s + (longest_s if _later_contacts(sequence) else 0.0))
+    simulation = default_simulation(network, record)
+    found: list[FirstEvent] = []
+    rejections: list[Rejection] = []
+    for order in _orders(sequence):
+        try:
+            found.append(_in_order(Search(scene, order, simulation, lead_s), settings, first_planner))
+        except Rejection as rejection:
+            rejections.append(rejection)
+    if not found:
+        raise rejections[0]
+    best, unsure = found[0].hypotheses, found[0].ambiguity
+    if len(found) > 1:
+        both = [hypothesis for each in found for hypothesis in each.hypotheses]
+        best = tuple(sorted(both, key=lambda each: (_failed(each), -each.score, each.name))[: settings.max_hypotheses])
+        unsure = ambiguity(best[0].score, (min(each.score, best[0].score) for each in best))
+    return StateEstimate(record.key, best, EstimatorRun(NAME, VERSION), unsure)
+
+
+def _orders(sequence: EventSequence) -> Iterator[EventSequence]:
+    """The sequence, and with its contacts in the other order where the report does not say which came first."""
+    yield sequence
+    contacts = list(sequence.contacts)
+    if not sequence.order_known and len(contacts) == len(sequence.events) > 1:
+        yield replace(sequence, events=tuple(reversed(contacts)))
+
+
+def _in_order(search: Search, settings: StateSettings, first_planner: FirstPlanner) -> FirstEvent:
+    """The ranked hypotheses for one order of the events, and how unsure the best is."""
+    later = _later_contacts(search.sequence)
+    most = max(settings.max_hypotheses, _FIRSTS) if later else settings.max_hypotheses
+    first = first_planner(FirstScene(search.scene, search.sequence, search.simulation, settings, most))
+    hypotheses, unsure = first.hypotheses, first.ambiguity
+    if later:
+        hypotheses, unsure = _with_contacts(search, first.hypotheses, settings)
+    return FirstEvent(_with_later_events(search, hypotheses), unsure)
+
+
+def _later_contacts(sequence: EventSequence) -> tuple[CrashEvent, ...]:
+    """The contacts that are planned after the first event, and not together with it."""
+    together = companions_of(sequence) if sequence.first.kind is EventKind.PERSON_STRUCK else ()
+    return tuple(event for event in sequence.contacts if event is not sequence.first and event not in together)
+
+
+# --- contacts --------------------------------------------------------------------------------------------------------
+def _with_contacts(
+    search: Search, firsts: Sequence[Hypothesis], settings: StateSettings
+) -> tuple[tuple[Hypothesis, ...], float]:
+    """The hypotheses of a first event with the contacts that follow it, best first; and how unsure the best is."""
+    later = _later_contacts(search.sequence)
+    planned = tuple(event for event in search.sequence.events if event not in later)
+    begun = tuple(
+        event for event in planned if event is search.sequence.first or event.is_contact or _is_placed(event, firsts[0])
+    )
+    whole: list[tuple[Course, Hypothesis, Hypothesis]] = []
+    stuck: list[str] = []
+    right: set[str] = set()  # names of firsts that came right: of a pair only the first is wanted
+    for first in firsts:
+        if first.name in right:
+            continue
+        plan = Plan(first.participants, first.objects, first.name, first.score, first.evidence)
+        followed = [_begun(search, plan, begun)]
+        for event in later:
+            followed = [after for course in followed for after in _followed_by(search, course, event, stuck)]
+            followed = sorted(followed, key=lambda course: course.rank)[:_FOLLOWED]
+        if any(course.comes_right for course in followed):
+            right.add(first.name)
+        whole += [(course, first, _hypothesis(search, course, first)) for course in followed]
+    if not whole:
+        raise Rejection(Reason.NO_FEASIBLE_STATE, stuck[0], measured=0.0)
+    whole.sort(key=lambda each: (*each[0].rank[:2], _failed(each[2]), each[0].rank[2], each[2].name))
+    best = whole[0][0].score
+    unsure = ambiguity(best, (min(course.score, best) for course, _, _ in whole))
+    return tuple(hypothesis for _, _, hypothesis in whole[: settings.max_hypotheses]), unsure
+
+
+def _is_placed(event: CrashEvent, first: Hypothesis) -> bool:
+    """Whether the first event's plan has the object of an event."""
+    return event.kind is EventKind.OBJECT_STRUCK and any(item.number == event.party for item in first.objects)
+
+
+def _begun(search: Search, plan: Plan, events: Sequence[CrashEvent]) -> Course:
+    course = search.course(plan, events)
+    return course if course.comes_right else search.to_the_end(course)
+
+
+def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[str]) -> list[Course]:
+    """The course with one contact more: as it is where both meet by themselves, else with who is missing.
+
+    Where no plan of a vehicle that is missing brings the contact about, the likeliest is kept: a verdict says what it
+    lacks. Where both are there, or one stood there, the course stays as it is.
+    """
+    as_it_is = search.with_event(course, event)
+    newcomers = [number for number in event.pair if number not in course.numbers]
+    if not newcomers or as_it_is.matching.matched[-1] is not None:
+        return [as_it_is]
+    good: list[Course] = []
+    tried: list[Course] = []
+    for plan in _contact_plans(search, course, event, newcomers):
+        if isinstance(plan, str):
+            stuck.append(f"event {event.number}: {plan}")
+            continue
+        tried.append(search.course(plan, as_it_is.events, course))
+        if tried[-1].comes_right and _is_struck_so(tried[-1], event):
+            good.append(tried[-1])
+        if len(good) == _FOLLOWED or len(tried) == _TRIED:
+            break
+    if good:
+        return good
+    return sorted((search.to_the_end(each) for each in tried), key=lambda each: each.rank)[:1]
+
+
+def _is_struck_so(course: Course, event: CrashEvent) -> bool:
+    """Whether the vehicles of a contact are touched within the clock positions that a verdict allows."""
+    seen = course.matching.matched[course.events.index(event)]
+    if seen is None or seen.contact is None:
+        return False
+    point = np.array([seen.contact.x_m, seen.contact.y_m])
+    for vehicle in event.vehicles:
+        if vehicle.impact is not None:
+            clock_h = contact_clock_h(*course.log.clock_body(seen.contact, vehicle.number), point)
+            off = clock_difference_h(clock_h, vehicle.impact.clock_h) - vehicle.impact.half_width_rad * 6 / math.pi
+            if off > _CLOCK_POSITIONS:
+                return False
+    return True
+
+
+def _contact_plans(search: Search, course: Course, event: CrashEvent, newcomers: Sequence[int]) -> Plans:
+    """How those who are missing can come to a contact."""
+    if len(newcomers) == 2:
+        yield from _plans_by_themselves(search, course, event)
+        return
+    if event.kind is EventKind.VEHICLE_CONTACT:
+        (known,) = (number for number in event.pair if number not in newcomers)
+        in_transport = event.as_struck(newcomers[0]).in_transport
+        for on_its_way, _ in ways_on(search, course, known, None) if in_transport else [(course, "")]:
+            arriving = list(arrival_plans(search, on_its_way, event, newcomers[0]))
+            plans = [plan for plan in arriving if isinstance(plan, Plan)]
+            yield from leaders_first(plans, lambda plan: plan.group)
+            if plans:
+                break  # else it went otherwise, so that the two met
+        if in_transport:
+            yield from (plan for plan in arriving if isinstance(plan, str))
+            return
+    elif event.vehicle.number in newcomers:
+        yield from lying_plans(search, course, event)
+        return
+    yield from standing_plans(search, course, event)
+
+
+def _plans_by_themselves(search: Search, course: Course, event: CrashEvent) -> Plans:
+    """A contact of two who were not there before: planned as a first one, a while after the one before."""
+    last_s = max((each.time_s for each in course.matching.matched if each is not None), default=search.lead_s)
+    settings = StateSettings(lead_time_s=round(last_s + _AFTER_S, _DECIMALS))
+    alone = EventSequence((event,))
+    try:
+        found = plan_first_event(FirstScene(search.scene, alone, search.simulation, settings, _TRIED))
+    except Rejection as rejection:
+        yield rejection.detail
+        return
+    for each in found.hypotheses:
+        states, objects = (*course.states, *each.participants), (*course.objects, *each.objects)
+        yield Plan(states, objects, each.name, each.score, each.evidence)
+
+
+def _hypothesis(search: Search, course: Course, first: Hypothesis) -> Hypothesis:
+    checks, planned = list(first.checks), []
+    states = {state.vehicle_number: state for state in course.states}
+    for event, seen in zip(course.events, course.matching.matched, strict=True):
+        one, two = event.vehicle.number, event.party
+        both = f"{party_in_words(one)} and {party_in_words(two)}"
+        if seen is None or seen.contact is None:
+            at = states[two].impact_pose if two in states else states[one].impact_pose
+            is_first = event is search.sequence.first
+            time_s, xy_m = search.lead_s, first.impact_point_xy_m if is_first else (at.x_m, at.y_m)
+            checks.append(EstimateCheck(event.name, False, f"{both} do not touch in their turn"))
+        else:
+            time_s, xy_m = seen.time_s, (seen.contact.x_m, seen.contact.y_m)
+            checks.append(EstimateCheck(event.name, True, f"{both} touch at {seen.time_s:.2f} s"))
+        where = (round(xy_m[0], _DECIMALS), round(xy_m[1], _DECIMALS))
+        planned.append(PlannedEvent(event.number, one, two, round(time_s, _DECIMALS), where))
+    return replace(
+        first,
+        name="; ".join(course.names),
+        score=round(course.score, _DECIMALS),
+        evidence=dict(course.evidence),
+        participants=tuple(sorted(course.states, key=lambda state: state.vehicle_number)),
+        objects=course.objects,
+        checks=tuple(checks),
+        planned=tuple(planned),
+    )
+
+
+def _failed(hypothesis: Hypothesis) -> int:
+    return sum(not check.passed for check in hypothesis.checks)
+
+
+# --- beside the road -------------------------------------------------------------------------------------------------
+_LATER: Final[Mapping[EventKind, Callable[[Search, Course, CrashEvent], Plans]]] = {
+    EventKind.OBJECT_STRUCK: object_plans,
+    EventKind.OVERTURN: later_overturn_plans,
+}
+
+
+def _with_later_events(search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """The hypotheses with the later objects and overturns of the report: of those that go as reported up to there the
+    first, and the next one if not all can be brought about in it."""
+    first = search.sequence.first
+    later = tuple(event for event in search.sequence.events if event.kind in _LATER and event is not first)
+    later = tuple(event for event in later if not all(_is_placed(event, each) for each in hypotheses))
+    if not later:
+        return tuple(hypotheses)
+    found = [_off_the_road(each, later) for each in hypotheses]
+    planned = tuple(event for event in search.sequence.events if event not in later)
+    asked = 0
+    for place, each in enumerate(found):
+        course = search.course(Plan(each.participants, each.objects), planned)
+        if not course.comes_right:
+            continue  # the crash does not go as reported: no verdict will be about this one
+        checks = []
+        for event in later:
+            course, check = _with_later_event(search, course, event)
+            checks.append(check)
+        found[place] = replace(each, participants=course.states, objects=course.objects, later_events=tuple(checks))
+        asked += 1
+        if all(check.passed for check in checks) or asked == _ASKED_LATER:
+            break
+    return tuple(found)
+
+
+def _off_the_road(hypothesis: Hypothesis, later: Sequence[CrashEvent]) -> Hypothesis:
+    gone = {each.vehicle.number for each in later}
+    states = tuple(replace(s, beyond_edge=True) if s.vehicle_number in gone else s for s in hypothesis.participants)
+    return replace(hypothesis, participants=states)
+
+
+def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tuple[Course, EstimateCheck]:
+    """The course with one event more, or as it is; and what came of it."""
+    as_it_is = search.with_event(course, event)
+    number = event.vehicle.number
+    place = as_it_is.events.index(event)
+    seen = as_it_is.matching.matched[place]
+    if seen is not None:
+        does = "overturns" if event.kind is EventKind.OVERTURN else "strikes it"
+        return as_it_is, EstimateCheck(event.name, True, f"vehicle {number} {does} at {seen.time_s:.2f} s")
+    why_not = ""
+    for plan in _LATER[event.kind](search, course, event):
+        if isinstance(plan, str):
+            why_not = why_not or plan
+            continue
+        tried = search.course(plan, as_it_is.events, course, tolerated=course.matching.strange)
+        seen = tried.matching.matched[place]
+        if seen is not None and not _worse(tried, as_it_is, place):
+            detail = f"vehicle {number} {plan.detail} at {seen.time_s:.2f} s"
+            return tried, EstimateCheck(event.name, True, detail)
+        why_not = _why(tried, as_it_is, event, place)
+    return as_it_is, EstimateCheck(event.name, False, why_not or f"vehicle {number} stays on its wheels")
+
+
+def _worse(tried: Course, before: Course, place: int) -> bool:
+    """Whether an event that happened before does not any more, or a contact that nobody reported comes about."""
+    lost = any(
+        was is not None and now is None
+        for at, (was, now) in enumerate(zip(before.matching.matched, tried.matching.matched, strict=True))
+        if at != place
+    )
+    return lost or not {each.pair for each in tried.matching.strange} <= {each.pair for each in before.matching.strange}
+
+
+def _why(tried: Course, before: Course, event: CrashEvent, place: int) -> str:
+    number = event.vehicle.number
+    if event.kind is EventKind.OVERTURN:
+        return (
+            f"vehicle {number} stays on its wheels" if tried.matching.matched[place] is None else "others would touch"
+        )
+    (name,) = (item.name for item in tried.objects if item.number == event.party)
+    others = [each for each in tried.matching.strange if event.party in each.pair]
+    other = next((each.pair[0] for each in others if each.pair[0] != number), None)
+    if other is not None:
+        return f"vehicle {other} would strike the {name} of event {event.number} too"
+    if others:
+        return f"vehicle {number} would strike the {name} before what came before it"
+    if _worse(tried, before, place):
+        return f"who meets whom would change by the {name} of event {event.number}"
+    return f"vehicle {number} does not come to touch the {name} that was placed for it"

@@ -1,0 +1,48 @@
+"""Which harmful events of a report happen in its simulation."""
+
+from __future__ import annotations
+
+from trace_dag.crash.event_sequence import MODELLED, CrashEvent
+from trace_dag.crash.parties import EventKind
+from trace_dag.crash.record import EventRecord
+from trace_dag.verdict.rules import Comparison
+from trace_dag.verdict.types import EventOutcome, Happening
+
+
+def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
+    """What becomes of each harmful event of the report, in its order.
+
+    An event between the same two parties as the one before it goes on with that one. Where the report lists no events,
+    it is the one that its first harmful event implies.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.settings import VerdictSettings
+    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
+    >>> [each.outcome.value for each in event_outcomes(beside)]  # one event: the two collide
+    ['happened']
+    """
+    planned = {event.number: event for event in beside.sequence.events}
+    why_not = {check.name: check.detail for check in beside.observed.hypothesis.later_events if not check.passed}
+    listed = [(event.number, event.code) for event in beside.record.events if event.is_harmful]
+    found = []
+    for number, code in listed or [(event.number, event.code) for event in beside.sequence.events]:
+        event = planned.get(number) or beside.sequence.goes_on_with(number)
+        seen = None if event is None else beside.seen(event)
+        if seen is not None:
+            time_s = round(seen.time_s, 4) if number in planned else None
+            found.append(EventOutcome(number, code, Happening.HAPPENED, time_s=time_s))
+        elif code not in MODELLED:
+            found.append(EventOutcome(number, code, Happening.NOT_MODELLED))
+        else:
+            why = beside.sequence.unclear.get(number) or (why_not.get(event.name) if event else None)
+            found.append(EventOutcome(number, code, Happening.MISSED, why or _why(event, number, beside)))
+    return tuple(found)
+
+
+def _why(event: CrashEvent | None, number: int, beside: Comparison) -> str:
+    if event is None:
+        first: EventRecord | None = next((e for e in beside.record.events if e.number == number), None)
+        return "it comes before the first harmful event" if first is not None else "not simulated"
+    if event.kind is EventKind.OVERTURN:
+        return f"vehicle {event.vehicle.number} stays on its wheels"
+    return "the object is not struck" if event.kind is EventKind.OBJECT_STRUCK else "the two do not touch in their turn"
