@@ -34,7 +34,7 @@ from tests.faults.cluster import (
 )
 from tests.result_tables import ABOUT_RUNS, WHEN_AND_WHERE, exported
 from trace_dag.flow.workspace import WAREHOUSE_FILE
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 ROOT = f"s3://{BUCKET}/root"
 WORKERS = 2

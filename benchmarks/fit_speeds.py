@@ -3,7 +3,8 @@
     python benchmarks/fit_speeds.py --fars DIR ... --recorders cases.json [--reports DIR ...]
 
 ``--fars`` are folders of FARS national CSV files, ``--reports`` folders of reports in CrashAPI XML, ``--recorders`` a
-file of NHTSA CIREN cases (as for ``trace-dag validate``). Written is ``trace_dag/states/speed_coefficients.py``.
+file of NHTSA CIREN cases (as for ``trace-dag validate-simulator``). Written is
+``trace_dag/states/speed_coefficients.py``.
 
 Travel speeds: the difference between the reported speed and the program's rule (limit, manoeuvre, class of the road) is
 explained by features of the report, by least absolute deviations with a ridge: few rows must not make a large shift.
@@ -31,7 +32,7 @@ from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
 from trace_dag.errors import Rejection
 from trace_dag.geometry import FloatArray
 from trace_dag.settings import CrashSettings
-from trace_dag.states.encounters import Party, party
+from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.speed_prior import Role, SpeedClass, features, role, speed_class
 from trace_dag.states.speeds import TravelSpeed, travel_speed
 from trace_dag.units import kmh_to_mps, mps_to_mph

@@ -30,7 +30,7 @@ from trace_dag.cohorts.registry import Registry
 from trace_dag.flow.records import read_records
 from trace_dag.provenance import Outcome
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 LONGEST_WAIT_S = 15.0
 NEVER = ("damaged artefact", "missing artefact", "unreadable record")

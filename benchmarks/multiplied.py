@@ -18,13 +18,13 @@ from trace_dag.cohorts.registry import CrashSource, Registry, ReportSource
 from trace_dag.crash.keys import parse_key
 from trace_dag.crash.tables import record_from_parquet, record_to_parquet
 from trace_dag.flow.batch import work_of
+from trace_dag.flow.crash_status import valid_records
 from trace_dag.flow.records import Records, read_records, write_record
 from trace_dag.flow.staleness import made_from
-from trace_dag.flow.standing import valid_records
 from trace_dag.flow.tasks import Work
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage.files import Storage, StoredFile
 
 _FIRST_YEAR, _YEARS = 1975, 40  # of FARS
 _AT_ONCE = 500

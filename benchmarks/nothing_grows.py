@@ -30,7 +30,7 @@ from trace_dag.cohorts.ingest import ingest
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 _WARMING_UP = 3
 _OF_RUN = 20  # crashes in each round of a whole run

@@ -71,9 +71,9 @@ def _prepared(folder: str, crashes: int) -> Any:
     return workspace
 
 
-def _through_dagster(crashes: int, runs: int | None = None, tell: Callable[[], None] = lambda: None) -> int:
-    """How many crashes went through, in all runs or in the first ones; ``tell`` is called when all is prepared, when it
-    is planned, and when it has run."""
+def _through_dagster(crashes: int, runs: int | None = None, on_progress: Callable[[], None] = lambda: None) -> int:
+    """How many crashes went through, in all runs or in the first ones; ``on_progress`` is called when all is prepared,
+    when it is planned, and when it has run."""
     from trace_dag.definitions.launch import open_instance, planned, run_batches
     from trace_dag.flow.selection import select_stale
 
@@ -82,11 +82,11 @@ def _through_dagster(crashes: int, runs: int | None = None, tell: Callable[[], N
         workspace = _prepared(folder, crashes)
         workspace = workspace.with_settings(SETTINGS)
         with open_instance(workspace) as instance:
-            tell()
+            on_progress()
             batches = planned(workspace, instance, select_stale(workspace))
-            tell()
+            on_progress()
             report = run_batches(workspace, instance, batches[:runs], settings=SETTINGS)
-            tell()
+            on_progress()
     os.environ.clear()
     os.environ.update(environment)
     if report.errors:

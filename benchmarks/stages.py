@@ -17,7 +17,7 @@ from benchmarks.measuring import SHARED, Figure, Work, medians, wall_s
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
 from trace_dag.errors import Failure, Rejection, UserError
-from trace_dag.garbage import no_garbage_collection
+from trace_dag.gc_pause import gc_paused
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.types import OsmExtract, Site
@@ -36,7 +36,7 @@ CRASHES = 12
 
 def measure(runs: int) -> Iterator[Figure]:
     """All four, with garbage left alone as in the workers of a run."""
-    with no_garbage_collection():
+    with gc_paused():
         yield from _extraction(runs)
         yield from _conversion_and_estimation(runs)
         yield from _simulation(runs)

@@ -136,7 +136,7 @@ def _command() -> Iterator[Figure]:
 
 
 def _register(root: Path, reports: Path, crashes: int) -> None:
-    from trace_dag.storage import Storage
+    from trace_dag.storage.files import Storage
 
     ingest(Storage.open(root), "sample", reports=[repeated_sample(reports, crashes)], maps=[MAPS])
 

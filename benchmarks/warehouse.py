@@ -32,7 +32,7 @@ from trace_dag.definitions.launch import dagster_records
 from trace_dag.flow.records import read_records, write_record
 from trace_dag.flow.verify import Disagreement, DisagreementKind
 from trace_dag.flow.workspace import WAREHOUSE_FILE, Workspace
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.warehouse.build import BuildReport, build_warehouse
 from trace_dag.warehouse.query import open_warehouse
 

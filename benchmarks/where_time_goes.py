@@ -21,7 +21,7 @@ from types import FrameType
 
 from benchmarks.cohorts import MAPS, repeated_sample
 from trace_dag.cohorts.ingest import ingest
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 _EVERY_S = 0.002
 _PACKAGE = f"{os.sep}trace_dag{os.sep}"

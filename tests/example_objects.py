@@ -45,12 +45,12 @@ from trace_dag.sim.types import SimulationLog
 from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.analytic import build_scene, parties, solve_all
 from trace_dag.states.candidates import candidates
-from trace_dag.states.encounters import encounters, party
 from trace_dag.states.estimate import estimate
 from trace_dag.states.manoeuvres import Option
+from trace_dag.states.pedestrian_impact.planner import ImpactPlan, approaches_of, impact_plans
+from trace_dag.states.pre_crash_scenarios import party, pre_crash_scenarios
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import Solution
-from trace_dag.states.striking import StrikePlan, strike_plans, ways_of
 from trace_dag.states.types import StateEstimate
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
@@ -118,21 +118,21 @@ def judged(name: str) -> JudgedCrash:
 def solution() -> Solution:
     """The likeliest way in which the two of the first crash met."""
     scene = scene_of("record")
-    reading = encounters(scene.record, *parties(scene.record, sequence_of(scene.record).first))[0]
+    reading = pre_crash_scenarios(scene.record, *parties(scene.record, sequence_of(scene.record).first))[0]
     return solve_all(scene, candidates(scene, reading))[0]
 
 
 @cache
-def strike_plan() -> StrikePlan:
+def strike_plan() -> ImpactPlan:
     """The likeliest way in which the pedestrian was struck."""
-    return strike_plans(scene_of("pedestrian_record"), sequence_of(record_of("pedestrian_record")).first)[0]
+    return impact_plans(scene_of("pedestrian_record"), sequence_of(record_of("pedestrian_record")).first)[0]
 
 
 @cache
 def way_past_the_tree() -> Option:
     """The likeliest way of the car that struck the tree, as if it had stayed on the road."""
     scene = scene_of("tree_record")
-    ways = ways_of(scene, party(scene.record, scene.record.vehicles[0]))
+    ways = approaches_of(scene, party(scene.record, scene.record.vehicles[0]))
     return max(ways, key=lambda way: sum(way[2].values()))[0]
 
 

@@ -12,8 +12,8 @@ from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import build_scene, parties, solve_all
 from trace_dag.states.candidates import candidates
-from trace_dag.states.encounters import encounters
 from trace_dag.states.llm.choices import Choices
+from trace_dag.states.pre_crash_scenarios import pre_crash_scenarios
 
 KEY = "sk-test-4f9a8b7c6d5e4f3a2b1c"
 MODEL = "openai/gpt-4o"
@@ -38,7 +38,7 @@ def llm_settings(**changes: object) -> StateSettings:
 def choices_of(case: Case) -> Choices:
     """What the model can choose from."""
     scene = build_scene(case.record, case.network, case.report, lead_time_s=5.0)
-    readings = encounters(case.record, *parties(case.record, sequence_of(case.record).first))
+    readings = pre_crash_scenarios(case.record, *parties(case.record, sequence_of(case.record).first))
     return Choices(scene, tuple(each for reading in readings for each in candidates(scene, reading)))
 
 
@@ -48,10 +48,10 @@ def right_answer(case: Case) -> dict:
     best = solve_all(choices.scene, list(choices.found))[0]
     vehicles = []
     for party, placed in (
-        (best.candidate.encounter.mover, best.mover),
-        (best.candidate.encounter.other, best.other),
+        (best.candidate.scenario.mover, best.mover),
+        (best.candidate.scenario.other, best.other),
     ):
-        approach = next(each for each in choices.approaches if each.stream.name == placed.option.stream.name)
+        approach = next(each for each in choices.offered if each.approach.name == placed.option.approach.name)
         position = min((party.vehicle.travel_speed_mps or 10.0) * 5, approach.length_m)
         vehicles.append(
             {
@@ -128,8 +128,8 @@ def as_coordinates(case: Case, answer: dict) -> dict:
     choices = choices_of(case)
     vehicles = []
     for vehicle in answer["vehicles"]:
-        approach = next(each for each in choices.approaches if each.id == vehicle["candidate"])
-        pose = approach.stream.path.pose(approach.stream.station_m - vehicle["position_m"])
+        approach = next(each for each in choices.offered if each.id == vehicle["candidate"])
+        pose = approach.approach.path.pose(approach.approach.station_m - vehicle["position_m"])
         vehicles.append(
             {
                 "vehicle_number": vehicle["vehicle_number"],

@@ -127,7 +127,9 @@ def test_an_estimator_of_another_package_is_run_compared_and_part_of_the_fingerp
     record = record_from_json((root / name).read_bytes(), name=name)
     assert record.provenance.libraries["simulator-elsewhere"] == "1.2"
     assert record.provenance.settings["estimator"] == "elsewhere"
-    compared = trace_dag_process(root, "compare", "--estimators", "analytic,elsewhere:1", "--json", **environment)
+    compared = trace_dag_process(
+        root, "compare-estimators", "--estimators", "analytic,elsewhere:1", "--json", **environment
+    )
     rows = json.loads(compared.stdout)
     assert [(row["estimator"], row["outcome"], row["accepted"]) for row in rows] == [
         ("analytic", "estimated", True),

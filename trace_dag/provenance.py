@@ -23,11 +23,11 @@ from typing import Any, Final
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from trace_dag.checksums import checked, with_checksum
 from trace_dag.errors import DamagedFile, Reason
 from trace_dag.plugins import Plugin, PluginKind, plugin
 from trace_dag.stage import Stage
-from trace_dag.storage import StoredFile
+from trace_dag.storage.checksums import checked, with_checksum
+from trace_dag.storage.files import StoredFile
 
 LIBRARIES: Final = ("lxml", "mujoco", "numpy", "osmium", "pyarrow", "pyproj", "scipy", "shapely")
 """Those whose versions decide what comes out: a result made with others is made again."""

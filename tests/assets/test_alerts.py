@@ -10,8 +10,8 @@ import fake_flow
 import pytest
 from loopback import Answer, serving
 
-from trace_dag.alerts import WEBHOOK_VARIABLE, Alert, AlertKind, send
 from trace_dag.definitions.launch import summarise
+from trace_dag.network.alerts import WEBHOOK_VARIABLE, Alert, AlertKind, send
 from trace_dag.settings import AutomationSettings
 from trace_dag.warehouse.changes import standings_in
 

@@ -16,12 +16,11 @@ PACKAGE = Path(trace_dag.__file__).parent
 
 LAYERS = (
     # the contracts
-    {"units", "stage", "markdown", "version", "wording"},
-    {"errors", "file_locks", "geometry", "garbage", "processes", "progress", "schemas"},
-    {"disks", "plugins"},
-    {"logs", "rate_limit", "settings", "storage", "checksums", "references"},
-    {"http", "provenance", "settings_sources"},
-    {"alerts"},
+    {"units", "stage", "version"},
+    {"errors", "gc_pause", "geometry", "processes", "references", "schemas"},
+    {"messages", "plugins", "storage"},
+    {"provenance", "settings"},
+    {"network", "settings_sources"},
     # the domain, in the order of the flow
     {"crash"},
     {"osm"},

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from trace_dag.definitions.site import BenchmarkSite
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 
 async def _dagster(_scope: Any, _receive: Any, send: Any) -> None:

@@ -70,7 +70,7 @@ def test_a_study_is_stored_and_shown(
 
 
 def test_what_cannot_be_asked_is_the_runs_failure_in_a_line(workspace: Workspace, instance: DagsterInstance) -> None:
-    result = run("peer", workspace, instance, {"folder": "/nowhere"}, fine=False)
+    result = run("published_benchmark", workspace, instance, {"folder": "/nowhere"}, fine=False)
     (failure,) = [event for event in result.all_events if event.is_step_failure]
     assert failure.step_failure_data.user_failure_data.description.startswith("/nowhere: no simulations/")
 

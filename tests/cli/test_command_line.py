@@ -168,7 +168,7 @@ def test_nothing_to_run_again_is_not_called_up_to_date(tmp_path):
 
 
 def test_estimators_that_cannot_be_compared_are_one_line(finished_root):
-    done = trace_dag(finished_root, "compare", "--estimators", "analytic,breakfast")
+    done = trace_dag(finished_root, "compare-estimators", "--estimators", "analytic,breakfast")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "'breakfast' is not an estimator" in done.stderr
 

@@ -186,7 +186,7 @@ def test_the_published_layout_gives_the_same_verdicts(root: Path, packages: dict
         "simulations/simulation_{}.json",
     ):
         assert all((tmp_path / name.format(case)).is_file() for case in cases)
-    done = trace_dag(root, "peer", str(tmp_path), "--json")
+    done = trace_dag(root, "compare-published", str(tmp_path), "--json")
     assert done.returncode == 0, done.stderr
     rows: dict[str, dict[str, tuple]] = {"published": {}, "trace-dag": {}}
     for row in json.loads(done.stdout):

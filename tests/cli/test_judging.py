@@ -110,7 +110,7 @@ def test_a_published_benchmark_is_set_beside_ours(root: Path, verified: list[str
 
     scenario = {"vehicle1": drives(-50.0, 5.0), "vehicle2": drives(50.0, -5.0), "crash_point": {"x": 0.0, "y": 0.0}}
     (folder / "simulations" / f"simulation_{case}.json").write_text(json.dumps(scenario))
-    done = trace_dag(root, "peer", str(folder))
+    done = trace_dag(root, "compare-published", str(folder))
     assert done.returncode == 0, done.stderr
     rows = {row["benchmark"]: row for row in asked(root, "FROM benchmark_comparison")}
     assert rows.keys() == {"published", "trace-dag"}
@@ -120,12 +120,12 @@ def test_a_published_benchmark_is_set_beside_ours(root: Path, verified: list[str
     by_year = tmp_path / "by-year"
     by_year.mkdir()
     folder.rename(by_year / "1999")  # a case number is unique only within its year
-    done = trace_dag(root, "peer", str(by_year))
+    done = trace_dag(root, "compare-published", str(by_year))
     assert (done.returncode, "none of its 1 cases" in done.stderr) == (2, True), done.stderr
     (by_year / "1999").rename(by_year / "2023")
-    done = trace_dag(root, "peer", str(by_year), "--json")
+    done = trace_dag(root, "compare-published", str(by_year), "--json")
     assert [row["key"] for row in json.loads(done.stdout)] == 2 * verified[:1], done.stderr
-    done = trace_dag(root, "peer", str(tmp_path))
+    done = trace_dag(root, "compare-published", str(tmp_path))
     assert done.returncode == 2
     assert "simulation_<stateCase>.json" in done.stderr
 

@@ -25,7 +25,7 @@ from trace_dag.flow.batch import run_stages
 from trace_dag.flow.executors import InProcessExecutor
 from trace_dag.flow.tasks import MadeFiles
 from trace_dag.flow.workspace import Workspace
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.studies.stored_crashes import stored_crash
 from trace_dag.warehouse.build import build_warehouse
 

@@ -9,7 +9,7 @@ import pytest
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.cohorts.registry import RegisteredMap, Registry, ReportSource, in_order
 from trace_dag.errors import UserError
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 
 @pytest.fixture

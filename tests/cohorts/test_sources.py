@@ -18,7 +18,7 @@ from trace_dag.cohorts.registry import Registry
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.cohorts import CohortFilter
 from trace_dag.errors import UserError
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 REPORTS = Path(__file__).resolve().parents[2] / "data" / "sample" / "reports"
 

@@ -13,7 +13,7 @@ from loopback import Answer, Loopback, Request, serving
 from trace_dag.crash.crashapi import CrashApiClient
 from trace_dag.crash.parse import read_report
 from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
-from trace_dag.http import HttpClient, HttpPolicy
+from trace_dag.network.http import HttpClient, HttpPolicy
 from trace_dag.settings import CrashSettings
 
 QUICK = HttpPolicy(timeout_s=0.5, attempts=3, first_wait_s=0.01, longest_wait_s=0.02, requests_per_s=1000)

@@ -15,9 +15,9 @@ from sqlalchemy import event
 from sqlalchemy.engine import Engine
 
 from trace_dag.cohorts.registry import Registry
-from trace_dag.disks import disk_failure
 from trace_dag.errors import DamagedFile
-from trace_dag.storage import Storage
+from trace_dag.storage.disk_errors import disk_failure
+from trace_dag.storage.files import Storage
 
 KEY = "2023-319003"
 SPACE = "free some space and run again"

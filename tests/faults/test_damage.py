@@ -15,7 +15,6 @@ from sample_runs import finished, trace_dag
 from trace_dag.benchmark.export import export, verified_keys
 from trace_dag.benchmark.release import build_release
 from trace_dag.benchmark.verify import verify_benchmark
-from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.batch import first_stale
@@ -23,7 +22,8 @@ from trace_dag.flow.manifests import list_files, not_as_listed, read_listed, rea
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.verify import DisagreementKind, verify_storage
 from trace_dag.flow.workspace import Workspace
-from trace_dag.storage import Storage
+from trace_dag.storage.checksums import checked, with_checksum
+from trace_dag.storage.files import Storage
 from trace_dag.studies.controls import negative_controls
 from trace_dag.studies.evaluations import all_rows
 from trace_dag.studies.replays import replay
@@ -94,7 +94,7 @@ def test_a_damaged_manifest_lets_nothing_out(tmp_path: Path, damage: Damage) -> 
     with pytest.raises(DamagedFile, match="evaluations/"):
         read_listed(storage, "evaluations/x.parquet", remedy="do it")
     heard: list[Failure] = []
-    assert all_rows(storage, complain=heard.append) == []
+    assert all_rows(storage, on_problem=heard.append) == []
     assert len(heard) == 1
 
 
@@ -105,9 +105,9 @@ def test_a_damaged_map_costs_its_crash_and_no_other(root: Path, tmp_path: Path, 
     damage(root / f"road_map/{KEY}.xodr")
     heard: list[str] = []
     others = [key for key in verified_keys(workspace) if key != KEY]
-    export(workspace, [KEY, others[0]], tmp_path / "out", "packages", complain=lambda each: heard.append(str(each)))
+    export(workspace, [KEY, others[0]], tmp_path / "out", "packages", on_problem=lambda each: heard.append(str(each)))
     assert [folder.name for folder in (tmp_path / "out").iterdir()] == others[:1]
-    rows = negative_controls(workspace, "sample", most=2, complain=lambda each: heard.append(str(each)))
+    rows = negative_controls(workspace, "sample", most=2, on_problem=lambda each: heard.append(str(each)))
     assert all(row.key != KEY for row in rows)
     assert all(f"--only {KEY} --from road_map" in said for said in heard)
     with pytest.raises(DamagedFile, match=f"road_map/{KEY}.xodr: damaged"):
@@ -157,7 +157,7 @@ def test_a_release_waits_for_a_crash_that_cannot_be_packed(root: Path, tmp_path:
     assert built.incomplete_crashes == {KEY}
     heard: list[Failure] = []
     unknown = built.incomplete_crashes
-    made = build_release(workspace, "1.0", tmp_path, unknown=unknown, complain=heard.append)
+    made = build_release(workspace, "1.0", tmp_path, unknown=unknown, on_problem=heard.append)
     assert all(f"verdict/{KEY}.json: damaged" in str(each) for each in heard)
     assert (made.missing, made.packages) == (1, len(packages) - 1)
     assert not (made.folder / "SHA256SUMS").exists()

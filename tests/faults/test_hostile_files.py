@@ -146,8 +146,8 @@ def read_only(monkeypatch: pytest.MonkeyPatch) -> Path:
     def refused(*_: object, **__: object) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr("trace_dag.storage.tempfile.TemporaryFile", refused)
-    monkeypatch.setattr("trace_dag.storage.Storage.write", refused)
+    monkeypatch.setattr("trace_dag.storage.files.tempfile.TemporaryFile", refused)
+    monkeypatch.setattr("trace_dag.storage.files.Storage.write", refused)
     return root
 
 

@@ -10,7 +10,7 @@ from sample_runs import KEYS, SAMPLE, command, finished, reports_of, trace_dag_p
 
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 ROOT = f"s3://{BUCKET}/root"
 

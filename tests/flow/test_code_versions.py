@@ -41,7 +41,7 @@ def test_the_code_of_a_stage_is_what_it_runs() -> None:
         return found
 
     assert users("trace_dag.verdict.rules") == {Stage.VERDICT}
-    assert users("trace_dag.osm.cutting") == {Stage.OSM_EXTRACT}
+    assert users("trace_dag.osm.clip") == {Stage.OSM_EXTRACT}
     assert users("trace_dag.errors") == set(Stage)
     assert users("trace_dag.roads.map.reader") == set(Stage) - {
         Stage.RAW_REPORT,

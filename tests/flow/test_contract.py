@@ -10,7 +10,7 @@ from trace_dag.flow.contract import CrashFiles, DamagedArtefactError
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 MAP: Artefact[str] = Artefact(Stage.ROAD_MAP, ("xodr",), f"{__name__}:as_text")
 NAME = "road_map/2023-1.xodr"

@@ -26,7 +26,7 @@ from trace_dag.stage import Stage
 from trace_dag.states.compare import summarise
 from trace_dag.states.json_io import estimate_from_json
 from trace_dag.states.llm.store import FOLDER as ANSWERS
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.studies.estimators import estimates_folder, estimators_compared, settings_of
 from trace_dag.studies.truth import load_truth
 from trace_dag.warehouse.query import query

@@ -8,14 +8,14 @@ import fake_flow
 import pytest
 
 from trace_dag.flow.batch import first_stale, run_stages
+from trace_dag.flow.crash_status import FinalState, crash_status
 from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import select_again
-from trace_dag.flow.standing import FinalState, standing
 from trace_dag.flow.tasks import Action
 from trace_dag.flow.verify import verify_storage
 from trace_dag.provenance import Outcome
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 KEY = "2023-510010"
 
@@ -49,9 +49,9 @@ def test_a_verified_crash_stays_verified_outdated_until_an_attempt_succeeds(make
     record = records_of(workspace)[stage]
     assert (record.outcome, record.run_id, record.failed_attempt.run_id) == (Outcome.ACCEPTED, "first", "second")
     assert "is broken for" in record.failed_attempt.error
-    stands = standing(KEY, records_of(workspace))
-    assert (stands.final_state, stands.stage_reached, stands.outdated) == (FinalState.VERIFIED, Stage.VERDICT, stage)
-    assert stands.outdated_because == f"RuntimeError: {stage} is broken for {KEY}"
+    status = crash_status(KEY, records_of(workspace))
+    assert (status.final_state, status.stage_reached, status.outdated) == (FinalState.VERIFIED, Stage.VERDICT, stage)
+    assert status.outdated_because == f"RuntimeError: {stage} is broken for {KEY}"
     assert records_of(workspace)[Stage.VERDICT].fingerprint == verdict
     assert verify_storage(workspace.storage, Path(workspace.storage.root), contents=True).disagreements == ()
 
@@ -64,15 +64,15 @@ def test_a_verified_crash_stays_verified_outdated_until_an_attempt_succeeds(make
         ("first", Outcome.ACCEPTED),
         ("second", Outcome.FAILED),
     ]
-    assert standing(KEY, records_of(workspace)).outdated is None
+    assert crash_status(KEY, records_of(workspace)).outdated is None
 
 
 def test_a_rejection_stands_too(make_workspace):
     workspace = make_workspace({KEY: "reject:road_map\nfail-second:road_map"})
     run(workspace)
     run(workspace, force=[Stage.ROAD_MAP])
-    stands = standing(KEY, records_of(workspace))
-    assert (stands.final_state, stands.stage_reached, stands.outdated) == (
+    status = crash_status(KEY, records_of(workspace))
+    assert (status.final_state, status.stage_reached, status.outdated) == (
         FinalState.REJECTED,
         Stage.ROAD_MAP,
         Stage.ROAD_MAP,
@@ -83,8 +83,8 @@ def test_a_result_of_other_inputs_does_not_stand(make_workspace):
     run(make_workspace({KEY: ""}))
     changed = make_workspace({KEY: "fail:state_estimate"})  # another report: every artefact before is another one
     run(changed)
-    stands = standing(KEY, records_of(changed))
-    assert (stands.final_state, stands.stage_reached, stands.outdated) == (
+    status = crash_status(KEY, records_of(changed))
+    assert (status.final_state, status.stage_reached, status.outdated) == (
         FinalState.FAILED,
         Stage.STATE_ESTIMATE,
         None,
@@ -97,7 +97,7 @@ def test_a_result_that_has_lost_a_file_does_not_stand(make_workspace):
     run(workspace)
     workspace.storage.delete(f"state_estimate/{KEY}.txt")
     run(workspace)
-    assert standing(KEY, records_of(workspace)).final_state is FinalState.FAILED
+    assert crash_status(KEY, records_of(workspace)).final_state is FinalState.FAILED
 
 
 def test_a_result_whose_files_were_being_replaced_does_not_stand(make_workspace, monkeypatch):
@@ -113,7 +113,7 @@ def test_a_result_whose_files_were_being_replaced_does_not_stand(make_workspace,
     monkeypatch.setattr(Storage, "write", write)
     run(workspace, force=[Stage.STATE_ESTIMATE])
     monkeypatch.undo()
-    assert standing(KEY, records_of(workspace)).final_state is FinalState.FAILED
+    assert crash_status(KEY, records_of(workspace)).final_state is FinalState.FAILED
     assert verify_storage(workspace.storage, Path(workspace.storage.root), contents=True).disagreements == ()
 
 
@@ -122,7 +122,7 @@ def test_a_worker_that_dies_in_a_new_attempt_costs_no_result(make_workspace):
     workspace = make_workspace({KEY: "die-later:simulation_log"}, execution=processes)
     run(workspace, run_id="first")
     assert run(workspace, run_id="second", force=[Stage.SIMULATION_LOG])[Stage.SIMULATION_LOG].failed
-    stands = standing(KEY, records_of(workspace))
-    assert (stands.final_state, stands.outdated) == (FinalState.VERIFIED, Stage.SIMULATION_LOG)
-    assert "the worker process died" in stands.outdated_because
+    status = crash_status(KEY, records_of(workspace))
+    assert (status.final_state, status.outdated) == (FinalState.VERIFIED, Stage.SIMULATION_LOG)
+    assert "the worker process died" in status.outdated_because
     assert fake_flow.calls(Path(workspace.storage.root))["simulation_log", KEY] > 2

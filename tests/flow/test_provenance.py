@@ -17,7 +17,7 @@ from trace_dag.provenance import (
 )
 from trace_dag.settings import SimSettings
 from trace_dag.stage import Stage
-from trace_dag.storage import StoredFile
+from trace_dag.storage.files import StoredFile
 
 MADE_OF = Provenance("0.1.0+abc", {"step_s": 0.005}, {"road_map.xodr": "12ab"}, {"mujoco": "3.3.1"})
 RECORD = OutcomeRecord(

@@ -8,7 +8,7 @@ from trace_dag.flow.run_summary import RunSummary
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.stage import Stage
-from trace_dag.storage import StoredFile
+from trace_dag.storage.files import StoredFile
 
 
 def record(key: str, stage: Stage, **said) -> OutcomeRecord:

@@ -17,7 +17,7 @@ from trace_dag.flow.stages.state_estimate import state_estimate
 from trace_dag.sim.log_io import logs_from_files
 from trace_dag.sim.sampled import samples_from_json
 from trace_dag.states.json_io import estimate_from_json
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 
 @pytest.mark.parametrize("name", REPORTS)

@@ -20,7 +20,7 @@ from trace_dag.errors import Failure, UserError
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.published_layout import write_published
-from trace_dag.scenario.strikes import strikes
+from trace_dag.scenario.replay_impacts import strikes
 from trace_dag.settings import SimSettings
 from trace_dag.sim.anthropometry import person_body
 from trace_dag.sim.carla_blueprints import CHILD_WALKERS, choose_bicycle, choose_walker

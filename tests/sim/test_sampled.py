@@ -10,11 +10,11 @@ import pytest
 from cases import SETTINGS, Case, sample_case
 
 from trace_dag.errors import Failure
-from trace_dag.sim.drawn import PlannedLine
-from trace_dag.sim.drawn_courses import STEP_S, DrawnBody
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.sim.sampled import samples_from_json, samples_to_json, simulate_samples
+from trace_dag.sim.sampled_courses import STEP_S, SampledBody
+from trace_dag.sim.sampled_crash import PlannedLine
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.estimate import estimate
 from trace_dag.states.samples import draw_samples
@@ -103,7 +103,7 @@ def test_who_brakes_in_a_draw_came_faster(simulated: Simulated) -> None:
 
 def test_courses_are_kept_to_five_centimetres_without_drift() -> None:
     x_m = np.linspace(100.013, 160.037, 91)
-    poses = DrawnBody.at(1, x_m, -x_m, np.linspace(0.0, 1.0, 91)).poses
+    poses = SampledBody.at(1, x_m, -x_m, np.linspace(0.0, 1.0, 91)).poses
     assert np.abs(poses[:, 0] - x_m).max() <= 0.0251
     assert np.abs(poses[:, 1] + x_m).max() <= 0.0251
     assert np.abs(poses[:, 2] - np.linspace(0.0, 1.0, 91)).max() <= 0.0101

@@ -15,7 +15,7 @@ from trace_dag.states.analytic import build_scene
 from trace_dag.states.llm.client import LlmClient
 from trace_dag.states.llm.estimator import estimate_llm, llm_client
 from trace_dag.states.types import StateEstimate
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 HEAD_ON, LEFT_TURN = "2023-319022", "2023-319003"
 

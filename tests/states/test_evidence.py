@@ -12,8 +12,8 @@ STOP_SIGN, SIGNAL = 20, 3
 
 
 def crossing(highway: str, speed_mps: float, control: int | None = None) -> CrossingVehicle:
-    stream = SimpleNamespace(road=SimpleNamespace(highway=highway))
-    return CrossingVehicle(SimpleNamespace(traffic_control_code=control), stream, speed_mps)
+    approach = SimpleNamespace(road=SimpleNamespace(highway=highway))
+    return CrossingVehicle(SimpleNamespace(traffic_control_code=control), approach, speed_mps)
 
 
 def test_whoever_crosses_a_greater_road_is_not_the_faster_one():

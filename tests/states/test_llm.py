@@ -126,8 +126,8 @@ def test_free_coordinates_as_in_the_paper(monkeypatch, case):
     good = right_answer(case)
     points = []
     for each in good["vehicles"]:
-        approach = choices.by_id(each["candidate"])
-        pose = approach.stream.path.pose(approach.stream.station_m - each["position_m"])
+        offered = choices.by_id(each["candidate"])
+        pose = offered.approach.path.pose(offered.approach.station_m - each["position_m"])
         points.append(
             {
                 "vehicle_number": each["vehicle_number"],

@@ -13,13 +13,13 @@ from llm_asking import HEAD_ON, LEFT_TURN, by_model
 from loopback import serving
 from model_server import COST_USD, KEY, knowing, llm_settings
 
-from trace_dag.checksums import with_checksum
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.settings import StateSettings
 from trace_dag.states.llm.estimator import llm_client
 from trace_dag.states.llm.ledger import FOLDER, Page, SpendingLedger
 from trace_dag.states.types import StateEstimate
-from trace_dag.storage import Storage
+from trace_dag.storage.checksums import with_checksum
+from trace_dag.storage.files import Storage
 
 
 class Time:
@@ -100,7 +100,7 @@ SPENDING = """
 import sys
 from trace_dag.errors import Failure
 from trace_dag.states.llm.ledger import SpendingLedger
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 ledger = SpendingLedger(0.5, 1e9, Storage(sys.argv[1]))
 try:
     while True:

@@ -18,7 +18,7 @@ from trace_dag.errors import Failure, TransientFailure
 from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.llm.client import LlmClient
 from trace_dag.states.llm.estimator import llm_client
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 
 @pytest.fixture(scope="module")

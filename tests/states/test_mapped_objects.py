@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.states.test_departures import LEFT, PLACE, RIGHT, TREE, left_road
+from tests.states.test_run_off_road_planner import LEFT, PLACE, RIGHT, TREE, left_road
 from tests.verdict.crashes import STREET
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.surroundings import feature_of_node

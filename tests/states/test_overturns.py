@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.states.test_departures import PLACE, left_road
+from tests.states.test_run_off_road_planner import PLACE, left_road
 from tests.verdict.crashes import STREET, row_of_change
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.record import CrashRecord, EventRecord, VehicleClass

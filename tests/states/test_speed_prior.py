@@ -8,7 +8,7 @@ import pytest
 from cases import sample_case
 
 from trace_dag.crash.record import PreCrashMovement, VehicleRecord
-from trace_dag.states.encounters import Party, party
+from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.speed_coefficients import BRAKING, LEVELS, SHIFTS_MPH, SPREAD_MPH
 from trace_dag.states.speed_prior import (
     Distribution,

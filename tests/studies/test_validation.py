@@ -366,7 +366,7 @@ def test_a_file_of_something_else_is_named_with_what_it_ought_to_be(tmp_path: Pa
 
 def test_the_command_prints_every_vehicle_as_json_and_the_tables_without_it(tmp_path: Path) -> None:
     path = write(tmp_path, CASE, changed(curb=None))
-    root = ["--root", str(tmp_path / "root"), "validate"]
+    root = ["--root", str(tmp_path / "root"), "validate-simulator"]
     done = CliRunner().invoke(cli, [*root, "--ciren", str(path), "--json"])
     assert done.exit_code == 0, done.output
     assert [row["vehicle"] for row in json.loads(done.stdout)] == [1, 2, 1, 2]

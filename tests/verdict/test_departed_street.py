@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.states.test_departures import TREE, judged_crash, left_road
+from tests.states.test_run_off_road_planner import TREE, judged_crash, left_road
 from tests.verdict.crashes import STREET
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.errors import Reason

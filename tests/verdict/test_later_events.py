@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.sim.motions import CAR, log_of, participant, straight
-from tests.states.test_departures import PLACE
-from tests.states.test_strikes import with_animal
+from tests.states.test_pedestrian_impact_hypothesis import with_animal
+from tests.states.test_run_off_road_planner import PLACE
 from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, record, simulated, vehicle
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord

@@ -17,7 +17,7 @@ from trace_dag.flow.tasks import Action
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 KEY = "2023-319003"
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from tests.sim.motions import log_of
-from tests.states.test_strikes import estimated, rider, struck, walker
+from tests.states.test_pedestrian_impact_hypothesis import estimated, rider, struck, walker
 from tests.verdict.crashes import STREET, record, row_of_change, vehicle
 from tests.verdict.test_strikes import FROM_RIGHT, crossing
 from trace_dag.crash.event_sequence import sequence_of

@@ -8,10 +8,10 @@ from functools import cache
 import pytest
 
 from tests.sim.motions import log_of
-from tests.states.test_strikes import PLACE, estimated, rider, struck, walker, with_animal
+from tests.states.test_pedestrian_impact_hypothesis import PLACE, estimated, rider, struck, walker, with_animal
 from tests.verdict.crashes import STREET, area, vehicle
+from trace_dag.crash.event_parties import ORDER_OF_IMPACTS
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
-from trace_dag.crash.struck import ORDER_OF_STRIKES
 from trace_dag.crash.zones import Zone
 from trace_dag.errors import Reason
 from trace_dag.roads.map.model import Crosswalk
@@ -221,7 +221,7 @@ def test_a_coded_direction_is_a_quarter_of_the_compass() -> None:
 
 
 def test_without_an_order_the_first_strike_that_happens_is_held_to_the_place() -> None:
-    crash = replace(struck(FROM_RIGHT, vehicles=2), implied=(ORDER_OF_STRIKES,))
+    crash = replace(struck(FROM_RIGHT, vehicles=2), implied=(ORDER_OF_IMPACTS,))
     first, last = crash.events
     turned = replace(crash, events=(replace(first, party_1=2), replace(last, party_1=1)))
     made = estimate(crash, STREET, PLACE, StateSettings(max_hypotheses=1))
@@ -235,7 +235,7 @@ def test_without_an_order_the_first_strike_that_happens_is_held_to_the_place() -
 
 
 def test_without_an_order_every_strike_has_to_happen() -> None:
-    crash = replace(struck(FROM_RIGHT, vehicles=2), implied=(ORDER_OF_STRIKES,))
+    crash = replace(struck(FROM_RIGHT, vehicles=2), implied=(ORDER_OF_IMPACTS,))
     _, hypothesis, log = crossing()  # only vehicle 1 strikes
     first, last = crash.events
     for events in (crash.events, (replace(first, party_1=2), replace(last, party_1=1))):

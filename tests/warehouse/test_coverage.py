@@ -13,7 +13,7 @@ from trace_dag.flow.batch import run_stages
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import query
 

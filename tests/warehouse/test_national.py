@@ -9,7 +9,7 @@ import pytest
 
 from trace_dag.crash.kind import CrashKind
 from trace_dag.errors import UserError
-from trace_dag.warehouse.national import StoredKind, count_kinds, national_coverage
+from trace_dag.warehouse.national import StoredKind, count_kinds, coverage_of_country
 
 # Two cars (12), three cars, a tree (42), a pedestrian (8), a deer (11), a train (10).
 TABLE = "ST_CASE,VE_FORMS,HARM_EV\n1,2,12\n2,3,12\n3,1,42\n4,1,8\n5,1,11\n6,1,10\n7,1,42\n"
@@ -47,7 +47,7 @@ def test_each_kind_comes_through_as_the_stored_ones_do() -> None:
         CrashKind.FIXED_OBJECT: StoredKind(20, 20, 10, 10, 8),  # 1 * 0.8
         CrashKind.OTHER: StoredKind(5, 5, 5, 5, 5),  # not judged: counts for nothing
     }
-    found = national_coverage(national, stored)
+    found = coverage_of_country(national, stored)
     assert found.two_vehicles == pytest.approx(0.3)
     assert found.judged == pytest.approx(0.9)
     assert found.verified == pytest.approx(0.3 * 0.4 + 0.5 * 0.8)  # no cyclist is stored
@@ -58,7 +58,7 @@ def test_each_kind_comes_through_as_the_stored_ones_do() -> None:
 def test_more_crashes_give_narrower_bounds() -> None:
     national = {CrashKind.FIXED_OBJECT: 100}
     few, many = (
-        national_coverage(national, {CrashKind.FIXED_OBJECT: StoredKind(n, n, n, n, n // 2)}).verified_bounds
+        coverage_of_country(national, {CrashKind.FIXED_OBJECT: StoredKind(n, n, n, n, n // 2)}).verified_bounds
         for n in (10, 1000)
     )
     assert many[1] - many[0] < (few[1] - few[0]) / 5

@@ -11,7 +11,7 @@ from trace_dag.errors import Reason
 from trace_dag.flow.records import read_records, write_record
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import open_warehouse, rows
 

@@ -20,7 +20,6 @@ from dagster import (
 )
 from pydantic import Field
 
-from trace_dag import markdown
 from trace_dag.assets.crash_checks import CRASH_CHECKS, CrashChecks
 from trace_dag.assets.metadata import HOW_TO_FORCE, materialization
 from trace_dag.assets.reports import REPORTS
@@ -33,10 +32,11 @@ from trace_dag.flow.batch import run_stages
 from trace_dag.flow.run_summary import RunSummary
 from trace_dag.flow.tasks import MadeFiles, StageEvent
 from trace_dag.flow.workspace import Workspace
+from trace_dag.messages import markdown
+from trace_dag.messages.wording import counted
 from trace_dag.processes import this_process
 from trace_dag.settings import ExecutionSettings
 from trace_dag.stage import Stage
-from trace_dag.wording import counted
 
 COHORT_TAG = "trace_dag/cohort"
 SUMMARY_TAG = "trace_dag/summary"

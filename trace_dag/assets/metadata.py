@@ -15,7 +15,7 @@ from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.scenario.canvas import reduced
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 DATA_VERSION = "dagster/data_version"
 _SMALL_PX = 320

@@ -21,9 +21,9 @@ from trace_dag.cohorts.new_cases import register_new_cases
 from trace_dag.errors import UserError
 from trace_dag.flow.selection import Selection, not_released, select_stale
 from trace_dag.flow.workspace import Workspace
+from trace_dag.messages.wording import counted
 from trace_dag.settings import AutomationSettings, Schedule
 from trace_dag.stage import Stage
-from trace_dag.wording import counted
 
 _Look = Callable[[ScheduleEvaluationContext, Workspace], Sequence[RunRequest] | SkipReason]
 

@@ -19,9 +19,9 @@ from trace_dag.assets.run_requests import UNFINISHED, keys_of, run_requests
 from trace_dag.cohorts.watched_folders import register_arrivals
 from trace_dag.flow.selection import Selection
 from trace_dag.flow.workspace import Workspace
+from trace_dag.messages.wording import counted
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
-from trace_dag.wording import counted
 
 _INTERVAL_S = 30
 

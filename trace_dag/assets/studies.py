@@ -12,7 +12,6 @@ from typing import Any, TypeVar
 from dagster import AssetExecutionContext, AssetsDefinition, Config, Failure, MaterializeResult, MetadataValue, asset
 from pydantic import Field
 
-from trace_dag import markdown
 from trace_dag.assets.specs import OWNERS
 from trace_dag.benchmark.release import build_release
 from trace_dag.errors import Failure as BrokenPart
@@ -23,6 +22,8 @@ from trace_dag.evaluation.observation import Sensing
 from trace_dag.evaluation.registry import BASELINES
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.flow.workspace import Workspace
+from trace_dag.messages import markdown
+from trace_dag.messages.wording import counted
 from trace_dag.scenario.share_chart import data_url, share_chart
 from trace_dag.stage import Stage
 from trace_dag.studies.cases import AgentRole, StoredCase, stored_variations, verified_cases
@@ -44,7 +45,6 @@ from trace_dag.studies.summaries import (
 )
 from trace_dag.studies.truth import load_truth
 from trace_dag.studies.variations import make_families
-from trace_dag.wording import counted
 
 GROUP = "studies"
 Found = TypeVar("Found")
@@ -83,7 +83,7 @@ class EstimatorsConfig(CohortConfig):
     """Which estimators."""
 
     estimators: list[str] = Field(
-        default_factory=list, description="As trace-dag compare names them; empty: all that are installed."
+        default_factory=list, description="As trace-dag compare-estimators names them; empty: all that are installed."
     )
     truth: str = Field(default="", description="A truth.json to measure against.")
 
@@ -119,7 +119,7 @@ class ReleaseConfig(CohortConfig):
 class _LeftOut(list[str]):
     """What a study left out, a sentence each."""
 
-    def hear(self, failure: Exception) -> None:
+    def add(self, failure: Exception) -> None:
         """Note why something is left out."""
         self.append(str(failure))
 
@@ -149,7 +149,7 @@ def _of_each(workspace: Workspace, config: CohortConfig, study: Callable[[str], 
 
 
 def _cases(workspace: Workspace, cohort: str, left_out: _LeftOut) -> list[StoredCase]:
-    return verified_cases(workspace, cohort or None, (), complain=left_out.hear)
+    return verified_cases(workspace, cohort or None, (), on_problem=left_out.add)
 
 
 def _result(table: StudyTable, left_out: Sequence[str] = (), **figures: Any) -> MaterializeResult[Any]:
@@ -175,7 +175,7 @@ def controls(context: AssetExecutionContext, config: ControlsConfig) -> Material
         found = _of_each(
             workspace,
             config,
-            lambda name: negative_controls(workspace, name, most=config.most, complain=left_out.hear),
+            lambda name: negative_controls(workspace, name, most=config.most, on_problem=left_out.add),
         )
     return _result(controls_table(found), left_out)
 
@@ -190,24 +190,26 @@ def perturbed(context: AssetExecutionContext, config: PerturbedConfig) -> Materi
         found = _of_each(
             workspace,
             config,
-            lambda name: perturbed_controls(workspace, name, request, complain=left_out.hear),
+            lambda name: perturbed_controls(workspace, name, request, on_problem=left_out.add),
         )
     rows = [row for of_cohort in found.values() for row in of_cohort]
     return _result(perturbed_table(rows), left_out, changed_reports=len(rows))
 
 
 @_study("A published benchmark's scenarios on its own maps, judged by the same rules, beside ours.")
-def peer(context: AssetExecutionContext, config: PeerConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag peer``."""
+def published_benchmark(context: AssetExecutionContext, config: PeerConfig) -> MaterializeResult[Any]:
+    """As ``trace-dag compare-published``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     with _failing_in_a_line():
         if not config.folder:
-            raise UserError("peer: no folder; name that of the published benchmark, with simulations/ and maps/")
+            raise UserError(
+                "published_benchmark: no folder; name that of the published benchmark, with simulations/ and maps/"
+            )
         compared = _of_each(
             workspace,
             config,
-            lambda name: published_comparison(workspace, name, Path(config.folder), complain=left_out.hear),
+            lambda name: published_comparison(workspace, name, Path(config.folder), on_problem=left_out.add),
         ).values()
     left_out += [f"{key}: {why}" for each in compared for key, why in each.left_out.items()]
     return _result(peer_table([row for each in compared for row in each.rows]), left_out)
@@ -215,7 +217,7 @@ def peer(context: AssetExecutionContext, config: PeerConfig) -> MaterializeResul
 
 @_study("Estimators side by side on the same mapped crashes.", deps=[Stage.ROAD_MAP.value])
 def estimators(context: AssetExecutionContext, config: EstimatorsConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag compare``."""
+    """As ``trace-dag compare-estimators``."""
     workspace: Workspace = context.resources.workspace
     with _failing_in_a_line():
         truth = load_truth(Path(config.truth)) if config.truth else None
@@ -246,7 +248,7 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
     with _failing_in_a_line():
         cases = _cases(workspace, config.cohort, left_out)
         if config.variations:
-            cases = stored_variations(workspace, cases, complain=left_out.hear)
+            cases = stored_variations(workspace, cases, on_problem=left_out.add)
         limits = AgentLimits()
         try_agents(config.agents, limits)
         rows = evaluate_agents(
@@ -261,7 +263,7 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
                 Traffic(config.traffic),
             ),
             limits,
-            complain=left_out.hear,
+            on_problem=left_out.add,
         )
     return _result(evaluations_table(rows, lambda row: row["outcome"], "outcome"), left_out)
 
@@ -277,7 +279,7 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
             config.version,
             Path(config.output),
             cohort=config.cohort or None,
-            complain=left_out.hear,
+            on_problem=left_out.add,
         )
     if made.missing:
         raise Failure(
@@ -290,5 +292,5 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
 
 STUDIES: Mapping[str, AssetsDefinition] = {
     each.key.to_user_string(): each
-    for each in (controls, perturbed, peer, estimators, variations, evaluations, release)
+    for each in (controls, perturbed, published_benchmark, estimators, variations, evaluations, release)
 }

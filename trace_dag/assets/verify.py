@@ -11,14 +11,14 @@ from dagster import AssetKey, AssetMaterialization, DagsterEventType, DagsterIns
 
 from trace_dag.assets.metadata import DATA_VERSION, data_version, materialization
 from trace_dag.assets.partitions import CRASHES, add_partitions, remove_partitions
+from trace_dag.flow.crash_status import crash_status, valid_records
 from trace_dag.flow.records import Records
-from trace_dag.flow.standing import standing, valid_records
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.flow.verify import Disagreement, DisagreementKind
-from trace_dag.progress import Progress, silent
+from trace_dag.messages.progress import OnProgress, silent
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 _MATERIALIZED, _FAILED = "MATERIALIZED", "FAILED"
 
@@ -38,7 +38,7 @@ def verify_dagster(instance: DagsterInstance, records: Mapping[str, Records]) ->
         if key not in records
     ]
     told = {key: last_word(of_crash) for key, of_crash in records.items()}
-    outdated = {key: standing(key, of_crash).outdated for key, of_crash in records.items()}
+    outdated = {key: crash_status(key, of_crash).outdated for key, of_crash in records.items()}
     for stage in Stage:
         status = instance.get_status_by_partition(AssetKey(stage.value), partitions, CRASHES) or {}
         versions = instance.event_log_storage.get_latest_tags_by_partition(
@@ -60,12 +60,12 @@ def repair_dagster(
     storage: Storage,
     records: Mapping[str, Records],
     disagreements: Iterable[Disagreement],
-    tell: Progress = silent,
+    on_progress: OnProgress = silent,
 ) -> None:
     """Add and take away partitions, and log the materializations that are not held.
 
-    Where Dagster's folder was lost, or the root came from another machine, these are all of them; ``tell`` hears how
-    many of how many.
+    Where Dagster's folder was lost, or the root came from another machine, these are all of them; ``on_progress`` hears
+    how many of how many.
     """
     wrong = list(disagreements)
     add_partitions(instance, [each.key for each in wrong if each.kind is DisagreementKind.NO_PARTITION and each.key])
@@ -80,7 +80,7 @@ def repair_dagster(
         record = told[key].get(stage)
         if record is not None:
             instance.report_runless_asset_event(_materialization(key, stage, record, storage))
-        tell(done, len(unlogged))
+        on_progress(done, len(unlogged))
 
 
 def last_word(records: Records) -> dict[Stage, OutcomeRecord]:

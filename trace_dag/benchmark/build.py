@@ -46,17 +46,17 @@ from trace_dag.flow.artefacts import (
     Artefact,
 )
 from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.crash_status import FinalState
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
 from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import Records, read_records
-from trace_dag.flow.standing import FinalState
 from trace_dag.flow.workspace import Workspace
-from trace_dag.garbage import no_garbage_collection
+from trace_dag.gc_pause import gc_paused
 from trace_dag.osm.rights import Rights
 from trace_dag.provenance import crash_of
 from trace_dag.scenario.leaderboard import write_leaderboard
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage.files import Storage, StoredFile
 from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.warehouse import query
 
@@ -248,7 +248,7 @@ def _make(task: _Task) -> _Made:
     return _Made(made, errors)
 
 
-@no_garbage_collection()
+@gc_paused()
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.scenario.crash_page import CrashPage, Download, write_crash_page
     from trace_dag.scenario.replay_library import PAGE

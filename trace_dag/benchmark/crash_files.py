@@ -16,15 +16,15 @@ from functools import partial
 from trace_dag.benchmark.packaging import package_of
 from trace_dag.flow.artefacts import ROAD_MAP, surroundings_of
 from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.crash_status import FinalState, status_of_valid, valid_records
 from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
 from trace_dag.flow.records import Records
-from trace_dag.flow.standing import FinalState, standing_of_valid, valid_records
 from trace_dag.flow.tasks import MadeFiles
 from trace_dag.provenance import crash_of
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage.files import Storage, StoredFile
 
 FOLDER = "benchmark"
-VERSION = "1"
+VERSION = "2"
 """Of the code that makes pages, packages and replays; see :data:`trace_dag.flow.stages.VERSIONS`."""
 REPLAYS = "replays"
 FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))
@@ -93,7 +93,7 @@ def _made_at_once(files: CrashFiles, already: Set[str]) -> MadeFiles | None:
     valid = valid_records(records)
     if valid.keys() != records.keys() or files.key in already:
         return None
-    verified = standing_of_valid(files.key, valid).final_state is FinalState.VERIFIED
+    verified = status_of_valid(files.key, valid).final_state is FinalState.VERIFIED
     return MadeFiles(make_files(files, verified=verified), made_of(valid))
 
 

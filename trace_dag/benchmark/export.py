@@ -12,22 +12,22 @@ from pathlib import Path
 from trace_dag.crash.keys import parse_key
 from trace_dag.errors import Failure, UserError
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.records import Complaint, log_complaint, raised, read_records
-from trace_dag.flow.standing import FinalState, standing
+from trace_dag.flow.crash_status import FinalState, crash_status
+from trace_dag.flow.records import OnProblem, log_problem, raised, read_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.plugins import PluginKind, load
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.studies.stored_crashes import crash_files
 
 _AT_A_TIME = 200  # crashes whose records are read together
 
 
 def verified_keys(
-    workspace: Workspace, cohort: str | None = None, only: Sequence[str] = (), *, complain: Complaint = log_complaint
+    workspace: Workspace, cohort: str | None = None, only: Sequence[str] = (), *, on_problem: OnProblem = log_problem
 ) -> list[str]:
     """Keys of the verified crashes, of a cohort or among those named, in order.
 
-    ``complain`` is called for damaged records: whether their crash is verified cannot be told. Raises
+    ``on_problem`` is called for damaged records: whether their crash is verified cannot be told. Raises
     :class:`UserError` if there is none, or if one of those named is no key or not verified.
     """
     for key in only:
@@ -37,9 +37,9 @@ def verified_keys(
         key
         for start in range(0, len(asked), _AT_A_TIME)
         for key, records in read_records(
-            workspace.storage, asked[start : start + _AT_A_TIME], complain=complain
+            workspace.storage, asked[start : start + _AT_A_TIME], on_problem=on_problem
         ).items()
-        if standing(key, records).final_state is FinalState.VERIFIED
+        if crash_status(key, records).final_state is FinalState.VERIFIED
     ]
     missing = sorted(set(only) - set(found))
     if missing:
@@ -56,14 +56,15 @@ def export(
     export_format: str,
     *,
     told: Callable[[str], None] = lambda _key: None,
-    complain: Complaint = raised,
+    on_problem: OnProblem = raised,
     left_out: Callable[[str], None] = lambda _why: None,
 ) -> int:
     """Write verified crashes below ``folder`` in a format that an installed exporter writes; how many files were
     written or replaced.
 
-    ``told`` hears of each crash, ``complain`` of each that cannot be written because something stored of it is damaged,
-    ``left_out`` of each that the format has no words for. Raises :class:`UserError` for a format that nobody offers.
+    ``told`` hears of each crash, ``on_problem`` of each that cannot be written because something stored of it is
+    damaged, ``left_out`` of each that the format has no words for. Raises :class:`UserError` for a format that nobody
+    offers.
     """
     exporter = load(PluginKind.EXPORTER, export_format)(keys)
     target, written = Storage.open(folder), 0
@@ -71,7 +72,7 @@ def export(
         try:
             contents = exporter.of_crash(files)
         except Failure as failure:
-            complain(failure)
+            on_problem(failure)
             continue
         except UserError as error:
             left_out(f"{files.key}: {error}")

@@ -22,8 +22,9 @@ from trace_dag.benchmark.packaging import map_attribution
 from trace_dag.errors import Failure, UserError
 from trace_dag.evaluation.splits import splits_of
 from trace_dag.flow.manifests import read_manifest
-from trace_dag.flow.records import Complaint, raised, read_records
+from trace_dag.flow.records import OnProblem, raised, read_records
 from trace_dag.flow.workspace import Workspace
+from trace_dag.messages.wording import counted
 from trace_dag.scenario.release import (
     CHECKSUMS,
     NAME,
@@ -35,9 +36,8 @@ from trace_dag.scenario.release import (
     write_archive,
 )
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.warehouse import query
-from trace_dag.wording import counted
 
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+){0,2}([.-]?(a|b|rc|dev)[0-9]+)?")
 # Everything the index says of a package but where it is.
@@ -87,22 +87,22 @@ def build_release(
     cohort: str | None = None,
     archive: ArchiveFormat | None = None,
     unknown: Collection[str] = (),
-    complain: Complaint = raised,
+    on_problem: OnProblem = raised,
 ) -> ReleaseReport:
     """Release the verified crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
     Packages are brought up to date with the warehouse first, those that are not as they were made included. The
     workspace's ``page_listener`` hears how many of how many are, and then how many are in place. ``unknown`` are
     crashes of which something stored is damaged, so that the warehouse does not hold all of them. While there is one
-    of the cohort, or a package cannot be made, which ``complain`` hears of, the other packages are put in place and
+    of the cohort, or a package cannot be made, which ``on_problem`` hears of, the other packages are put in place and
     the release is left unfinished. A file of a finished release that is damaged is replaced by what it was. Raises
     :class:`UserError` for a malformed version and for a finished release of this version that has other content.
     """
     check_version(version)
-    warehouse, tell = workspace.warehouse, workspace.page_listener
+    warehouse, on_progress = workspace.warehouse, workspace.page_listener
     cohorts = [workspace.registry.cohort(cohort).name] if cohort else sorted(workspace.registry.cohorts())
     crashes = [row for row in query.rows(warehouse, "crashes") if cohort is None or row["cohort"] == cohort]
-    missing = _bring_up_to_date(workspace, complain) | set(unknown)
+    missing = _bring_up_to_date(workspace, on_problem) | set(unknown)
     if cohort is not None:
         missing &= set(workspace.registry.keys(cohort))
     names, values = query.query(warehouse, _PACKED)
@@ -133,7 +133,7 @@ def build_release(
     written = 0
     for done, row in enumerate(rows, 1):
         written += write_if_changed(target, row["package"], workspace.storage.read_whole(packages[row["key"]]))
-        tell(done, len(rows))
+        on_progress(done, len(rows))
     if missing:
         return ReleaseReport(folder, None, len(rows), written, len(missing))
     written += _finish(target, documents, sums)
@@ -141,11 +141,11 @@ def build_release(
     return ReleaseReport(folder, archived, len(rows), written)
 
 
-def _bring_up_to_date(workspace: Workspace, complain: Complaint) -> set[str]:
+def _bring_up_to_date(workspace: Workspace, on_problem: OnProblem) -> set[str]:
     """The crashes whose package or page could not be made."""
     errors = build_benchmark(workspace, contents=True).errors
     for key, error in errors.items():
-        complain(Failure(f"{key}: no package: {error.strip().splitlines()[-1]}"))
+        on_problem(Failure(f"{key}: no package: {error.strip().splitlines()[-1]}"))
     return set(errors)
 
 

@@ -9,7 +9,7 @@ from trace_dag.benchmark.crash_files import FOLDERS_OF_CRASHES
 from trace_dag.flow.manifests import Manifest, sound_manifest, write_manifest
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 _FOLDERS = (
     *(stage.value for stage in Stage),

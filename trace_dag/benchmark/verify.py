@@ -10,7 +10,7 @@ from trace_dag.errors import DamagedFile
 from trace_dag.flow.manifests import manifest_name, not_as_listed, read_manifest
 from trace_dag.flow.verify import Disagreement, DisagreementKind, Quarantine
 from trace_dag.provenance import crash_of
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 
 def verify_benchmark(storage: Storage, *, contents: bool = False) -> Iterator[Disagreement]:

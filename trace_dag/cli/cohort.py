@@ -13,8 +13,8 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import one_line, print_table, say, write_json
 from trace_dag.errors import Failure, UserError
-from trace_dag.logs import complain
-from trace_dag.wording import counted
+from trace_dag.messages.logs import print_problem
+from trace_dag.messages.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.registry import Cohort
@@ -42,7 +42,7 @@ def cohort() -> None:
 def list_cohorts(root: str, as_json: bool) -> None:
     """List the cohorts with their crashes and maps."""
     from trace_dag.cohorts.registry import Registry
-    from trace_dag.storage import Storage
+    from trace_dag.storage.files import Storage
 
     cohorts = Registry(Storage.open(root, to_read=True)).cohorts()
     if as_json:
@@ -77,7 +77,7 @@ def show(root: str, name: str, as_json: bool) -> None:
     """Show a cohort's crashes, their kinds and where they come from."""
     from trace_dag.cohorts.listings import kinds_of
     from trace_dag.cohorts.registry import Registry
-    from trace_dag.storage import Storage
+    from trace_dag.storage.files import Storage
 
     storage = Storage.open(root)
     found = Registry(storage).cohort(name)
@@ -126,7 +126,7 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     """
     from trace_dag.cohorts.kept_maps import remove_unused_map_copies
     from trace_dag.cohorts.registry import Registry
-    from trace_dag.storage import Storage
+    from trace_dag.storage.files import Storage
 
     storage = Storage.open(root)
     registry = Registry(storage)
@@ -201,7 +201,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
     from trace_dag.cohorts.registry import Registry
     from trace_dag.definitions.launch import dagster_records, summarise
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.storage import Storage
+    from trace_dag.storage.files import Storage
 
     errors: tuple[str, ...] = ()
     storage, workspace = Storage.open(root), Workspace.open(root)
@@ -224,9 +224,11 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
         + (f", {counted(deleted, 'file')} deleted." if artefacts else "; what was made of them is kept.")
     )
     for error in errors:
-        complain(f"failed: {one_line(error, 500)}")
+        print_problem(f"failed: {one_line(error, 500)}")
     if errors:
-        complain("The warehouse and the pages are as they were before; trace-dag verify --repair makes them again.")
+        print_problem(
+            "The warehouse and the pages are as they were before; trace-dag verify --repair makes them again."
+        )
         sys.exit(1)
 
 

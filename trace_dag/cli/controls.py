@@ -9,11 +9,11 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, say, write_json
-from trace_dag.cli.progress import progress_told
+from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
 
 if TYPE_CHECKING:
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.flow.workspace import Workspace
     from trace_dag.settings import RuleSetName
     from trace_dag.studies.perturbed import Request
@@ -71,36 +71,38 @@ def controls(
     """
     from dataclasses import asdict
 
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.controls import negative_controls
     from trace_dag.studies.summaries import controls_table
 
     workspace = Workspace.open(root)
-    complaints = Complaints()
+    problems = Problems()
     if perturbed:
         from trace_dag.studies.perturbed import MOST, Request
 
         request = Request(most or MOST, only, kinds, draws, seed)
-        _perturbed(workspace, cohort, rules, request, as_json, execution_overrides(executor, workers), complaints)
-        sys.exit(complaints.told())
+        _perturbed(workspace, cohort, rules, request, as_json, execution_overrides(executor, workers), problems)
+        sys.exit(problems.print_all())
     if only or kinds:
         raise click.UsageError("--only and --kinds go with --perturbed")
     workspace = judged_by(workspace, rules)
     most = _MOST_CONTROLS if most is None else most
-    with progress_told("read, then judged") as tell:
+    with progress_bar("read, then judged") as on_progress:
         found = of_cohorts(
             workspace,
             cohort,
-            lambda name: negative_controls(workspace, name, most=most, tell=tell, complain=complaints.hear),
-            complaints,
+            lambda name: negative_controls(
+                workspace, name, most=most, on_progress=on_progress, on_problem=problems.add
+            ),
+            problems,
         )
-    into_warehouse(workspace, complaints)
+    into_warehouse(workspace, problems)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
-        sys.exit(complaints.told())
+        sys.exit(problems.print_all())
     print_table(*controls_table(found)[:2])
-    sys.exit(complaints.told())
+    sys.exit(problems.print_all())
 
 
 _MOST_CONTROLS = 500
@@ -113,7 +115,7 @@ def _perturbed(
     request: Request,
     as_json: bool,
     execution: dict[str, Any],
-    complaints: Complaints,
+    problems: Problems,
 ) -> None:
     from dataclasses import asdict
 
@@ -122,14 +124,14 @@ def _perturbed(
 
     overrides: dict[str, Any] = {"execution": execution}
     workspace = workspace.with_settings(overrides | ({"verdict": {"rule_set": rules}} if rules else {}))
-    with progress_told("changed reports") as tell:
+    with progress_bar("changed reports") as on_progress:
         found = of_cohorts(
             workspace,
             cohort,
-            lambda name: perturbed_controls(workspace, name, request, tell=tell, complain=complaints.hear),
-            complaints,
+            lambda name: perturbed_controls(workspace, name, request, on_progress=on_progress, on_problem=problems.add),
+            problems,
         )
-    into_warehouse(workspace, complaints)
+    into_warehouse(workspace, problems)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
         return

@@ -28,8 +28,8 @@ def demo(context: click.Context, people: bool, executor: str | None, workers: in
     Registers it as cohort "sample", runs it through all stages, and prints the funnel, the coverage and where to look.
     """
     from trace_dag.benchmark.build import INDEX
-    from trace_dag.cli.carry_out import carry_out
     from trace_dag.cli.ingest import ingest
+    from trace_dag.cli.run_selection import run_selection
     from trace_dag.flow.selection import select_stale
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.query import query
@@ -38,7 +38,7 @@ def demo(context: click.Context, people: bool, executor: str | None, workers: in
     reports = [folder / "reports", *([folder / "people" / "reports"] if people else [])]
     context.invoke(ingest, reports=tuple(map(str, reports)), maps=(str(folder / "osm"),), cohort=COHORT)
     settings = {"execution": execution_overrides(executor, workers)}
-    code = carry_out(root, settings, lambda workspace: select_stale(workspace, COHORT))
+    code = run_selection(root, settings, lambda workspace: select_stale(workspace, COHORT))
     workspace = Workspace.open(root)
     storage = workspace.storage
     if not storage.exists(INDEX):  # what went wrong is told

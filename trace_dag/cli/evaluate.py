@@ -14,8 +14,8 @@ from trace_dag.cli.options import ManyValuesCommand, Within, agent_arguments, ex
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
-from trace_dag.disks import naming
-from trace_dag.logs import complain
+from trace_dag.messages.logs import print_problem
+from trace_dag.storage.disk_errors import naming
 
 if TYPE_CHECKING:
     from trace_dag.evaluation.table import Row
@@ -137,7 +137,7 @@ def evaluate(
     warehouse, as tables evaluations and leaderboard.
     """
     from trace_dag.benchmark.build import publish_leaderboard
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.errors import UserError
     from trace_dag.evaluation.agent_main import AgentLimits
     from trace_dag.evaluation.evaluate import Conditions
@@ -149,7 +149,7 @@ def evaluate(
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole, verified_cases
     from trace_dag.studies.evaluations import evaluate_agents, remove_agent, try_agents
-    from trace_dag.studies.handed_in import results_file
+    from trace_dag.studies.submissions import results_file
 
     if split and (only or variations):
         raise UserError("--split takes a part as a whole; leave --only and --variations away")
@@ -159,25 +159,25 @@ def evaluate(
         raise UserError("--results goes with --split: what is handed in is of one part")
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
     workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
-    complaints = Complaints()
+    problems = Problems()
     if remove is not None:
         rows_removed = remove_agent(workspace.storage, remove)
-        into_warehouse(workspace, complaints)
+        into_warehouse(workspace, problems)
         publish_leaderboard(workspace.storage, workspace.warehouse)
         say(f"{rows_removed} evaluations of {remove} removed")
-        sys.exit(complaints.told())
+        sys.exit(problems.print_all())
     part = Split(split) if split else None
-    cases = verified_cases(workspace, cohort, only, split=part, departures=departures, complain=complaints.hear)
+    cases = verified_cases(workspace, cohort, only, split=part, departures=departures, on_problem=problems.add)
     if variations:
         from trace_dag.studies.cases import stored_variations
 
-        cases = stored_variations(workspace, cases, complain=complaints.hear)
+        cases = stored_variations(workspace, cases, on_problem=problems.add)
     names = tuple(with_arguments(agent, arguments) for agent in agents or BASELINES)
     limits = AgentLimits(time_s=time_limit_s, memory_mb=memory_limit_mb)
     around = isolation(str(Path(root).absolute())) if isolate else None
     try_agents(names, limits, around)  # before anything begins
     roles = (AgentRole.FIRST, AgentRole.SECOND) if ego == "both" else (AgentRole(ego),)
-    with progress_of("evaluations", len(cases) * len(names) * len(roles)) as tell:
+    with progress_of("evaluations", len(cases) * len(names) * len(roles)) as on_progress:
         rows = evaluate_agents(
             workspace,
             cases,
@@ -186,10 +186,10 @@ def evaluate(
             Conditions(rate_hz, Sensing(range_m, noise_m, occlusion), seed, Traffic(traffic)),
             limits,
             isolation=around,
-            tell=lambda row: tell(f"{row['agent']} in {row['case_id']}"),
-            complain=complaints.hear,
+            on_progress=lambda row: on_progress(f"{row['agent']} in {row['case_id']}"),
+            on_problem=problems.add,
         )
-    into_warehouse(workspace, complaints)
+    into_warehouse(workspace, problems)
     publish_leaderboard(workspace.storage, workspace.warehouse)
     if results and part:
         with naming(results):
@@ -199,7 +199,7 @@ def evaluate(
     else:
         classes = _classes(workspace.warehouse, by)
         _print_results(rows, lambda row: classes[row["key"]], by)
-    sys.exit(complaints.told())
+    sys.exit(problems.print_all())
 
 
 def _classes(warehouse: Path, dimension: str) -> dict[str, str]:
@@ -215,6 +215,6 @@ def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimensio
     print_table(*evaluations_table(rows, class_of, dimension)[:2])
     faults = Counter((row["agent"], row["fault"]) for row in rows if row["fault"])
     for (agent, fault), count in faults.most_common(_FAULTS_SHOWN):
-        complain(f"{agent} faulty in {count}: {fault}")
+        print_problem(f"{agent} faulty in {count}: {fault}")
     if len(faults) > _FAULTS_SHOWN:
-        complain(f'... and {len(faults) - _FAULTS_SHOWN} other faults; trace-dag sql "FROM evaluations"')
+        print_problem(f'... and {len(faults) - _FAULTS_SHOWN} other faults; trace-dag sql "FROM evaluations"')

@@ -10,7 +10,7 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_of
-from trace_dag.wording import counted
+from trace_dag.messages.wording import counted
 
 
 @click.command(
@@ -41,24 +41,24 @@ def export(root: str, export_format: str, cohort: str | None, only: tuple[str, .
     """
     from trace_dag.benchmark.export import export as write
     from trace_dag.benchmark.export import verified_keys
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.flow.workspace import Workspace
 
     workspace, folder = Workspace.open(root, to_read=True), output or Path(export_format)
-    complaints, exported = Complaints(), 0
-    keys = verified_keys(workspace, cohort, only, complain=complaints.hear)
+    problems, exported = Problems(), 0
+    keys = verified_keys(workspace, cohort, only, on_problem=problems.add)
     with progress_of("crashes", len(keys)) as told:
 
-        def tell(key: str) -> None:
+        def on_progress(key: str) -> None:
             nonlocal exported
             exported += 1
             told(key)
 
         left_out: list[str] = []
         written = write(
-            workspace, keys, folder, export_format, told=tell, complain=complaints.hear, left_out=left_out.append
+            workspace, keys, folder, export_format, told=on_progress, on_problem=problems.add, left_out=left_out.append
         )
     say(f"{folder}  {counted(exported, 'crash', 'crashes')}, {counted(written, 'file')} written")
     for why in left_out:
         say(f"left out  {why}")
-    sys.exit(complaints.told())
+    sys.exit(problems.print_all())

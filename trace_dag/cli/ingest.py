@@ -10,9 +10,9 @@ import click
 from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import say
-from trace_dag.cli.progress import progress_told
+from trace_dag.cli.progress import progress_bar
 from trace_dag.errors import UserError
-from trace_dag.wording import counted
+from trace_dag.messages.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.ingest import IngestReport
@@ -83,7 +83,7 @@ def ingest(
     from trace_dag.cohorts.services import crash_api
     from trace_dag.flow.workspace import Workspace
     from trace_dag.plugins import PluginKind, offered
-    from trace_dag.storage import Storage
+    from trace_dag.storage.files import Storage
 
     if not (reports or maps or fars_csv or source or crashapi):
         raise UserError("ingest: nothing to register; give --reports, --fars-csv, --source, --crashapi or --maps")
@@ -97,7 +97,7 @@ def ingest(
     services = [path for path in maps if path in offered(PluginKind.MAP_SOURCE)]
     if len(services) > 1:
         raise UserError(f"ingest: a cohort asks one service for maps, not {' and '.join(services)}")
-    with progress_told("reports looked up") as tell:
+    with progress_bar("reports looked up") as on_progress:
         report = ingest_into(
             workspace.storage,
             cohort,
@@ -108,7 +108,7 @@ def ingest(
             choice=choice,
             map_service=services[0] if services else None,
             watch=watch,
-            progress=tell,
+            progress=on_progress,
         )
     _add_partitions(root)
     for line in _lines(report, cohort):
@@ -120,7 +120,7 @@ def _add_partitions(root: str) -> None:
     from trace_dag.cohorts.registry import Registry
     from trace_dag.definitions.launch import dagster_records
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.storage import Storage
+    from trace_dag.storage.files import Storage
 
     with dagster_records(Workspace.open(root)) as instance:
         add_partitions(instance, Registry(Storage(root)).keys())

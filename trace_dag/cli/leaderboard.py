@@ -10,7 +10,7 @@ import click
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import say
 from trace_dag.cli.study import into_warehouse
-from trace_dag.wording import counted
+from trace_dag.messages.wording import counted
 
 
 @click.group(epilog=examples("trace-dag leaderboard add results.json"))
@@ -28,19 +28,19 @@ def add(root: str, file: Path) -> None:
     by other code, or whose outcomes do not follow from its measures. Who drove is not proved.
     """
     from trace_dag.benchmark.build import publish_leaderboard
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.errors import UserError
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.evaluations import store_rows
-    from trace_dag.studies.handed_in import check
+    from trace_dag.studies.submissions import check
 
     if not file.is_file():
         raise UserError(f"{file}: there is no such file; trace-dag evaluate --results writes one")
-    workspace, complaints = Workspace.open(root), Complaints()
-    agents = check(workspace, file.read_bytes(), str(file), complain=complaints.hear)
+    workspace, problems = Workspace.open(root), Problems()
+    agents = check(workspace, file.read_bytes(), str(file), on_problem=problems.add)
     for agent, rows in agents.items():
-        store_rows(workspace.storage, agent, f"handed in: {file.name}", rows, complaints.hear)
+        store_rows(workspace.storage, agent, f"handed in: {file.name}", rows, problems.add)
         say(f"{agent}  {counted(len(rows), 'run')} entered")
-    into_warehouse(workspace, complaints)
+    into_warehouse(workspace, problems)
     publish_leaderboard(workspace.storage, workspace.warehouse)
-    sys.exit(complaints.told())
+    sys.exit(problems.print_all())

@@ -8,17 +8,17 @@ import sys
 import click
 
 from trace_dag.cli.cohort import cohort
-from trace_dag.cli.compare import compare
+from trace_dag.cli.compare_estimators import compare_estimators
+from trace_dag.cli.compare_published import compare_published
 from trace_dag.cli.controls import controls
 from trace_dag.cli.demo import demo
 from trace_dag.cli.evaluate import evaluate
 from trace_dag.cli.export import export
 from trace_dag.cli.ingest import ingest
 from trace_dag.cli.leaderboard import leaderboard
-from trace_dag.cli.national import national
+from trace_dag.cli.national_coverage import national_coverage
 from trace_dag.cli.open import open_page
 from trace_dag.cli.options import GroupedCommands, examples
-from trace_dag.cli.peer import peer
 from trace_dag.cli.plugins import plugins
 from trace_dag.cli.release import release
 from trace_dag.cli.replay import replay
@@ -31,12 +31,12 @@ from trace_dag.cli.sql import sql
 from trace_dag.cli.status import status
 from trace_dag.cli.tables import tables
 from trace_dag.cli.ui import ui
-from trace_dag.cli.validate import validate
+from trace_dag.cli.validate_simulator import validate_simulator
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
-from trace_dag.disks import disk_failure
 from trace_dag.errors import Failure, UserError, UserErrors
-from trace_dag.logs import complain, configure_logging, writes_json
+from trace_dag.messages.logs import configure_logging, print_problem, writes_json
+from trace_dag.storage.disk_errors import disk_failure
 from trace_dag.version import __version__
 
 EXIT_FAILED = 1
@@ -68,7 +68,16 @@ def cli(context: click.Context, root: str | None) -> None:
 
 cli.add_under("Start", demo, ingest, run, rerun, cohort)
 cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
-cli.add_under("Judge the results", controls, peer, compare, score_truth, national, validate, verify)
+cli.add_under(
+    "Judge the results",
+    controls,
+    compare_published,
+    compare_estimators,
+    score_truth,
+    national_coverage,
+    validate_simulator,
+    verify,
+)
 cli.add_under("Use them", export, release, evaluate, leaderboard, vary)
 cli.add_under("Set up", settings, plugins)
 
@@ -81,16 +90,16 @@ def main() -> None:
         sys.exit(cli.main(standalone_mode=False))
     except click.ClickException as error:
         if writes_json():
-            complain(error.format_message())
+            print_problem(error.format_message())
         else:
             error.show()
         sys.exit(EXIT_USAGE)
     except click.exceptions.Abort:
-        complain("interrupted; what was finished is kept, run again for the rest")
+        print_problem("interrupted; what was finished is kept, run again for the rest")
         sys.exit(130)
     except UserError as error:
         for said in error.messages if isinstance(error, UserErrors) else (str(error),):
-            complain(f"trace-dag: {_one_line(said)}")
+            print_problem(f"trace-dag: {_one_line(said)}")
         sys.exit(EXIT_USAGE)
     except BrokenPipeError:
         # The reader (head, less) has had enough.
@@ -100,7 +109,7 @@ def main() -> None:
         failure = error if isinstance(error, Failure) else disk_failure(error)
         if failure is None:
             raise
-        complain(f"trace-dag: failed: {_one_line(str(failure))}")
+        print_problem(f"trace-dag: failed: {_one_line(str(failure))}")
         sys.exit(EXIT_FAILED)
 
 

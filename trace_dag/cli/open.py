@@ -16,7 +16,7 @@ def open_page(root: str, key: str | None) -> None:
     """Open the benchmark page in a browser, or the page of one crash, and print where it is."""
     from trace_dag.benchmark.build import INDEX, page_name
     from trace_dag.crash.keys import parse_key
-    from trace_dag.storage import Storage
+    from trace_dag.storage.files import Storage
 
     storage = Storage.open(root, to_read=True)
     if key is not None:

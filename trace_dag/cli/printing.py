@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trace_dag.wording import printable
+from trace_dag.messages.wording import printable
 
 if TYPE_CHECKING:
     from trace_dag.flow.batch import StaleResult
-    from trace_dag.flow.standing import Standing
+    from trace_dag.flow.crash_status import CrashStatus
     from trace_dag.stage import Stage
 
 _LONG_TEXT = 40  # characters
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # as OWASP lists them
 
 
-def print_standings(crashes: Mapping[str, Standing]) -> None:
+def print_statuses(crashes: Mapping[str, CrashStatus]) -> None:
     """The funnel beside the published one, the final states, why crashes were rejected, and what made the estimates."""
+    from trace_dag.flow.crash_status import FinalState, funnel
     from trace_dag.flow.makers import makers_in_words
-    from trace_dag.flow.standing import FinalState, funnel
 
     states = Counter(crash.final_state for crash in crashes.values())
     say()

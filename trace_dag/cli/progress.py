@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from trace_dag.logs import own_stderr, writes_json
+from trace_dag.messages.logs import own_stderr, writes_json
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from trace_dag.progress import Progress as Told
+    from trace_dag.messages.progress import OnProgress
 
 
 @contextmanager
@@ -23,18 +23,18 @@ def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
 
 
 @contextmanager
-def progress_told(what: str) -> Iterator[Told]:
+def progress_bar(what: str) -> Iterator[OnProgress]:
     """A bar from the first time it is told how many are done, and of how many."""
     progress = _bar()
     tasks: list[TaskID] = []
 
-    def tell(done: int, total: int) -> None:
+    def on_progress(done: int, total: int) -> None:
         progress.start()
         tasks[:] = tasks or [progress.add_task(what, total=None)]
         progress.update(tasks[0], completed=done, total=total)
 
     try:
-        yield tell
+        yield on_progress
     finally:
         if progress.live.is_started:
             progress.stop()

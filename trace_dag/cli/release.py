@@ -11,9 +11,9 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import say
-from trace_dag.cli.progress import progress_told
+from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.study import into_warehouse
-from trace_dag.wording import counted
+from trace_dag.messages.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.scenario.release import ArchiveFormat
@@ -44,29 +44,29 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     """
     from trace_dag.benchmark.export import verified_keys
     from trace_dag.benchmark.release import build_release, check_version
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.flow.workspace import Workspace
 
     check_version(version)
-    workspace, complaints = Workspace.open(root), Complaints()
-    verified_keys(workspace, cohort, complain=complaints.hear)  # says so if there is none to release
-    built = into_warehouse(workspace, complaints)
-    with progress_told("pages, then packages") as tell:
+    workspace, problems = Workspace.open(root), Problems()
+    verified_keys(workspace, cohort, on_problem=problems.add)  # says so if there is none to release
+    built = into_warehouse(workspace, problems)
+    with progress_bar("pages, then packages") as on_progress:
         made = build_release(
-            replace(workspace, page_listener=tell),
+            replace(workspace, page_listener=on_progress),
             version,
             output,
             cohort=cohort,
             archive=archive,
             unknown=built.incomplete_crashes,
-            complain=complaints.hear,
+            on_problem=problems.add,
         )
     if made.missing:
         say(
             f"{made.folder}  {counted(made.packages, 'package')}; not finished, "
             f"missing: {counted(made.missing, 'crash', 'crashes')}"
         )
-        complaints.told()
+        problems.print_all()
         say("Mend them and release again; what is there is kept.")
         sys.exit(1)
     state = f"{counted(made.written, 'file')} written" if made.written else "up to date"
@@ -77,4 +77,4 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     say(f"  {made.folder}/index.parquet  a row per package; index.json the same")
     if made.archive:
         say(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, all of it in one file")
-    sys.exit(complaints.told())
+    sys.exit(problems.print_all())

@@ -10,7 +10,7 @@ import click
 
 from trace_dag.cli.options import agent_arguments, examples, traffic_option
 from trace_dag.cli.printing import say
-from trace_dag.disks import naming
+from trace_dag.storage.disk_errors import naming
 
 if TYPE_CHECKING:
     from trace_dag.studies.replays import ReplayFormat

@@ -6,7 +6,6 @@ import sys
 
 import click
 
-from trace_dag.cli.carry_out import carry_out
 from trace_dag.cli.options import (
     ManyValuesCommand,
     estimator_option,
@@ -15,6 +14,7 @@ from trace_dag.cli.options import (
     run_overrides,
     stage_option,
 )
+from trace_dag.cli.run_selection import run_selection
 from trace_dag.errors import Reason, UserError
 from trace_dag.stage import Stage
 
@@ -58,7 +58,7 @@ def rerun(
 
     reason = Reason(rejected) if rejected else None
     sys.exit(
-        carry_out(
+        run_selection(
             root,
             settings,
             lambda workspace: select_again(workspace, cohort, only, failed=failed, reason=reason, first=first),

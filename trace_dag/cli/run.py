@@ -6,7 +6,6 @@ import sys
 
 import click
 
-from trace_dag.cli.carry_out import carry_out
 from trace_dag.cli.options import (
     ManyValuesCommand,
     estimator_option,
@@ -15,6 +14,7 @@ from trace_dag.cli.options import (
     run_overrides,
     stage_option,
 )
+from trace_dag.cli.run_selection import run_selection
 from trace_dag.stage import Stage
 
 
@@ -47,4 +47,4 @@ def run(
     settings = run_overrides(executor, workers, estimator)
     from trace_dag.flow.selection import select_stale
 
-    sys.exit(carry_out(root, settings, lambda workspace: select_stale(workspace, cohort, only, first)))
+    sys.exit(run_selection(root, settings, lambda workspace: select_stale(workspace, cohort, only, first)))

@@ -25,10 +25,10 @@ from trace_dag.stage import Stage
 @click.pass_obj
 def score_truth(root: str, as_json: bool) -> None:
     """Compare the estimates of the bundled sample with the truth it was made from."""
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.flow.contract import read_artefact
+    from trace_dag.flow.crash_status import crash_status, valid_records
     from trace_dag.flow.records import read_records
-    from trace_dag.flow.standing import standing, valid_records
     from trace_dag.flow.workspace import Workspace
     from trace_dag.states.json_io import estimate_from_json
     from trace_dag.studies.truth import load_truth
@@ -42,14 +42,14 @@ def score_truth(root: str, as_json: bool) -> None:
     of_contacts = load_truth(sample_folder() / "chains" / "truth.json")
     of_roadside = load_truth(sample_folder() / "roadside" / "truth.json")
     storage = Workspace.open(root, to_read=True).storage
-    complaints = Complaints()
+    problems = Problems()
     keys = [*truth.by_key, *of_contacts.by_key, *of_roadside.by_key, *(crash.key for crash in of_people.crashes)]
-    records = read_records(storage, keys, complain=complaints.hear)
+    records = read_records(storage, keys, on_problem=problems.add)
     if not any(records.values()):
         raise UserError(f"the sample has not been run in {storage.root}; trace-dag demo runs it")
     estimates, hypotheses, outcomes = {}, {}, {}
     for key, of_crash in records.items():
-        valid, stand = valid_records(of_crash), standing(key, of_crash)
+        valid, stand = valid_records(of_crash), crash_status(key, of_crash)
         outcomes[key] = (stand.final_state.value, stand.reason.value if stand.reason else None)
         try:
             if (record := valid.get(Stage.STATE_ESTIMATE)) and (file := record.artefact("json")):
@@ -58,7 +58,7 @@ def score_truth(root: str, as_json: bool) -> None:
                     hypotheses[key] = verdict_from_json(read_artefact(storage, record, file)).hypothesis
                 estimates[key] = estimate
         except DamagedFile as damaged:
-            complaints.hear(damaged)
+            problems.add(damaged)
     result = score(truth, estimates, outcomes=outcomes, hypothesis=hypotheses)
     people = score_people(of_people, estimates, hypotheses)
     contacts = score(of_contacts, estimates, outcomes=outcomes, hypothesis=hypotheses)
@@ -74,7 +74,7 @@ def score_truth(root: str, as_json: bool) -> None:
                 "outcomes": [{**asdict(row), "as_expected": row.as_expected} for row in result.outcomes],
             }
         )
-        sys.exit(complaints.told())
+        sys.exit(problems.print_all())
     rows: list[tuple[str, Any]] = [(name.replace("_", " "), value) for name, value in asdict(result.summary).items()]
     print_table(["estimates against the truth", ""], rows)
     if any(row.course_correct is not None for row in people):
@@ -101,4 +101,4 @@ def score_truth(root: str, as_json: bool) -> None:
                 for row in unexpected
             ],
         )
-    sys.exit(complaints.told())
+    sys.exit(problems.print_all())

@@ -11,8 +11,8 @@ from trace_dag.cli.printing import print_table, say, write_json
 
 if TYPE_CHECKING:
     from trace_dag.flow.contract import CrashFiles
+    from trace_dag.flow.crash_status import CrashStatus
     from trace_dag.flow.records import Records
-    from trace_dag.flow.standing import Standing
     from trace_dag.flow.workspace import Workspace
 
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 @click.pass_obj
 def show(root: str, key: str, as_json: bool) -> None:
     """Show one crash: what happened, where it stands and why, what can be done, and where its files are."""
+    from trace_dag.flow.crash_status import crash_status, valid_records
     from trace_dag.flow.records import read_records
     from trace_dag.flow.selection import registered
-    from trace_dag.flow.standing import standing, valid_records
     from trace_dag.flow.workspace import Workspace
 
     workspace = Workspace.open(root, to_read=True)
     registered(workspace, None, [key])
     records = valid_records(read_records(workspace.storage, [key])[key])
-    said = _said(workspace, standing(key, records), records)
+    said = _said(workspace, crash_status(key, records), records)
     if as_json:
         write_json(said)
         return
@@ -51,7 +51,7 @@ def show(root: str, key: str, as_json: bool) -> None:
         say(file)
 
 
-def _said(workspace: Workspace, crash: Standing, records: Records) -> dict[str, Any]:
+def _said(workspace: Workspace, crash: CrashStatus, records: Records) -> dict[str, Any]:
     from trace_dag.crash.summary import in_one_sentence
     from trace_dag.flow.artefacts import RECORD
     from trace_dag.flow.contract import CrashFiles
@@ -98,8 +98,8 @@ def _judged(stored: CrashFiles) -> tuple[list[str], list[str]]:
     return figures, [each.detail for each in verdict.reservations]
 
 
-def _remedy(crash: Standing) -> str:
-    from trace_dag.flow.standing import FinalState
+def _remedy(crash: CrashStatus) -> str:
+    from trace_dag.flow.crash_status import FinalState
 
     if crash.final_state is FinalState.FAILED or crash.outdated:
         return "trace-dag rerun --failed runs it again."

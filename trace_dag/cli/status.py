@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import one_line, print_stale, print_standings, print_table, say, write_json
-from trace_dag.logs import complain
+from trace_dag.cli.printing import one_line, print_stale, print_statuses, print_table, say, write_json
+from trace_dag.messages.logs import print_problem
 
 if TYPE_CHECKING:
     from trace_dag.stage import Stage
@@ -29,18 +29,20 @@ _MOST_SHOWN = 20
 def status(root: str, as_json: bool, cohort: str | None) -> None:
     """Show the funnel and where each crash stands, from what is stored."""
     from trace_dag.flow.batch import stale_results
+    from trace_dag.flow.crash_status import FinalState, crash_statuses, funnel
     from trace_dag.flow.records import read_records
-    from trace_dag.flow.standing import FinalState, funnel, standings
     from trace_dag.flow.workspace import Workspace
     from trace_dag.stage import Stage
 
     workspace = Workspace.open(root, to_read=True)
     storage, registry = workspace.storage, workspace.registry
     records = read_records(storage, registry.keys(cohort))
-    crashes = standings(records)
+    crashes = crash_statuses(records)
     stale = {each.key: each for each in stale_results(workspace, records)}
     if not crashes and cohort is None and storage.list(Stage.RAW_REPORT.value):
-        complain("no cohort is registered, though there are results; trace-dag verify --repair registers them again")
+        print_problem(
+            "no cohort is registered, though there are results; trace-dag verify --repair registers them again"
+        )
     if as_json:
         cohorts = {key: name for name, each in registry.cohorts().items() for key in each.reports}
         write_json(
@@ -73,7 +75,7 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
         )
         return
     say(f"Storage root {storage.root}")
-    print_standings(crashes)
+    print_statuses(crashes)
     failed = [
         (crash.key, crash.stage_reached, crash.detail)
         for crash in crashes.values()

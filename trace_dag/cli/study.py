@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.flow.workspace import Workspace
     from trace_dag.settings import RuleSetName
     from trace_dag.warehouse.build import BuildReport
@@ -28,7 +28,7 @@ def judged_by(workspace: Workspace, rules: RuleSetName | None) -> Workspace:
 
 
 def of_cohorts(
-    workspace: Workspace, cohort: str | None, study: Callable[[str], Found], complaints: Complaints
+    workspace: Workspace, cohort: str | None, study: Callable[[str], Found], problems: Problems
 ) -> dict[str, Found]:
     """A study of one cohort, or of each; if nothing can be studied, complaints are printed before the error."""
     from trace_dag.errors import UserError
@@ -37,12 +37,12 @@ def of_cohorts(
     try:
         return of_each(cohorts_of(workspace, cohort), study)
     except UserError:
-        complaints.told()
+        problems.print_all()
         raise
 
 
-def into_warehouse(workspace: Workspace, complaints: Complaints) -> BuildReport:
-    """Build the warehouse anew with the results just stored; ``complaints`` hears of what had to be left out."""
+def into_warehouse(workspace: Workspace, problems: Problems) -> BuildReport:
+    """Build the warehouse anew with the results just stored; ``problems`` hears of what had to be left out."""
     from trace_dag.warehouse.build import build_warehouse
 
-    return build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    return build_warehouse(workspace.storage, workspace.local_folder, on_problem=problems.add)

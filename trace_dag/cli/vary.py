@@ -12,7 +12,7 @@ from trace_dag.cli.options import ManyValuesCommand, Within, examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
-from trace_dag.disks import naming
+from trace_dag.storage.disk_errors import naming
 
 _SHARE, _SECONDS, _METRES = Within(0, 1, max_open=True), Within(0, 60), Within(0, 50)
 
@@ -74,7 +74,7 @@ def vary(
     and all stay on the road. trace-dag evaluate --variations drives in them. They enter the warehouse as table
     variations.
     """
-    from trace_dag.cli.complaints import Complaints
+    from trace_dag.cli.problems import Problems
     from trace_dag.errors import Failure
     from trace_dag.flow.workspace import Workspace
     from trace_dag.scenario.package import zip_files
@@ -86,17 +86,17 @@ def vary(
     from trace_dag.variations.perturbation import Bounds
 
     workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
-    complaints = Complaints()
-    cases = verified_cases(workspace, cohort, only, complain=complaints.hear)
+    problems = Problems()
+    cases = verified_cases(workspace, cohort, only, on_problem=problems.add)
     request = FamilyRequest(
         count,
         seed,
         Bounds(speed_rel, timing_s, lateral_m, friction_low, reaction_s),
         Criteria(near_miss_m=-1.0 if collisions_only else Criteria.near_miss_m),
     )
-    with progress_of("families", len(cases)) as tell:
-        reports = make_families(workspace, cases, request, tell=lambda report: tell(report.key))
-    into_warehouse(workspace, complaints)
+    with progress_of("families", len(cases)) as on_progress:
+        reports = make_families(workspace, cases, request, on_progress=lambda report: on_progress(report.key))
+    into_warehouse(workspace, problems)
     kept = sum(report.kept for report in reports)
     if as_json:
         write_json([asdict(report) for report in reports])
@@ -104,17 +104,17 @@ def vary(
         print_table(*families_table(reports)[:2])
     for report in reports:
         if report.error:
-            complaints.hear(Failure(f"{report.key}: {report.error.strip().splitlines()[-1]}"))
+            problems.add(Failure(f"{report.key}: {report.error.strip().splitlines()[-1]}"))
     if output is not None and kept:
         output.mkdir(parents=True, exist_ok=True)
-        stored = stored_variations(workspace, cases, complain=complaints.hear)
-        with progress_of("packages", len(stored)) as tell:
+        stored = stored_variations(workspace, cases, on_problem=problems.add)
+        with progress_of("packages", len(stored)) as on_progress:
             for case in stored:
                 try:
                     archive = zip_files(package_of(case), folder=case.case_id)
                     with naming(target := output / f"{case.case_id}.zip"):
                         target.write_bytes(archive)
                 except Failure as failure:
-                    complaints.hear(failure)
-                tell(case.case_id)
-    sys.exit(complaints.told())
+                    problems.add(failure)
+                on_progress(case.case_id)
+    sys.exit(problems.print_all())

@@ -11,9 +11,9 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import one_line, print_stale, print_table, say, write_json
-from trace_dag.cli.progress import progress_told
-from trace_dag.logs import complain
-from trace_dag.wording import counted
+from trace_dag.cli.progress import progress_bar
+from trace_dag.messages.logs import print_problem
+from trace_dag.messages.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.flow.batch import StaleResult
@@ -56,8 +56,8 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
                 repair_storage(storage, found, aside)
                 repair_benchmark(found, aside)
             report, found = _look(storage, workspace, instance)
-            with progress_told("records in Dagster") as tell:
-                repair_dagster(instance, storage, report.records, found, tell)
+            with progress_bar("records in Dagster") as on_progress:
+                repair_dagster(instance, storage, report.records, found, on_progress)
             made_together = (
                 DisagreementKind.WAREHOUSE,
                 DisagreementKind.DAMAGED_PAGE,
@@ -68,7 +68,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
             )
             if any(each.kind in made_together for each in (*before, *found)):
                 for error in summarise(workspace, instance).errors:
-                    complain(f"failed: {one_line(error, 500)}")
+                    print_problem(f"failed: {one_line(error, 500)}")
             report, found = _look(storage, workspace, instance)
     stale = _stale(workspace, report)
     left = set(found)
@@ -101,8 +101,8 @@ def _look(
     from trace_dag.flow.verify import DisagreementKind, verify_storage
     from trace_dag.warehouse.verify import verify_warehouse
 
-    with progress_told("artefacts") as tell:
-        report = verify_storage(storage, workspace.local_folder, contents=contents, progress=tell)
+    with progress_bar("artefacts") as on_progress:
+        report = verify_storage(storage, workspace.local_folder, contents=contents, progress=on_progress)
     found = [*report.disagreements]
     lost = any(each.kind in (DisagreementKind.LOST_COHORT, DisagreementKind.LOST_REGISTRY) for each in found)
     if not report.older:

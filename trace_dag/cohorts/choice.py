@@ -15,7 +15,7 @@ from trace_dag.crash.keys import parse_key
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.places import state_abbreviation
 from trace_dag.errors import UserError
-from trace_dag.wording import counted
+from trace_dag.messages.wording import counted
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from trace_dag.cohorts.sources import CrashApiSource, FolderSource, Source, Tabl
 from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
-from trace_dag.progress import Progress
-from trace_dag.storage import Storage
-from trace_dag.wording import counted
+from trace_dag.messages.progress import OnProgress
+from trace_dag.messages.wording import counted
+from trace_dag.storage.files import Storage
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
@@ -59,7 +59,7 @@ def ingest(
     choice: Choice = Choice(),  # noqa: B008 - immutable
     map_service: str | None = None,
     watch: bool = False,
-    progress: Progress | None = None,
+    progress: OnProgress | None = None,
 ) -> IngestReport:
     """Register what is found and chosen. A crash that several sources hold comes from the first of them.
 

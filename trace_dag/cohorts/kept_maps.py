@@ -6,7 +6,7 @@ from pathlib import Path
 
 from trace_dag.cohorts.registry import Registry
 from trace_dag.cohorts.services import map_copies
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 
 def unused_map_copies(storage: Storage) -> list[Path]:

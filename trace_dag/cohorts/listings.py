@@ -15,11 +15,11 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.registry import ReportSource
 from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.errors import DamagedFile, Rejection
-from trace_dag.storage import Storage
+from trace_dag.storage.checksums import checked, with_checksum
+from trace_dag.storage.files import Storage
 
 log = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from trace_dag.cohorts.registry import Registry, in_order
 from trace_dag.cohorts.services import crash_api
 from trace_dag.errors import UserError
 from trace_dag.settings import ServiceSettings
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 log = logging.getLogger(__name__)
 

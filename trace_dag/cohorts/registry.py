@@ -17,12 +17,12 @@ from typing import Literal
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.choice import Choice
 from trace_dag.crash.keys import parse_key
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.provenance import combined_digest, now
-from trace_dag.storage import Storage
+from trace_dag.storage.checksums import checked, with_checksum
+from trace_dag.storage.files import Storage
 
 _FOLDER = "cohorts"
 _COPIES = "cohorts/copies"  # of each file, in case one is lost: nothing else says where reports and maps are

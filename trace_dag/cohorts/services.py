@@ -17,11 +17,11 @@ from trace_dag.cohorts.registry import RegisteredMap
 from trace_dag.errors import Failure
 from trace_dag.plugins import PluginKind, load
 from trace_dag.settings import ServiceSettings, StateSettings
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage.files import Storage, StoredFile
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
-    from trace_dag.http import HttpClient
+    from trace_dag.network.http import HttpClient
     from trace_dag.osm.services import MapSource, MapSourceFactory
     from trace_dag.states.estimate import Estimator
 
@@ -113,7 +113,7 @@ def _estimator(settings: StateSettings, storage: Storage, ledger: str) -> Estima
 
 
 def _http(service: str, settings: ServiceSettings, storage: Storage, *, refresh: bool = False) -> HttpClient:
-    from trace_dag.http import HttpClient, HttpPolicy
+    from trace_dag.network.http import HttpClient, HttpPolicy
 
     base = Path(settings.cache_dir).expanduser() if settings.cache_dir else storage.local_folder / CACHE_FOLDER
     folder = base / service

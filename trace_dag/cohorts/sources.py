@@ -18,9 +18,9 @@ from trace_dag.crash.folder import FoundReport
 from trace_dag.crash.keys import parse_key
 from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.errors import Rejection, UserError
+from trace_dag.messages.progress import OnProgress
 from trace_dag.plugins import PluginKind, load
-from trace_dag.progress import Progress
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
@@ -119,7 +119,7 @@ class CrashApiSource:
     """The CrashAPI. What a list of cases does not say is looked up in the reports, which stay in the cache."""
 
     client: CrashApiClient
-    progress: Progress | None = None
+    progress: OnProgress | None = None
     case_lists: CrashApiClient | None = None
     name: str = "CrashAPI"
 

@@ -19,7 +19,7 @@ from trace_dag.cohorts.ingest import ingest
 from trace_dag.cohorts.registry import Registry, in_order
 from trace_dag.crash.folder import Unrecognised
 from trace_dag.errors import UserError
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 SETTLING_S: Final = 5.0
 """A file changed more recently than this may not be whole yet."""

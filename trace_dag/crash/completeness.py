@@ -23,9 +23,9 @@ from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.road_departure import overturns_on_road, side_of_first
 from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
 from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.messages.wording import counted
 from trace_dag.schemas import Column, ColumnType
 from trace_dag.settings import CrashSettings
-from trace_dag.wording import counted
 
 US_LATITUDE_DEG: Final = (17.5, 71.6)
 US_LONGITUDE_DEG: Final = (-180.0, -64.4)

@@ -33,8 +33,8 @@ from trace_dag.crash.record import (
 )
 from trace_dag.crash.summary import event_in_words
 from trace_dag.crash.zones import ZONES_OF_BIKEPOS, ZONES_OF_LOCATION, ZONES_OF_PEDPOS
+from trace_dag.messages.wording import counted
 from trace_dag.units import mps_to_mph
-from trace_dag.wording import counted
 
 _TURNS: Final = frozenset({PreCrashMovement.TURNING_LEFT, PreCrashMovement.TURNING_RIGHT})
 _MAY_STAND: Final = STOPPED_MOVEMENTS | {

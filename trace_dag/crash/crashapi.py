@@ -17,7 +17,7 @@ from trace_dag.crash.folder import identify
 from trace_dag.crash.keys import crash_key, parse_key, state_of
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import Failure, Rejection, UserError
-from trace_dag.http import HttpClient
+from trace_dag.network.http import HttpClient
 
 BASE_URL: Final = "https://crashviewer.nhtsa.dot.gov/CrashAPI"
 LIST_LIMIT: Final = 5000

@@ -16,10 +16,10 @@ from typing import Final, TypeAlias
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.codes import events as codes
 from trace_dag.crash.departure_side import SIDE_OF_EVENT, DepartureSide
+from trace_dag.crash.event_parties import ORDER_OF_IMPACTS
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
-from trace_dag.crash.struck import ORDER_OF_STRIKES
 from trace_dag.crash.summary import event_in_words
 from trace_dag.errors import Reason
 
@@ -174,7 +174,7 @@ def event_sequence(record: CrashRecord) -> EventSequence | Missing:
     missing = _missing_from(record, harmful, reader)
     if missing is not None:
         return Missing(Reason.INCOMPLETE_SEQUENCE, missing)
-    order_known = not {ORDER_OF_CONTACTS, ORDER_OF_STRIKES} & set(record.implied)
+    order_known = not {ORDER_OF_CONTACTS, ORDER_OF_IMPACTS} & set(record.implied)
     beyond = tuple(event for event in harmful if event.code not in MODELLED)
     return EventSequence(tuple(reader.events), order_known, beyond, reader.unclear)
 
@@ -254,7 +254,7 @@ def _not_modelled(record: CrashRecord, harmful: Sequence[EventRecord]) -> Missin
     what = codes.HARM_EV.meaning(harmful[0].code)
     return Missing(
         Reason.NOT_MODELLED,
-        f"the first harmful event is that a vehicle {what}, which is not modelled: {', '.join(told)}",
+        f"a crash that begins with this is not modelled: {what}; {', '.join(told)}",
     )
 
 

@@ -25,12 +25,12 @@ from trace_dag.crash.derive import (
     with_crash_types,
     with_impacts,
 )
+from trace_dag.crash.event_parties import with_event_parties
 from trace_dag.crash.fields import Fields, local_name, malformed
 from trace_dag.crash.keys import crash_key, state_of
 from trace_dag.crash.persons import read_non_motorists
 from trace_dag.crash.record import CrashRecord, VehicleRecord
-from trace_dag.crash.sequence import read_sequence, struck_standing_only, told_of_by_events_alone
-from trace_dag.crash.struck import with_struck
+from trace_dag.crash.sequence import known_by_events_alone, read_sequence, struck_standing_only
 from trace_dag.crash.summary import summarise
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
@@ -111,7 +111,7 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
     vehicles = _vehicles(fields)
     sequence = read_sequence(fields, vehicles)
     persons = read_non_motorists(fields, vehicles)
-    struck = with_struck(sequence.events, persons.non_motorists, order_known=sequence.order_known)
+    struck = with_event_parties(sequence.events, persons.non_motorists, order_known=sequence.order_known)
     events = struck.events
     man_coll = fields.code(crash_codes.MAN_COLL)
     vehicles = with_impacts(with_crash_types(vehicles, events), events, man_coll)
@@ -221,7 +221,7 @@ def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
     reported: list[VehicleRecord] = []
     unreported: list[etree._Element] = []
     for element in fields.members("Vehicles"):
-        if told_of_by_events_alone(Fields(element, fields.where, fields.year)):
+        if known_by_events_alone(Fields(element, fields.where, fields.year)):
             unreported.append(element)
         else:
             reported.append(read_vehicle(element, fields))

@@ -88,7 +88,7 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
     return ReadSequence(events, ("events",) if events else (), strays)
 
 
-def told_of_by_events_alone(vehicle: Fields) -> bool:
+def known_by_events_alone(vehicle: Fields) -> bool:
     """Whether an element of ``Vehicles`` holds nothing but a number and what other tables say: it has no row there."""
     return not vehicle.names() - {"VEH_NO"}
 

@@ -30,13 +30,13 @@ from trace_dag.assets.partitions import CRASHES, add_partitions
 from trace_dag.assets.run_requests import PROCESS_TAG, batch_config, range_tags
 from trace_dag.assets.summaries import DAMAGED
 from trace_dag.definitions import build_definitions
-from trace_dag.disks import disk_failure
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.selection import PlannedBatch, Selection, has_large_map, plan, plan_maps_first
 from trace_dag.flow.workspace import ROOT_VARIABLE, Workspace
 from trace_dag.processes import is_gone, this_process
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.disk_errors import disk_failure
+from trace_dag.storage.files import Storage
 
 log = logging.getLogger(__name__)
 

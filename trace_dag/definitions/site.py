@@ -18,7 +18,7 @@ from trace_dag.definitions.asgi import App, Message, Receive, Send, send_bytes
 from trace_dag.errors import Failure, UserError
 from trace_dag.scenario.replay_library import PAGE
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage, check_name
+from trace_dag.storage.files import Storage, check_name
 
 PREFIX: Final = "/site"
 _HOME: Final = f"{PREFIX}/{FOLDER}/"

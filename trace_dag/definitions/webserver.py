@@ -27,7 +27,7 @@ import click
 
 from trace_dag.definitions.asgi import App, Message, Receive, Send, again, read_body, send_bytes
 from trace_dag.definitions.site import PREFIX, REPLAY, BenchmarkSite
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 log = logging.getLogger(__name__)
 

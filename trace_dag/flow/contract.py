@@ -35,7 +35,7 @@ from trace_dag.provenance import OutcomeRecord, artefact_name, libraries_of, set
 from trace_dag.references import referred, signature_of
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage.files import Storage, StoredFile
 
 if TYPE_CHECKING:
     from trace_dag.sim.types import SimulationLog

@@ -24,7 +24,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Generic, Protocol, TypeVar
 
 from trace_dag.errors import Failure
-from trace_dag.logs import configure_logging
+from trace_dag.messages.logs import configure_logging
 from trace_dag.processes import end_all, how_it_ended, is_stopped
 
 C = TypeVar("C")  # what the steps of a task share

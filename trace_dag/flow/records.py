@@ -15,13 +15,13 @@ import logging
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from trace_dag.errors import DamagedFile, Failure
-from trace_dag.garbage import no_garbage_collection
+from trace_dag.gc_pause import gc_paused
 from trace_dag.provenance import MADE_AGAIN, OutcomeRecord, record_from_json, record_name, record_to_json
 from trace_dag.stage import Stage
-from trace_dag.storage import Entry, Storage
+from trace_dag.storage.files import Entry, Storage
 
 Records = dict[Stage, OutcomeRecord]  # of one crash
-Complaint = Callable[[Failure], None]
+OnProblem = Callable[[Failure], None]
 """Hears of one crash or file that had to be left out, while the others go on."""
 log = logging.getLogger(__name__)
 
@@ -35,36 +35,36 @@ def raised(failure: Failure) -> None:
     raise failure
 
 
-def log_complaint(failure: Failure) -> None:
+def log_problem(failure: Failure) -> None:
     """The complaint handler for callers that go on without what is damaged: it writes a line to the log."""
     log.warning("%s", failure)
 
 
-@no_garbage_collection()
+@gc_paused()
 def read_records(
     storage: Storage,
     keys: Iterable[str],
     stages: Sequence[Stage] = tuple(Stage),
     *,
-    complain: Complaint = log_complaint,
+    on_problem: OnProblem = log_problem,
 ) -> dict[str, Records]:
     """The stored records of some crashes, by key and stage; every key has an entry.
 
     A record that is damaged or cannot be read is left out, so that its stage runs again and writes it anew;
-    ``complain`` is called with it.
+    ``on_problem`` is called with it.
     """
     by_key: dict[str, Records] = {key: {} for key in keys}
     for name, data in _contents(
-        storage, [record_name(stage, key) for key in by_key for stage in stages], complain
+        storage, [record_name(stage, key) for key in by_key for stage in stages], on_problem
     ).items():
-        record = readable_record(storage, name, data, complain)
+        record = readable_record(storage, name, data, on_problem)
         if record is not None:
             by_key[record.key][record.stage] = record
     return by_key
 
 
-def readable_record(storage: Storage, name: str, data: bytes, complain: Complaint) -> OutcomeRecord | None:
-    """A record from its bytes; None, and ``complain`` is called, if it is damaged.
+def readable_record(storage: Storage, name: str, data: bytes, on_problem: OnProblem) -> OutcomeRecord | None:
+    """A record from its bytes; None, and ``on_problem`` is called, if it is damaged.
 
     What cannot be read is read once more, since the file may just have been replaced.
     """
@@ -76,13 +76,13 @@ def readable_record(storage: Storage, name: str, data: bytes, complain: Complain
         except FileNotFoundError:
             return None
         except DamagedFile as damaged:
-            complain(damaged)
+            on_problem(damaged)
             return None
 
 
-def _contents(storage: Storage, names: Sequence[str], complain: Complaint) -> dict[str, bytes]:
+def _contents(storage: Storage, names: Sequence[str], on_problem: OnProblem) -> dict[str, bytes]:
     if storage.local_root is not None or len(names) <= _READ_ONE_BY_ONE:
-        return storage.read_many(names, lambda damaged: complain(damaged.mended_by(MADE_AGAIN)))
+        return storage.read_many(names, lambda damaged: on_problem(damaged.mended_by(MADE_AGAIN)))
     listed: dict[str, Entry] = {}
     for folder in {name.partition("/")[0] for name in names}:
         listed.update(storage.list(folder))

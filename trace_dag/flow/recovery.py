@@ -5,10 +5,10 @@ from __future__ import annotations
 from trace_dag.cohorts.registry import Registry, ReportSource
 from trace_dag.flow.artefacts import REPORT_XML
 from trace_dag.flow.records import read_records
-from trace_dag.logs import complain
+from trace_dag.messages.logs import print_problem
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 COHORT = "recovered"
 
@@ -45,4 +45,6 @@ def register_again(storage: Storage) -> None:
         name = COHORT if number == 1 else f"{COHORT}-{number}"
         Registry(storage).register(name, reports, origin="records of a lost registry", lost_maps=maps or None)
     if left_out:
-        complain(f"not registered again, since nothing is kept of the report: {', '.join(left_out)}; ingest it again")
+        print_problem(
+            f"not registered again, since nothing is kept of the report: {', '.join(left_out)}; ingest it again"
+        )

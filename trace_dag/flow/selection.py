@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, replace
 from trace_dag.cohorts.registry import in_order
 from trace_dag.errors import Reason, UserError
 from trace_dag.flow.batch import first_stale
+from trace_dag.flow.crash_status import FinalState, crash_statuses
 from trace_dag.flow.records import read_records
-from trace_dag.flow.standing import FinalState, standings
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 _LARGE_MAP = 50_000_000  # bytes, which take some 10 s
 
@@ -85,7 +85,7 @@ def select_again(
     asked = registered(workspace, cohort, only)
     records = read_records(workspace.storage, asked)
     start: dict[str, Stage] = {}
-    for key, crash in standings(records).items():
+    for key, crash in crash_statuses(records).items():
         if crash.stage_reached is None:
             continue
         if failed and crash.outdated is not None:

@@ -20,11 +20,11 @@ from trace_dag.flow.contract import CrashFiles, Flow
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import Records
 from trace_dag.flow.staleness import Recipe
-from trace_dag.logs import at_work, figures
+from trace_dag.messages.logs import at_work, figures
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage.files import Storage, StoredFile
 
 
 class Action(StrEnum):

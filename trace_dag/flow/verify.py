@@ -22,12 +22,12 @@ from enum import Enum
 from pathlib import Path
 from shutil import rmtree
 
-from trace_dag.checksums import checked
 from trace_dag.cohorts.kept_maps import unused_map_copies
 from trace_dag.cohorts.listings import FILE as LISTINGS
 from trace_dag.cohorts.registry import Cohort, Registry
 from trace_dag.cohorts.services import CACHE_FOLDER
 from trace_dag.errors import DamagedFile
+from trace_dag.flow.crash_status import valid_records
 from trace_dag.flow.manifests import (
     FOLDERS,
     adopt_files,
@@ -40,15 +40,15 @@ from trace_dag.flow.manifests import (
 )
 from trace_dag.flow.records import Records, read_records, write_record
 from trace_dag.flow.recovery import register_again
-from trace_dag.flow.standing import valid_records
 from trace_dag.flow.workspace import BUILDING
-from trace_dag.http import damaged_answers
+from trace_dag.messages.progress import OnProgress
+from trace_dag.messages.wording import counted
+from trace_dag.network.http import damaged_answers
 from trace_dag.processes import abandoned
-from trace_dag.progress import Progress
 from trace_dag.provenance import MADE_AGAIN, Outcome, crash_of, record_name
 from trace_dag.stage import Stage
-from trace_dag.storage import Entry, Storage, StoredFile, check_name
-from trace_dag.wording import counted
+from trace_dag.storage.checksums import checked
+from trace_dag.storage.files import Entry, Storage, StoredFile, check_name
 
 QUARANTINE = "quarantine"
 _RECORD_ENDING = ".outcome.json"
@@ -118,7 +118,7 @@ class StorageReport:
 
 
 def verify_storage(
-    storage: Storage, local_folder: Path, *, contents: bool = False, progress: Progress | None = None
+    storage: Storage, local_folder: Path, *, contents: bool = False, progress: OnProgress | None = None
 ) -> StorageReport:
     """Compare what records and manifests list with the files that are there.
 
@@ -135,7 +135,7 @@ def verify_storage(
         for stage, listing in everywhere.items()
     }
     found = {crash_of(name) for listing in listings.values() for name in listing}
-    everything = read_records(storage, sorted(registered | found), complain=lambda _: None)
+    everything = read_records(storage, sorted(registered | found), on_problem=lambda _: None)
     disagreements = [
         Disagreement(DisagreementKind.LOST_COHORT, f"{each.name}: {each.found}", file=each.name) for each in lost
     ]
@@ -328,7 +328,7 @@ def _damaged(
     records: Mapping[str, Records],
     drawn: _Drawn,
     known: Sequence[Disagreement],
-    progress: Progress | None,
+    progress: OnProgress | None,
 ) -> Iterator[Disagreement]:
     """Artefacts and pictures of the right size whose content is not what was recorded."""
     skipped = {each.file for each in known}

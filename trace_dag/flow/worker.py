@@ -31,8 +31,8 @@ from trace_dag.flow.tasks import (
     Work,
 )
 from trace_dag.flow.time_limit import SLOWEST_BYTES_PER_S, within
-from trace_dag.garbage import no_garbage_collection
-from trace_dag.logs import at_work
+from trace_dag.gc_pause import gc_paused
+from trace_dag.messages.logs import at_work
 from trace_dag.provenance import (
     Outcome,
     OutcomeRecord,
@@ -59,7 +59,7 @@ def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
     log.warning("%s %s: %s; trying again", key, stage, error)
 
 
-@no_garbage_collection()
+@gc_paused()
 def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
     """What a worker does once before its first chunk, ahead of time: imports, those of ``modules`` among them.
 
@@ -99,7 +99,7 @@ def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
     return [event for crash in chunk.crashes for event in _work_on_crash(work, crash, chunk)]
 
 
-@no_garbage_collection()  # until the crash is let go: then hardly anything is left to look through
+@gc_paused()  # until the crash is let go: then hardly anything is left to look through
 def _work_on_crash(work: Work, crash: CrashTask, chunk: Chunk) -> list[StageEvent]:
     with opened(work, [crash]) as (store,):
         return _CrashWorker(work, store).run(chunk.stages, chunk.last)

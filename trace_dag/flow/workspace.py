@@ -17,10 +17,10 @@ from trace_dag.flow.contract import Flow
 from trace_dag.flow.executors import Executor, make_executor
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import StageEvent
-from trace_dag.progress import Progress, silent
+from trace_dag.messages.progress import OnProgress, silent
 from trace_dag.settings import AutomationSettings, Settings
 from trace_dag.settings_sources import DescribedSetting, described_settings, load_settings
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 ROOT_VARIABLE = "TRACE_DAG_ROOT"
 DEFAULT_ROOT = "trace_dag_home"
@@ -46,7 +46,7 @@ class Workspace:
     settings: Settings
     flow: Flow = FLOW
     listener: Callable[[StageEvent], None] | None = None
-    page_listener: Progress = silent
+    page_listener: OnProgress = silent
     executor: Executor | None = None
 
     @classmethod

@@ -16,7 +16,7 @@ from trace_dag.gym.episode import EpisodeMoment
 from trace_dag.gym.pool import Track
 from trace_dag.scenario.animation import View
 from trace_dag.scenario.colours import body_colour
-from trace_dag.scenario.picture_motion import DrawnBody, draw_body
+from trace_dag.scenario.picture_motion import SampledBody, draw_body
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.sim.types import SimulationLog
@@ -38,7 +38,7 @@ class Camera:
             state = moment.states[number]
             pose = Pose(state.x_m, state.y_m, state.heading_rad)
             colour = body_colour(number, self._bodies)
-            draw_body(canvas, DrawnBody(pose, body.length_m, body.width_m, colour, 1.0))
+            draw_body(canvas, SampledBody(pose, body.length_m, body.width_m, colour, 1.0))
         return np.asarray(self._view.picture(canvas), np.uint8)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from trace_dag.errors import Failure, Reason, Rejection, UserError, UserErrors
 from trace_dag.geometry import FloatArray
-from trace_dag.osm.cutting import cut_roads
+from trace_dag.osm.clip import clip_roads
 from trace_dag.osm.extraction import Around, FileHeader, FilePass, read_around, read_header
 from trace_dag.osm.joining import joined_ways, neighbours
 from trace_dag.osm.pbf_check import PbfChecker
@@ -246,7 +246,7 @@ def _cut(parts: Sequence[_Part]) -> OsmExtract:
     first, ways = parts[0], joined_ways(part.ways for part in parts)
     node_tags = {node_id: tags for part in reversed(parts) for node_id, tags in part.node_tags.items()}
     restrictions = {number: relation for part in parts for number, relation in part.restrictions.items()}
-    roads = cut_roads(first.box, ways.values(), node_tags, restrictions.values())
+    roads = clip_roads(first.box, ways.values(), node_tags, restrictions.values())
     return OsmExtract(
         box=first.box,
         nodes=roads.nodes,

@@ -5,7 +5,7 @@ drops objects without the tags asked for; of the others Python looks at those th
 come first is read once, any other twice. Memory holds what lies around the sites, and the locations of nodes, those of
 a large file on disk (``osm.node_memory_mb``).
 
-Cutting the ways at the boxes is :mod:`trace_dag.osm.cutting`'s task, choosing the file :mod:`trace_dag.osm.catalog`'s.
+Cutting the ways at the boxes is :mod:`trace_dag.osm.clip`'s task, choosing the file :mod:`trace_dag.osm.catalog`'s.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ import shapely
 from lxml import etree
 
 from trace_dag.errors import UserError
-from trace_dag.garbage import no_garbage_collection
-from trace_dag.logs import complain
+from trace_dag.gc_pause import gc_paused
+from trace_dag.messages.logs import print_problem
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
 from trace_dag.osm.plain_xml import as_plain_xml
 from trace_dag.osm.plausibility import UnreadableMapError, xml_opener
@@ -154,7 +154,7 @@ def read_around(path: Path, header: FileHeader, sites: Sequence[Around], setting
         as_plain_xml(path) as plain,
         reading(path),
         _node_locations(path, settings) as located,
-        no_garbage_collection(),
+        gc_paused(),
     ):
         finder = _Finder(path.name, sites, measure_bounds=header.box is None, service_roads=settings.service_roads)
         finder.look_at(plain, osmium.osm.ALL, located)
@@ -372,7 +372,7 @@ class _Finder:
         line = f"{self._name}: {self._seen:,} objects read"
         if self._sites:
             line += f", roads around {sum(map(bool, self._ways)):,} of {len(self._sites):,} crashes found"
-        complain(line, level=logging.INFO)
+        print_problem(line, level=logging.INFO)
 
 
 def relation_of(read: Any) -> OsmRelation:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from trace_dag.errors import UserError
-from trace_dag.logs import complain
+from trace_dag.messages.logs import print_problem
 from trace_dag.osm.extraction import TOLD_EVERY_S, reading
 from trace_dag.osm.plausibility import UnreadableMapError
 from trace_dag.processes import how_it_ended
@@ -68,7 +68,7 @@ class PbfChecker:
                 )
             said = json.loads(answer)
             if isinstance(said, int):
-                complain(f"{path.name}: {said:,} ways checked", level=logging.INFO)
+                print_problem(f"{path.name}: {said:,} ways checked", level=logging.INFO)
             elif said:
                 self.close()  # a writer that failed ends its process when it is destructed
                 raise UnreadableMapError(said)

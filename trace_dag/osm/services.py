@@ -2,8 +2,8 @@
 
 Both answer a box with OSM XML that holds every way in it whole. Every answer is checked before it is used or cached:
 Overpass reports a query that ran out of time or memory as a ``remark`` inside an answer with status 200. All requests
-go through :class:`trace_dag.http.HttpClient`. For more than a few hundred crashes, download extracts of the states and
-use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pass instead of a request per crash.
+go through :class:`trace_dag.network.http.HttpClient`. For more than a few hundred crashes, download extracts of the
+states and use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pass instead of a request per crash.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Final, Protocol
 import numpy as np
 
 from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
-from trace_dag.http import HttpClient, UnreachableError
+from trace_dag.network.http import HttpClient, UnreachableError
 from trace_dag.osm.catalog import box_around, is_on_earth
-from trace_dag.osm.cutting import cut_roads
+from trace_dag.osm.clip import clip_roads
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
 from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, features_of_ways, is_thing
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmWay, RawWay, Site
@@ -165,7 +165,7 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
         data = read_osm(download(box, nearer), name=name)
     except UserError as error:
         raise Failure(str(error)) from error  # the service's fault, not the caller's
-    roads = cut_roads(
+    roads = clip_roads(
         box,
         _raw_ways(data, service_roads=settings.service_roads),
         {node.id: node.tags for node in data.nodes.values() if node.tags},

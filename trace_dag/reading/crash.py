@@ -196,7 +196,7 @@ class Crash:
         import numpy as np
         import pandas as pd
 
-        from trace_dag.sim.drawn_courses import STEP_S
+        from trace_dag.sim.sampled_courses import STEP_S
 
         columns = ["course", "weight", "number", "time_s", "x_m", "y_m", "heading_rad"]
         if not self._stored.has(SAMPLED):

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from trace_dag.errors import UserError
+from trace_dag.messages.wording import counted
 from trace_dag.reading.crash import Crash
-from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     import duckdb

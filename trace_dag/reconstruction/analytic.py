@@ -10,7 +10,7 @@ from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import NAME
 from trace_dag.states.types import StateEstimate
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 
 class AnalyticEstimator:

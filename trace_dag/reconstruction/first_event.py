@@ -17,9 +17,9 @@ from trace_dag.reconstruction.planners.rollover import overturn_hypotheses
 from trace_dag.settings import StateSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.states.analytic import first_contact
-from trace_dag.states.departures import departure_hypotheses
 from trace_dag.states.parked import parked_contacts
 from trace_dag.states.ranking import ambiguity
+from trace_dag.states.run_off_road.planner import departure_hypotheses
 from trace_dag.states.scene import Scene
 from trace_dag.states.types import Hypothesis
 

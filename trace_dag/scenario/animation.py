@@ -24,7 +24,7 @@ from trace_dag.scenario.drive import AgentDrive
 from trace_dag.scenario.figure_shapes import logged_shape
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
-from trace_dag.scenario.picture_motion import DrawnBody, DrawnFigure, draw_body, draw_figure, draw_objects
+from trace_dag.scenario.picture_motion import DrawnFigure, SampledBody, draw_body, draw_figure, draw_objects
 from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.scenario.video import encode_mp4
 from trace_dag.sim.types import Body, SimulationLog, VehicleLog, moment_of
@@ -174,7 +174,7 @@ def _panel(view: View, log: SimulationLog, drive: AgentDrive | None, time_s: flo
     canvas = view.canvas()
     draw_objects(canvas, log.objects)
     if drive is not None:
-        draw_body(canvas, DrawnBody(drive.ghost_pose(time_s), drive.body.length_m, drive.body.width_m, "black", 0.0))
+        draw_body(canvas, SampledBody(drive.ghost_pose(time_s), drive.body.length_m, drive.body.width_m, "black", 0.0))
     for vehicle in log.vehicles:
         _draw_party(canvas, vehicle, log.bodies[vehicle.number], body_colour(vehicle.number, log.bodies), time_s)
     moment = moment_of(log)
@@ -196,7 +196,7 @@ def _draw_party(canvas: Canvas, vehicle: VehicleLog, body: Body, colour: str, ti
         shape = logged_shape(vehicle, max(int(past.sum()) - 1, 0), body)
         draw_figure(canvas, DrawnFigure(shape, colour, 1.0))
     else:
-        draw_body(canvas, DrawnBody(Pose(x_m, y_m, heading_rad), body.length_m, body.width_m, colour, 1.0))
+        draw_body(canvas, SampledBody(Pose(x_m, y_m, heading_rad), body.length_m, body.width_m, colour, 1.0))
 
 
 def _header(

@@ -16,6 +16,7 @@ from trace_dag.crash.codes.vehicle import ACC_TYPE
 from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import in_one_sentence
+from trace_dag.messages.wording import beside_limit
 from trace_dag.osm.rights import Rights
 from trace_dag.roads.report import MapReport, RejectedMapReport
 from trace_dag.scenario.colours import vehicle_colour
@@ -27,7 +28,6 @@ from trace_dag.units import mps_to_mph
 from trace_dag.verdict.in_words import events_in_words, numbers_of
 from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Verdict
 from trace_dag.version import __version__
-from trace_dag.wording import beside_limit
 
 Row = Mapping[str, Any]
 

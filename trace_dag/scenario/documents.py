@@ -8,8 +8,8 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.markdown import code_span, escaped
-from trace_dag.wording import counted
+from trace_dag.messages.markdown import code_span, escaped
+from trace_dag.messages.wording import counted
 
 if TYPE_CHECKING:
     from jinja2 import Environment

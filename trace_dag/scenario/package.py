@@ -34,7 +34,7 @@ from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.pictures import WIDTH_PX, draw_crash
 from trace_dag.scenario.replay import replay_page
 from trace_dag.scenario.replay_content import ReplayContent, replay_content
-from trace_dag.scenario.strikes import strikes
+from trace_dag.scenario.replay_impacts import strikes
 from trace_dag.scenario.trajectories import log_to_json
 from trace_dag.sim.sampled import SampledRuns, samples_to_json
 from trace_dag.sim.types import SimulationLog

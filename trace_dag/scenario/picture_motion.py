@@ -27,7 +27,7 @@ _RIDDEN_COLOUR, _HEAD_COLOUR = "#1D2024", "#3B2A20"
 
 
 @dataclass(frozen=True)
-class DrawnBody:
+class SampledBody:
     """A vehicle from above; an ``opacity`` of 0 leaves the outline."""
 
     pose: Pose
@@ -58,7 +58,7 @@ class DrawnMotion:
         self._overturns: list[tuple[float, float]] = []
         self._planned: list[tuple[str, FloatArray]] = []
         self._driven: list[tuple[str, FloatArray]] = []
-        self._bodies: list[DrawnBody] = []
+        self._bodies: list[SampledBody] = []
         self._figures: list[DrawnFigure] = []
         numbers = sorted(planned.keys() | driven.keys())
         for number in numbers:
@@ -69,9 +69,9 @@ class DrawnMotion:
                 self._planned.append((colour, np.column_stack([path.x_m, path.y_m])[before]))
                 size = participant.length_m, participant.width_m
                 if is_vehicle(number):
-                    self._bodies.append(DrawnBody(participant.initial_pose, *size, colour, 0.0))
+                    self._bodies.append(SampledBody(participant.initial_pose, *size, colour, 0.0))
                     if not contacts and not log:
-                        self._bodies.append(DrawnBody(participant.impact_pose, *size, colour, _OPACITY))
+                        self._bodies.append(SampledBody(participant.impact_pose, *size, colour, _OPACITY))
             if log and (vehicle := driven.get(number)):
                 body = log.bodies[number]
                 party = party_of_body(number)
@@ -87,15 +87,15 @@ class DrawnMotion:
                     continue
                 size = body.length_m, body.width_m
                 if body.is_trailer:
-                    self._bodies.append(DrawnBody(_first_pose(vehicle), *size, colour, 0.0))
-                self._bodies.append(DrawnBody(_last_pose(vehicle), *size, colour, _AT_REST_OPACITY))
+                    self._bodies.append(SampledBody(_first_pose(vehicle), *size, colour, 0.0))
+                self._bodies.append(SampledBody(_last_pose(vehicle), *size, colour, _AT_REST_OPACITY))
                 over = overturned_at(vehicle)
                 if over is not None:
                     self._overturns.append((float(vehicle.x_m[over]), float(vehicle.y_m[over])))
                     if pose is None:
                         pose = Pose(*self._overturns[-1], float(vehicle.heading_rad[over]))
                 if pose is not None:
-                    self._bodies.append(DrawnBody(pose, *size, colour, _OPACITY))
+                    self._bodies.append(SampledBody(pose, *size, colour, _OPACITY))
 
     def draw(self, canvas: Canvas) -> None:
         """Draw all of it, between z-orders 20 and 40."""
@@ -124,7 +124,7 @@ def draw_objects(canvas: Canvas, objects: Sequence[FixedObject]) -> None:
         canvas.polygons([outline(item)], ink, 25)
 
 
-def draw_body(canvas: Canvas, body: DrawnBody) -> None:
+def draw_body(canvas: Canvas, body: SampledBody) -> None:
     """Draw a vehicle as a box with its windscreen and a stroke ahead of it."""
     corners = rectangle_corners(body.pose, body.length_m, body.width_m)
     canvas.polygons([corners], Ink(body.colour, body.colour, 1.2, fill_opacity=body.opacity), 30)
@@ -132,7 +132,7 @@ def draw_body(canvas: Canvas, body: DrawnBody) -> None:
         canvas.lines([line], Ink(stroke=colour, width_pt=width_pt), 31)
 
 
-def _fronts(body: DrawnBody) -> Iterator[tuple[FloatArray, str, float]]:
+def _fronts(body: SampledBody) -> Iterator[tuple[FloatArray, str, float]]:
     """The marks of a body's front, a windscreen and a stroke ahead: line, colour, width (points)."""
     screen, half, front = 0.22 * body.length_m, 0.42 * body.width_m, 0.5 * body.length_m
     yield body.pose.to_world(np.array([[screen, half], [screen, -half]])), "white" if body.opacity else body.colour, 1.6

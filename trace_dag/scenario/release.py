@@ -24,6 +24,7 @@ from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajecto
 from trace_dag.crash.kind import CrashKind
 from trace_dag.errors import Reason
 from trace_dag.evaluation.splits import SITE_M, Split
+from trace_dag.messages.wording import counted
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.documents import render_document
 from trace_dag.scenario.geoparquet import geoparquet
@@ -31,7 +32,6 @@ from trace_dag.scenario.release_metadata import croissant, datacite, licences
 from trace_dag.schemas import Column, ColumnType, TableSchema
 from trace_dag.verdict.types import Grade
 from trace_dag.version import __version__
-from trace_dag.wording import counted
 
 NAME = "trace-dag-benchmark"
 CHECKSUMS = "SHA256SUMS"

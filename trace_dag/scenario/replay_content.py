@@ -28,7 +28,7 @@ from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.page_templates import zipped
 from trace_dag.scenario.solid.scene import crash_glb
 from trace_dag.scenario.vehicle_names import vehicle_name
-from trace_dag.sim.drawn_courses import PLACE_M, STEP_S, TURN_RAD
+from trace_dag.sim.sampled_courses import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Happening, Verdict
@@ -254,7 +254,7 @@ def _ghost(drive: AgentDrive | None, log: SimulationLog) -> dict[str, Any]:
 
 
 def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
-    """Other likely courses; places in the steps of :class:`trace_dag.sim.drawn_courses.DrawnBody`."""
+    """Other likely courses; places in the steps of :class:`trace_dag.sim.sampled_courses.SampledBody`."""
     courses: list[dict[str, Any]] = []
     for course in sampled.courses:
         contact = sampled.contact_of(course)

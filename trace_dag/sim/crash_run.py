@@ -14,9 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from trace_dag.settings import SimSettings
-from trace_dag.sim.at_the_wheel import AtTheWheel
-from trace_dag.sim.beyond_edge import BeyondEdge
 from trace_dag.sim.commanded import CommandedVehicle
+from trace_dag.sim.driver_response import DriverResponse
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import separation
@@ -32,6 +31,7 @@ from trace_dag.sim.recorder import (
 )
 from trace_dag.sim.rigid import BodyStates, RigidBodies
 from trace_dag.sim.roadside import Roadside
+from trace_dag.sim.roadside_terrain import RoadsideTerrain
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.thrown import ThrownPeople, people_of
 from trace_dag.sim.towing import Towed, couple
@@ -59,7 +59,7 @@ class CrashRun:
         drivers: Mapping[int, Driver],
         *,
         objects: tuple[FixedObject, ...] = (),
-        beyond: BeyondEdge | None = None,
+        beyond: RoadsideTerrain | None = None,
     ) -> None:
         self._began = time.perf_counter()
         self.step_s = settings.step_s
@@ -76,7 +76,7 @@ class CrashRun:
         self.vehicles: list[Vehicle] = []
         lost = {p.number: p.losses_of_control for p in participants}
         self._driven: list[tuple[CommandedVehicle, Driver, int]] = []  # and the steps from one command to the next
-        self.wheels = AtTheWheel(participants, settings, friction, led_by=drivers)
+        self.wheels = DriverResponse(participants, settings, friction, led_by=drivers)
         for participant in participants:
             if participant.body.is_figure:
                 continue

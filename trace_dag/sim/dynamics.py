@@ -14,7 +14,7 @@ centre of gravity.
   locked wheels, which slide against their velocity with the full friction; the rest on free-rolling ones, which only
   resist sideways. Wheels point ahead.
 
-A driver who strikes a person is not in a crash: see :mod:`trace_dag.sim.after_strike`.
+A driver who strikes a person is not in a crash: see :mod:`trace_dag.sim.post_impact_driving`.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ import sys
 from collections.abc import Sequence
 
 from trace_dag.crash.record import VehicleClass
-from trace_dag.sim.after_strike import DriverAfterStrike
 from trace_dag.sim.driving import BodyState
 from trace_dag.sim.outlines import Outline
 from trace_dag.sim.overturn import ROLLS_G, Roll
 from trace_dag.sim.plan import SampledTrajectory
+from trace_dag.sim.post_impact_driving import PostImpactDriver
 from trace_dag.sim.surface import Ground
 from trace_dag.sim.types import AfterStriking, Participant
 from trace_dag.sim.vehicles import VehicleModel
@@ -130,7 +130,7 @@ class Vehicle:
         self.side_grip = 1.0  # across, of who is out of control: more where wheels dig in
         self.ground = Ground(math.inf, math.inf, pose.z_m, 0.0, 0.0)  # not looked at yet
         self._plan = plan
-        self._after_strike: DriverAfterStrike | None = None
+        self._after_strike: PostImpactDriver | None = None
         self._planned_steps = len(plan) if plan.end_s > 0 else sys.maxsize  # one point: it stands there for good
         self.held_mps2: tuple[float, float] | None = None  # what a trailer did to it in the last step
         self._friction = -1.0
@@ -266,7 +266,7 @@ class Vehicle:
         """From now on the driver has struck a person, or was pushed ``beside`` the path; of several the first
         is what the driver answers."""
         if self._after_strike is None:
-            self._after_strike = DriverAfterStrike(self._plan, step, response, step_s, beside=beside)
+            self._after_strike = PostImpactDriver(self._plan, step, response, step_s, beside=beside)
 
     @property
     def stops(self) -> bool:

@@ -17,10 +17,10 @@ import numpy as np
 from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
-from trace_dag.sim.beyond_edge import BeyondEdge
 from trace_dag.sim.crash_run import BACKEND_NAME, CrashRun
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.plan import check_participants
+from trace_dag.sim.roadside_terrain import RoadsideTerrain
 from trace_dag.sim.surface import NetworkSurface, Surface
 from trace_dag.sim.types import BodyKind, Contact, Participant, SimulationLog
 from trace_dag.states.objects import FixedObject
@@ -62,7 +62,9 @@ class EmbeddedSimulation:
         self._network = network
         self._surface = surface
         self._friction = friction
-        self._beyond: dict[tuple[FixedObject, ...] | Pose, BeyondEdge] = {}  # by the objects, else the end of a plan
+        self._beyond: dict[
+            tuple[FixedObject, ...] | Pose, RoadsideTerrain
+        ] = {}  # by the objects, else the end of a plan
 
     def with_friction(self, friction: float) -> EmbeddedSimulation:
         """The same with another tyre-road friction; what is known of the ground is shared."""
@@ -110,10 +112,10 @@ class EmbeddedSimulation:
         settings, friction, driven = self._settings, self._friction, drivers or {}
         return CrashRun(settings, surface, friction, participants, time_limit_s, driven, objects=objects, beyond=beyond)
 
-    def _ground_beyond(self, objects: tuple[FixedObject, ...], first: Trajectory) -> BeyondEdge:
+    def _ground_beyond(self, objects: tuple[FixedObject, ...], first: Trajectory) -> RoadsideTerrain:
         """The ground around the first object, else around the end of the first plan."""
         end = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
         place = objects or end
         if place not in self._beyond:
-            self._beyond[place] = BeyondEdge(self._network, objects, end)
+            self._beyond[place] = RoadsideTerrain(self._network, objects, end)
         return self._beyond[place]

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 
+from trace_dag.crash.parties import trailer_body
 from trace_dag.crash.record import VehicleClass
-from trace_dag.sim.beyond_edge import LEVEL, Bank, BeyondEdge, onto_slope
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.obstacles import Obstacle, Struck
 from trace_dag.sim.outlines import corners, separation
 from trace_dag.sim.overturn import Roll
+from trace_dag.sim.roadside_terrain import LEVEL, Bank, RoadsideTerrain, onto_slope
 from trace_dag.sim.run_state import RunState
 from trace_dag.sim.surface import Ground
 from trace_dag.sim.towing import Towed
@@ -38,7 +39,7 @@ which cars tripped on soil were slowed down by 1.0 to 2.0 g (Cooperrider, Thomas
 class Roadside:
     """What is beside the road of a run: the ground, fixed objects, and vehicles out of control."""
 
-    def __init__(self, run: RunState, objects: tuple[FixedObject, ...], beyond: BeyondEdge) -> None:
+    def __init__(self, run: RunState, objects: tuple[FixedObject, ...], beyond: RoadsideTerrain) -> None:
         self._run = run
         self.items = objects
         self.struck: list[Struck] = []
@@ -46,6 +47,8 @@ class Roadside:
         self._obstacles = [Obstacle.of(item) for item in objects]
         self._touching: dict[tuple[int, int], Struck] = {}
         self._beyond = beyond
+        gone = [each.number for each in run.participants if each.breaks_rail]
+        self._break_rails = {*gone, *map(trailer_body, gone)}
         self._banks = [LEVEL] * len(run.vehicles)  # the ground that each stands on, beyond the edge
         self._ahead = [LEVEL] * len(run.vehicles)  # and that its foremost corner came to
         self._roads = [vehicle.ground for vehicle in run.vehicles]  # the road's surface under or beside each
@@ -90,7 +93,7 @@ class Roadside:
             vehicle.stand_on(friction)
             if self._beyond.slopes:
                 self._stand_on_bank(i, vehicle, paved, friction)
-            if not self._run.participants[i].breaks_rail:
+            if vehicle.number not in self._break_rails:
                 self._hold_on_bridge(vehicle)
         self._run.bodies.set_heights([vehicle.z for vehicle in self._run.vehicles])
 

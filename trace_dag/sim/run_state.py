@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from trace_dag.settings import SimSettings
-from trace_dag.sim.at_the_wheel import AtTheWheel
+from trace_dag.sim.driver_response import DriverResponse
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.people import Person
 from trace_dag.sim.recorder import ContactEpisode
@@ -28,7 +28,7 @@ class RunState(Protocol):
     vehicles: list[Vehicle]
     people: list[Person]
     hitches: list[Hitch]
-    wheels: AtTheWheel
+    wheels: DriverResponse
     pairs: VehiclePairs
     bodies: RigidBodies
     open: dict[tuple[int, int], ContactEpisode]

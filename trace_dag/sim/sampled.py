@@ -24,10 +24,10 @@ from trace_dag.geometry import Pose, body_bearing_rad
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.crash_run import CrashRun
-from trace_dag.sim.drawn import LONGEST_BACK_S, DrawnCrash
-from trace_dag.sim.drawn_courses import DrawnCourse, course_of
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import surface_friction
+from trace_dag.sim.sampled_courses import SampledCourse, course_of
+from trace_dag.sim.sampled_crash import LONGEST_BACK_S, SampledCrash
 from trace_dag.sim.surface import NetworkSurface
 from trace_dag.sim.types import PULSE_S, Contact, SimulationLog
 from trace_dag.states.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood
@@ -88,9 +88,9 @@ class SampledRuns:
     effective: float
     contacts: tuple[SampledContact, ...]
     intervals: tuple[Interval, ...]
-    courses: tuple[DrawnCourse, ...] = ()
+    courses: tuple[SampledCourse, ...] = ()
 
-    def contact_of(self, course: DrawnCourse) -> SampledContact:
+    def contact_of(self, course: SampledCourse) -> SampledContact:
         """The first contact of a course's draw."""
         return next(each for each in self.contacts if each.sample == course.sample)
 
@@ -107,15 +107,15 @@ def simulate_samples(
     friction = surface_friction(settings, record)
     simulation = EmbeddedSimulation(settings, NetworkSurface(network), friction, network)
 
-    def begun(drawn: DrawnCrash, sample: Sample) -> CrashRun:
+    def begun(drawn: SampledCrash, sample: Sample) -> CrashRun:
         parties, limit_s = drawn.participants(_COURSE_AFTER_S), LONGEST_BACK_S + _COURSE_AFTER_S
         here = simulation.with_friction(friction * sample.friction)
         return here.begin(parties, time_limit_s=limit_s, objects=drawn.objects)
 
     weighed: list[tuple[SampledContact, float]] = []
-    heaviest: list[tuple[float, int, DrawnCrash, CrashRun]] = []  # the likeliest so far, which may go on
+    heaviest: list[tuple[float, int, SampledCrash, CrashRun]] = []  # the likeliest so far, which may go on
     for k, sample in enumerate(estimate.samples):
-        drawn = DrawnCrash.of(estimate.hypotheses[sample.hypothesis], sample)
+        drawn = SampledCrash.of(estimate.hypotheses[sample.hypothesis], sample)
         if drawn is None:
             continue
         run = begun(drawn, sample)
@@ -132,7 +132,7 @@ def simulate_samples(
             over.release()
     contacts = _with_weights(weighed)
     weigh_something = {contact.sample for contact in contacts}
-    courses: list[DrawnCourse] = []
+    courses: list[SampledCourse] = []
     for _, k, drawn, run in heaviest:
         if k in weigh_something:
             courses += filter(None, [course_of(k, drawn, run.log(after_contact_s=_COURSE_AFTER_S))])

@@ -1,8 +1,8 @@
 """People and animals of a run: they move along their plans until a vehicle touches them, and are thrown.
 
 Steps are taken in parts of about a millisecond while a vehicle may touch a person, and whole where people only fly and
-slide. A striking driver goes on (:mod:`trace_dag.sim.after_strike`) unless the strike changes the vehicle's velocity by
-as much as makes an event data recorder wake up: that is a crash for who drives, a motorcyclist for example.
+slide. A striking driver goes on (:mod:`trace_dag.sim.post_impact_driving`) unless the strike changes the vehicle's
+velocity by as much as makes an event data recorder wake up: that is a crash for who drives, a motorcyclist for example.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.parties import party_in_words
+from trace_dag.messages.wording import counted
 from trace_dag.states.types import ParticipantState, StateEstimate
 from trace_dag.units import wrap_angle
-from trace_dag.wording import counted
 
 UNSURE: Final = 0.5
 """Ambiguity above which the best hypothesis is more likely wrong than right."""

@@ -8,22 +8,22 @@ from __future__ import annotations
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
+from trace_dag.messages.wording import counted
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
+from trace_dag.states.approach_finder import ApproachFinder
 from trace_dag.states.assemble import hypothesis_of
 from trace_dag.states.candidates import Candidate, candidates
 from trace_dag.states.checks import ESSENTIAL
-from trace_dag.states.encounters import Encounter, Party, encounters, party
+from trace_dag.states.pre_crash_scenarios import Party, PreCrashScenario, party, pre_crash_scenarios
 from trace_dag.states.ranking import ambiguity, first_of_groups, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import Solution, solve
-from trace_dag.states.stream_finder import StreamFinder
 from trace_dag.states.types import Hypothesis
-from trace_dag.wording import counted
 
 NAME = "analytic"
-VERSION = "2"
+VERSION = "3"
 
 MAX_SOLVED = 24  # candidates whose contact is solved for, by prior
 PRIOR_REACH = 6.0  # log-likelihood below the best prior at which a candidate is not worth solving
@@ -33,12 +33,12 @@ _MARGIN_M = 40.0
 
 
 def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *, lead_time_s: float) -> Scene:
-    """The streams past the crash, long enough for the fastest vehicle of the record."""
+    """The approaches past the crash, long enough for the fastest vehicle of the record."""
     placement = report.placement
     speeds = [vehicle.travel_speed_mps or vehicle.speed_limit_mps or 30.0 for vehicle in record.vehicles]
     reach = min(max([*speeds, 25.0]) * 1.3, _FASTEST_MPS) * lead_time_s + _MARGIN_M
-    finder = StreamFinder(network, placement.x_m, placement.y_m, placement.z_m, back_m=reach, ahead_m=_MARGIN_M * 2)
-    return Scene(record, network, placement, finder, finder.streams(placement.junction_id), report.things)
+    finder = ApproachFinder(network, placement.x_m, placement.y_m, placement.z_m, back_m=reach, ahead_m=_MARGIN_M * 2)
+    return Scene(record, network, placement, finder, finder.approaches(placement.junction_id), report.things)
 
 
 def parties(record: CrashRecord, event: CrashEvent) -> tuple[Party, Party]:
@@ -64,7 +64,7 @@ def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> t
     >>> [state.manoeuvre.value for state in best.participants]
     ['turn_left', 'straight']
     """
-    readings = encounters(scene.record, *parties(scene.record, event))
+    readings = pre_crash_scenarios(scene.record, *parties(scene.record, event))
     found = [candidate for reading in readings for candidate in candidates(scene, reading)]
     hypotheses, unsure = ranked(scene, solve_all(scene, found), settings)
     if not hypotheses:
@@ -76,9 +76,9 @@ def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
     """Solutions of the likeliest candidates, best first.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> reading = encounters(record, *parties(record, sequence_of(record).first))[0]
+    >>> reading = pre_crash_scenarios(record, *parties(record, sequence_of(record).first))[0]
     >>> best = solve_all(scene, candidates(scene, reading))[0]
-    >>> best.candidate.encounter.mover.vehicle.number  # vehicle 1 turns across the other
+    >>> best.candidate.scenario.mover.vehicle.number  # vehicle 1 turns across the other
     1
     """
     if not found:
@@ -95,8 +95,8 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
 
     ``solutions``: best first, as :func:`solve_all` has them.
 
-    Hypotheses with the same streams and roles differ in detail only. The best of each such group comes first, then all
-    the others.
+    Hypotheses with the same approaches and roles differ in detail only. The best of each such group comes first, then
+    all the others.
 
     >>> ranked(scene, [], StateSettings())  # nothing to keep
     ((), 0.0)
@@ -120,16 +120,16 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
 
 
 def _group(solution: Solution) -> tuple[str, ...]:
-    encounter = solution.candidate.encounter
+    scenario = solution.candidate.scenario
     return (
-        encounter.relation,
-        str(encounter.mover.vehicle.number),
-        solution.mover.option.stream.name,
-        solution.other.option.stream.name,
+        scenario.relation,
+        str(scenario.mover.vehicle.number),
+        solution.mover.option.approach.name,
+        solution.other.option.approach.name,
     )
 
 
-def _why_not(scene: Scene, readings: tuple[Encounter, ...], found: list[Candidate]) -> str:
+def _why_not(scene: Scene, readings: tuple[PreCrashScenario, ...], found: list[Candidate]) -> str:
     relations = ", ".join(dict.fromkeys(reading.relation.value for reading in readings))
     if not found:
         return scene.no_way_that(f"lets the vehicles meet as reported ({relations})")

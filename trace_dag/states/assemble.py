@@ -12,9 +12,9 @@ from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.model import LaneMatch
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.states.checks import check
-from trace_dag.states.encounters import Party
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.paths import STEP_M, Path
+from trace_dag.states.pre_crash_scenarios import Party
 from trace_dag.states.solver import Placed, Solution
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes
 from trace_dag.states.types import Hypothesis, Manoeuvre, ParticipantState, SpeedSource, Trajectory
@@ -39,8 +39,8 @@ def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: floa
     """
     candidate = solution.candidate
     parts = (
-        (candidate.encounter.mover, solution.mover, candidate.mover_speed, candidate.mover_profile),
-        (candidate.encounter.other, solution.other, candidate.other_speed, candidate.other_profile),
+        (candidate.scenario.mover, solution.mover, candidate.mover_speed, candidate.mover_profile),
+        (candidate.scenario.other, solution.other, candidate.other_speed, candidate.other_profile),
     )
     participants = tuple(
         sorted(
@@ -49,7 +49,7 @@ def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: floa
         )
     )
     mapped = {
-        party.vehicle.number: placed.station_m + _travelled(profile, lead_time_s) < placed.option.stream.mapped_from_m
+        party.vehicle.number: placed.station_m + _travelled(profile, lead_time_s) < placed.option.approach.mapped_from_m
         for party, placed, _, profile in parts
     }
     x_m, y_m = solution.contact_xy_m
@@ -57,7 +57,7 @@ def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: floa
         name=solution.name,
         score=solution.score,
         evidence={
-            "reading of the record": round(candidate.encounter.log_prior, _DECIMALS),
+            "reading of the record": round(candidate.scenario.log_prior, _DECIMALS),
             **{name: round(value, _DECIMALS) for name, value in sorted(solution.terms.items())},
         },
         participants=participants,

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 from trace_dag.crash.crash_types import Relation
 from trace_dag.states import evidence
-from trace_dag.states.encounters import Encounter
 from trace_dag.states.manoeuvres import Option
-from trace_dag.states.pairs import Pair
-from trace_dag.states.pairs_along import opposite, same_direction, same_lane
-from trace_dag.states.pairs_crossing import backing, crossing
+from trace_dag.states.path_pairs import PathPair
+from trace_dag.states.path_pairs_along import opposite, same_direction, same_lane
+from trace_dag.states.path_pairs_crossing import backing, crossing
+from trace_dag.states.pre_crash_scenarios import PreCrashScenario
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 
@@ -24,7 +24,7 @@ class Candidate:
     """A pair of options, the mover's first. ``parallel``: both go along one road, so the contact can be anywhere along
     it."""
 
-    encounter: Encounter
+    scenario: PreCrashScenario
     mover: Option
     other: Option
     mover_speed: TravelSpeed
@@ -37,69 +37,69 @@ class Candidate:
     @property
     def log_prior(self) -> float:
         """Log-likelihood of everything known before the contact is solved for."""
-        return self.encounter.log_prior + sum(self.terms.values())
+        return self.scenario.log_prior + sum(self.terms.values())
 
 
-def candidates(scene: Scene, encounter: Encounter) -> list[Candidate]:
+def candidates(scene: Scene, scenario: PreCrashScenario) -> list[Candidate]:
     """All candidates of one reading.
 
-    >>> from trace_dag.states.encounters import encounters
+    >>> from trace_dag.states.pre_crash_scenarios import pre_crash_scenarios
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.states.analytic import parties
-    >>> found = candidates(scene, encounters(record, *parties(record, sequence_of(record).first))[0])
+    >>> found = candidates(scene, pre_crash_scenarios(record, *parties(record, sequence_of(record).first))[0])
     >>> {each.mover.manoeuvre.value for each in found}  # vehicle 1 turns left, by every reading of its path
     {'turn_left'}
     """
-    if encounter.mover.backing:
-        return [_judged(scene, encounter, pair) for pair in backing(scene, encounter)]
-    makers: dict[Relation, Callable[[Scene, Encounter], Iterator[Pair]]] = {
+    if scenario.mover.backing:
+        return [_judged(scene, scenario, pair) for pair in backing(scene, scenario)]
+    makers: dict[Relation, Callable[[Scene, PreCrashScenario], Iterator[PathPair]]] = {
         Relation.SAME_LANE: same_lane,
         Relation.SAME_DIRECTION: same_direction,
         Relation.OPPOSITE_DIRECTION: opposite,
         Relation.CROSSING: crossing,
     }
-    return [_judged(scene, encounter, pair) for pair in makers[encounter.relation](scene, encounter)]
+    return [_judged(scene, scenario, pair) for pair in makers[scenario.relation](scene, scenario)]
 
 
-def _judged(scene: Scene, encounter: Encounter, pair: Pair) -> Candidate:
+def _judged(scene: Scene, scenario: PreCrashScenario, pair: PathPair) -> Candidate:
     terms = dict(pair.terms)
-    sides = ((encounter.mover, pair.mover), (encounter.other, pair.other))
+    sides = ((scenario.mover, pair.mover), (scenario.other, pair.other))
     speeds = (pair.mover_speed.speed_mps, pair.other_speed.speed_mps)
     for (party, option), speed_mps in zip(sides, speeds, strict=True):
         number = party.vehicle.number
-        stream = option.stream
+        approach = option.approach
         for name, value in {
-            **evidence.street_terms(scene.network, scene.placement, scene.record, stream),
-            **evidence.road_terms(party.vehicle, stream),
-            **evidence.lane_terms(party.vehicle, stream, party.turn),
-            **evidence.speed_terms(party.vehicle, stream, party.turn),
-            **evidence.driveway_speed_terms(stream, speed_mps),
+            **evidence.street_terms(scene.network, scene.placement, scene.record, approach),
+            **evidence.road_terms(party.vehicle, approach),
+            **evidence.lane_terms(party.vehicle, approach, party.turn),
+            **evidence.speed_terms(party.vehicle, approach, party.turn),
+            **evidence.driveway_speed_terms(approach, speed_mps),
             **option.costs,
         }.items():
             terms[f"{name} (vehicle {number})"] = value
     from_driveway = any(party.vehicle.trafficway_code == evidence.DRIVEWAY_WAY for party, _ in sides)
-    if encounter.relation is Relation.CROSSING and scene.record.trafficway_2 and not from_driveway:
-        roads = [option.stream.road for _, option in sides]
+    if scenario.relation is Relation.CROSSING and scene.record.trafficway_2 and not from_driveway:
+        roads = [option.approach.road for _, option in sides]
         main = [road is not None and evidence.is_main(scene.network, scene.placement, road) for road in roads]
         cross = [
             road is not None and evidence.is_cross(scene.network, scene.placement, scene.record, road) for road in roads
         ]
         if not ((main[0] and cross[1]) or (main[1] and cross[0])):
             terms["one vehicle on each street"] = -1.0
-    if encounter.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _ in sides):
+    if scenario.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _ in sides):
         one, two = (
-            evidence.CrossingVehicle(party.vehicle, option.stream, speed_mps)
+            evidence.CrossingVehicle(party.vehicle, option.approach, speed_mps)
             for (party, option), speed_mps in zip(sides, speeds, strict=True)
         )
         terms |= evidence.crossing_terms(one, two)
     return Candidate(
-        encounter,
+        scenario,
         pair.mover,
         pair.other,
         pair.mover_speed,
         pair.other_speed,
-        speed_profile(encounter.mover.vehicle, pair.mover_speed.speed_mps),
-        pair.other_profile or speed_profile(encounter.other.vehicle, pair.other_speed.speed_mps),
+        speed_profile(scenario.mover.vehicle, pair.mover_speed.speed_mps),
+        pair.other_profile or speed_profile(scenario.other.vehicle, pair.other_speed.speed_mps),
         pair.parallel,
         terms,
     )

@@ -49,8 +49,7 @@ def check(
     (['touching', 'no earlier contact', 'place'], True)
     """
     records = {
-        party.vehicle.number: party
-        for party in (solution.candidate.encounter.mover, solution.candidate.encounter.other)
+        party.vehicle.number: party for party in (solution.candidate.scenario.mover, solution.candidate.scenario.other)
     }
     checks = list(_contact(participants, lead_time_s))
     x_m, y_m = solution.contact_xy_m
@@ -147,9 +146,9 @@ def _on_road(participant: ParticipantState, beyond_map: bool) -> EstimateCheck:
 def _side_of_road(solution: Solution, participant: ParticipantState) -> EstimateCheck:
     name = _named("right side of the road", participant)
     placed = _placed(solution, participant)
-    if placed.option.stream.wrong_way and participant.manoeuvre not in _AGAINST_LANE_ALLOWED:
+    if placed.option.approach.wrong_way and participant.manoeuvre not in _AGAINST_LANE_ALLOWED:
         return EstimateCheck(name, False, "follows its lane the wrong way without being reported to")
-    return EstimateCheck(name, True, f"{participant.manoeuvre} on {placed.option.stream.name}")
+    return EstimateCheck(name, True, f"{participant.manoeuvre} on {placed.option.approach.name}")
 
 
 def _area(vehicle: VehicleRecord, participant: ParticipantState) -> list[EstimateCheck]:
@@ -181,5 +180,5 @@ def _direction(solution: Solution, participant: ParticipantState, turn: Turn | N
 
 
 def _placed(solution: Solution, participant: ParticipantState) -> Placed:
-    mover = solution.candidate.encounter.mover
+    mover = solution.candidate.scenario.mover
     return solution.mover if mover.vehicle.number == participant.vehicle_number else solution.other

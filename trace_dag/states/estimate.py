@@ -15,7 +15,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.types import EstimatorRun, StateEstimate
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 
 class Estimator(Protocol):

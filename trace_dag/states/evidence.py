@@ -23,8 +23,8 @@ from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
+from trace_dag.states.approaches import Approach
 from trace_dag.states.speeds import STOP_CONTROLS, class_speed_mps
-from trace_dag.states.streams import Stream
 from trace_dag.units import mps_to_mph
 
 CLOCK_SIGMA_RAD = math.radians(25)  # a clock position is 30 degrees wide; first contact and coded damage differ
@@ -42,19 +42,19 @@ _UNTAGGED_WIDTH = 1.5  # how much more the limits of a class of roads vary than 
 Terms = dict[str, float]
 
 
-def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, stream: Stream) -> Terms:
-    """Whether the stream's approach is one of the streets the record names.
+def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, approach: Approach) -> Terms:
+    """Whether the approach's approach is one of the streets the record names.
 
-    >>> street_terms(network, map_report.placement, record, next(s for s in scene.streams if s.name == "7:2>6:2"))
+    >>> street_terms(network, map_report.placement, record, next(s for s in scene.approaches if s.name == "7:2>6:2"))
     {}
     """
-    if stream.road is None or stream.road.inferred:
+    if approach.road is None or approach.road.inferred:
         return {}
-    if is_main(network, placement, stream.road):
+    if is_main(network, placement, approach.road):
         return {}
-    if is_cross(network, placement, record, stream.road):
+    if is_cross(network, placement, record, approach.road):
         return {} if record.trafficway_2 or placement.junction_id else {"street not named": -1.0}
-    meets = placement.junction_id is not None and placement.junction_id in _ends(stream.road)
+    meets = placement.junction_id is not None and placement.junction_id in _ends(approach.road)
     return {"street not named": -0.5 if meets else -1.5}
 
 
@@ -83,10 +83,10 @@ def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
     return other is not None and bool(set(other.names) & set(road.names))
 
 
-def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
+def road_terms(vehicle: VehicleRecord, approach: Approach) -> Terms:
     """Speed limit, lanes, division and alignment of the approach, compared with what the vehicle's form says."""
     terms: Terms = {}
-    road = stream.road
+    road = approach.road
     if road is not None and road.inferred:
         if vehicle.trafficway_code != DRIVEWAY_WAY:
             terms["not on the map"] = -2.0 if vehicle.trafficway_code is None else -3.0
@@ -96,48 +96,48 @@ def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
             apart = mps_to_mph(vehicle.speed_limit_mps - usual_mps) / sigma_mph
             terms["speed limit"] = -min(0.5 * apart**2, 1.0)
         divided = vehicle.trafficway_code in (2, 3, 4, 6, 7)
-        if vehicle.trafficway_code in (1, 2, 3, 4, 5, 6, 7) and divided != stream.one_way:
+        if vehicle.trafficway_code in (1, 2, 3, 4, 5, 6, 7) and divided != approach.one_way:
             terms["division of the road"] = -0.5
-        if vehicle.trafficway_code == TURN_LANE_WAY and not stream.centre_lane_beside:
+        if vehicle.trafficway_code == TURN_LANE_WAY and not approach.centre_lane_beside:
             terms["no centre turn lane"] = -0.5
         if vehicle.lanes:
-            counted = stream.lanes_along if divided or stream.one_way else stream.lanes_total
+            counted = approach.lanes_along if divided or approach.one_way else approach.lanes_total
             terms["lanes"] = -0.3 * min(abs(counted - vehicle.lanes), 3) * (1.0 if road.lanes_from_tags else 0.5)
         if vehicle.trafficway_code == 0:
             terms["driveway reported"] = 0.0 if road.highway == "service" else -1.0
     curve = {1: 0, 2: -1, 3: 1}.get(vehicle.alignment_code or 0)  # VALIGN: straight, curve right, curve left
     if curve is not None:
-        seen = 0 if abs(stream.curve_rad) < CURVE_RAD else int(math.copysign(1, stream.curve_rad))
+        seen = 0 if abs(approach.curve_rad) < CURVE_RAD else int(math.copysign(1, approach.curve_rad))
         terms["alignment"] = -0.75 * abs(curve - seen)
-    if stream.wrong_way:
+    if approach.wrong_way:
         # A driver who goes the wrong way takes the carriageway for a two-way road and keeps to its right: beside the
         # median.
-        terms["wrong way"] = -2.0 - 0.4 * stream.lane_from_left
-    terms["around the roundabout"] = -1.5 * stream.share_of_ring  # of the way around: most leave a roundabout early
-    if stream.extended and not (road is not None and road.inferred) and not departs_at_end(vehicle):
+        terms["wrong way"] = -2.0 - 0.4 * approach.lane_from_left
+    terms["around the roundabout"] = -1.5 * approach.share_of_ring  # of the way around: most leave a roundabout early
+    if approach.extended and not (road is not None and road.inferred) and not departs_at_end(vehicle):
         terms["straight on where the road ends"] = -1.0
     return {name: value for name, value in terms.items() if value}
 
 
-def lane_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
+def lane_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) -> Terms:
     """Whether the lane is one from which such a manoeuvre is made.
 
     >>> rider = record.vehicles[1]
-    >>> {str(lane_terms(rider, stream, None)) for stream in scene.through}  # whoever goes straight on uses any lane
+    >>> {str(lane_terms(rider, approach, None)) for approach in scene.through}  # whoever goes straight on uses any lane
     {'{}'}
     """
     terms: Terms = {}
-    from_right = stream.lanes_along - 1 - stream.lane_from_left
+    from_right = approach.lanes_along - 1 - approach.lane_from_left
     left = turn in (Turn.LEFT, Turn.U_TURN)
-    if stream.centre_lane:
+    if approach.centre_lane:
         terms["turn from this lane"] = 0.0 if left else -3.0
     elif left:
-        terms["turn from this lane"] = -1.0 * stream.lane_from_left - (0.5 if stream.centre_lane_beside else 0.0)
+        terms["turn from this lane"] = -1.0 * approach.lane_from_left - (0.5 if approach.centre_lane_beside else 0.0)
     elif turn is Turn.RIGHT:
         terms["turn from this lane"] = -1.0 * from_right
     elif vehicle.movement is PreCrashMovement.MERGING:
         terms["merging from this lane"] = -1.0 * from_right
-    arrows = {arrow for value in stream.lane_turns for arrow in value.split(";") if arrow in _ARROWS}
+    arrows = {arrow for value in approach.lane_turns for arrow in value.split(";") if arrow in _ARROWS}
     if arrows:
         wanted = {Turn.LEFT: "left", Turn.RIGHT: "right", Turn.U_TURN: "reverse", None: "through"}[turn]
         if not any(wanted in arrow for arrow in arrows):
@@ -150,13 +150,13 @@ _ARROWS = frozenset(
 )  # OSM turn:lanes values that say where a lane leads; "none", "merge_to_left" and the like do not
 
 
-def speed_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
+def speed_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) -> Terms:
     """Whether the speed is usual there: the reported speed against the road's limit, for through traffic.
 
-    >>> speed_terms(record.vehicles[0], scene.streams[0], Turn.LEFT)  # who turns slows down: nothing to compare
+    >>> speed_terms(record.vehicles[0], scene.approaches[0], Turn.LEFT)  # who turns slows down: nothing to compare
     {}
     """
-    road = stream.road
+    road = approach.road
     if vehicle.travel_speed_mps is None or road is None or turn is not None:
         return {}
     if (
@@ -177,13 +177,13 @@ def _usual_speed(road: Road, sigma_mph: float) -> tuple[float, float]:
     return class_speed_mps(road), _UNTAGGED_WIDTH * sigma_mph
 
 
-def driveway_speed_terms(stream: Stream, speed_mps: float) -> Terms:
+def driveway_speed_terms(approach: Approach, speed_mps: float) -> Terms:
     """Vehicles come out of a driveway slower than they go along a road, whether the speed is reported or inferred.
 
     >>> driveway_speed_terms(scene.through[0], 20.0)  # a road of the map
     {}
     """
-    if stream.road is None or not stream.road.inferred:
+    if approach.road is None or not approach.road.inferred:
         return {}
     faster_mph = max(mps_to_mph(speed_mps) - DRIVEWAY_MPH, 0.0)
     return {"fast for a driveway": -min(0.5 * (faster_mph / LIMIT_SIGMA_MPH) ** 2, 3.0)} if faster_mph else {}
@@ -194,7 +194,7 @@ class CrossingVehicle:
     """One of two vehicles whose paths cross: its report, where it came from and how fast it was."""
 
     vehicle: VehicleRecord
-    stream: Stream
+    approach: Approach
     speed_mps: float
 
 
@@ -205,8 +205,8 @@ def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
     >>> crossing_terms(one, one)  # neither road is the lesser one
     {}
     """
-    greater, lesser = sorted((one, two), key=lambda each: _rank(each.stream.road))
-    if _rank(greater.stream.road) == _rank(lesser.stream.road):
+    greater, lesser = sorted((one, two), key=lambda each: _rank(each.approach.road))
+    if _rank(greater.approach.road) == _rank(lesser.approach.road):
         return {}
     terms: Terms = {}
     if lesser.speed_mps > greater.speed_mps + FASTER_MPS:

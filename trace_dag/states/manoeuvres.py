@@ -1,6 +1,6 @@
-"""Manoeuvres: the paths one vehicle can have taken along one stream.
+"""Manoeuvres: the paths one vehicle can have taken along one approach.
 
-An option is a stream, a manoeuvre and the path that results. Options that can take place anywhere along the road
+An option is an approach, a manoeuvre and the path that results. Options that can take place anywhere along the road
 (keeping the lane, crossing the centre line) can be moved along it to the place of the crash. Moving a turn at a
 junction costs likelihood.
 """
@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 from trace_dag.geometry import Pose
+from trace_dag.states.approaches import Approach
 from trace_dag.states.paths import LateralShift, Path, TurnShape, shifted, turn_start_to_meet, turned
 from trace_dag.states.speeds import (
     COMFORTABLE_LATERAL_MPS2,
     HARDEST_LATERAL_MPS2,
     least_turn_radius_m,
 )
-from trace_dag.states.streams import Stream
 from trace_dag.states.types import Manoeuvre
 from trace_dag.units import GRAVITY_MPS2
 
@@ -41,12 +41,12 @@ CURVE_RAD = math.radians(8)
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """One path of one vehicle. ``station_m`` is where it nominally is at the crash, along the stream's own path.
+    """One path of one vehicle. ``station_m`` is where it nominally is at the crash, along the approach's own path.
 
     ``slides``: the manoeuvre may be anywhere along the road. ``costs`` are log-likelihoods of what is unusual in it.
     """
 
-    stream: Stream
+    approach: Approach
     manoeuvre: Manoeuvre
     station_m: float
     slides: bool
@@ -67,11 +67,11 @@ class Option:
             how += f" {abs(self.constant_m):.1f} m {'left' if self.constant_m > 0 else 'right'} of the lane's centre"
         if self.earlier_m:
             how += f" {abs(self.earlier_m):g} m {'early' if self.earlier_m > 0 else 'late'}"
-        return f"{self.manoeuvre}{how} on {self.stream.name}"
+        return f"{self.manoeuvre}{how} on {self.approach.name}"
 
     def path(self, slide_m: float = 0.0) -> Path:
-        """The path, its manoeuvre moved ``slide_m`` along the stream."""
-        base = self.stream.path
+        """The path, its manoeuvre moved ``slide_m`` along the approach."""
+        base = self.approach.path
         if self.turn is not None:
             return turned(base, self.turn, start_s_m=self.turn_start_m + slide_m, tail_m=_TAIL_M)
         if self.shift is None and self.constant_m == 0.0:
@@ -80,11 +80,11 @@ class Option:
 
     def nominal_pose(self, slide_m: float) -> Pose:
         """The vehicle's pose at its nominal place at the crash."""
-        return self.stream.path.pose(self.station_m + slide_m)
+        return self.approach.path.pose(self.station_m + slide_m)
 
 
 def keep_lane(
-    stream: Stream, vehicle: VehicleRecord, speed_mps: float, *, offset_m: float = 0.0, turn: Turn | None = None
+    approach: Approach, vehicle: VehicleRecord, speed_mps: float, *, offset_m: float = 0.0, turn: Turn | None = None
 ) -> Option:
     """Along the lane, ``offset_m`` left of its centre. What the manoeuvre is called depends on the record and the road.
 
@@ -93,12 +93,12 @@ def keep_lane(
     >>> keep_lane(scene.through[0], queue_record.vehicles[1], 0.0).manoeuvre.value  # P_CRASH1 5: stopped in the roadway
     'stopped'
     """
-    stream = stream.fitted(speed_mps)
-    if turn is not None and follows_turn(stream, turn):
+    approach = approach.fitted(speed_mps)
+    if turn is not None and follows_turn(approach, turn):
         manoeuvre = _TURN_MANOEUVRE[turn]
-    elif stream.wrong_way:
+    elif approach.wrong_way:
         manoeuvre = Manoeuvre.WRONG_WAY
-    elif stream.road is not None and stream.road.inferred:
+    elif approach.road is not None and approach.road.inferred:
         manoeuvre = Manoeuvre.ENTER_FROM_DRIVEWAY
     elif speed_mps == 0.0 and vehicle.movement not in (PreCrashMovement.STARTING, PreCrashMovement.ACCELERATING):
         manoeuvre = Manoeuvre.STOPPED
@@ -108,17 +108,17 @@ def keep_lane(
         manoeuvre = Manoeuvre.PASS
     elif vehicle.movement is PreCrashMovement.MERGING:
         manoeuvre = Manoeuvre.MERGE
-    elif vehicle.movement is PreCrashMovement.NEGOTIATING_CURVE and abs(stream.curve_rad) > CURVE_RAD:
+    elif vehicle.movement is PreCrashMovement.NEGOTIATING_CURVE and abs(approach.curve_rad) > CURVE_RAD:
         manoeuvre = Manoeuvre.CURVE
     else:
         manoeuvre = Manoeuvre.STRAIGHT
-    return Option(stream, manoeuvre, stream.station_m, True, speed_mps, constant_m=offset_m)
+    return Option(approach, manoeuvre, approach.station_m, True, speed_mps, constant_m=offset_m)
 
 
-def back_up(stream: Stream, speed_mps: float) -> Option:
-    """Backward along the stream: the path is the lane reversed, the body faces along the lane."""
-    stream = stream.fitted(speed_mps)
-    return Option(stream, Manoeuvre.BACKING, stream.station_m, True, speed_mps, backing=True)
+def back_up(approach: Approach, speed_mps: float) -> Option:
+    """Backward along the approach: the path is the lane reversed, the body faces along the lane."""
+    approach = approach.fitted(speed_mps)
+    return Option(approach, Manoeuvre.BACKING, approach.station_m, True, speed_mps, backing=True)
 
 
 def steepest_slope(total_m: float, speed_mps: float, lateral_mps2: float) -> float:
@@ -150,11 +150,11 @@ def lateral_shift(
 
 
 def move_sideways(
-    stream: Stream, speed_mps: float, total_m: float, manoeuvre: Manoeuvre, *, from_offset_m: float = 0.0
+    approach: Approach, speed_mps: float, total_m: float, manoeuvre: Manoeuvre, *, from_offset_m: float = 0.0
 ) -> list[Option]:
     """Leaving the lane by ``total_m`` to the left (negative: right), gently and hard."""
     options: list[Option] = []
-    stream = stream.fitted(speed_mps)
+    approach = approach.fitted(speed_mps)
     shape_speed_mps = max(speed_mps, _LEAST_SHAPE_SPEED_MPS)  # a vehicle that stands there came at some speed
     for lateral_g, share, cost in _SHIFTS:
         lateral = lateral_g * GRAVITY_MPS2
@@ -165,9 +165,9 @@ def move_sideways(
         costs = {"abruptness": cost} if cost else {}
         options.append(
             Option(
-                stream,
+                approach,
                 manoeuvre,
-                stream.station_m,
+                approach.station_m,
                 True,
                 speed_mps,
                 constant_m=from_offset_m,
@@ -178,12 +178,12 @@ def move_sideways(
     return options
 
 
-def follows_turn(stream: Stream, turn: Turn | None) -> bool:
-    """Whether the stream's own lanes make the turn: the corner of an L, or a bend that the record calls a turn."""
-    if turn is None or stream.turn is not None:
+def follows_turn(approach: Approach, turn: Turn | None) -> bool:
+    """Whether the approach's own lanes make the turn: the corner of an L, or a bend that the record calls a turn."""
+    if turn is None or approach.turn is not None:
         return False
     wanted = _TURN_ANGLE_RAD[turn]
-    return stream.curve_rad * wanted > 0 and abs(stream.curve_rad) >= abs(wanted) / 2
+    return approach.curve_rad * wanted > 0 and abs(approach.curve_rad) >= abs(wanted) / 2
 
 
 def _turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: float) -> TurnShape:
@@ -199,39 +199,41 @@ def _turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps:
     return TurnShape(angle_rad, radius, ramp)
 
 
-def make_turn(stream: Stream, vehicle: VehicleRecord, speed_mps: float, turn: Turn, *, slides: bool) -> list[Option]:
-    """Turning off the stream: to where its lanes lead, else at a right angle at the place of the crash.
+def make_turn(
+    approach: Approach, vehicle: VehicleRecord, speed_mps: float, turn: Turn, *, slides: bool
+) -> list[Option]:
+    """Turning off the approach: to where its lanes lead, else at a right angle at the place of the crash.
 
     Turns that begin earlier or later than the lanes' own are further options, at a cost.
 
-    >>> stream = next(each for each in scene.streams if each.turn is Turn.LEFT)
-    >>> {each.manoeuvre.value for each in make_turn(stream, record.vehicles[0], 6.0, Turn.LEFT, slides=False)}
+    >>> approach = next(each for each in scene.approaches if each.turn is Turn.LEFT)
+    >>> {each.manoeuvre.value for each in make_turn(approach, record.vehicles[0], 6.0, Turn.LEFT, slides=False)}
     {'turn_left'}
     """
-    stream = stream.fitted(speed_mps)
-    if stream.exit_pose is not None and stream.turn is turn:
-        near = stream.turn_from_m
-        angle = math.remainder(stream.exit_pose.heading_rad - stream.path.pose(near).heading_rad, math.tau)
+    approach = approach.fitted(speed_mps)
+    if approach.exit_pose is not None and approach.turn is turn:
+        near = approach.turn_from_m
+        angle = math.remainder(approach.exit_pose.heading_rad - approach.path.pose(near).heading_rad, math.tau)
         if turn is Turn.U_TURN:
             angle = math.pi
     else:
-        near, angle = stream.station_m, _TURN_ANGLE_RAD[turn]
+        near, angle = approach.station_m, _TURN_ANGLE_RAD[turn]
     shape = _turn_shape(turn, angle, vehicle, speed_mps)
     start = None
-    if stream.exit_pose is not None and stream.turn is turn:
-        start = turn_start_to_meet(stream.path, shape, stream.exit_pose, near_s_m=near)
+    if approach.exit_pose is not None and approach.turn is turn:
+        start = turn_start_to_meet(approach.path, shape, approach.exit_pose, near_s_m=near)
     costs = {}
     if start is None:
-        start = stream.station_m - shape.displacement_m()[0]
+        start = approach.station_m - shape.displacement_m()[0]
         costs["no lanes for the turn"] = -1.0
     options = []
     for earlier in (0.0,) if slides else (0.0, 4.0, -4.0, 8.0):
         extra = {"turn begins early or late": -0.5 * (earlier / 4.0) ** 2} if earlier else {}
         options.append(
             Option(
-                stream,
+                approach,
                 _TURN_MANOEUVRE[turn],
-                stream.station_m,
+                approach.station_m,
                 slides,
                 speed_mps,
                 turn=shape,

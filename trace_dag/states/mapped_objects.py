@@ -18,9 +18,9 @@ from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.report import MappedThing
 from trace_dag.settings import VerdictSettings
-from trace_dag.states.leaving import edge_beside_m
 from trace_dag.states.objects import KINDS, ObjectForm
 from trace_dag.states.paths import Path
+from trace_dag.states.run_off_road.path import edge_beside_m
 from trace_dag.states.scene import Scene
 
 _KINDS_OF: Final[Mapping[str, tuple[int, ...]]] = {
@@ -97,7 +97,7 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
     ``side_sign`` is 1 to the left of the path and -1 to the right.
 
     >>> from dataclasses import replace
-    >>> from trace_dag.states.leaving import turned_by
+    >>> from trace_dag.states.run_off_road.path import turned_by
     >>> path = way_past_the_tree.path()
     >>> here = path.pose(path.project(*tree_scene.place_xy_m)[0])
     >>> x_m, y_m = here.xy_m + 4.0 * turned_by(here, -math.pi / 2).forward  # 4 m to its right

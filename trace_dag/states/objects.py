@@ -32,7 +32,7 @@ class Resistance(StrEnum):
     RIGID = "rigid"
     YIELDING = "yielding"
     DRIVEN_OVER = "driven_over"
-    SLOPE = "slope"  # ground that falls and rises to the left of its heading: see :mod:`trace_dag.sim.beyond_edge`
+    SLOPE = "slope"  # ground that falls and rises to the left of its heading: see :mod:`trace_dag.sim.roadside_terrain`
 
 
 class ObjectForm(StrEnum):

@@ -22,17 +22,17 @@ from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleRecord
 from trace_dag.crash.zones import Zone, zones_of_first_event
 from trace_dag.geometry import FloatArray
+from trace_dag.states.approaches import Approach
 from trace_dag.states.assemble import AFTER_IMPACT_S, driven
 from trace_dag.states.contact import Contacts, Mover, first_contacts
-from trace_dag.states.encounters import Party, party
 from trace_dag.states.evidence import impact_area_log_likelihood, place_log_likelihood
 from trace_dag.states.manoeuvres import Option, keep_lane, lateral_shift, steepest_slope
 from trace_dag.states.paths import Path
+from trace_dag.states.pedestrian_impact.planner import approaches_of, edge_m
+from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.ranking import Scored, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
-from trace_dag.states.streams import Stream
-from trace_dag.states.striking import edge_m, ways_of
 from trace_dag.states.types import EstimateCheck, Hypothesis, Manoeuvre, ParticipantState, PlannedEvent, SpeedSource
 from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
 
@@ -57,7 +57,7 @@ _ROUNDED: Final = 1e-5  # more than rounding takes from a score
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """One place to stand along a stream, in a zone; ``terms`` are its log-likelihoods."""
+    """One place to stand along an approach, in a zone; ``terms`` are its log-likelihoods."""
 
     option: Option
     zone: Zone
@@ -75,26 +75,26 @@ def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
     {'carriageway'}
     """
     zones = zones_of_first_event(scene.record) or frozenset({Zone.CARRIAGEWAY})
-    for stream in scene.on_road(scene.through):
-        if stream.wrong_way:
+    for approach in scene.on_road(scene.through):
+        if approach.wrong_way:
             continue
-        for side in (-1.0, 1.0) if stream.one_way else (-1.0,):
-            edge = edge_m(scene, stream.path.pose(stream.station_m), side)
+        for side in (-1.0, 1.0) if approach.one_way else (-1.0,):
+            edge = edge_m(scene, approach.path.pose(approach.station_m), side)
             for zone in sorted(zones):
                 if zone is Zone.CARRIAGEWAY:
                     at_edge = edge - vehicle.width_m / 2 - _FROM_KERB_M
                     if at_edge > _LEAST_DRIFT_M:
-                        yield _stand(stream, zone, vehicle, side * at_edge)
+                        yield _stand(approach, zone, vehicle, side * at_edge)
                     if side < 0:
-                        yield _stand(stream, zone, vehicle, 0.0, {"in the middle of a lane": _IN_THE_LANE})
+                        yield _stand(approach, zone, vehicle, 0.0, {"in the middle of a lane": _IN_THE_LANE})
                 else:
-                    yield _stand(stream, zone, vehicle, side * (edge + _BEYOND_EDGE_M[zone] + vehicle.width_m / 2))
+                    yield _stand(approach, zone, vehicle, side * (edge + _BEYOND_EDGE_M[zone] + vehicle.width_m / 2))
 
 
 def _stand(
-    stream: Stream, zone: Zone, vehicle: VehicleRecord, offset_m: float, terms: dict[str, float] | None = None
+    approach: Approach, zone: Zone, vehicle: VehicleRecord, offset_m: float, terms: dict[str, float] | None = None
 ) -> Stand:
-    return Stand(keep_lane(stream, vehicle, 0.0, offset_m=round(offset_m, 3)), zone, terms or {})
+    return Stand(keep_lane(approach, vehicle, 0.0, offset_m=round(offset_m, 3)), zone, terms or {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ class _Plan(Scored):
     @property
     def group(self) -> tuple[str, str, float]:
         """Plans of one group differ in detail only."""
-        return self.drive.stream.name, self.stand.option.stream.name, self.stand.option.constant_m
+        return self.drive.approach.name, self.stand.option.approach.name, self.stand.option.constant_m
 
 
 def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
@@ -136,7 +136,7 @@ def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, mo
     tries = [
         _Try(number, speed, profile, terms, stand, moved)
         for number, (option, speed, terms, stand) in enumerate(
-            (*way, stand) for way in ways_of(scene, who) for stand in stands(scene, standing)
+            (*way, stand) for way in approaches_of(scene, who) for stand in stands(scene, standing)
         )
         if (profile := speed_profile(who.vehicle, speed.speed_mps)).impact_mps >= 1.0
         for share in _OVERLAPS
@@ -192,7 +192,7 @@ def _towards(
             yield option
         return
     at = stand.option.path().pose(_nearest_m(stand.option.path(), scene))
-    _, aside = option.stream.path.project(at.x_m, at.y_m)
+    _, aside = option.approach.path.project(at.x_m, at.y_m)
     off_m = aside + share * (who.vehicle.width_m + parked.width_m) / 2
     if abs(off_m) <= _LEAST_DRIFT_M:
         yield option
@@ -201,7 +201,7 @@ def _towards(
     for lateral_g, cost in ((_DRIFT_G, 0.0), (_SWERVE_G, _ABRUPT)):
         lateral = lateral_g * GRAVITY_MPS2
         shift = lateral_shift(off_m, speed_mps, steepest_slope(off_m, speed_mps, lateral), lateral)
-        costs = option.costs | ({"abruptness": cost} if cost else {}) | _departure(who, option.stream, off_m)
+        costs = option.costs | ({"abruptness": cost} if cost else {}) | _departure(who, option.approach, off_m)
         yield replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=replace(shift, at_anchor_m=off_m), costs=costs)
 
 
@@ -209,13 +209,13 @@ def _nearest_m(path: Path, scene: Scene) -> float:
     return path.project(*scene.place_xy_m)[0]
 
 
-def _departure(who: Party, stream: Stream, off_m: float) -> dict[str, float]:
+def _departure(who: Party, approach: Approach, off_m: float) -> dict[str, float]:
     """What the report says of the side to which the vehicle left its lane."""
     side = who.crash_type.departure
     if RAN_OFF_RIGHT in who.events or RAN_OFF_LEFT in who.events:
         side = Side.RIGHT if RAN_OFF_RIGHT in who.events else Side.LEFT
     if side is None:
-        return {"across the road": _ACROSS} if off_m > 0 and not stream.one_way else {}
+        return {"across the road": _ACROSS} if off_m > 0 and not approach.one_way else {}
     if (side is Side.LEFT) == (off_m > 0):
         return {}
     return {"other side than reported": _OTHER_SIDE}
@@ -229,7 +229,7 @@ def _plan(scene: Scene, who: Party, tried: _Try, parked: VehicleRecord) -> _Plan
     path, station = option.path(), 0.0
     for _ in range(_SLIDES):  # put the standing vehicle where the contact is at the reported place
         at = parked_path.pose(parked_m)
-        slide = option.stream.path.project(at.x_m, at.y_m)[0] - option.station_m
+        slide = option.approach.path.project(at.x_m, at.y_m)[0] - option.station_m
         path = option.path(slide)
         station = path.project(at.x_m, at.y_m)[0]
         mover = Mover.of(who.vehicle, path, station, profile.impact_mps, backing=option.backing)
@@ -270,7 +270,7 @@ def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> fl
     """How well the contact agrees with the place. The reported place of a crash beside the road lies on the road. So
     across the road it says little: at most which half of the road it was."""
     missing: FloatArray = np.array([contacts.x_m[0], contacts.y_m[0]]) - np.array(scene.place_xy_m)
-    ahead = option.stream.path.pose(option.station_m).forward
+    ahead = option.approach.path.pose(option.station_m).forward
     along, across = float(missing @ ahead), float(ahead[0] * missing[1] - ahead[1] * missing[0])
     beside = stand.zone is not Zone.CARRIAGEWAY
     return float(place_log_likelihood(np.array(math.hypot(along, across * (_ACROSS_SAYS if beside else 1.0)))))
@@ -300,7 +300,7 @@ def _hypothesis(scene: Scene, contact: CrashEvent, plan: _Plan, parked: VehicleR
     ]
     x_m, y_m = (round(value, _DECIMALS) for value in plan.contact_xy_m)
     stand = plan.stand.option
-    detail = f"vehicle {parked.number} stands {stand.constant_m:+.1f} m left of {stand.stream.name}"
+    detail = f"vehicle {parked.number} stands {stand.constant_m:+.1f} m left of {stand.approach.name}"
     return Hypothesis(
         name=f"vehicle {vehicle.number}: {plan.drive.name}; vehicle {parked.number}: {stand.name}",
         score=plan.score,

@@ -25,7 +25,7 @@ import numpy as np
 
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.geometry import FloatArray
-from trace_dag.states.encounters import party
+from trace_dag.states.pre_crash_scenarios import party
 from trace_dag.states.speed_prior import speed_kept_distribution, travel_speed_distribution
 from trace_dag.states.speeds import TravelSpeed
 from trace_dag.states.types import Hypothesis, ParticipantState, PartyDraw, Sample, SpeedSource

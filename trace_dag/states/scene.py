@@ -1,4 +1,4 @@
-"""The crash on its map: record, network, place and the streams past it."""
+"""The crash on its map: record, network, place and the approaches past it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from trace_dag.crash.record import CrashRecord
+from trace_dag.messages.wording import counted
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MappedThing
-from trace_dag.states.stream_finder import StreamFinder
-from trace_dag.states.streams import Stream
-from trace_dag.wording import counted
+from trace_dag.states.approach_finder import ApproachFinder
+from trace_dag.states.approaches import Approach
 
 if TYPE_CHECKING:
     from trace_dag.roads.map.areas import Area
@@ -37,8 +37,8 @@ class Scene:
     record: CrashRecord
     network: RoadNetwork
     placement: CrashPlacement
-    finder: StreamFinder
-    streams: tuple[Stream, ...]
+    finder: ApproachFinder
+    approaches: tuple[Approach, ...]
     things: tuple[MappedThing, ...] = ()
 
     @property
@@ -53,17 +53,17 @@ class Scene:
         return self.network.carriageway_near(place.x_m, place.y_m, CARRIAGEWAY_REACH_M, z_m=place.z_m)
 
     @property
-    def through(self) -> list[Stream]:
+    def through(self) -> list[Approach]:
         """Streams that pass the crash without turning."""
-        return [stream for stream in self.streams if stream.turn is None]
+        return [approach for approach in self.approaches if approach.turn is None]
 
     def no_way_that(self, does: str) -> str:
         """That no way past the crash does something, such as "leads off the road", as a sentence."""
-        if not self.streams:
+        if not self.approaches:
             return "no lane of the map passes the crash"
-        return f"{counted(len(self.streams), 'way')} past the crash, none of which {does}"
+        return f"{counted(len(self.approaches), 'way')} past the crash, none of which {does}"
 
-    def on_road(self, wanted: list[Stream]) -> list[Stream]:
+    def on_road(self, wanted: list[Approach]) -> list[Approach]:
         """Streams that pass within a lane or two of the crash, else the nearest ones."""
-        near = [stream for stream in wanted if abs(stream.offset_m) <= ON_ROAD_M]
+        near = [approach for approach in wanted if abs(approach.offset_m) <= ON_ROAD_M]
         return near or wanted[:2]

@@ -55,23 +55,23 @@ class Solution:
     @property
     def score(self) -> float:
         """Log-likelihood, rounded so that the order of solutions does not depend on the last bits."""
-        return round(self.candidate.encounter.log_prior + sum(self.terms.values()), 6)
+        return round(self.candidate.scenario.log_prior + sum(self.terms.values()), 6)
 
     @property
     def name(self) -> str:
-        """Names both vehicles' manoeuvres and streams; unique among the candidates of one crash."""
-        encounter = self.candidate.encounter
+        """Names both vehicles' manoeuvres and approaches; unique among the candidates of one crash."""
+        scenario = self.candidate.scenario
         return "; ".join(
             f"vehicle {party.vehicle.number}: {placed.option.name}"
             for party, placed in sorted(
-                ((encounter.mover, self.mover), (encounter.other, self.other)), key=lambda pair: pair[0].vehicle.number
+                ((scenario.mover, self.mover), (scenario.other, self.other)), key=lambda pair: pair[0].vehicle.number
             )
         )
 
 
 def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> Solution | None:
     """The best first contact of a candidate near a place; None if the two never meet."""
-    encounter = candidate.encounter
+    scenario = candidate.scenario
     slide = [0.0, 0.0]
     best: tuple[Contacts, int, Mover, Mover] | None = None
     ahead_s = 0.0
@@ -83,8 +83,8 @@ def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> 
         contacts = first_contacts(*movers, timings=TIMINGS, span_s=_span_s(candidate))
         if len(contacts) == 0:
             return None
-        areas = impact_area_log_likelihood(encounter.mover.vehicle, contacts.bearing_1_rad)
-        areas = areas + impact_area_log_likelihood(encounter.other.vehicle, contacts.bearing_2_rad)
+        areas = impact_area_log_likelihood(scenario.mover.vehicle, contacts.bearing_1_rad)
+        areas = areas + impact_area_log_likelihood(scenario.other.vehicle, contacts.bearing_2_rad)
         areas = areas + manner_log_likelihood(record, contacts.bearing_1_rad, contacts.bearing_2_rad)
         score = areas + place_log_likelihood(_unslidable(candidate, slides, contacts, x_m, y_m))
         # Along one road many timings differ in nothing but the place: keep one of them while sliding.
@@ -109,13 +109,13 @@ def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> 
 def _span_s(candidate: Candidate) -> float:
     """How long two vehicles side by side take to come together, as one of them moves over slowly (seconds)."""
     shift = candidate.mover.shift
-    if shift is None or candidate.encounter.relation is not Relation.SAME_DIRECTION:
+    if shift is None or candidate.scenario.relation is not Relation.SAME_DIRECTION:
         return 0.0
     return shift.length_m / max(candidate.mover_profile.impact_mps, 1.0)
 
 
 def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) -> tuple[Mover, Mover] | None:
-    encounter = candidate.encounter
+    scenario = candidate.scenario
     options = (candidate.mover, candidate.other)
     paths = [option.path(slide[i]) for i, option in enumerate(options)]
     stations = []
@@ -123,10 +123,10 @@ def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) ->
         for option, path, moved in zip(options, paths, slide, strict=True):
             pose = option.nominal_pose(moved)
             stations.append(path.project(pose.x_m, pose.y_m)[0])
-        if encounter.relation is Relation.SAME_LANE:
+        if scenario.relation is Relation.SAME_LANE:
             # One behind the other: the follower's station is where it touches, not where the bodies would overlap.
-            ahead = encounter.other.vehicle
-            stations[0] -= (encounter.mover.vehicle.length_m + ahead.length_m) / 2
+            ahead = scenario.other.vehicle
+            stations[0] -= (scenario.mover.vehicle.length_m + ahead.length_m) / 2
             if ahead.trailer is not None:
                 stations[0] -= ahead.trailer.combination_length_m - ahead.length_m
     else:
@@ -138,7 +138,7 @@ def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) ->
     first, second = (
         Mover.of(vehicle, path, station, profile.impact_mps, backing=option.backing)
         for path, station, profile, vehicle, option in zip(
-            paths, stations, profiles, (encounter.mover.vehicle, encounter.other.vehicle), options, strict=True
+            paths, stations, profiles, (scenario.mover.vehicle, scenario.other.vehicle), options, strict=True
         )
     )
     return first, second
@@ -193,8 +193,8 @@ def _solution(
     x_m: float,
     y_m: float,
 ) -> Solution:
-    encounter = candidate.encounter
-    vehicles = (encounter.mover.vehicle, encounter.other.vehicle)
+    scenario = candidate.scenario
+    vehicles = (scenario.mover.vehicle, scenario.other.vehicle)
     bearings = (contacts.bearing_1_rad[index : index + 1], contacts.bearing_2_rad[index : index + 1])
     terms = dict(candidate.terms)
     for vehicle, bearing in zip(vehicles, bearings, strict=True):
@@ -219,7 +219,7 @@ def _solution(
             strict=True,
         )
     ]
-    for party, each in zip((encounter.mover, encounter.other), placed, strict=True):
+    for party, each in zip((scenario.mover, scenario.other), placed, strict=True):
         term = _turning_term(party.vehicle, each)
         if term:
             terms[f"turned at the impact (vehicle {party.vehicle.number})"] = term

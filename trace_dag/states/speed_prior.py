@@ -24,7 +24,7 @@ from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.crash_types import EncounterRole, Relation
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.record import HEAVY_VEHICLES, CrashRecord, PreCrashMovement, VehicleClass
-from trace_dag.states.encounters import Party
+from trace_dag.states.pre_crash_scenarios import Party
 from trace_dag.states.speed_coefficients import BRAKING, LEVELS, SHIFTS_MPH, SPREAD_MPH
 from trace_dag.states.speeds import BRAKING_AVOIDANCE, STOP_CONTROLS, TravelSpeed
 from trace_dag.states.types import SpeedSource
@@ -80,7 +80,7 @@ class Distribution:
 def speed_class(party: Party, rule: TravelSpeed) -> SpeedClass:
     """The speed class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives.
 
-    >>> from trace_dag.states.encounters import party
+    >>> from trace_dag.states.pre_crash_scenarios import party
     >>> rule = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
     >>> speed_class(party(queue_record, queue_record.vehicles[1]), rule).value
     'standing'
@@ -93,7 +93,7 @@ def speed_class(party: Party, rule: TravelSpeed) -> SpeedClass:
 def role(party: Party) -> Role:
     """What a vehicle did in the crash, by its record.
 
-    >>> from trace_dag.states.encounters import party
+    >>> from trace_dag.states.pre_crash_scenarios import party
     >>> [role(party(queue_record, vehicle)).value for vehicle in queue_record.vehicles[:2]]  # crash types 20 and 21
     ['behind', 'ahead']
     """
@@ -111,7 +111,7 @@ def role(party: Party) -> Role:
 def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, bool]:
     """What a travel speed depends on in the report, beside the rule; the names are those of the table of shifts.
 
-    >>> from trace_dag.states.encounters import party
+    >>> from trace_dag.states.pre_crash_scenarios import party
     >>> rider = party(record, record.vehicles[1])
     >>> found = features(record, rider, TravelSpeed(13.4, SpeedSource.INFERRED_LIMIT))
     >>> found["motorcycle"], found["speeding"]

@@ -13,14 +13,14 @@ from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.splits import Split, splits_of
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT, XODR, CrashArtefacts
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.records import Complaint, log_complaint, raised
+from trace_dag.flow.crash_status import FinalState, status_of_valid
+from trace_dag.flow.records import OnProblem, log_problem, raised
 from trace_dag.flow.selection import registered
-from trace_dag.flow.standing import FinalState, standing_of_valid
 from trace_dag.flow.workspace import Workspace
+from trace_dag.messages.wording import counted
 from trace_dag.stage import Stage
 from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.studies.stored_variations import families, read_variation
-from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.settings import SimSettings
@@ -131,19 +131,19 @@ def verified_cases(
     *,
     split: Split | None = None,
     departures: bool | None = False,
-    complain: Complaint = log_complaint,
+    on_problem: OnProblem = log_problem,
 ) -> list[StoredCase]:
     """The verified ones of the crashes asked for in which somebody met somebody, or those in which a vehicle left the
     road by itself (``departures``; None: both); :class:`UserError` if there are none. ``split`` takes one part of
     them, as a release of the same crashes has it.
 
-    ``complain`` is called for damaged records: whether their crash is verified cannot be told.
+    ``on_problem`` is called for damaged records: whether their crash is verified cannot be told.
     """
     keys = registered(workspace, cohort, only)
     cases = [
         StoredCase(files)
-        for files in crash_files(workspace, keys, complain=complain)
-        if standing_of_valid(files.key, files.records).final_state is FinalState.VERIFIED
+        for files in crash_files(workspace, keys, on_problem=on_problem)
+        if status_of_valid(files.key, files.records).final_state is FinalState.VERIFIED
     ]
     if not cases:
         raise UserError(f"no crash of the {len(keys)} asked for is verified; trace-dag status tells where they stand")
@@ -167,16 +167,16 @@ def verified_cases(
 
 
 def stored_variations(
-    workspace: Workspace, cases: Sequence[StoredCase], *, complain: Complaint = raised
+    workspace: Workspace, cases: Sequence[StoredCase], *, on_problem: OnProblem = raised
 ) -> list[StoredCase]:
     """The stored variations of some crashes that were made of them as they are now.
 
-    ``complain`` is called for damaged families. Raises :class:`UserError` if there are no variations.
+    ``on_problem`` is called for damaged families. Raises :class:`UserError` if there are no variations.
     """
     of_crash = {case.key: case for case in cases}
     found = [
         replace(of_crash[key], variation=each["variation_id"])
-        for key, rows in families(workspace.storage, complain, of_crash).items()
+        for key, rows in families(workspace.storage, on_problem, of_crash).items()
         for each in rows
         if each["verdict_fingerprint"] == of_crash[key].fingerprint
     ]

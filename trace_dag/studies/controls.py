@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from trace_dag.errors import UserError
-from trace_dag.flow.records import Complaint, raised
+from trace_dag.flow.records import OnProblem, raised
 from trace_dag.flow.workspace import Workspace
-from trace_dag.progress import Progress, silent
+from trace_dag.messages.progress import OnProgress, silent
 from trace_dag.studies.stored_crashes import judged_crashes
 from trace_dag.studies.tables import CONTROLS, store
 from trace_dag.verdict.changed_plans import changed_estimate, changed_plans, changed_row
@@ -20,22 +20,24 @@ def negative_controls(
     cohort: str,
     *,
     most: int,
-    tell: Progress = silent,
-    complain: Complaint = raised,
+    on_progress: OnProgress = silent,
+    on_problem: OnProblem = raised,
 ) -> list[ControlRow]:
     """Every judged crash of a cohort against its own report, every verified one against every other's report of its
     kind and with one vehicle late; of a crash with people the person late, and from the other side; of a vehicle that
     leaves the road the side mirrored, and the object moved. Stored for the warehouse.
 
     Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
-    at random. ``tell`` hears how many of how many are read, and then judged; ``complain`` of those left out.
+    at random. ``on_progress`` hears how many of how many are read, and then judged; ``on_problem`` of those left out.
 
     Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
     """
     from trace_dag.sim.embedded import EmbeddedBackend
     from trace_dag.sim.run import simulate
 
-    crashes = judged_crashes(workspace, workspace.registry.keys(cohort), most=most, tell=tell, complain=complain)
+    crashes = judged_crashes(
+        workspace, workspace.registry.keys(cohort), most=most, on_progress=on_progress, on_problem=on_problem
+    )
     if not crashes:
         raise UserError(f"no crash of cohort {cohort!r} has a verdict yet; trace-dag run --cohort {cohort} makes them")
     settings = workspace.settings
@@ -52,7 +54,7 @@ def negative_controls(
                 states = changed_estimate(crash, changed)
                 (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
             rows.append(changed_row(crash, name, changed, log, settings.verdict))
-        tell(done, len(verified))
+        on_progress(done, len(verified))
     rows = [replace(row, crash_kind=kinds[row.key]) for row in rows]
     store(workspace, CONTROLS, cohort, rows)
     return rows

@@ -19,8 +19,8 @@ from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.pool import Lost
 from trace_dag.flow.workspace import Workspace
+from trace_dag.messages.progress import OnProgress
 from trace_dag.plugins import PluginKind, offered
-from trace_dag.progress import Progress
 from trace_dag.settings import StateSettings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
@@ -29,7 +29,7 @@ from trace_dag.states.compare import EstimateErrors, EstimatorAttempt, Estimator
 from trace_dag.states.estimate import UnusableAnswers, estimator_factory
 from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.types import StateEstimate
-from trace_dag.storage import StoredFile
+from trace_dag.storage.files import StoredFile
 from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.studies.tables import ESTIMATORS, store_comparison
 from trace_dag.studies.truth import SampleTruth, score_truth
@@ -82,7 +82,7 @@ def estimators_compared(
     estimators: Sequence[str],
     *,
     truth: SampleTruth | None = None,
-    listener: Progress | None = None,
+    listener: OnProgress | None = None,
 ) -> list[EstimatorRow]:
     """What each estimator makes of every mapped crash of a cohort; the first is what the others are compared with.
 

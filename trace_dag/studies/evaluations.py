@@ -21,10 +21,10 @@ from trace_dag.evaluation.registry import label, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
 from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
 from trace_dag.flow.pool import Lost, Task
-from trace_dag.flow.records import Complaint, raised
+from trace_dag.flow.records import OnProblem, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import now
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
 from trace_dag.studies.evaluation_work import EvaluationWork, Step, answers, evaluating_code
 
@@ -43,13 +43,13 @@ def evaluate_agents(
     limits: AgentLimits,
     *,
     isolation: Isolation | None = None,
-    tell: Callable[[Row], None] = lambda _: None,
-    complain: Complaint = raised,
+    on_progress: Callable[[Row], None] = lambda _: None,
+    on_problem: OnProblem = raised,
 ) -> list[Row]:
     """Every agent in every role of every case, as rows in a fixed order, stored under the root.
 
-    ``tell`` hears of each evaluation as it is done, ``complain`` of every step of a crash that cannot be loaded. Raises
-    :class:`UserError` for agents that are not there.
+    ``on_progress`` hears of each evaluation as it is done, ``on_problem`` of every step of a crash that cannot be
+    loaded. Raises :class:`UserError` for agents that are not there.
     """
     references = {name: resolve(name) for name in agents}
     by_id = {case.case_id: case for case in cases}
@@ -57,13 +57,13 @@ def evaluate_agents(
     steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
     code = evaluating_code(workspace.settings.sim)
     digests = {name: agent_code(reference) for name, reference in references.items()}
-    results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, complain)
+    results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, on_problem)
     try:
         for answer in answers(workspace, work, [Task(case_id, steps) for case_id in by_id]):
             stored = by_id[answer.task]
             found = answer.result
             if isinstance(found, Failure):
-                complain(found)
+                on_problem(found)
                 continue
             if isinstance(found, Lost):
                 case = load_case(stored)
@@ -78,7 +78,7 @@ def evaluate_agents(
                 verdict_fingerprint=stored.fingerprint,
             )
             results.add(answer.step.name, made)
-            tell(made)
+            on_progress(made)
     finally:
         results.store(references)
     return results.in_order()
@@ -87,9 +87,9 @@ def evaluate_agents(
 class _Results:
     """Rows as they come; stored at the end, also if the batch is interrupted, so that finished work is kept."""
 
-    def __init__(self, storage: Storage, labels: Mapping[str, str], complain: Complaint) -> None:
+    def __init__(self, storage: Storage, labels: Mapping[str, str], on_problem: OnProblem) -> None:
         self.labels = labels
-        self._complain = complain
+        self._complain = on_problem
         self._storage = storage
         self._rows: dict[str, list[Row]] = {name: [] for name in labels}
 
@@ -108,16 +108,18 @@ class _Results:
                 store_rows(self._storage, self.labels[name], references[name], rows, self._complain)
 
 
-def store_rows(storage: Storage, agent: str, reference: str, rows: Sequence[Row], complain: Complaint = raised) -> None:
+def store_rows(
+    storage: Storage, agent: str, reference: str, rows: Sequence[Row], on_problem: OnProblem = raised
+) -> None:
     """Store evaluations of one agent, a label: a row for the same case and vehicle replaces the one before.
 
-    ``reference`` says where they come from; ``complain`` hears of what is stored of the agent and damaged.
+    ``reference`` says where they come from; ``on_problem`` hears of what is stored of the agent and damaged.
     """
     subject = f"{FOLDER}/{agent}"
     try:
         merged = {_identity(each): each for each in stored_rows(storage, subject)}
     except DamagedFile as damaged:
-        complain(damaged.mended_by("what it held of other crashes is lost; evaluate them again"))
+        on_problem(damaged.mended_by("what it held of other crashes is lost; evaluate them again"))
         merged = {}
     merged |= {_identity(each): each for each in rows}
     table = storage.write(f"{subject}.parquet", rows_to_parquet(merged[each] for each in sorted(merged)))
@@ -174,14 +176,14 @@ def remove_agent(storage: Storage, agent: str) -> int:
     return rows
 
 
-def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
-    """Every stored evaluation, of all agents; ``complain`` hears of the agents whose table is damaged."""
+def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
+    """Every stored evaluation, of all agents; ``on_problem`` hears of the agents whose table is damaged."""
     found: list[Row] = []
     for agent in agents_of(storage):
         try:
             found += stored_rows(storage, f"{FOLDER}/{agent}")
         except DamagedFile as damaged:
-            complain(damaged)
+            on_problem(damaged)
     return found
 
 

@@ -11,7 +11,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.records import Complaint, raised
+from trace_dag.flow.records import OnProblem, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.studies.stored_crashes import judged_crashes, stored_crash
 from trace_dag.studies.tables import PUBLISHED, store
@@ -38,12 +38,12 @@ def _no_collision(record: CrashRecord) -> str | None:
 
 
 def published_comparison(
-    workspace: Workspace, cohort: str, folder: Path, *, complain: Complaint = raised
+    workspace: Workspace, cohort: str, folder: Path, *, on_problem: OnProblem = raised
 ) -> PublishedComparison:
     """Our crashes beside the published ones of the same cases: simulated alike, judged alike. Stored for the warehouse.
 
     Left out of both: a case whose report names no two vehicles that touched, since it has no collision to judge; and a
-    case with a damaged file, which is passed to ``complain``.
+    case with a damaged file, which is passed to ``on_problem``.
     ``folder`` holds ``simulations/simulation_<stateCase>.json`` and ``maps/map_<stateCase>.xodr``, or folders of years
     that do, as :mod:`trace_dag.formats.published` writes them. Raises :class:`UserError` if it does not, or if none of
     its cases is in the cohort.
@@ -70,7 +70,7 @@ def published_comparison(
             ours_of_case = judged_crashes(workspace, [key])
             theirs = _theirs(workspace, files, simulation, simulation.parents[1] / "maps" / f"map_{case}.xodr")
         except DamagedFile as damaged:
-            complain(damaged)
+            on_problem(damaged)
             continue
         rows.append(theirs)
         for ours in ours_of_case:

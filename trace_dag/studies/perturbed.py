@@ -18,15 +18,15 @@ from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.crash_status import FinalState
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.pool import Lost
-from trace_dag.flow.records import Complaint, raised
+from trace_dag.flow.records import OnProblem, raised
 from trace_dag.flow.stages.osm_extract import catalog_of
-from trace_dag.flow.standing import FinalState
 from trace_dag.flow.workspace import Workspace
+from trace_dag.messages.progress import OnProgress, silent
 from trace_dag.osm.types import Site
 from trace_dag.osm.xml import write_osm
-from trace_dag.progress import Progress, silent
 from trace_dag.settings import StateSettings
 from trace_dag.states.estimate import estimator_factory
 from trace_dag.studies.perturbed_rows import FARTHEST_M, Change, PerturbedRow, PerturbTask, draw_stream, perturb_all
@@ -66,14 +66,19 @@ class Request:
 
 
 def perturbed_controls(
-    workspace: Workspace, cohort: str, request: Request, *, tell: Progress = silent, complain: Complaint = raised
+    workspace: Workspace,
+    cohort: str,
+    request: Request,
+    *,
+    on_progress: OnProgress = silent,
+    on_problem: OnProblem = raised,
 ) -> list[PerturbedRow]:
     """Verified crashes of a cohort, drawn at random, each with its report changed in every way that applies to it.
 
     Collisions of two vehicles and crashes with people are drawn each for themselves. The same request on the same root
-    gives the same rows, whatever the number of workers. ``tell`` hears how many changed reports of how many are
-    through, ``complain`` of crashes left out because something stored of them is damaged. Stored for the warehouse, in
-    place of the cohort's rows before.
+    gives the same rows, whatever the number of workers. ``on_progress`` hears how many changed reports of how many are
+    through, ``on_problem`` of crashes left out because something stored of them is damaged. Stored for the warehouse,
+    in place of the cohort's rows before.
 
     Raises :class:`UserError` for a kind or crash there is not, a cohort without a verified crash, or an estimator that
     would have to be paid for every changed report.
@@ -89,12 +94,12 @@ def perturbed_controls(
     if unknown:
         raise UserError(f"{unknown[0]} is not a crash of cohort {cohort!r}")
     verified = []
-    for each in crash_files(workspace, keys, complain=complain):
+    for each in crash_files(workspace, keys, on_problem=on_problem):
         try:
             each.check()
             verified += [each] if _is_verified(each) else []
         except DamagedFile as damaged:
-            complain(damaged)
+            on_problem(damaged)
     if not any(not request.only or each.key in request.only for each in verified):
         asked = f"of {', '.join(request.only)} none is verified" if request.only else "no crash is verified yet"
         raise UserError(f"cohort {cohort!r}: {asked}; only verified crashes are perturbed")
@@ -104,7 +109,7 @@ def perturbed_controls(
         asked_for = [each for each in alike if not request.only or each.key in request.only]
         crashes = drawn(asked_for, request.most, request.seed)
         tasks += _tasks(workspace, crashes, alike, [kind for kind in kinds if begins in kind.of], request)
-    rows = _run(workspace, tasks, tell)
+    rows = _run(workspace, tasks, on_progress)
     store(workspace, PERTURBED_TABLE, cohort, rows)
     return rows
 
@@ -173,10 +178,10 @@ def _maps_around(crashes: Sequence[CrashFiles]) -> dict[str, bytes]:
     return found
 
 
-def _run(workspace: Workspace, tasks: Sequence[PerturbTask], tell: Progress) -> list[PerturbedRow]:
+def _run(workspace: Workspace, tasks: Sequence[PerturbTask], on_progress: OnProgress) -> list[PerturbedRow]:
     total, done = sum(len(task.changes) for task in tasks), 0
     rows: list[PerturbedRow] = []
-    tell(0, total)
+    on_progress(0, total)
     with workspace.executing() as executor:
         for task, found in run_redoing_lost(executor, perturb_all, tasks, PerturbTask.split):
             if isinstance(found, Lost):
@@ -185,6 +190,6 @@ def _run(workspace: Workspace, tasks: Sequence[PerturbTask], tell: Progress) -> 
                 found = (replace(lost, outcome_detail=f"its worker died ({found.detail})"),)
             rows += found
             done += len(task.changes)
-            tell(done, total)
+            on_progress(done, total)
     order = {name: index for index, name in enumerate(KINDS)}
     return sorted(rows, key=lambda row: (row.key, order[row.perturbation], row.draw))

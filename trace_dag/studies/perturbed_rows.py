@@ -22,8 +22,8 @@ from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.errors import Reason
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, REPORT_XML, VERDICT, VERDICT_JSON
 from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.crash_status import FinalState, status_of_valid
 from trace_dag.flow.records import Records
-from trace_dag.flow.standing import FinalState, standing_of_valid
 from trace_dag.flow.tasks import Chunk, CrashTask, Work
 from trace_dag.flow.worker import work_on_chunk
 from trace_dag.geometry import LocalFrame
@@ -31,7 +31,7 @@ from trace_dag.osm.types import OsmExtract
 from trace_dag.osm.xml import read_osm
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.studies.stored_crashes import StoredCrash, read_judged
 from trace_dag.verdict.controls import JudgedCrash, in_place_of
 from trace_dag.verdict.judge import judge_hypothesis
@@ -155,7 +155,7 @@ class _Perturbation:
         records = self._through_all_stages(changed, key, storage)
         files = CrashFiles.recorded(key, self._crash.source, self._crash.settings, storage, records)
         # All of them count: to valid_records an extract that was kept would be none of the changed record's.
-        stands = standing_of_valid(key, records)
+        stands = status_of_valid(key, records)
         judged = stands.final_state is not FinalState.FAILED and stands.reason is not Reason.NO_MAP_COVERAGE
         row = replace(
             self._row,

@@ -15,10 +15,10 @@ import numpy as np
 from trace_dag.errors import Failure, UserError
 from trace_dag.flow.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.records import Complaint, log_complaint, raised, read_records
-from trace_dag.flow.standing import valid_records
+from trace_dag.flow.crash_status import valid_records
+from trace_dag.flow.records import OnProblem, log_problem, raised, read_records
 from trace_dag.flow.workspace import Workspace
-from trace_dag.progress import Progress, silent
+from trace_dag.messages.progress import OnProgress, silent
 from trace_dag.verdict.controls import JudgedCrash
 
 _SEED = 1
@@ -66,14 +66,14 @@ def stored_crash(workspace: Workspace, key: str) -> CrashFiles:
 
 
 def crash_files(
-    workspace: Workspace, keys: Collection[str], *, run_id: str = "", complain: Complaint = log_complaint
+    workspace: Workspace, keys: Collection[str], *, run_id: str = "", on_problem: OnProblem = log_problem
 ) -> Iterator[CrashFiles]:
-    """The artefacts of some registered crashes, in their order; ``complain`` hears of records that are damaged.
+    """The artefacts of some registered crashes, in their order; ``on_problem`` hears of records that are damaged.
 
     ``run_id`` is the run that is going to work on them. Raises :class:`UserError` for a key that is not registered.
     """
     settings, storage = workspace.settings, workspace.storage
-    sources, records = workspace.registry.sources(keys), read_records(storage, keys, complain=complain)
+    sources, records = workspace.registry.sources(keys), read_records(storage, keys, on_problem=on_problem)
     return (
         CrashFiles.recorded(key, sources[key], settings, storage, valid_records(records[key]), run_id=run_id)
         for key in keys
@@ -85,24 +85,24 @@ def judged_crashes(
     keys: Collection[str],
     *,
     most: int | None = None,
-    tell: Progress = silent,
-    complain: Complaint = raised,
+    on_progress: OnProgress = silent,
+    on_problem: OnProblem = raised,
 ) -> list[StoredCrash]:
     """Those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
 
-    The same crashes give the same draw. ``tell`` hears how many of how many have been read, ``complain`` of those left
-    out because something stored of them is damaged.
+    The same crashes give the same draw. ``on_progress`` hears how many of how many have been read, ``on_problem`` of
+    those left out because something stored of them is damaged.
     """
-    judged = [each for each in crash_files(workspace, keys, complain=complain) if each.has(VERDICT)]
+    judged = [each for each in crash_files(workspace, keys, on_problem=on_problem) if each.has(VERDICT)]
     if most is not None:
         judged = drawn(judged, most, _SEED)
     found = []
     for done, each in enumerate(judged, 1):
-        tell(done, len(judged))
+        on_progress(done, len(judged))
         try:
             found.append(read_judged(each))
         except Failure as failure:
-            complain(failure)
+            on_problem(failure)
     return found
 
 

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 from trace_dag.errors import DamagedFile
 from trace_dag.evaluation.table import Row, rows_from_parquet
 from trace_dag.flow.manifests import read_listed, sound_manifest
-from trace_dag.flow.records import Complaint, raised
+from trace_dag.flow.records import OnProblem, raised
 from trace_dag.provenance import crash_of
 from trace_dag.sim.log_io import logs_from_files
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.json_io import estimate_from_json
 from trace_dag.states.types import Hypothesis, StateEstimate
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.variations.family import Criteria, VariationKind
 from trace_dag.variations.perturbation import Bounds, Perturbation
 
@@ -84,12 +84,12 @@ def read_variation(storage: Storage, name: str) -> StoredVariation:
     return StoredVariation(about, estimate, log)
 
 
-def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
-    """Every stored variation as a row; ``complain`` hears of the families that are damaged."""
-    return [each for rows in families(storage, complain).values() for each in rows]
+def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
+    """Every stored variation as a row; ``on_problem`` hears of the families that are damaged."""
+    return [each for rows in families(storage, on_problem).values() for each in rows]
 
 
-def families(storage: Storage, complain: Complaint, keys: Collection[str] | None = None) -> dict[str, list[Row]]:
+def families(storage: Storage, on_problem: OnProblem, keys: Collection[str] | None = None) -> dict[str, list[Row]]:
     """The lists of the families there are, of some crashes or all, by key."""
     there = {*sound_manifest(storage, FOLDER).files, *storage.list(FOLDER)}
     listed = {crash_of(name) for name in there if name.endswith(".family.parquet")}
@@ -98,7 +98,7 @@ def families(storage: Storage, complain: Complaint, keys: Collection[str] | None
         try:
             found[key] = rows_from_parquet(_read(storage, key, family_name(key)))
         except DamagedFile as damaged:
-            complain(damaged)
+            on_problem(damaged)
     return found
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
+from trace_dag.messages.wording import percent
 from trace_dag.scenario.share_chart import Share
 from trace_dag.states.compare import EstimatorRow, EstimatorSummary, summarise
 from trace_dag.studies.perturbed_rows import PerturbedRow
@@ -16,7 +17,6 @@ from trace_dag.verdict.controls import ControlRow
 from trace_dag.verdict.peer import ComparisonRow
 from trace_dag.verdict.perturbed.kinds import KINDS
 from trace_dag.verdict.types import Grade
-from trace_dag.wording import percent
 
 
 class StudyTable(NamedTuple):

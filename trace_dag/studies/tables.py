@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.manifests import list_files, read_listed
-from trace_dag.flow.records import Complaint
+from trace_dag.flow.records import OnProblem
 from trace_dag.flow.workspace import Workspace
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage.files import Storage, StoredFile
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -33,14 +33,14 @@ def store(workspace: Workspace, kind: str, cohort: str, rows: Sequence[Dataclass
 _MADE_BY = {CONTROLS: "controls", PUBLISHED: "peer FOLDER", ESTIMATORS: "compare", PERTURBED: "controls --perturbed"}
 
 
-def comparison_is_whole(storage: Storage, name: str, complain: Complaint) -> bool:
-    """Whether a stored comparison is undamaged; if not, ``complain`` is called."""
+def comparison_is_whole(storage: Storage, name: str, on_problem: OnProblem) -> bool:
+    """Whether a stored comparison is undamaged; if not, ``on_problem`` is called."""
     kind, _, cohort = name.removeprefix(f"{FOLDER}/").removesuffix(".json").partition("-")
     try:
         remedy = f"trace-dag {_MADE_BY[kind]} --cohort {cohort} makes it again"
         read_listed(storage, name, remedy=remedy)
     except DamagedFile as damaged:
-        complain(damaged)
+        on_problem(damaged)
         return False
     return True
 

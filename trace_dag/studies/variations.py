@@ -27,7 +27,7 @@ from trace_dag.sim.log_io import logs_to_files
 from trace_dag.sim.types import Participant
 from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage.files import Storage, StoredFile
 from trace_dag.studies.cases import StoredCase, load_case
 from trace_dag.studies.stored_variations import (
     FOLDER,
@@ -40,7 +40,7 @@ from trace_dag.studies.stored_variations import (
 from trace_dag.variations.family import Variation, VariationKind, family
 from trace_dag.variations.table import VARIATIONS, row
 
-VERSION = "1"
+VERSION = "2"
 """Of the code that makes variations; see :data:`trace_dag.flow.stages.VERSIONS`."""
 
 
@@ -66,16 +66,17 @@ def make_families(
     cases: Sequence[StoredCase],
     request: FamilyRequest,
     *,
-    tell: Callable[[FamilyReport], None] = lambda _: None,
+    on_progress: Callable[[FamilyReport], None] = lambda _: None,
 ) -> list[FamilyReport]:
-    """The families of some verified crashes, stored; in their order. ``tell`` hears of each crash as it is done."""
+    """The families of some verified crashes, stored; in their order. ``on_progress`` hears of each crash as it is
+    done."""
     tasks = [_Task(case, request) for case in cases]
     reports: dict[str, FamilyReport] = {}
     with workspace.executing() as executor:
         for task, found in run_redoing_lost(executor, _make, tasks, lambda task: [task]):
             key = task.case.key
             reports[key] = FamilyReport(key, error=found.detail) if isinstance(found, Lost) else found
-            tell(reports[key])
+            on_progress(reports[key])
     return [reports[case.key] for case in cases]
 
 

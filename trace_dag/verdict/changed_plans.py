@@ -24,9 +24,9 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
-from trace_dag.states.courses import CROSSING, told_courses
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
 from trace_dag.states.types import EstimatorRun, Hypothesis, Manoeuvre, ParticipantState, StateEstimate, Trajectory
+from trace_dag.states.walking_directions import CROSSING, reported_directions
 from trace_dag.verdict.controls import ControlRow, JudgedCrash, row_of
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.rules import RULE_SETS
@@ -167,7 +167,7 @@ def mirrored_person(crash: JudgedCrash) -> ChangedPlan | None:
     """
     strike = crash.sequence.first
     vehicle, person = _who_meet_first(crash)
-    told = told_courses(strike.person, turn_of(strike.vehicle))
+    told = reported_directions(strike.person, turn_of(strike.vehicle))
     if len(told) != 1 or not told <= CROSSING or abs(person.impact_speed_mps) < _PERSON_STANDS_MPS:
         return None
     axis, at = vehicle.impact_pose.heading_rad, person.impact_pose

@@ -26,8 +26,8 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
-from trace_dag.states.courses import COMPASS_DEG, told_courses
 from trace_dag.states.types import Hypothesis
+from trace_dag.states.walking_directions import COMPASS_DEG, reported_directions
 from trace_dag.verdict.directions import reported_relations_deg, reported_turns_deg
 from trace_dag.verdict.judge import judge_observed
 from trace_dag.verdict.metrics import clock_error_positions
@@ -226,7 +226,7 @@ def _events_differ(
 
 
 def _people_differ(one: CrashRecord, two: CrashRecord, mine: CrashEvent, other: CrashEvent) -> bool:
-    courses = (told_courses(event.person, turn_of(event.vehicle)) for event in (mine, other))
+    courses = (reported_directions(event.person, turn_of(event.vehicle)) for event in (mine, other))
     if _apart(*courses) or _apart(reported_zones(one, mine.person), reported_zones(two, other.person)):
         return True
     codes = ("pedestrian_direction_code", "motorist_direction_code")

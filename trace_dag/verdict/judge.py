@@ -9,6 +9,7 @@ from dataclasses import replace
 from trace_dag.crash.event_sequence import EventSequence, sequence_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure, Reason
+from trace_dag.messages.wording import counted
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
@@ -23,7 +24,6 @@ from trace_dag.verdict.rules import Comparison, criteria, judgement, required_re
 from trace_dag.verdict.shown import shown_measures
 from trace_dag.verdict.support import facts_of, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
-from trace_dag.wording import counted
 
 
 def judge(

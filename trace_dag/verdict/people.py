@@ -8,7 +8,7 @@ from typing import Final
 from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import NonMotorist
 from trace_dag.crash.zones import Zone
-from trace_dag.states.courses import COMPASS_DEG, RELATIVE_DEG, Course, told_courses
+from trace_dag.states.walking_directions import COMPASS_DEG, RELATIVE_DEG, Course, reported_directions
 from trace_dag.units import wrap_angle
 from trace_dag.verdict.observation import ObservedPerson, ObservedVehicle
 
@@ -51,7 +51,7 @@ def course_error_deg(
     >>> round(course_error_deg(strike.vehicles[1], strike.person, person, None))  # he walks straight across
     0
     """
-    allowed = told_courses(person, turn)
+    allowed = reported_directions(person, turn)
     if not allowed or (Course.STANDING in allowed and not walked.moves):
         return None
     if not walked.moves:

@@ -27,6 +27,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import Departure, departure_of
 from trace_dag.crash.zones import Zone, reported_zones, zones_of_first_event
 from trace_dag.errors import Reason
+from trace_dag.messages.wording import beside_limit
 from trace_dag.roads.crash_site.street_names import SAME_STREET
 from trace_dag.roads.map.roadside import RoadZone
 from trace_dag.settings import RuleSetName, VerdictSettings
@@ -37,7 +38,6 @@ from trace_dag.verdict.observation import LEAST_RECORDED_MPS, ObservedCrash, Obs
 from trace_dag.verdict.people import compass_error_deg, course_error_deg, zone_error_m
 from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone, roadside_error_m
 from trace_dag.verdict.types import Criterion
-from trace_dag.wording import beside_limit
 
 UNITS_IN_WORDS = {"h": "clock positions", "deg": "degrees", "mps": "m/s"}
 _INCOMPLETE = {

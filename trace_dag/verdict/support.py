@@ -23,9 +23,9 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.verdict.course_facts import course_facts
 from trace_dag.verdict.departure_facts import departure_facts
+from trace_dag.verdict.pedestrian_facts import crosswalk_facts, pedestrian_facts
 from trace_dag.verdict.place_facts import place_facts
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.strike_facts import crosswalk_facts, strike_facts
 from trace_dag.verdict.support_weights import COUNTS
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Reservation, Support
 
@@ -116,8 +116,8 @@ def facts_of_course(beside: Comparison) -> tuple[Fact, ...]:
 
 _COURSE_FACTS: Final[Mapping[EventKind, Callable[[Comparison], Iterator[Fact]]]] = {
     EventKind.VEHICLE_CONTACT: course_facts,
-    EventKind.PERSON_STRUCK: strike_facts,
-    EventKind.ANIMAL_STRUCK: strike_facts,
+    EventKind.PERSON_STRUCK: pedestrian_facts,
+    EventKind.ANIMAL_STRUCK: pedestrian_facts,
     EventKind.OBJECT_STRUCK: departure_facts,
     EventKind.OVERTURN: departure_facts,
 }

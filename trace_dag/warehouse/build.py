@@ -24,12 +24,12 @@ from tenacity import Retrying, retry_if_exception_type, stop_after_attempt
 from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.flow.manifests import bring_up_to_date
-from trace_dag.flow.records import Complaint, log_complaint
+from trace_dag.flow.records import OnProblem, log_problem
 from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
 from trace_dag.processes import temporary_prefix
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 from trace_dag.studies.tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED, comparison_is_whole
 from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
@@ -54,7 +54,7 @@ _COMPARISONS = {
     "comparison_files": PUBLISHED,
     "estimator_files": ESTIMATORS,
 }
-VERSION = "1"
+VERSION = "2"
 """Of the code and the SQL that build a warehouse; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _BUILD_ATTEMPTS = 3
 _MEMORY_LIMIT = "1GB"
@@ -87,13 +87,13 @@ def is_built_by_this_code(path: Path) -> bool:
         return False
 
 
-def build_warehouse(storage: Storage, local_folder: Path, *, complain: Complaint = log_complaint) -> BuildReport:
+def build_warehouse(storage: Storage, local_folder: Path, *, on_problem: OnProblem = log_problem) -> BuildReport:
     """Build ``ROOT/warehouse.duckdb``, or bring it up to date.
 
     ``local_folder`` is where that is done (the root itself, if local).
 
     A crash may be worked on meanwhile: if one of its files goes while it is read, the build begins again. What is
-    damaged is left out, which ``complain`` hears of. Its SHA-256 is noted beside it, so that its readers can tell
+    damaged is left out, which ``on_problem`` hears of. Its SHA-256 is noted beside it, so that its readers can tell
     whether it is still what was built.
     """
     started = time.monotonic()
@@ -114,7 +114,7 @@ def build_warehouse(storage: Storage, local_folder: Path, *, complain: Complaint
     except FileNotFoundError as error:
         raise Failure(f"warehouse: artefacts keep changing while they are read ({error})") from error
     for damaged in built.damaged:
-        complain(damaged)
+        on_problem(damaged)
     return built
 
 
@@ -131,7 +131,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         cohort_of = {key: name for key, name in cohort_of.items() if key in changed}
     damaged: dict[str, DamagedFile] = {}
 
-    def complain(failure: Failure) -> None:
+    def on_problem(failure: Failure) -> None:
         if not isinstance(failure, DamagedFile):
             raise failure
         damaged.setdefault(failure.name, failure)
@@ -140,7 +140,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         connection.execute("SET enable_progress_bar = false")
         connection.execute(f"SET memory_limit = '{_MEMORY_LIMIT}'")
         connection.execute("SET threads = 1")  # thousands of small files: more threads get in each other's way
-        tables = _read(storage, cohort_of, connection, complain)
+        tables = _read(storage, cohort_of, connection, on_problem)
         tables |= {"listing": unread_reports(storage, cohorts, tables["standing"])}
         tables |= {"state": state_names(), "code_meaning": code_meanings(), "kind_of_crash": crash_kinds()}
         for name, table in tables.items():
@@ -150,11 +150,11 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
             names = [
                 name
                 for name in comparisons
-                if name.startswith(f"{FOLDER}/{kind}-") and comparison_is_whole(storage, name, complain)
+                if name.startswith(f"{FOLDER}/{kind}-") and comparison_is_whole(storage, name, on_problem)
             ]
             files = local_files(storage, names, folder)
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})
-        for name, rows_of_agents in evaluation_tables(storage, complain).items():
+        for name, rows_of_agents in evaluation_tables(storage, on_problem).items():
             connection.register(name, rows_of_agents)
         connection.execute("SET VARIABLE code_version = $code", {"code": VERSION})
         connection.execute("RESET threads")  # the tables are made of a few large ones
@@ -182,12 +182,12 @@ def _read(
     storage: Storage,
     cohort_of: Mapping[str, str],
     connection: duckdb.DuckDBPyConnection,
-    complain: Complaint,
+    on_problem: OnProblem,
 ) -> dict[str, pa.Table]:
     """Everything stored, chunk by chunk: while one is read, the one before it becomes rows and DuckDB takes it over."""
     outcomes = OutcomeTables()
     documents = DocumentTables(connection)
-    chunks = read_snapshots(storage, list(cohort_of), DOCUMENTS, complain)
+    chunks = read_snapshots(storage, list(cohort_of), DOCUMENTS, on_problem)
     with ThreadPoolExecutor(max_workers=1) as reader, ThreadPoolExecutor(max_workers=1) as duckdb_thread:
         reading = reader.submit(next, chunks, None)
         taken: Future[None] | None = None

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trace_dag.evaluation.table import EVALUATIONS
-from trace_dag.flow.records import Complaint
-from trace_dag.storage import Storage
+from trace_dag.flow.records import OnProblem
+from trace_dag.storage.files import Storage
 from trace_dag.studies import evaluations, stored_variations
 from trace_dag.variations.table import VARIATIONS
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-def evaluation_tables(storage: Storage, complain: Complaint) -> dict[str, pa.Table]:
+def evaluation_tables(storage: Storage, on_problem: OnProblem) -> dict[str, pa.Table]:
     """The stored rows of both by the names the SQL knows them by, those of crashes that have changed since included.
 
-    ``complain`` hears of the files left out because they are damaged.
+    ``on_problem`` hears of the files left out because they are damaged.
     """
     import pyarrow as pa
 
     return {
         "evaluation": pa.Table.from_pylist(
-            evaluations.all_rows(storage, complain=complain), schema=EVALUATIONS.arrow()
+            evaluations.all_rows(storage, on_problem=on_problem), schema=EVALUATIONS.arrow()
         ),
         "variation": pa.Table.from_pylist(
-            stored_variations.all_rows(storage, complain=complain), schema=VARIATIONS.arrow()
+            stored_variations.all_rows(storage, on_problem=on_problem), schema=VARIATIONS.arrow()
         ),
     }

@@ -154,7 +154,7 @@ def _asked(warehouse: Path, sql: str, cohorts: Sequence[str]) -> list[tuple[Any,
         return connection.execute(sql, {"cohorts": list(cohorts)}).fetchall()
 
 
-def national_coverage(national: Mapping[CrashKind, int], stored: Mapping[CrashKind, StoredKind]) -> NationalCoverage:
+def coverage_of_country(national: Mapping[CrashKind, int], stored: Mapping[CrashKind, StoredKind]) -> NationalCoverage:
     """The shares of all crashes that are of judged kinds, and that would be verified if mapped everywhere.
 
     The bounds (90 %) are of sampling alone: of each step's rate after the crashes seen, with Jeffreys' prior.

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.flow.standing import standing_of_valid
+from trace_dag.flow.crash_status import status_of_valid
 from trace_dag.provenance import EarlierOutcome, Outcome, OutcomeRecord
 from trace_dag.stage import Stage
 from trace_dag.warehouse.snapshot import CrashSnapshot
@@ -89,16 +89,16 @@ class OutcomeTables:
 
 
 def _standing_row(crash: CrashSnapshot, cohort: str) -> Row:
-    stands = standing_of_valid(crash.key, crash.valid)
+    status = status_of_valid(crash.key, crash.valid)
     return {
         "key": crash.key,
         "cohort": cohort,
-        "final_state": stands.final_state.value,
-        "stage_reached": stands.stage_reached.value if stands.stage_reached else None,
-        "reason": stands.reason.value if stands.reason else None,
-        "detail": stands.detail or None,
-        "outdated": stands.outdated.value if stands.outdated else None,
-        "outdated_because": stands.outdated_because or None,
+        "final_state": status.final_state.value,
+        "stage_reached": status.stage_reached.value if status.stage_reached else None,
+        "reason": status.reason.value if status.reason else None,
+        "detail": status.detail or None,
+        "outdated": status.outdated.value if status.outdated else None,
+        "outdated_because": status.outdated_because or None,
     }
 
 

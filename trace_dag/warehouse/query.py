@@ -10,10 +10,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.checksums import checked, with_checksum
 from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.flow.manifests import agreed
-from trace_dag.storage import Storage
+from trace_dag.storage.checksums import checked, with_checksum
+from trace_dag.storage.files import Storage
 
 if TYPE_CHECKING:
     import duckdb

@@ -14,7 +14,7 @@ from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
 from trace_dag.errors import Rejection
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -28,14 +28,14 @@ _CODES = (
 _POSITION = ("latitude_deg", "longitude_deg")
 
 
-def unread_reports(storage: Storage, cohorts: Iterable[Cohort], standings: pa.Table) -> pa.Table:
+def unread_reports(storage: Storage, cohorts: Iterable[Cohort], crash_statuses: pa.Table) -> pa.Table:
     """One row per crash that no stage has read yet and whose report is at hand."""
     import pyarrow as pa
 
     reports = {key: report for cohort in cohorts for key, report in cohort.reports.items()}
     unread = [
         row["key"]
-        for row in standings.select(["key", "stage_reached"]).to_pylist()
+        for row in crash_statuses.select(["key", "stage_reached"]).to_pylist()
         if row["stage_reached"] in (None, Stage.RAW_REPORT.value)
     ]
     listings = listings_of(storage, {key: reports[key] for key in unread})

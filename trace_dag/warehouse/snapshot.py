@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 from trace_dag.errors import DamagedFile
 from trace_dag.flow.contract import DamagedArtefactError
-from trace_dag.flow.records import Complaint, Records, read_records
-from trace_dag.flow.standing import valid_records
+from trace_dag.flow.crash_status import valid_records
+from trace_dag.flow.records import OnProblem, Records, read_records
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.files import Storage
 
 _CRASHES_AT_ONCE = 250
 _ATTEMPTS = 3
@@ -32,22 +32,22 @@ class CrashSnapshot:
 
 
 def read_snapshots(
-    storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], complain: Complaint
+    storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], on_problem: OnProblem
 ) -> Iterator[list[CrashSnapshot]]:
     """Some crashes at a time, in order, each with its documents: artefacts by stage and extension.
 
-    ``complain`` hears of records and documents that are damaged; their crash enters as far as it is whole.
+    ``on_problem`` hears of records and documents that are damaged; their crash enters as far as it is whole.
     """
     for start in range(0, len(keys), _CRASHES_AT_ONCE):
         chunk = keys[start : start + _CRASHES_AT_ONCE]
         settled: dict[str, CrashSnapshot] = {}
         for attempt in range(1, _ATTEMPTS + 1):
             unsettled = [key for key in chunk if key not in settled]
-            for snapshot, damaged in _read(storage, unsettled, documents, complain):
+            for snapshot, damaged in _read(storage, unsettled, documents, on_problem):
                 if damaged is None:
                     settled[snapshot.key] = snapshot
                 elif attempt == _ATTEMPTS:
-                    complain(damaged)
+                    on_problem(damaged)
                     settled[snapshot.key] = snapshot
             if len(settled) == len(chunk):
                 break
@@ -55,10 +55,10 @@ def read_snapshots(
 
 
 def _read(
-    storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], complain: Complaint
+    storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], on_problem: OnProblem
 ) -> Iterator[tuple[CrashSnapshot, DamagedFile | None]]:
     """Each crash up to the first document that differs from its record, and what is wrong with that document."""
-    records = read_records(storage, keys, complain=complain)
+    records = read_records(storage, keys, on_problem=on_problem)
     valid = {key: valid_records(of_crash) for key, of_crash in records.items()}
     listed = {
         (key, stage, extension): file

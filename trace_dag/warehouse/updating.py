@@ -15,13 +15,13 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.registry import Cohort
 from trace_dag.errors import DamagedFile, UserError
-from trace_dag.garbage import no_garbage_collection
+from trace_dag.gc_pause import gc_paused
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.storage.checksums import checked, with_checksum
+from trace_dag.storage.files import Storage
 from trace_dag.warehouse.documents import DOCUMENTS
 from trace_dag.warehouse.query import check_warehouse
 from trace_dag.warehouse.tables import TABLES, Rows
@@ -48,7 +48,7 @@ def listed_for_build(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
     return listed(storage, about)
 
 
-@no_garbage_collection()
+@gc_paused()
 def listed(storage: Storage, about: Mapping[str, str]) -> Listed:
     """For each crash a digest of how what a warehouse reads of it is listed, and of what else is said ``about`` it."""
     lines = {key: [text] for key, text in about.items()}

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from trace_dag.errors import DamagedFile, UserError
+from trace_dag.flow.crash_status import crash_status, valid_records
 from trace_dag.flow.records import Records
-from trace_dag.flow.standing import standing, valid_records
 from trace_dag.flow.verify import Disagreement, DisagreementKind
 from trace_dag.stage import Stage
 from trace_dag.warehouse.build import is_built_by_this_code
@@ -51,7 +51,7 @@ def _of_crash(
         return [Disagreement(DisagreementKind.WAREHOUSE, "it is in the warehouse and not registered", key)]
     if row is None:
         return [Disagreement(DisagreementKind.WAREHOUSE, "it is registered and not in the warehouse", key)]
-    stand = standing(key, records)
+    stand = crash_status(key, records)
     now = (stand.final_state, stand.stage_reached, stand.reason, stand.outdated)
     if tuple(row) != now:
         return [

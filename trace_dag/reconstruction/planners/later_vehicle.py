@@ -18,23 +18,23 @@ from numpy.typing import NDArray
 
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.geometry import FloatArray, Poses, gaps_m
+from trace_dag.messages.wording import counted
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.sim.types import Body, VehicleLog
+from trace_dag.states.approaches import Approach
 from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven
 from trace_dag.states.contact import STANDING_MPS, touching
-from trace_dag.states.encounters import Party, party
 from trace_dag.states.evidence import impact_area_log_likelihood
 from trace_dag.states.manoeuvres import Option, keep_lane
 from trace_dag.states.parked import STANDS, stands
 from trace_dag.states.paths import Path
+from trace_dag.states.pedestrian_impact.planner import approaches_of, way_terms
+from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import Placed
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
-from trace_dag.states.streams import Stream
-from trace_dag.states.striking import way_terms, ways_of
 from trace_dag.states.types import ParticipantState
 from trace_dag.units import bearing_to_clock_h
-from trace_dag.wording import counted
 
 LONGEST_WAIT_S: Final = 8.0
 """A vehicle that comes later than this after the contact before belongs to another crash."""
@@ -96,7 +96,7 @@ class Arrival:
     @property
     def group(self) -> tuple[str, bool]:
         """Arrivals of one group differ in detail only."""
-        return self.placed.option.stream.name, self.profile.impact_mps <= STANDING_MPS
+        return self.placed.option.approach.name, self.profile.impact_mps <= STANDING_MPS
 
     @property
     def name(self) -> str:
@@ -141,7 +141,7 @@ def arrival_plans(search: Search, course: Course, contact: CrashEvent, newcomer:
         terms = {f"arrival of vehicle {newcomer}": round(arrival.score, 6)}
         yield Plan((*course.states, state), course.objects, arrival.name, arrival.score, terms, arrival.group)
     if not found:
-        ways = counted(len(search.scene.streams), "way")
+        ways = counted(len(search.scene.approaches), "way")
         yield f"on none of {ways} past the crash vehicle {newcomer} comes to touch vehicle {known} after that"
 
 
@@ -176,16 +176,16 @@ def _ways(scene: Scene, who: Party) -> Iterator[_Way]:
             score = sum(stand.terms.values())
             yield _Way(stand.option, stand.option.path(), STANDS, SpeedProfile(0.0, 0.0), score)
         return
-    for option, speed, terms in ways_of(scene, who, streams=_streams(scene, who)):
+    for option, speed, terms in approaches_of(scene, who, approaches=_approaches(scene, who)):
         yield from _beside(option, speed, speed_profile(who.vehicle, speed.speed_mps), sum(terms.values()))
     if _may_stand(who):
-        for stream in scene.through:
-            option = keep_lane(stream, who.vehicle, 0.0)
+        for approach in scene.through:
+            option = keep_lane(approach, who.vehicle, 0.0)
             terms = way_terms(scene, who, option, STANDS)
             yield from _beside(option, STANDS, SpeedProfile(0.0, 0.0), sum(terms.values()) + _STANDS_UNSAID)
 
 
-def _streams(scene: Scene, who: Party) -> list[Stream] | None:
+def _approaches(scene: Scene, who: Party) -> list[Approach] | None:
     """All of the road's streams for a vehicle that keeps to one: what came before may have gone across to any."""
     return scene.through if who.turn is None else None
 

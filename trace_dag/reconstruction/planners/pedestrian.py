@@ -18,21 +18,21 @@ from trace_dag.crash.animals import Pace, Species, StruckAnimal
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import FloatArray
+from trace_dag.messages.wording import counted
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.settings import StateSettings
-from trace_dag.states.ranking import leaders_first
-from trace_dag.states.scene import Scene
-from trace_dag.states.strikes import (
+from trace_dag.states.pedestrian_impact.hypothesis import (
     ROOM_M,
     first_states,
+    impact_hypothesis,
     later_state,
     least_gap_m,
     next_way,
-    strike_hypothesis,
 )
-from trace_dag.states.striking import strike_plans
+from trace_dag.states.pedestrian_impact.planner import impact_plans
+from trace_dag.states.ranking import leaders_first
+from trace_dag.states.scene import Scene
 from trace_dag.states.types import Hypothesis
-from trace_dag.wording import counted
 
 LONGEST_CHAIN_S: Final = 12.0
 """From the first strike to the last."""
@@ -81,14 +81,14 @@ def strike_hypotheses(
     """
     first, together = sequence.first, companions_of(sequence)
     followed = any(event.is_contact and event.vehicle.number != first.vehicle.number for event in sequence.events)
-    plans = leaders_first(strike_plans(scene, first), lambda plan: plan.group)
+    plans = leaders_first(impact_plans(scene, first), lambda plan: plan.group)
     found: list[Hypothesis] = []
     kept = 0
     for plan in plans:
         made = []
         for pulls_over in (True, False) if followed else (False,):
             states = first_states(scene, plan, together, settings.lead_time_s, pulls_over=pulls_over)
-            made.append(strike_hypothesis(plan, states, together, settings.lead_time_s))
+            made.append(impact_hypothesis(plan, states, together, settings.lead_time_s))
         if all(check.passed for check in made[0].checks):
             found += made
             kept += 1

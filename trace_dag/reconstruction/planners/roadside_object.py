@@ -22,8 +22,8 @@ from trace_dag.reconstruction.planners.way_after import Way, ways_on
 from trace_dag.roads.report import MappedThing
 from trace_dag.states.mapped_objects import nearest_of, things_of_kind
 from trace_dag.states.object_extent import clear_of_roadways
+from trace_dag.states.object_placement import as_mapped, placed
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
-from trace_dag.states.placing import as_mapped, placed
 
 _NEAREST_M: Final = 0.1  # beyond the edge
 _SHORT_M: Final = 10.0

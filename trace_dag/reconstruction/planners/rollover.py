@@ -28,14 +28,14 @@ from trace_dag.reconstruction.planners.way_after import ways_on
 from trace_dag.sim.run import participants
 from trace_dag.sim.types import Simulation, overturned_at
 from trace_dag.states.assemble import driven
-from trace_dag.states.encounters import Party, party
-from trace_dag.states.leaving import SIGN, edge_near, lane_path, path_aside, skid_profile, skidding, slope_of
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.paths import Path
+from trace_dag.states.pedestrian_impact.planner import approaches_of
+from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.ranking import Scored
+from trace_dag.states.run_off_road.path import SIGN, edge_near, lane_path, path_aside, skid_profile, skidding, slope_of
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import TravelSpeed
-from trace_dag.states.striking import ways_of
 from trace_dag.states.types import (
     Hypothesis,
     LossOfControl,
@@ -78,9 +78,9 @@ class _Way(Scored):
     @property
     def name(self) -> str:
         """Says what distinguishes this way from the others of its crash."""
-        where = f"leaves {self.option.stream.name} {self.departure.side}" if self.departure.side else "overturns on"
+        where = f"leaves {self.option.approach.name} {self.departure.side}" if self.departure.side else "overturns on"
         turned = "falls" if not self.slip_rad else "turned clockwise" if self.slip_rad < 0 else "turned anticlockwise"
-        where = where if self.departure.side else f"{where} {self.option.stream.name}"
+        where = where if self.departure.side else f"{where} {self.option.approach.name}"
         return f"vehicle {self.who.vehicle.number}: {where} at {self.lateral_mps2 / GRAVITY_MPS2:.2f} g, {turned}"
 
 
@@ -94,14 +94,14 @@ def overturn_hypotheses(
     ways = sorted(_ways(scene, departure), key=lambda way: (-way.score, way.name))[:_WAYS]
     if not ways:
         detail = scene.no_way_that("the vehicle can have come along")
-        raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.streams))
+        raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.approaches))
     found = [_fast_enough(scene, way, simulation, lead_s) for way in ways]
     return tuple(sorted(found, key=lambda each: (-each.score, each.name))[:most])
 
 
 def _ways(scene: Scene, departure: Departure) -> Iterator[_Way]:
     who = party(scene.record, departure.vehicle)
-    for option, speed, terms in ways_of(scene, who):
+    for option, speed, terms in approaches_of(scene, who):
         if option.backing or speed.speed_mps < 1.0:
             continue
         base = lane_path(scene, option)

@@ -18,8 +18,8 @@ from trace_dag.geometry import Pose
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.planners.way_after import Way, ways_on
 from trace_dag.states.assemble import driven_still
-from trace_dag.states.spots import spots_of
-from trace_dag.states.strikes import standing_person
+from trace_dag.states.contact_points import contact_points_of
+from trace_dag.states.pedestrian_impact.hypothesis import standing_person
 from trace_dag.states.types import ParticipantState
 
 _SHARES: Final = (0.25, 0.5, 0.1, 0.75)  # of the way, at which it is tried
@@ -49,13 +49,13 @@ def _stood(search: Search, way: Way, event: CrashEvent) -> Iterator[ParticipantS
     areas = [each for _, each in way.striking(area, -math.inf)]
     for share in _SHARES:
         k = int(np.searchsorted(moved_m, max(share * moved_m[-1], _LEAST_M)))
-        spot = way.spot(min(k, len(way.poses) - 1), areas[min(k, len(way.poses) - 1)])
-        if spot is None:
+        point = way.point(min(k, len(way.poses) - 1), areas[min(k, len(way.poses) - 1)])
+        if point is None:
             continue
         k = min(k, len(way.poses) - 1)
         at = way.poses[k]
-        touched = at.to_world(np.array([spot.ahead_m, spot.left_m]))
-        outward_rad = at.heading_rad + math.atan2(spot.normal[1], spot.normal[0])
+        touched = at.to_world(np.array([point.ahead_m, point.left_m]))
+        outward_rad = at.heading_rad + math.atan2(point.normal[1], point.normal[0])
         if isinstance(event.partner, NonMotorist):
             yield standing_person(search.scene, event.partner, touched, outward_rad, at.z_m)
             continue
@@ -70,8 +70,8 @@ def _parked_pose(way: Way, k: int, parked: VehicleRecord, touched: np.ndarray) -
     at, runs_rad = way.poses[k], way.runs_rad(k)
     heading = runs_rad if math.cos(runs_rad - at.heading_rad) >= 0 else runs_rad + math.pi
     half_length, half_width = parked.length_m / 2, parked.width_m / 2
-    spot = spots_of(parked.impact, half_length, half_width)[0]
-    ahead, left = (spot.ahead_m, spot.left_m) if parked.impact is not None else (-half_length, 0.0)
+    point = contact_points_of(parked.impact, half_length, half_width)[0]
+    ahead, left = (point.ahead_m, point.left_m) if parked.impact is not None else (-half_length, 0.0)
     c, s = math.cos(heading), math.sin(heading)
     x, y = touched[0] - ahead * c + left * s, touched[1] - ahead * s - left * c
     return Pose(round(float(x), 6), round(float(y), 6), round(math.remainder(heading, math.tau), 6), at.z_m)

@@ -27,8 +27,8 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import roadside_at
 from trace_dag.sim.leaving_road import left_road_after_contact
 from trace_dag.sim.types import PULSE_S, Body, SimulationLog, VehicleLog
-from trace_dag.states.leaving import SIGN
-from trace_dag.states.spots import Spot, spots_of
+from trace_dag.states.contact_points import ContactPoint, contact_points_of
+from trace_dag.states.run_off_road.path import SIGN
 from trace_dag.states.types import LossOfControl
 from trace_dag.units import bearing_to_clock_h
 
@@ -124,12 +124,12 @@ class Way:
         place = roadside_at(self.network, pose.x_m, pose.y_m, z_m=pose.z_m)
         return pose.heading_rad if place is None else place.along_rad
 
-    def spot(self, k: int, area: ImpactArea | None) -> Spot | None:
+    def point(self, k: int, area: ImpactArea | None) -> ContactPoint | None:
         """The spot of an area of impact at a step that could strike something; None where it does not go ahead."""
         slip_rad = self.slip_rad(k)
         goes = (math.cos(slip_rad), -math.sin(slip_rad))
-        spots = spots_of(area, self.body.length_m / 2, self.body.width_m / 2)
-        return next((each for each in spots if np.dot(goes, each.normal) > _MEETS), None)
+        points = contact_points_of(area, self.body.length_m / 2, self.body.width_m / 2)
+        return next((each for each in points if np.dot(goes, each.normal) > _MEETS), None)
 
     def striking(self, area: ImpactArea | None, least_m: float) -> list[tuple[float, ImpactArea | None]]:
         """For each step how far beyond the edge the part is that strikes (m; -inf where it does not go ahead), and its
@@ -140,16 +140,18 @@ class Way:
         return self._touching([_ahead(self.slip_rad(k)) for k in range(len(self.poses))])
 
     def _touching(self, areas: Sequence[ImpactArea | None]) -> list[tuple[float, ImpactArea | None]]:
-        spots = [self.spot(k, area) for k, area in enumerate(areas)]
+        points = [self.point(k, area) for k, area in enumerate(areas)]
         places = np.array(
             [
-                self.poses[k].to_world(np.array([spot.ahead_m, spot.left_m]))
-                for k, spot in enumerate(spots)
-                if spot is not None
+                self.poses[k].to_world(np.array([point.ahead_m, point.left_m]))
+                for k, point in enumerate(points)
+                if point is not None
             ]
         ).reshape(-1, 2)
         beyond_m = iter(self.area.beyond_m(places[:, 0], places[:, 1]).tolist() if len(places) else ())
-        return [(-math.inf if spot is None else next(beyond_m), each) for spot, each in zip(spots, areas, strict=True)]
+        return [
+            (-math.inf if point is None else next(beyond_m), each) for point, each in zip(points, areas, strict=True)
+        ]
 
     def left_to(self, side: DepartureSide | None, k: int) -> bool:
         """Whether the vehicle left the road to a side by a step; any does where None is reported."""

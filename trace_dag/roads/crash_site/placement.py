@@ -20,6 +20,7 @@ from typing import Final
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
+from trace_dag.messages.wording import beside_limit
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.crash_site.carriageways import carriageway_at
@@ -37,7 +38,6 @@ from trace_dag.roads.map.model import LaneMatch, LaneRef, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.settings import RoadSettings
-from trace_dag.wording import beside_limit
 
 _LOOK_AROUND_M: Final = 100.0  # a road with the reported name is looked for this far, even if no crash is moved so far
 _OTHER_STREET: Final = 0.4  # names less alike than this are two streets: judgement

@@ -21,8 +21,9 @@ import numpy as np
 import shapely
 
 from trace_dag.errors import Reason, Rejection
-from trace_dag.garbage import no_garbage_collection
+from trace_dag.gc_pause import gc_paused
 from trace_dag.geometry import LocalFrame
+from trace_dag.messages.wording import counted
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
 from trace_dag.roads.from_osm.arm_cuts import end_profile
@@ -54,7 +55,6 @@ from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import RoadSettings
 from trace_dag.version import __version__
-from trace_dag.wording import counted
 
 CONVERTER: Final = f"trace-dag native {__version__}"
 _EDGE_RATIO: Final = 1.3  # bends this much wider than the outermost lane's outer border
@@ -79,7 +79,7 @@ class NativeConverter:
         return convert(extract, frame, settings, hints)
 
 
-@no_garbage_collection()
+@gc_paused()
 def convert(
     extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints] | None = None
 ) -> RoadNetwork:

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trace_dag.messages.wording import counted
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmWay
 from trace_dag.roads.from_osm.beside_tags import read_beside
@@ -21,7 +22,6 @@ from trace_dag.roads.from_osm.lane_tags import LaneReading, TaggedLane, read_lan
 from trace_dag.roads.from_osm.tag_values import MOST_LANES, parse_integer, parse_length_m, parse_speed_mps
 from trace_dag.roads.from_osm.way_direction import REVERSIBLE_TAG
 from trace_dag.roads.map.model import LaneType
-from trace_dag.wording import counted
 
 _SINGLE_TRACK_WIDTH_M: Final = 2.25  # each half of a two-way way with lanes=1
 _CENTRE_TURN_WIDTH_M: Final = 3.65

@@ -17,12 +17,12 @@ import numpy as np
 import shapely
 
 from trace_dag.geometry import arc_lengths
+from trace_dag.messages.wording import counted
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, read_profile
 from trace_dag.roads.gates.axes import SAMPLE_M, distances_to_axes
 from trace_dag.roads.map.lane_geometry import sample_lanes
 from trace_dag.roads.map.people import crosswalks
-from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.errors import Reason, Rejection
+from trace_dag.messages.wording import counted
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates import measures
 from trace_dag.roads.gates.against_osm import MapComparison
 from trace_dag.roads.map.lane_geometry import lane_ends, sample_at
 from trace_dag.roads.report import CrashPlacement, MapGate
-from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray

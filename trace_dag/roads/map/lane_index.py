@@ -129,8 +129,12 @@ def _union(areas: Sequence[shapely.Geometry] | NDArray[np.object_]) -> BaseGeome
 
 
 def _valid(area: shapely.Geometry) -> shapely.Geometry:
-    """Without lines that its borders would leave."""
-    return shapely.make_valid(area, method="structure", keep_collapsed=False)
+    """Without lines that its borders would leave; holes that touch their border are more than GEOS's second way
+    takes."""
+    try:
+        return shapely.make_valid(area, method="structure", keep_collapsed=False)
+    except shapely.errors.GEOSException:
+        return shapely.make_valid(area)
 
 
 def _widest_m(geometry: LaneGeometry) -> float:

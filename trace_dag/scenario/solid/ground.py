@@ -26,11 +26,11 @@ from trace_dag.scenario.paving import paved_gaps
 from trace_dag.scenario.polylines import worth_keeping
 from trace_dag.scenario.solid.gltf import Material
 from trace_dag.scenario.solid.shapes import Mesh, flat, joined, prism, ribbons
-from trace_dag.sim.beyond_edge import FORE_SLOPE_M
+from trace_dag.sim.roadside_terrain import FORE_SLOPE_M
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
-    from trace_dag.sim.beyond_edge import BeyondEdge
+    from trace_dag.sim.roadside_terrain import RoadsideTerrain
     from trace_dag.states.objects import FixedObject
 
 KERB_M: Final = 0.15
@@ -55,7 +55,9 @@ class Heights:
     any. Along a ``way``, the points where bodies went beside roads, it has the heights of these points; beside
     ``sides`` it falls as these do."""
 
-    def __init__(self, points_m: FloatArray, way_m: FloatArray | None = None, sides: BeyondEdge | None = None) -> None:
+    def __init__(
+        self, points_m: FloatArray, way_m: FloatArray | None = None, sides: RoadsideTerrain | None = None
+    ) -> None:
         self._sides = sides
         self._z = points_m[:, 2]
         self._tree = cKDTree(points_m[:, :2]) if len(points_m) and np.ptp(self._z) > 0.005 else None
@@ -104,7 +106,7 @@ class Terrain:
         window: Window,
         areas: Sequence[tuple[Material, shapely.Geometry]] = (),
         ways: Sequence[FloatArray] = (),
-        sides: Callable[[], BeyondEdge] | None = None,
+        sides: Callable[[], RoadsideTerrain] | None = None,
         dug: Sequence[FixedObject] = (),
     ) -> None:
         self._dug = shapely.union_all([shapely.Polygon(outline(item)) for item in dug])

@@ -29,7 +29,7 @@ from trace_dag.scenario.solid.shapes import ball, joined
 from trace_dag.scenario.solid.tracks import body_places, body_turns, place_keys, rolling_keys, size_keys, turn_keys
 from trace_dag.scenario.solid.two_wheelers import motorcycle_shape
 from trace_dag.scenario.solid.vehicle_shapes import BRAKE_LAMP, vehicle_shape, wheel_parts
-from trace_dag.sim.beyond_edge import BeyondEdge
+from trace_dag.sim.roadside_terrain import RoadsideTerrain
 from trace_dag.sim.types import BodyKind
 from trace_dag.states.objects import Resistance
 
@@ -70,7 +70,7 @@ def crash_glb(
     first = log.vehicles[0]
     rest = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
     areas = areas_of(surroundings, network.frame, window)
-    terrain = Terrain(scene, window, areas, ways, lambda: BeyondEdge(network, log.objects, rest), dug)
+    terrain = Terrain(scene, window, areas, ways, lambda: RoadsideTerrain(network, log.objects, rest), dug)
     beside = beside_roads(surroundings, network.frame, terrain.heights, window)
     place = Node("place", extras={"trace_dag": {"kind": "place"}})
     place.children = [Node("roads and ground", terrain.parts)]

@@ -29,12 +29,13 @@ function timeline(end, draw, impact, events = []) {
   $("forward").addEventListener("click", () => step(.02));
   $("time").max = end;
   const missed = events.filter(each => each.time === null).length;
-  let at = 0;
-  for (const each of events) {
+  const happened = events.filter(each => each.time !== null).sort((one, two) => one.time - two.time);
+  let at = 0, before = -4;  // in per cent: marks of one moment stand side by side
+  for (const each of [...happened, ...events.filter(each => each.time === null)]) {
     const mark = document.createElement("button");
     Object.assign(mark, { textContent: each.number, title: each.words, className: each.time === null ? "missed" : "" });
     mark.setAttribute("aria-label", each.words);
-    mark.style.left = each.time === null ? `calc(100% - ${1.6 * (missed - 1 - at++)}rem)` : `${100 * each.time / (end || 1)}%`;
+    mark.style.left = each.time === null ? `calc(100% - ${1.6 * (missed - 1 - at++)}rem)` : `${before = Math.max(100 * each.time / (end || 1), before + 4)}%`;
     if (each.time !== null) mark.addEventListener("click", () => { stop(); show(each.time); });
     $("events").append(mark);
   }

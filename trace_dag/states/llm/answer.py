@@ -14,7 +14,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from trace_dag.crash.record import CrashRecord, VehicleRecord
-from trace_dag.states.llm.choices import Approach, Choices
+from trace_dag.states.llm.choices import Choices, OfferedApproach
 from trace_dag.states.speeds import brakes, starts
 
 MAX_PLACE_M = 15.0
@@ -77,7 +77,7 @@ Kind = Literal["segments", "coordinates"]
 class Decision:
     """A checked answer: each vehicle's approach."""
 
-    approaches: dict[int, Approach]
+    offered: dict[int, OfferedApproach]
     reasoning: str
 
 
@@ -161,7 +161,7 @@ def decide(
             f"it must lie within {MAX_PLACE_M:.0f} m."
         )
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
-    found: dict[int, list[tuple[Approach, float]]] = {}
+    found: dict[int, list[tuple[OfferedApproach, float]]] = {}
     for each in answer.vehicles:
         found[each.vehicle_number] = (
             _segment(each, choices, complaints)
@@ -175,14 +175,14 @@ def decide(
             complaints.append(complaint)
     if complaints:
         raise WrongAnswer(complaints)
-    return Decision({number: approach for number, (approach, _) in chosen.items()}, answer.reasoning)
+    return Decision({number: offered for number, (offered, _) in chosen.items()}, answer.reasoning)
 
 
 def _leading_to_the_crash(
-    found: dict[int, list[tuple[Approach, float]]], choices: Choices
-) -> dict[int, tuple[Approach, float]]:
+    found: dict[int, list[tuple[OfferedApproach, float]]], choices: Choices
+) -> dict[int, tuple[OfferedApproach, float]]:
     """Of the approaches that each vehicle may be on, the first two on which some candidate meets; else the nearest."""
-    known = {number: approaches for number, approaches in found.items() if approaches}
+    known = {number: offered for number, offered in found.items() if offered}
     pairs = [dict(zip(known, pair, strict=True)) for pair in product(*known.values())]
     if len(known) < len(found):
         return pairs[0]
@@ -190,57 +190,57 @@ def _leading_to_the_crash(
     return next(meeting, pairs[0])
 
 
-def _segment(choice: SegmentChoice, choices: Choices, complaints: list[str]) -> list[tuple[Approach, float]]:
+def _segment(choice: SegmentChoice, choices: Choices, complaints: list[str]) -> list[tuple[OfferedApproach, float]]:
     who = f"Vehicle {choice.vehicle_number}"
-    approach = choices.by_id(choice.candidate)
-    if approach is None:
-        known = ", ".join(each.id for each in choices.approaches)
+    offered = choices.by_id(choice.candidate)
+    if offered is None:
+        known = ", ".join(each.id for each in choices.offered)
         complaints.append(f"{who}: there is no candidate {choice.candidate[:40]!r}; the candidates are {known}.")
         return []
-    if choice.vehicle_number not in approach.vehicles:
-        open_to = ", ".join(each.id for each in choices.approaches if choice.vehicle_number in each.vehicles)
-        complaints.append(f"{who}: candidate {approach.id} is not open to it; choose from {open_to}.")
+    if choice.vehicle_number not in offered.vehicles:
+        open_to = ", ".join(each.id for each in choices.offered if choice.vehicle_number in each.vehicles)
+        complaints.append(f"{who}: candidate {offered.id} is not open to it; choose from {open_to}.")
         return []
-    road = approach.stream.road
+    road = offered.approach.road
     if choice.road is not None and choice.road != (road.id if road is not None else None):
         complaints.append(
-            f"{who}: candidate {approach.id} is on road {road.id if road is not None else None}, "
+            f"{who}: candidate {offered.id} is on road {road.id if road is not None else None}, "
             f"not {choice.road[:40]!r}."
         )
         return []
-    lane = approach.stream.lanes[0].lane_id if approach.stream.lanes else None
+    lane = offered.approach.lanes[0].lane_id if offered.approach.lanes else None
     if choice.lane is not None and choice.lane != lane:
-        complaints.append(f"{who}: candidate {approach.id} is lane {lane}, not {choice.lane}.")
+        complaints.append(f"{who}: candidate {offered.id} is lane {lane}, not {choice.lane}.")
         return []
-    if not 0.0 <= choice.position_m <= max(approach.length_m, 1.0):
+    if not 0.0 <= choice.position_m <= max(offered.length_m, 1.0):
         complaints.append(
-            f"{who}: position {choice.position_m:.0f} m lies outside the road: candidate {approach.id} is known "
-            f"from 0 to {approach.length_m:.0f} m before the crash."
+            f"{who}: position {choice.position_m:.0f} m lies outside the road: candidate {offered.id} is known "
+            f"from 0 to {offered.length_m:.0f} m before the crash."
         )
         return []
-    direction = approach.heading_deg(choice.position_m)
+    direction = offered.heading_deg(choice.position_m)
     apart = abs(math.remainder(direction - choice.heading_deg, 360.0))
     if apart > HEADING_TOLERANCE_DEG:
         side = " That is the wrong side of the road." if apart > WRONG_SIDE_DEG else ""
         complaints.append(
-            f"{who}: heading {choice.heading_deg:.0f} deg disagrees with candidate {approach.id}, which leads "
+            f"{who}: heading {choice.heading_deg:.0f} deg disagrees with candidate {offered.id}, which leads "
             f"{direction:.0f} deg there.{side}"
         )
         return []
-    return [(approach, choice.position_m)]
+    return [(offered, choice.position_m)]
 
 
-def _point(point: StartPoint, choices: Choices, complaints: list[str]) -> list[tuple[Approach, float]]:
+def _point(point: StartPoint, choices: Choices, complaints: list[str]) -> list[tuple[OfferedApproach, float]]:
     who = f"Vehicle {point.vehicle_number}"
-    approaches = choices.at(point.x_m, point.y_m, point.heading_deg, point.vehicle_number)
-    if not approaches:
+    offered = choices.at(point.x_m, point.y_m, point.heading_deg, point.vehicle_number)
+    if not offered:
         reverse = choices.at(point.x_m, point.y_m, point.heading_deg + 180.0, point.vehicle_number)
         why = "is on the wrong side of the road" if reverse else "lies outside the lanes that lead to the crash"
         complaints.append(
             f"{who}: the point ({point.x_m:.0f}, {point.y_m:.0f}) with heading {point.heading_deg:.0f} deg {why}."
         )
-    stations = (approach.stream.path.project(point.x_m, point.y_m)[0] for approach in approaches)
-    return [(each, each.stream.station_m - station) for each, station in zip(approaches, stations, strict=True)]
+    stations = (offered.approach.path.project(point.x_m, point.y_m)[0] for offered in offered)
+    return [(each, each.approach.station_m - station) for each, station in zip(offered, stations, strict=True)]
 
 
 def _position_complaint(vehicle: VehicleRecord, position_m: float, lead_time_s: float) -> str | None:

@@ -8,12 +8,12 @@ from typing import Protocol
 
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
+from trace_dag.messages.wording import counted
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import NAME as ANALYTIC
 from trace_dag.states.analytic import VERSION as ANALYTIC_VERSION
 from trace_dag.states.analytic import first_contact, parties, ranked, solve_all
 from trace_dag.states.candidates import candidates
-from trace_dag.states.encounters import encounters
 from trace_dag.states.estimate import UnusableAnswers
 from trace_dag.states.llm.answer import Decision, WrongAnswer, decide, form, parse
 from trace_dag.states.llm.choices import Choices
@@ -21,9 +21,9 @@ from trace_dag.states.llm.client import REFUSED, LlmClient
 from trace_dag.states.llm.ledger import SharedFiles, SpendingLedger
 from trace_dag.states.llm.prompt import Prompt, ask_again
 from trace_dag.states.llm.store import AnswerFiles, AnswerStore, StoredAnswer
+from trace_dag.states.pre_crash_scenarios import pre_crash_scenarios
 from trace_dag.states.scene import Scene
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
-from trace_dag.wording import counted
 
 NAME = "llm"
 VERSION = "1"
@@ -32,7 +32,7 @@ _MOST_CHECKS = 4
 
 
 class LlmFiles(AnswerFiles, SharedFiles, Protocol):
-    """Where answers and ledgers are kept; :class:`trace_dag.storage.Storage` is one."""
+    """Where answers and ledgers are kept; :class:`trace_dag.storage.files.Storage` is one."""
 
 
 def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger: str = "run") -> LlmClient:
@@ -125,9 +125,9 @@ def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, clien
     record = scene.record
     one, two = parties(record, event)
     numbers = (one.vehicle.number, two.vehicle.number)
-    found = [each for reading in encounters(record, one, two) for each in candidates(scene, reading)]
+    found = [each for reading in pre_crash_scenarios(record, one, two) for each in candidates(scene, reading)]
     choices = Choices(scene, tuple(found))
-    if not choices.approaches:
+    if not choices.offered:
         first_contact(scene, event, settings)  # this raises the rejection that says why
     schema = form(prompt.kind).model_json_schema()
     messages = prompt.messages(record, choices, lead_time_s=settings.lead_time_s)
@@ -179,8 +179,8 @@ def _decision(
 
 def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
     """Hypotheses on the chosen approaches; if they fail their checks, the model is told and asked again."""
-    chosen = choices.chosen(decision.approaches)
-    ids = " and ".join(f"{approach.id} for vehicle {number}" for number, approach in decision.approaches.items())
+    chosen = choices.chosen(decision.offered)
+    ids = " and ".join(f"{offered.id} for vehicle {number}" for number, offered in decision.offered.items())
     if not chosen:
         raise WrongAnswer(
             [f"No manoeuvre the report allows leads to the crash on {ids} together: no path to the crash exists."]

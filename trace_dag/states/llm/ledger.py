@@ -20,8 +20,8 @@ from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.checksums import checked, with_checksum
 from trace_dag.errors import BudgetSpent, DamagedFile, TransientFailure
+from trace_dag.storage.checksums import checked, with_checksum
 
 FOLDER = "llm_ledgers"
 MOST_UNANSWERED = 3
@@ -30,7 +30,7 @@ _LONGEST_RESERVING_S = 10.0  # a process that has waited longer is taken for dea
 
 
 class SharedFiles(Protocol):
-    """Named files that several processes see; :class:`trace_dag.storage.Storage` is one."""
+    """Named files that several processes see; :class:`trace_dag.storage.files.Storage` is one."""
 
     def write(self, name: str, data: bytes) -> object:
         """Write the whole file in one step."""

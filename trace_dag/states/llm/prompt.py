@@ -113,7 +113,7 @@ def _data(record: CrashRecord, choices: Choices) -> dict[str, object]:
                 for event in record.events
             ],
         },
-        "candidates": [approach.described() for approach in choices.approaches],
+        "candidates": [offered.described() for offered in choices.offered],
     }
 
 

@@ -12,14 +12,14 @@ from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.checksums import checked, with_checksum
 from trace_dag.errors import DamagedFile
+from trace_dag.storage.checksums import checked, with_checksum
 
 FOLDER = "llm_answers"
 
 
 class AnswerFiles(Protocol):
-    """Named files; :class:`trace_dag.storage.Storage` is one."""
+    """Named files; :class:`trace_dag.storage.files.Storage` is one."""
 
     def read(self, name: str) -> bytes:
         """The whole file. Raises ``FileNotFoundError`` if there is none."""

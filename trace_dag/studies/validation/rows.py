@@ -44,7 +44,7 @@ class Compared:
     reason: str | None = None
 
     def published(self) -> dict[str, str | int | float | None]:
-        """What ``trace-dag validate --json`` prints of it."""
+        """What ``trace-dag validate-simulator --json`` prints of it."""
         return {
             "case": self.case,
             "vehicle": self.vehicle,

@@ -1,0 +1,95 @@
+"""Estimators side by side: ``compare-estimators``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from trace_dag.cli.options import examples, execution_overrides, executor_options
+from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_bar
+from trace_dag.cli.study import into_warehouse
+
+if TYPE_CHECKING:
+    from trace_dag.studies.truth import SampleTruth
+
+
+@click.command(
+    epilog=examples(
+        "trace-dag compare-estimators --estimators analytic,llm --cohort virginia",
+    )
+)
+@click.option(
+    "--estimators",
+    help="Separated by commas: analytic, llm, llm:PROMPT, llm@MODEL, one of another package; default all that are "
+    "installed, that of the settings first. The first is what the others are compared with.",
+)
+@click.option("--cohort", help="Which cohort; can be left out if there is but one.")
+@click.option(
+    "--truth",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="A truth.json to measure against; the bundled sample is measured against its own.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Every crash of every estimator, as JSON.")
+@executor_options
+@click.pass_obj
+def compare_estimators(
+    root: str,
+    estimators: str | None,
+    cohort: str | None,
+    truth: Path | None,
+    as_json: bool,
+    executor: str | None,
+    workers: int | None,
+) -> None:
+    """Let several estimators estimate the same mapped crashes, simulate and judge each, and compare.
+
+    The estimates stay side by side in the folder estimators/ of the root, and every row enters the warehouse, as table
+    estimator_comparison. What the crashes' own artefacts say does not change.
+    """
+    from dataclasses import asdict
+
+    from trace_dag.cli.problems import Problems
+    from trace_dag.errors import Failure
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.studies.estimators import estimators_compared, usual_estimators
+    from trace_dag.studies.summaries import estimators_table
+
+    workspace = Workspace.open(root, overrides={"execution": execution_overrides(executor, workers)})
+    chosen = cohort or _only_cohort(list(workspace.registry.cohorts()), root)
+    names = [name.strip() for name in (estimators or "").split(",") if name.strip()]
+    names = names or usual_estimators(workspace.settings.states)
+    with progress_bar("crashes") as on_progress:
+        rows = estimators_compared(workspace, chosen, names, truth=_truth(truth, chosen), listener=on_progress)
+    problems = Problems()
+    into_warehouse(workspace, problems)
+    for row in rows:
+        if row.outcome == "failed":
+            problems.add(Failure(f"{row.key} with {row.estimator}: {row.detail}"))
+    if as_json:
+        write_json([{"cohort": chosen, **asdict(row)} for row in rows])
+        sys.exit(problems.print_all())
+    print_table(*estimators_table(rows)[:2])
+    sys.exit(problems.print_all())
+
+
+def _only_cohort(names: list[str], root: str) -> str:
+    from trace_dag.errors import UserError
+
+    if not names:
+        raise UserError(f"{root} holds no cohort yet; trace-dag ingest registers one")
+    if len(names) > 1:
+        raise UserError(f"{root} holds {len(names)} cohorts; say which with --cohort: {', '.join(names)}")
+    return names[0]
+
+
+def _truth(given: Path | None, cohort: str) -> SampleTruth | None:
+    from trace_dag.cli.sample import COHORT, sample_folder
+    from trace_dag.studies.truth import load_truth
+
+    if given is None and cohort == COHORT:
+        given = sample_folder() / "truth.json"
+    return load_truth(given) if given is not None else None

@@ -1,0 +1,141 @@
+"""Where each crash stands: one final state per crash, from the stored records alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from trace_dag.errors import Reason
+from trace_dag.flow.makers import Made, maker_of
+from trace_dag.flow.records import Records
+from trace_dag.gc_pause import gc_paused
+from trace_dag.provenance import Outcome, OutcomeRecord
+from trace_dag.stage import Stage
+from trace_dag.verdict.types import Grade
+
+
+class FinalState(StrEnum):
+    """Every registered crash is in exactly one of these."""
+
+    VERIFIED = "verified"
+    REJECTED = "rejected"
+    FAILED = "failed"
+    PENDING = "pending"
+
+
+@dataclass(frozen=True)
+class CrashStatus:
+    """Where a crash stands. ``stage_reached`` is the stage that ended it, or the last one that accepted it.
+
+    ``corroborated``: verified, and borne out by more than the criteria. ``made``: what made its estimate, if any.
+    ``outdated`` is the first stage whose result was to be made anew, which failed, and ``outdated_because`` says why:
+    the crash stands where it stood.
+    """
+
+    key: str
+    final_state: FinalState
+    stage_reached: Stage | None = None
+    reason: Reason | None = None
+    detail: str = ""
+    corroborated: bool = False
+    made: Made | None = None
+    outdated: Stage | None = None
+    outdated_because: str = ""
+
+
+def valid_records(records: Records) -> Records:
+    """The records that still count: up to the first that did not accept, each built on what those before it list.
+
+    A later stage's record from before an earlier stage was run again is history, not a standing.
+    """
+    valid: Records = {}
+    made: dict[str, str] = {}  # digests of the artefacts so far, as the inputs of a record name them
+    for stage in Stage:
+        record = records.get(stage)
+        if record is None or record.outcome is Outcome.STARTED:
+            break
+        inputs = record.provenance.inputs.items()
+        if any(made.get(name) != digest for name, digest in inputs if name.partition(".")[0] in _STAGE_NAMES):
+            break
+        valid[stage] = record
+        if record.outcome is not Outcome.ACCEPTED:
+            break
+        made.update((f"{stage.value}.{file.name.partition('.')[2]}", file.sha256) for file in record.artefacts)
+    return valid
+
+
+_STAGE_NAMES = frozenset(stage.value for stage in Stage)
+
+
+def crash_status(key: str, records: Records) -> CrashStatus:
+    """Where one crash stands."""
+    return status_of_valid(key, valid_records(records))
+
+
+def status_of_valid(key: str, valid: Records) -> CrashStatus:
+    """Where one crash stands by the records that count, as :func:`valid_records` finds them."""
+    if not valid:
+        return CrashStatus(key, FinalState.PENDING)
+    made = maker_of(valid[Stage.STATE_ESTIMATE]) if Stage.STATE_ESTIMATE in valid else None
+    outdated = next((record for record in valid.values() if record.failed_attempt is not None), None)
+    last: OutcomeRecord = valid[max(valid, key=lambda stage: stage.position)]
+    if last.outcome is Outcome.REJECTED:
+        state = FinalState.REJECTED
+    elif last.outcome is Outcome.FAILED:
+        state = FinalState.FAILED
+    else:
+        state = FinalState.VERIFIED if last.stage is Stage.VERDICT else FinalState.PENDING
+    return CrashStatus(
+        key,
+        state,
+        last.stage,
+        last.reason,
+        last.detail,
+        corroborated=state is FinalState.VERIFIED and last.figures.get("grade") == Grade.CORROBORATED,
+        made=made,
+        outdated=outdated.stage if outdated else None,
+        outdated_because=outdated.failed_attempt.detail if outdated and outdated.failed_attempt else "",
+    )
+
+
+@gc_paused()
+def crash_statuses(records: Mapping[str, Records]) -> dict[str, CrashStatus]:
+    """Where all crashes stand."""
+    return {key: crash_status(key, of_crash) for key, of_crash in records.items()}
+
+
+@dataclass(frozen=True)
+class FunnelStep:
+    """How many crashes got past a step, and how many did in the published benchmark (None: not published)."""
+
+    step: str
+    crashes: int
+    published: int | None
+
+
+# The published benchmark: 100 reports, 65 road maps, 52 verified reconstructions.
+_FUNNEL: tuple[tuple[str, Stage | None, int | None], ...] = (
+    ("registered", None, 100),
+    ("complete", Stage.CRASH_RECORD, None),
+    ("mapped", Stage.ROAD_MAP, 65),
+    ("estimated", Stage.STATE_ESTIMATE, None),
+    ("collided", Stage.SIMULATION_LOG, None),
+    ("verified", Stage.VERDICT, 52),
+)
+
+
+def funnel(crashes: Iterable[CrashStatus]) -> list[FunnelStep]:
+    """Crashes that passed each step, beside the published counts."""
+    everyone = list(crashes)
+    return [
+        FunnelStep(step, sum(stage is None or _passed(crash, stage) for crash in everyone), published)
+        for step, stage, published in _FUNNEL
+    ]
+
+
+def _passed(crash: CrashStatus, stage: Stage) -> bool:
+    if crash.stage_reached is None:
+        return False
+    ended_there = crash.final_state in (FinalState.REJECTED, FinalState.FAILED)
+    return crash.stage_reached.position >= stage.position + (1 if ended_there else 0)

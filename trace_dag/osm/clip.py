@@ -1,0 +1,185 @@
+"""From the raw ways around a site to its extract: ways cut at the box, with nodes made on the border."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from operator import attrgetter
+from typing import Final
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray
+from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay, RawWay
+from trace_dag.osm.walkways import is_walkway
+
+_ID: Final = attrgetter("id")
+_RESOLUTION_DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 degrees
+
+
+def clip_roads(
+    box: BoundingBox,
+    ways: Iterable[RawWay],
+    node_tags: Mapping[int, Mapping[str, str]],
+    restrictions: Iterable[OsmRelation],
+) -> OsmExtract:
+    """Cut ``ways`` at ``box``: roads and walkways by ascending id, and the restrictions whose members are all there.
+
+    Where a way crosses the border a node is made there (``clipped``, negative id). A way that comes into the box
+    several times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative
+    ones, and restrictions are told which part they mean. All ids made here depend on nothing but the data and the box.
+
+    >>> from trace_dag.osm.types import RawWay
+    >>> way = RawWay(7, np.array([1, 2]), np.array([0.5, 1.5]), np.array([0.5, 0.5]), {"highway": "primary"})
+    >>> cut = clip_roads(BoundingBox(0.0, 0.0, 1.0, 1.0), [way], {}, [])
+    >>> sorted(node.longitude_deg for node in cut.nodes.values())  # the way leaves the box on its east side
+    [0.5, 1.0]
+    """
+    ordered = sorted(ways, key=_ID)
+    roads = _Clipper(box, [way for way in ordered if not is_walkway(way.tags)], node_tags)
+    roads.cut()
+    # After the roads, so that the ids made for those do not depend on what is mapped beside them.
+    walkways = _Clipper(box, [way for way in ordered if is_walkway(way.tags)], node_tags, after=roads)
+    walkways.cut()
+    return OsmExtract(
+        box,
+        {**roads.nodes, **walkways.nodes},
+        tuple(sorted(roads.ways, key=_ID)),
+        roads.relations(restrictions),
+        tuple(sorted(walkways.ways, key=_ID)),
+    )
+
+
+class _Clipper:
+    """Cuts the ways of one box. Their nodes lie in one row, way after way, so that numpy sees them all at once."""
+
+    def __init__(
+        self,
+        box: BoundingBox,
+        ways: Sequence[RawWay],
+        node_tags: Mapping[int, Mapping[str, str]],
+        *,
+        after: _Clipper | None = None,
+    ) -> None:
+        self.ways: list[OsmWay] = []
+        self._raw_ways = ways
+        self._parts: dict[int, list[OsmWay]] = {}
+        self._made_nodes: int = after._made_nodes if after else 0
+        self._made_ways: int = after._made_ways if after else 0
+        ids = np.concatenate([way.node_ids for way in ways] or [np.empty(0, np.int64)])
+        x_deg = np.concatenate([way.longitudes_deg for way in ways] or [np.empty(0)])
+        y_deg = np.concatenate([way.latitudes_deg for way in ways] or [np.empty(0)])
+        # A segment begins at each node but the last of a way: from there a segment would lead to the next way.
+        sizes = np.array([len(way.node_ids) for way in ways], dtype=np.int64)
+        lasts = np.cumsum(sizes) - 1
+        enters, leaves = _inside_spans(x_deg, y_deg, box)
+        inside = enters < leaves
+        inside[lasts] = False
+        whole = inside & (enters == 0) & (leaves == 1)
+        whole[lasts] = True
+        kept = inside & (enters == 0)
+        kept[1:] |= (inside & (leaves == 1))[:-1]
+        kept_ids = ids[kept].tolist()
+        tags = [node_tags.get(node_id, NO_TAGS) for node_id in kept_ids]
+        missing = np.isnan(x_deg)
+        ends = np.zeros(len(missing), bool)  # beside a node that the source lacks
+        ends[1:] |= missing[:-1]
+        ends[lasts + 1 - sizes] = False
+        before = np.append(missing[1:], False)
+        before[lasts] = False
+        ends |= before
+        nodes = map(OsmNode, kept_ids, y_deg[kept].tolist(), x_deg[kept].tolist(), tags, ends[kept].tolist())
+        self.nodes = dict(zip(kept_ids, nodes, strict=True))
+        self._whole = np.logical_and.reduceat(whole, lasts + 1 - sizes).tolist() if ways else []
+        self._ids, self._x_deg, self._y_deg = ids.tolist(), x_deg.tolist(), y_deg.tolist()
+        self._inside, self._enters, self._leaves = inside.tolist(), enters.tolist(), leaves.tolist()
+
+    def cut(self) -> None:
+        """Fill ``ways``, and ``nodes`` with those made on the border."""
+        end = 0
+        for way, is_whole in zip(self._raw_ways, self._whole, strict=True):
+            start, end = end, end + len(way.node_ids)
+            for ids in (tuple(self._ids[start:end]),) if is_whole else self._pieces(start, end):
+                ids = _without_repetition(ids)
+                if len(ids) < 2:
+                    continue
+                parts = self._parts.setdefault(way.id, [])
+                if parts:
+                    self._made_ways += 1
+                part = OsmWay(-self._made_ways if parts else way.id, ids, way.tags)
+                parts.append(part)
+                self.ways.append(part)
+
+    def relations(self, restrictions: Iterable[OsmRelation]) -> tuple[OsmRelation, ...]:
+        present: dict[str, Container[int]] = {"node": self.nodes, "way": self._parts, "relation": ()}
+        kept = [
+            OsmRelation(relation.id, tuple(self._member(m, relation) for m in relation.members), relation.tags)
+            for relation in restrictions
+            if relation.members and all(member.id in present[member.type] for member in relation.members)
+        ]
+        return tuple(sorted(kept, key=_ID))
+
+    def _member(self, member: OsmMember, relation: OsmRelation) -> OsmMember:
+        parts = self._parts[member.id] if member.type == "way" else []
+        if len(parts) < 2:
+            return member
+        via_ids = {other.id for other in relation.members if other.role == "via" and other.type == "node"}
+        touching = [part for part in parts if not via_ids.isdisjoint(part.node_ids)]
+        return OsmMember("way", (touching or parts)[0].id, member.role)
+
+    def _pieces(self, start: int, end: int) -> Iterator[tuple[int, ...]]:
+        """The stretches inside the box of the way with the nodes from ``start`` to before ``end``, as node ids."""
+        piece: list[int] = []
+        for index in range(start, end):
+            if not self._inside[index]:
+                if piece:
+                    yield tuple(piece)
+                piece = []
+                continue
+            enters, leaves = self._enters[index], self._leaves[index]
+            if not piece:
+                piece.append(self._ids[index] if enters == 0 else self._made_node(index, enters))
+            if leaves == 1:
+                piece.append(self._ids[index + 1])
+            else:
+                piece.append(self._made_node(index, leaves))
+                yield tuple(piece)
+                piece = []
+
+    def _made_node(self, index: int, fraction: float) -> int:
+        """A new node on the segment that begins at ``index``."""
+        self._made_nodes += 1
+        node_id = -self._made_nodes
+        longitude_deg, latitude_deg = (
+            round(values[index] + (values[index + 1] - values[index]) * fraction, _RESOLUTION_DIGITS)
+            for values in (self._x_deg, self._y_deg)
+        )
+        self.nodes[node_id] = OsmNode(node_id, latitude_deg, longitude_deg, clipped=True)
+        return node_id
+
+
+def _inside_spans(x_deg: FloatArray, y_deg: FloatArray, box: BoundingBox) -> tuple[FloatArray, FloatArray]:
+    """The part in the box of the segment from each point to the next: where it enters and leaves, (n,) each.
+
+    Both are fractions of the segment. One that misses the box, or lacks an end, as the one from the last point on does,
+    does not enter before it leaves (Liang and Barsky 1984).
+    """
+    start = np.array([x_deg, y_deg])
+    low = np.array([[box.west_deg], [box.south_deg]])
+    high = np.array([[box.east_deg], [box.north_deg]])
+    delta = np.diff(start, append=np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_low, to_high = (low - start) / delta, (high - start) / delta
+    near, far = np.minimum(to_low, to_high), np.maximum(to_low, to_high)
+    level = delta == 0  # along a border: within it all the way, or never
+    if level.any():
+        near[level] = np.where((low <= start) & (start <= high), -np.inf, np.inf)[level]
+        far[level] = np.inf
+    return np.maximum(near.max(axis=0), 0.0), np.minimum(far.min(axis=0), 1.0)
+
+
+def _without_repetition(ids: tuple[int, ...]) -> tuple[int, ...]:
+    """``ids`` without the same node twice in a row."""
+    if len(set(ids)) == len(ids):
+        return ids
+    return ids[:1] + tuple(b for a, b in pairwise(ids) if a != b)

@@ -1,0 +1,142 @@
+"""Where a person is touched: the spot on the vehicle, and where along the vehicle's path that spot meets the place.
+
+Frame: the local frame; stations along the vehicle's path.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import shapely
+
+from trace_dag.crash.event_sequence import CrashEvent
+from trace_dag.crash.record import NonMotorist
+from trace_dag.crash.zones import in_crosswalk
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.map.people import crosswalks_near
+from trace_dag.states import evidence
+from trace_dag.states.contact_points import ContactPoint, contact_points_of
+from trace_dag.states.manoeuvres import Option
+from trace_dag.states.paths import Path
+from trace_dag.states.scene import Scene
+from trace_dag.states.solver import TURN_SLIDE_SIGMA_M
+from trace_dag.states.walking_directions import RELATIVE_DEG, Course
+
+_MEETS_MPS: Final = 0.3  # at a lower closing speed a face is not touched
+_REACH_M: Final = 12.0  # farthest along the path from where it is nearest to the place
+_SPOT_REACH_M: Final = 4.0  # and so far beyond where a spot far behind puts the vehicle
+_STATION_STEP_M: Final = 0.25
+_TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
+_CROSSWALK_M: Final = 8.0  # farthest from the place: on another leg of the intersection it would be another crosswalk
+_CROSSWALK_SIGMA_M: Final = 0.7  # people in a crosswalk also walk beside its lines
+_TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at least this share of its turn
+
+
+# --- where on the vehicle ------------------------------------------------------------------------------------------
+def contact_point_of(
+    strike: CrashEvent, option: Option, impact_mps: float, course: Course, speed_mps: float
+) -> ContactPoint | None:
+    """The spot of the reported area, or the nearest one at which the two can touch; None if there is none. A
+    trailer is taken to be in line.
+    """
+    vehicle = strike.vehicle
+    half_length, half_width = (vehicle.length_m + vehicle.behind_m) / 2, vehicle.width_m / 2
+    ahead = -impact_mps if option.backing else impact_mps
+    closing = _relative(course, speed_mps, option.backing) - np.array([ahead, 0.0])
+    for point in contact_points_of(strike.area, half_length, half_width):
+        if float(closing @ np.array(point.normal)) < -_MEETS_MPS:
+            return replace(point, ahead_m=point.ahead_m - vehicle.behind_m / 2)
+    return None
+
+
+def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
+    """Velocity of the person in the vehicle's axes, as planned."""
+    if course is Course.STANDING:
+        return np.zeros(2)
+    angle = math.radians(RELATIVE_DEG[course] + (180.0 if backing else 0.0))
+    return np.array([speed_mps * math.cos(angle), speed_mps * math.sin(angle)])
+
+
+# --- where along the path -------------------------------------------------------------------------------------------
+def is_far_side(person: NonMotorist, option: Option) -> bool:
+    """Whether a turning vehicle struck the person on the far side, where it left the intersection."""
+    return option.turn is not None and not person.at_near_side
+
+
+def crosswalk_of(scene: Scene, person: NonMotorist) -> shapely.Polygon | None:
+    """The map's crosswalk nearest to the place, if the report has the person in a crosswalk; None if map or report has
+    none.
+    """
+    near = crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M) if in_crosswalk(person) else []
+    return shapely.Polygon(near[0].corners_m) if near else None
+
+
+def crosswalk_log_likelihood(crosswalk: shapely.Polygon, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """Of a strike at some places, by how far they are beside the crosswalk (m): the arrays have one shape.
+
+    >>> stripes, y_m = shapely.box(0.0, 0.0, 3.0, 10.0), np.array([5.0, 5.0])
+    >>> crosswalk_log_likelihood(stripes, np.array([1.0, 3.7]), y_m).round(3) + 0.0  # within, and 0.7 m beside it
+    array([ 0. , -0.5])
+    """
+    off_m = shapely.distance(crosswalk, shapely.points(x_m, y_m))
+    return np.asarray(-0.5 * (off_m / _CROSSWALK_SIGMA_M) ** 2)
+
+
+def placed(
+    scene: Scene, path: Path, option: Option, point: ContactPoint, far_side: bool, crosswalk: shapely.Polygon | None
+) -> tuple[Path, float, float]:
+    """The path, the station at the strike, and how far the turn was moved along the road to bring the strike to the
+    place.
+
+    >>> drive, place = strike_plan.drive, pedestrian_scene.place_xy_m
+    >>> front = ContactPoint(strike_plan.strike.vehicle.length_m / 2, 0.0, (1.0, 0.0))
+    >>> path, station_m, slid_m = placed(pedestrian_scene, drive.path, drive.option, front, False, None)
+    >>> touched = path.pose(station_m).to_world(np.array([front.ahead_m, 0.0]))
+    >>> bool(math.dist(touched, place) < 4.0), slid_m  # beside the reported point, in its lane; it does not turn
+    (True, 0.0)
+    """
+    if option.turn is None:
+        return path, _station(scene, path, option, point, far_side, 0.0, crosswalk)[0], 0.0
+    found = []
+    for slide_m in _TURN_SLIDES_M:
+        turned = option.path(slide_m)
+        station_m, score = _station(scene, turned, option, point, far_side, slide_m, crosswalk)
+        score -= 0.5 * (slide_m / TURN_SLIDE_SIGMA_M) ** 2
+        found.append((round(score, 6), -abs(slide_m), turned, station_m, slide_m))
+    _, _, turned, station_m, slide_m = max(found, key=lambda each: each[:2])
+    return turned, station_m, slide_m
+
+
+def _station(
+    scene: Scene,
+    path: Path,
+    option: Option,
+    point: ContactPoint,
+    far_side: bool,
+    slide_m: float,
+    crosswalk: shapely.Polygon | None,
+) -> tuple[float, float]:
+    """The station where the spot comes nearest to the place, and the log-likelihood of that. In a turn it must fit how
+    far the vehicle has turned, and it must be in the crosswalk if the person was in one."""
+    x, y = scene.place_xy_m
+    near, _ = path.project(x, y)
+    reach_m = max(_REACH_M, math.ceil(abs(point.ahead_m)) + _SPOT_REACH_M)
+    stations = near + np.arange(-reach_m, reach_m + _STATION_STEP_M, _STATION_STEP_M)
+    px, py, heading = path.plan(stations)
+    if option.backing:
+        heading = heading + math.pi
+    contact_x = px + point.ahead_m * np.cos(heading) - point.left_m * np.sin(heading)
+    contact_y = py + point.ahead_m * np.sin(heading) + point.left_m * np.cos(heading)
+    score = evidence.place_log_likelihood(np.hypot(contact_x - x, contact_y - y))
+    if crosswalk is not None:
+        score = score + crosswalk_log_likelihood(crosswalk, contact_x, contact_y)
+    if option.turn is not None:
+        start = float(path.plan(np.array([option.turn_start_m + slide_m]))[2][0])
+        share = (heading - start) / option.turn.angle_rad
+        short = np.maximum(_TURNED - share, 0.0) if far_side else np.maximum(share - _TURNED, 0.0)
+        score = score - 2.0 * short / _TURNED
+    best = int(np.argmax(np.round(score, 6)))
+    return float(stations[best]), float(score[best])

@@ -1,0 +1,162 @@
+"""Results of agents as a file that others can hand in, and the checks before it enters the leaderboard.
+
+A file is JSON with a checksum: every run of one part of the benchmark under the conditions of its protocol. Belongs
+here: what such a file says, and whether it can be of the crashes of a root. Does not belong here: who drove. A checksum
+is no signature, and measures can be made up: proof takes the agent itself, evaluated again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, Final
+
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.evaluation.evaluate import Conditions
+from trace_dag.evaluation.metrics import DriveOutcome, Metrics, measure, outcome_of
+from trace_dag.evaluation.registry import BASELINES, label
+from trace_dag.evaluation.splits import Split
+from trace_dag.evaluation.table import EVALUATIONS, Row
+from trace_dag.evaluation.traffic import Traffic
+from trace_dag.flow.records import OnProblem, raised
+from trace_dag.flow.workspace import Workspace
+from trace_dag.schemas import ColumnType
+from trace_dag.storage.checksums import checked, with_checksum
+from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of, verified_cases
+from trace_dag.studies.evaluation_work import evaluating_code
+from trace_dag.studies.evaluations import agents_of
+from trace_dag.version import __version__
+
+_FORMAT: Final = "trace-dag results 1"
+_PYTHON: Final[Mapping[ColumnType, tuple[type, ...]]] = {
+    ColumnType.TEXT: (str,),
+    ColumnType.INTEGER: (int,),
+    ColumnType.REAL: (float, int),
+    ColumnType.BOOLEAN: (bool,),
+}
+_SAME_MPS: Final = 1e-3
+_AGAIN: Final = "evaluate the agent again on the crashes as they are now"
+
+
+def results_file(rows: Sequence[Row], split: Split, cohort: str | None) -> bytes:
+    """The runs of one part, to hand in."""
+    document = {
+        "format": _FORMAT,
+        "made_by": f"trace-dag {__version__}",
+        "split": split.value,
+        "cohort": cohort,
+        "runs": [{column.name: row.get(column.name) for column in EVALUATIONS.columns} for row in rows],
+    }
+    return with_checksum(json.dumps(document).encode())
+
+
+def check(workspace: Workspace, data: bytes, name: str, *, on_problem: OnProblem = raised) -> dict[str, list[Row]]:
+    """The runs of a file by agent. Raises :class:`UserError` saying why a file is refused."""
+    split, cohort, by_agent = _read(data, name)
+    cases = verified_cases(workspace, cohort, (), split=split, on_problem=on_problem)
+    code = evaluating_code(workspace.settings.sim)
+    taken = agents_of(workspace.storage)
+    for agent, rows in by_agent.items():
+        if agent in taken or agent in BASELINES or agent != label(agent):
+            raise UserError(f"{name}: there is an agent {agent} here already, or it cannot be a name; hand in another")
+        _check_conditions(name, agent, rows, code)
+    for case in cases:
+        _check_case(name, case, by_agent)
+    expected = {case.key for case in cases}
+    for agent, rows in by_agent.items():
+        unknown = sorted({row["key"] for row in rows} - expected)
+        if unknown:
+            raise UserError(f"{name}: {agent} has runs of {unknown[0]}, which is not in the part {split} of this root")
+    return by_agent
+
+
+def _read(data: bytes, name: str) -> tuple[Split, str | None, dict[str, list[Row]]]:
+    try:
+        document: dict[str, Any] = checked(data, name=name)
+        if document["format"] != _FORMAT:
+            raise UserError(f"{name}: format {document['format']!r}; expected {_FORMAT!r}")
+        split, cohort, runs = Split(document["split"]), document["cohort"], document["runs"]
+        by_agent: dict[str, list[Row]] = defaultdict(list)
+        for run in runs:
+            by_agent[_checked_row(run, name)["agent"]].append(run)
+    except DamagedFile as damaged:
+        raise UserError(
+            f"{name}: {damaged.found}; expected a file of evaluate --results as it was written"
+        ) from damaged
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        what = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+        raise UserError(f"{name}: not a file of results ({what}); expected one of evaluate --results") from error
+    if not by_agent:
+        raise UserError(f"{name}: there are no runs in it")
+    return split, cohort, dict(by_agent)
+
+
+def _checked_row(run: Row, name: str) -> Row:
+    if set(run) != {column.name for column in EVALUATIONS.columns}:
+        raise UserError(f"{name}: a run has other columns than evaluations of this version; {_AGAIN}")
+    for column in EVALUATIONS.columns:
+        value, kinds = run[column.name], _PYTHON[column.type or ColumnType.TEXT]
+        wrong = not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds)
+        if (value is None and column.required) or (value is not None and wrong):
+            raise UserError(f"{name}: {column.name} of a run is {value!r}; expected {column.type}")
+    return run
+
+
+def _check_conditions(name: str, agent: str, rows: Sequence[Row], code: str) -> None:
+    usual = Conditions()
+    asked = {
+        "rate_hz": usual.rate_hz,
+        "range_m": usual.sensing.range_m,
+        "noise_m": usual.sensing.noise_m,
+        "occlusion": usual.sensing.occlusion,
+        "seed": usual.seed,
+    }
+    for row in rows:
+        for condition, value in asked.items():
+            if row[condition] != value:
+                raise UserError(f"{name}: {agent} has {condition} {row[condition]!r}; the protocol has {value!r}")
+        if row["traffic"] not in list(Traffic) or row["traffic"] != rows[0]["traffic"]:
+            raise UserError(f"{name}: {agent} has traffic {row['traffic']!r}; expected one kind for all runs")
+        if row["code_version"] != code:
+            raise UserError(
+                f"{name}: stale, its runs were measured by code {row['code_version']}, not {code}; {_AGAIN}"
+            )
+
+
+def _check_case(name: str, stored: StoredCase, by_agent: Mapping[str, Sequence[Row]]) -> None:
+    case = load_case(stored)
+    recorded = {
+        ego: measure(case, ego, case.recorded)
+        for ego in {number_of(case, role) for role in (AgentRole.FIRST, AgentRole.SECOND)}
+    }
+    for agent, rows in by_agent.items():
+        runs = [row for row in rows if row["key"] == stored.key]
+        where = f"{name}: {agent} in {stored.key}"
+        if Counter((row["case_id"], row["vehicle_number"]) for row in runs) != Counter(
+            (stored.case_id, ego) for ego in recorded
+        ):
+            raise UserError(f"{where}: expected one run in the place of each of vehicles {sorted(recorded)}")
+        for row in runs:
+            if row["verdict_fingerprint"] != stored.fingerprint:
+                raise UserError(f"{where}: stale, the crash has been judged again since; {_AGAIN}")
+            _check_run(where, row, recorded[row["vehicle_number"]])
+
+
+def _check_run(where: str, row: Row, recorded: Metrics) -> None:
+    if row["outcome"] not in list(DriveOutcome):
+        raise UserError(f"{where}: outcome {row['outcome']!r}; expected {', '.join(DriveOutcome)}")
+    if row["outcome"] == DriveOutcome.FAULTY:
+        return
+    missing = [each.name for each in fields(Metrics) if row[each.name] is None and "None" not in str(each.type)]
+    if missing:
+        raise UserError(f"{where}: no {missing[0]}, which every run has")
+    metrics = Metrics(**{each.name: row[each.name] for each in fields(Metrics)})
+    for what in ("recorded_delta_v_mps", "recorded_own_delta_v_mps"):
+        if abs(getattr(metrics, what) - getattr(recorded, what)) > _SAME_MPS:
+            raise UserError(f"{where}: {what} is {row[what]:g}, of the crash itself {getattr(recorded, what):g}")
+    if metrics.collided != (metrics.contact_time_s is not None):
+        raise UserError(f"{where}: collided is {metrics.collided}, the time of its contact {metrics.contact_time_s}")
+    if outcome_of(metrics) != row["outcome"]:
+        raise UserError(f"{where}: outcome {row['outcome']}, but its measures say {outcome_of(metrics)}")
