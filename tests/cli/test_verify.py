@@ -28,7 +28,7 @@ def test_everything_agrees_after_a_run(root):
 def test_stages_that_are_older_than_the_settings_are_named_and_are_no_disagreement(root):
     assert json.loads(trace_dag(root, "verify", "--json").stdout)["stale"] == {}
     assert "stale" not in trace_dag(root, "status").stdout
-    changed = {"TRACE_DAG_VERDICT__MAX_CLOCK_ERROR_H": "1.5"}
+    changed = {"TRACE_DAG_VERDICT__MAX_CLOCK_ERROR_POSITIONS": "1.5"}
     done = trace_dag(root, "verify", "--json", **changed)
     crashes = json.loads(trace_dag(root, "status", "--json", **changed).stdout)["crashes"]
     judged = [key for key, crash in crashes.items() if crash["stage_reached"] == "verdict"]

@@ -128,7 +128,7 @@ def test_what_cannot_be_run_here_is_at_least_taken(block: Block, tmp_path: Path,
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(REPOSITORY)) for path in PAGES])
 def test_blocks_are_of_a_kind_that_is_checked(path: Path):
     for block in BLOCKS[path]:
-        assert block.language in (*SHELL, "python", "toml", "yaml", "text"), (
+        assert block.language in (*SHELL, "python", "toml", "yaml", "text", "mermaid"), (
             f"{block.page}:{block.line}: {block.language!r}"
         )
         if block.language == "toml":
