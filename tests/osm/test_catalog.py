@@ -477,7 +477,9 @@ def test_a_way_that_both_files_cut_at_the_line_between_them_is_whole(tmp_path: P
 
 def test_files_of_the_same_ground_are_not_joined(tmp_path: Path) -> None:
     """The one with most road is taken alone; the other has a street that is gone."""
-    save(tmp_path / "new.osm", *CROSSROADS, node(40, 50, 50), node(41, 60, 90), node(42, -90, 99), way(41, [40, 41, 42]))
+    save(
+        tmp_path / "new.osm", *CROSSROADS, node(40, 50, 50), node(41, 60, 90), node(42, -90, 99), way(41, [40, 41, 42])
+    )
     save(tmp_path / "old.osm", *CROSSROADS, node(30, 20, 20), way(31, [1, 30]))
     assert found(extract(tmp_path)).source == "new.osm"
 
