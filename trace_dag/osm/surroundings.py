@@ -51,8 +51,6 @@ _OF_NODES: Final[Mapping[str, frozenset[str]]] = {
 """Keys and their values; :data:`_ANY` for all values but "no"."""
 
 WAY_KEYS: Final = tuple(_OF_WAYS)
-# What may be large enough to lie around a site without a node near it; buildings are not.
-LARGE_WAY_TAGS: Final = tuple((key, value) for key, values in _OF_WAYS.items() for value in sorted(values))
 NODE_KEYS: Final = tuple(_OF_NODES)
 _AREA_KEYS: Final = ("building", "landuse", "amenity")
 _AREA_VALUES: Final = frozenset(["grassland", "riverbank", "scrub", "water", "wetland", "wood", "bridge"])

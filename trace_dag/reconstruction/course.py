@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.reconstruction.default_simulation import DEFAULTS
 from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.matching import Expected, Happening, Matching, expected_of, happenings, happenings_of, match
+from trace_dag.sim.matching import Happening, Matching, expected_of, happenings, happenings_of, match
 from trace_dag.sim.run import participant
 from trace_dag.sim.types import Contact, SimulationLog
 from trace_dag.states.objects import FixedObject
@@ -80,10 +80,6 @@ class Search:
     lead_s: float
     _lost: dict[tuple[Course, int, tuple[LossOfControl, ...]], Course] = field(default_factory=dict)
 
-    def expected(self, events: Sequence[CrashEvent]) -> list[Expected]:
-        """What these events are expected as."""
-        return expected_of(events)
-
     def course(
         self,
         plan: Plan,
@@ -94,7 +90,7 @@ class Search:
         """A plan simulated up to its end, or to a contact that comes too early or that nobody reported, but for those
         that are tolerated."""
         usual = {each.pair for each in tolerated}
-        expected, known = self.expected(events), self.sequence.order_known
+        expected, known = expected_of(events), self.sequence.order_known
 
         def comes_right(contacts: Sequence[Contact]) -> bool:
             strange = match(happenings(contacts), expected, order_known=known).strange
@@ -134,7 +130,7 @@ class Search:
 
     def matching(self, log: SimulationLog, events: Sequence[CrashEvent]) -> Matching:
         """The events in a simulation."""
-        return match(happenings_of(log), self.expected(events), order_known=self.sequence.order_known)
+        return match(happenings_of(log), expected_of(events), order_known=self.sequence.order_known)
 
     def log(
         self,

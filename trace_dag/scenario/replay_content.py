@@ -29,7 +29,7 @@ from trace_dag.scenario.page_templates import zipped
 from trace_dag.scenario.solid.scene import crash_glb
 from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.sim.sampled_courses import PLACE_M, STEP_S, TURN_RAD
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
+from trace_dag.sim.types import Body, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Happening, Verdict
 
@@ -218,7 +218,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
         },
         "later": [
             {"time": round(each.time_s, 4), "x": round(each.x_m, 3), "y": round(each.y_m, 3)}
-            for each in _later_strikes(log)
+            for each in log.first_of_each[1:]
         ],
         "overturns": [_overturn(each, k) for each in log.vehicles if (k := overturned_at(each)) is not None],
         "objects": [
@@ -308,14 +308,6 @@ def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
         "head": np.round([shape.head for shape in shapes], 2).tolist(),
         "head_radius": round(shapes[0].head_m, 3),
     }
-
-
-def _later_strikes(log: SimulationLog) -> list[Contact]:
-    """The first contact of each two parties but for the very first, in their order."""
-    first: dict[tuple[int, int], Contact] = {}
-    for each in sorted(log.contacts, key=lambda contact: contact.time_s):
-        first.setdefault((each.number_1, each.number_2), each)
-    return list(first.values())[1:]
 
 
 def _delta_v(log: SimulationLog, number: int) -> float | None:

@@ -328,9 +328,13 @@ class SimulationLog:
         met = (contact for contact in self.contacts if self.object_of(contact.number_2) is None)
         return tuple(sorted(met, key=lambda contact: contact.time_s))
 
-    def strikes_of(self, item_number: int) -> tuple[Contact, ...]:
-        """The contacts with a fixed object, in order."""
-        return tuple(sorted((c for c in self.contacts if c.number_2 == item_number), key=lambda c: c.time_s))
+    @property
+    def first_of_each(self) -> tuple[Contact, ...]:
+        """The first contact of each two parties, a party and a fixed object among them, in their order."""
+        first: dict[tuple[int, int], Contact] = {}
+        for each in sorted(self.contacts, key=lambda contact: contact.time_s):
+            first.setdefault((each.number_1, each.number_2), each)
+        return tuple(first.values())
 
     @property
     def first_contact(self) -> Contact | None:

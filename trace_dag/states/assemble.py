@@ -128,25 +128,10 @@ def driven(
         heading, speeds, trailing = heading + math.pi, -speeds, heading + math.pi
     trajectory = rounded(time, x, y, z, heading, speeds)
     impact = int(np.argmin(np.abs(trajectory.time_s - lead_time_s)))
-    initial_pose, impact_pose = pose_of(trajectory, 0), pose_of(trajectory, impact)
-    return ParticipantState(
-        vehicle_number=vehicle.number,
-        vehicle_class=vehicle.vehicle_class,
-        length_m=vehicle.length_m,
-        width_m=vehicle.width_m,
-        height_m=vehicle.height_m,
-        mass_kg=vehicle.mass_kg,
-        manoeuvre=option.manoeuvre,
-        initial_pose=initial_pose,
-        initial_speed_mps=float(trajectory.speed_mps[0]),
-        impact_pose=impact_pose,
-        impact_speed_mps=float(trajectory.speed_mps[impact]),
-        speed_source=speed.source,
-        trajectory=trajectory,
-        initial_lane=lane_under(network, initial_pose),
-        impact_lane=lane_under(network, impact_pose),
+    state = _of_vehicle(network, vehicle, option.manoeuvre, speed.source, trajectory, impact)
+    return replace(
+        state,
         braking=brakes(vehicle) and profile.impact_mps < profile.initial_mps,
-        trailer=vehicle.trailer,
         trailer_heading_rad=None if vehicle.trailer is None else np.round(trailing, _DECIMALS),
     )
 
@@ -161,7 +146,22 @@ def driven_still(network: RoadNetwork, vehicle: VehicleRecord, pose: Pose) -> Pa
     still = np.zeros(2)
     time = np.array([0.0, AFTER_IMPACT_S])  # and on from there
     trajectory = Trajectory(time, still + pose.x_m, still + pose.y_m, still + pose.z_m, still + pose.heading_rad, still)
-    lane = lane_under(network, pose)
+    source = SpeedSource.INFERRED_MANOEUVRE
+    state = _of_vehicle(network, vehicle, Manoeuvre.STOPPED, source, trajectory, 0)
+    trailing = None if vehicle.trailer is None else trajectory.heading_rad
+    return replace(state, initial_pose=pose, impact_pose=pose, trailer_heading_rad=trailing)
+
+
+def _of_vehicle(
+    network: RoadNetwork,
+    vehicle: VehicleRecord,
+    manoeuvre: Manoeuvre,
+    source: SpeedSource,
+    trajectory: Trajectory,
+    impact: int,
+) -> ParticipantState:
+    """The body of a vehicle along a trajectory, at ``impact`` of it when it is struck."""
+    initial_pose, impact_pose = pose_of(trajectory, 0), pose_of(trajectory, impact)
     return ParticipantState(
         vehicle_number=vehicle.number,
         vehicle_class=vehicle.vehicle_class,
@@ -169,17 +169,16 @@ def driven_still(network: RoadNetwork, vehicle: VehicleRecord, pose: Pose) -> Pa
         width_m=vehicle.width_m,
         height_m=vehicle.height_m,
         mass_kg=vehicle.mass_kg,
-        manoeuvre=Manoeuvre.STOPPED,
-        initial_pose=pose,
-        initial_speed_mps=0.0,
-        impact_pose=pose,
-        impact_speed_mps=0.0,
-        speed_source=SpeedSource.INFERRED_MANOEUVRE,
+        manoeuvre=manoeuvre,
+        initial_pose=initial_pose,
+        initial_speed_mps=float(trajectory.speed_mps[0]),
+        impact_pose=impact_pose,
+        impact_speed_mps=float(trajectory.speed_mps[impact]),
+        speed_source=source,
         trajectory=trajectory,
-        initial_lane=lane,
-        impact_lane=lane,
+        initial_lane=lane_under(network, initial_pose),
+        impact_lane=lane_under(network, impact_pose),
         trailer=vehicle.trailer,
-        trailer_heading_rad=None if vehicle.trailer is None else trajectory.heading_rad,
     )
 
 

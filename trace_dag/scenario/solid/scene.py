@@ -83,7 +83,7 @@ def crash_glb(
         nodes.append(_person(vehicle, body, colour) if body.is_figure else _vehicle(log, vehicle, body, colour))
     if drive is not None:
         nodes.append(_ghost(drive))
-    nodes += [_contact(contact, k, log) for k, contact in enumerate(_first_of_each(log))]
+    nodes += [_contact(contact, k, log) for k, contact in enumerate(log.first_of_each)]
     return write_glb(nodes, title=f"Crash {key}", copyright_notice=network.attribution)
 
 
@@ -168,14 +168,6 @@ def _object(item: FixedObject) -> Node:
     said = _extras("object", number=item.number, name=in_words(item), placed_by_the_program=is_ours(item))
     where = (item.pose.x_m, item.pose.y_m, item.pose.z_m)
     return Node(f"object {item.number}: {item.name}", object_parts(item), translation=where, rotation=turn, extras=said)
-
-
-def _first_of_each(log: SimulationLog) -> list[Contact]:
-    """The first contact of each two parties, in their order."""
-    first: dict[tuple[int, int], Contact] = {}
-    for each in sorted(log.contacts, key=lambda contact: contact.time_s):
-        first.setdefault((each.number_1, each.number_2), each)
-    return list(first.values())
 
 
 def _contact(contact: Contact, k: int, log: SimulationLog) -> Node:
