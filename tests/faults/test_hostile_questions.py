@@ -11,6 +11,8 @@ from sample_runs import trace_dag, trace_dag_process
 
 import trace_dag.warehouse.query as warehouse_query
 from trace_dag.errors import UserError
+from trace_dag.settings import WarehouseSettings
+from trace_dag.warehouse.asking import ask
 from trace_dag.warehouse.query import open_warehouse, query, stray_log
 
 
@@ -82,3 +84,9 @@ def test_two_may_read_at_once(warehouse: Path):
     with open_warehouse(warehouse) as first, open_warehouse(warehouse) as second:
         for each in (first, second):
             assert each.execute("SELECT count(*) FROM crashes").fetchone() == (len(sample_runs.KEYS),)
+
+
+def test_what_takes_longer_than_duckdb_waits_with_its_progress_bar_is_answered(warehouse: Path):
+    """Four seconds of two cores; the bar comes after two."""
+    asked = "SELECT sum(sqrt(a.range) * sqrt(b.range)) > 0 AS found FROM range(30000) a, range(30000) b"
+    assert ask(warehouse, asked, WarehouseSettings()) == (["found"], [(True,)])

@@ -5,6 +5,7 @@ DuckDB bounds neither: a recursive query may run for ever, and one expression ma
 
 from __future__ import annotations
 
+import os
 import pickle
 import resource
 import subprocess
@@ -56,7 +57,10 @@ def _too_large(memory_mb: int) -> UserError:
 
 
 def _answer() -> None:
-    """What the child does: the answer, or what was wrong, goes to standard output."""
+    """What the child does: the answer, or what was wrong, goes to what was standard output; DuckDB draws a progress bar
+    there after two seconds, which goes to standard error."""
+    answer = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     path, sql, memory_mb = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by this module
     resource.setrlimit(resource.RLIMIT_AS, (memory_mb * 2**20, memory_mb * 2**20))
     said: object
@@ -64,4 +68,5 @@ def _answer() -> None:
         said = query(path, sql)
     except Exception as error:
         said = error
-    pickle.dump(said, sys.stdout.buffer)
+    with answer:
+        pickle.dump(said, answer)
