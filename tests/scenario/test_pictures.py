@@ -15,7 +15,7 @@ from tests.sim.motions import straight
 from tests.sim.test_objects import TREE, item
 from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.roads.report import CrashPlacement, InferredRoad, MapReport
-from trace_dag.scenario.canvas import as_png
+from trace_dag.scenario.canvas import Ink, as_png
 from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.map_surfaces import ASPHALT
 from trace_dag.scenario.picture_sheet import Sheet
@@ -80,3 +80,17 @@ def test_a_headline_ends_before_the_picture_does() -> None:
     for rows in (dark[:22], dark[22:50]):
         assert not rows[:, -8:].any()
         assert rows[:, 900:].any(), "and the line is used"
+
+
+def test_nothing_of_a_panel_is_drawn_outside_it() -> None:
+    """Discs and signs that reach over the window's edge, or lie beyond it."""
+    sheet = Sheet()
+    for column in (0, 1):
+        panel = sheet.panel(column, "", (0.0, 0.0, 100.0, 100.0))
+        for place in ((0.0, 50.0), (100.0, 50.0), (50.0, 0.0), (50.0, 100.0), (-30.0, 50.0), (130.0, 50.0)):
+            panel.discs([place], 6.0, Ink("red"), 10.0)
+            panel.symbol("star", *place, 20.0, Ink("red"), 11.0)
+    x, y = of_colour(drawn(sheet.svg(), 936), "red").T  # a pixel to a point
+    assert len(x) > 100
+    assert ((y >= 518 - 26 - 458) & (y <= 518 - 26)).all(), "between the headline and the legend"
+    assert ((x <= 460) | (x >= 476)).all(), "not in the gap between the panels"

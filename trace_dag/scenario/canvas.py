@@ -150,8 +150,7 @@ class Canvas:
         for left, bottom, width, height, canvas in panels:
             ((x, y),) = self.places(np.array([[left, bottom + height]])).tolist()
             box = f'width="{width * self.PER_M:.0f}" height="{height * self.PER_M:.0f}"'
-            place = f' x="{x:.0f}" y="{y:.0f}" {box} overflow="visible"'  # all that is drawn is cut already
-            inner.append(canvas.svg(place))
+            inner.append(canvas.svg(f' x="{x:.0f}" y="{y:.0f}" {box}'))
         below = "".join(element for z, _, element in sorted(self._drawn) if z < 1.0)
         above = "".join(element for z, _, element in sorted(self._drawn) if z >= 1.0)
         return self._framed(f"{below}{''.join(inner)}{above}")

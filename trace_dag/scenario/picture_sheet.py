@@ -105,8 +105,6 @@ class Sheet:
 
     def svg(self) -> str:
         """The finished sheet."""
-        for left, width in ((0.0, _EDGE_PT), (_LEFT_PT[0] + _PANEL_PT, _LEFT_PT[1] - _LEFT_PT[0] - _PANEL_PT)):
-            self._canvas.polygons([_box(left, 0.0, width, HEIGHT_PT)], Ink("white"), _FRAME_Z - 1.0)
         return self._canvas.with_panels((left, _LEGEND_PT, _PANEL_PT, _PANEL_PT, panel) for left, panel in self._panels)
 
     def _write(self, text: str, x: float, y: float, size_pt: float) -> None:
