@@ -77,7 +77,7 @@ def serve(listening: socket.socket) -> None:
             listening.close()
             command = os.fork()
             if command == 0:
-                run_selection(asked)
+                run_command(asked)
                 return
             _, status = os.waitpid(command, 0)
             asked.sendall(str(os.waitstatus_to_exitcode(status)).encode())
@@ -94,7 +94,7 @@ def import_all() -> None:
         importlib.import_module(name)
 
 
-def run_selection(asked: socket.socket) -> None:
+def run_command(asked: socket.socket) -> None:
     """Be the command that was asked for; ends the process as the command does."""
     head, files, _, _ = socket.recv_fds(asked, 8, 3)
     with asked, asked.makefile("rb") as rest:

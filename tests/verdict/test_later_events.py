@@ -73,7 +73,7 @@ def test_an_object_stands_on_the_reported_side_and_is_struck_after_the_contact(t
     assert (tree.code, tree.event_number, tree.placed_by) == (TREE, 3, PlacedBy.PROGRAM)
     # The carriageway is 7 m wide about the x axis, the vehicles go along it.
     assert tree.pose.y_m * sign > LANE_WIDTH_M
-    (struck,) = log.strikes_of(tree.number)
+    (struck,) = [each for each in log.contacts if each.number_2 == tree.number]
     assert struck.number_1 == 2
     assert log.first_contact is log.meetings[0]
     assert struck.time_s > log.meetings[0].time_s

@@ -111,10 +111,10 @@ def vehicle_bodies(models: list[VehicleModel], inside: Callable[[int, VehicleMod
 
     >>> from trace_dag.sim.vehicles import vehicle_model
     >>> models = [vehicle_model(body) for body in log.bodies.values()]
-    >>> vehicle_bodies(models, lambda _, model: "").count('mass="1600"')  # the car
+    >>> vehicle_bodies(models, lambda _, model: "").count('mass="1600.0"')  # the car
     1
     """
     return "".join(
-        _BODY.format(mass=repr(m.body.mass_kg), inertia=repr(m.yaw_inertia_kgm2), inside=inside(i, m))
+        _BODY.format(mass=float(m.body.mass_kg), inertia=repr(m.yaw_inertia_kgm2), inside=inside(i, m))
         for i, m in enumerate(models)
     )

@@ -229,14 +229,12 @@ def _contact_distance(each: Beside) -> Values:
     """From the reported point to the contact; along the road only where the person or the parked vehicle was off the
     carriageway by the report, since the reported point lies on the road then."""
     contact, parked = each.seen.contact, each.event.parked
-    zones, along = frozenset[Zone](), False
+    zones = frozenset[Zone]()
     if each.event.kind in _OF_STRIKES:
         zones = reported_zones(each.of.record, each.event.person)
-        along = bool(zones) and Zone.CARRIAGEWAY not in zones
     elif parked is not None:
         zones = zones_of_first_event(each.of.record)
-        along = bool(zones) and Zone.CARRIAGEWAY not in zones
-    if not along:
+    if not zones or Zone.CARRIAGEWAY in zones:
         yield None, math.hypot(contact.x_m, contact.y_m)
         return
     drives = next((v for number, v in each.seen.vehicles.items() if parked is None or number != parked.number), None)
