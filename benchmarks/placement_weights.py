@@ -20,6 +20,7 @@ from pathlib import Path
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.tables import record_from_parquet
 from trace_dag.roads.crash_site.carriageways import carriageway_at
+from trace_dag.roads.crash_site.contradicted_road import is_numbered_as_reported
 from trace_dag.roads.crash_site.placement import class_steps
 from trace_dag.roads.crash_site.reported_road import lanes_as_reported, pair_of, trafficway_of, trafficway_on_map
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
@@ -66,6 +67,9 @@ def said(network: RoadNetwork, record: CrashRecord, road: Road, distance_m: floa
         posted = road.speed_mps
         same = any(abs(limit - posted) < SAME_SPEED_MPS for limit in limits)
         yield "limit", "same" if same else "another"
+    numbered = is_numbered_as_reported(record, road)
+    if numbered is not None:
+        yield "route", "same" if numbered else "another"
     yield "ramp", "yes" if road.highway.endswith("_link") else "no"
 
 
@@ -97,9 +101,11 @@ def main() -> None:
         for each in (True, False):
             told = sum(count for (about, _), count in counts[each].items() if about == subject)
             shares.append((counts[each][subject, outcome] + 0.5) / (told + 1.0))  # never 0: few were counted
-        own, other = counts[True][subject, outcome], counts[False][subject, outcome]
+        of_own, of_others = counts[True][subject, outcome], counts[False][subject, outcome]
         ratio = math.log(shares[0] / shares[1])
-        print(f"{subject:12} {outcome:28} {own:5d} {shares[0]:6.1%} {other:6d} {shares[1]:6.1%}   ln {ratio:+.2f}")
+        print(
+            f"{subject:12} {outcome:28} {of_own:5d} {shares[0]:6.1%} {of_others:6d} {shares[1]:6.1%}   ln {ratio:+.2f}"
+        )
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from trace_dag.crash.parties import PartyKind, party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import ON_ROADWAY
 from trace_dag.crash.summary import event_in_words, event_named
-from trace_dag.roads.crash_site.street_names import SAME_STREET, parse_street, similarity
+from trace_dag.roads.crash_site.contradicted_road import has_name_of_another
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.sim.types import SimulationLog, moment_of
@@ -106,18 +106,13 @@ def _left_road(record: CrashRecord, number: int) -> bool:
 
 
 def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) -> Reservation | None:
-    """The street of the crash has another name than the report's, and the reported one is elsewhere on the map."""
+    """The street of the crash has another name than the report's, or none, and the reported one is elsewhere on the
+    map."""
     here = names_at(record, network, report.placement)
-    around = {name for road in network.roads for name in road.names}
-    reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
-    if not reported or parse_street(reported[0]).ramp:
-        return None
-    if any((similarity(name, here) or 0.0) >= SAME_STREET for name in reported):
-        return None
-    if (similarity(reported[0], around) or 0.0) < SAME_STREET:
+    if not has_name_of_another(record, here, network):
         return None
     found = ", ".join(sorted(here)) or "a street without a name"
-    detail = f"the crash stands on {found}; the report names {reported[0]}, which is elsewhere on the map"
+    detail = f"the crash stands on {found}; the report names {record.trafficway_1}, which is elsewhere on the map"
     return Reservation(Doubt.OTHER_STREET, detail)
 
 

@@ -187,3 +187,29 @@ def test_a_placed_crash_is_on_a_road_and_was_not_moved_too_far(
     assert NETWORK.nearest_lanes(placement.x_m, placement.y_m, 1.0)[0].outside_m == pytest.approx(0, abs=1e-6)
     assert placement.road_id in NETWORK.road_by_id
     assert all(road_id in NETWORK.road_by_id for road_id in placement.cross_road_ids)
+
+
+def test_a_road_beside_the_point_is_not_taken_for_its_limit_alone() -> None:
+    town = Town()
+    town.street([(-200, 0), (200, 0)], highway="residential", maxspeed="25 mph")
+    arterial, local = 3, 7
+    fits = place_crash(town.network(), report(vehicle(limit_mph=25), at_m=(0, 15), function_class=local), SETTINGS)
+    assert fits.moved_m > 10
+    with pytest.raises(Rejection, match="but its limit"):
+        place_crash(town.network(), report(vehicle(limit_mph=25), at_m=(0, 15), function_class=arterial), SETTINGS)
+
+
+def test_an_interstate_is_no_street_of_a_town() -> None:
+    town = Town()
+    town.street([(-200, 0), (200, 0)], highway="residential")
+    assert "interstate" in off_road(town, function_class=1).detail
+
+
+def test_a_crash_on_a_ramp_is_not_on_the_mainline() -> None:
+    town = Town()
+    town.street([(-300, 0), (0, 0), (300, 0)], highway="motorway", oneway="yes", name="Big Freeway", ref="I 9")
+    town.street([(0, 0), (200, -30), (300, -60)], highway="motorway_link", oneway="yes")
+    record = report(at_m=(150, -10), street="I-9", junction_relation=20, function_class=1)
+    placement = place_crash(town.network(), record, SETTINGS)
+    assert town.network().road_by_id[placement.road_id].highway == "motorway_link"
+    assert "ramp" in placement.matched_by

@@ -14,7 +14,7 @@ VERSIONS = {
     Stage.RAW_REPORT: 1,
     Stage.CRASH_RECORD: 2,
     Stage.OSM_EXTRACT: 2,
-    Stage.ROAD_MAP: 4,
+    Stage.ROAD_MAP: 5,
     Stage.STATE_ESTIMATE: 3,
     Stage.SIMULATION_LOG: 2,
     Stage.VERDICT: 3,

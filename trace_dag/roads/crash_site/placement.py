@@ -1,13 +1,16 @@
 """Where the crash is on the map: which road, where on it, and at which crossing.
 
 The reported point is a coded point: some metres beside the road, on the wrong carriageway, or on the bridge above. So
-the road is chosen by what the report says about it: its name or number, class, lanes, limit, whether it is divided, and
-how far the point lies from it. Each of these gives a log-likelihood ratio (how many times likelier such a report is for
-this road than for another), and they are added up. The weights were set by judgement. Beside them stands what
-``benchmarks/placement_weights.py`` measured afterwards on the 80 stored maps of two cohorts (62 crashes in Virginia in
-2023, 210 of FARS 2012 to 2016): 52 roads that bear the reported name against 120 others within 100 m. Stored maps
-mostly agree with their report, so differences are rarer among them than in reality. By these figures limit and
-trafficway would weigh more; no weight was changed.
+the road is chosen by what the report says about it: its name or number, who numbers it, class, lanes, limit, whether it
+is divided or a ramp, and how far the point lies from it. Each of these gives a log-likelihood ratio (how many times
+likelier such a report is for this road than for another), and they are added up. The weights are what
+``benchmarks/placement_weights.py`` measures on stored maps: 127 roads that bear the reported name against 316 others
+within 100 m (crashes in Virginia in 2023 and FARS 2012 to 2016); by judgement where it says so. Facts of a road hang
+together (a wide road has a high limit), so they are counted at half of what each says alone.
+
+No road stands against what the report says outright: a street of another name where the reported one is elsewhere on
+the map, a town street for an interstate, a mainline for a ramp that the map has. Nor is a road reached from beside it
+because its limit alone is right.
 """
 
 from __future__ import annotations
@@ -17,6 +20,8 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
@@ -24,40 +29,44 @@ from trace_dag.messages.wording import beside_limit
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.crash_site.carriageways import carriageway_at
+from trace_dag.roads.crash_site.contradicted_road import (
+    contradiction,
+    has_name_of_another,
+    is_numbered_as_reported,
+    is_on_ramp,
+    is_town_street_for_interstate,
+)
 from trace_dag.roads.crash_site.crossings import Crossing, find_crossings
 from trace_dag.roads.crash_site.near_streets import joined_by, roads_near
 from trace_dag.roads.crash_site.reported_road import (
-    Trafficway,
     lanes_as_reported,
     pair_of,
     trafficway_of,
     trafficway_on_map,
 )
-from trace_dag.roads.crash_site.street_names import SAME_STREET, parse_street, similarity
+from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.model import LaneMatch, LaneRef, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.settings import RoadSettings
 
 _LOOK_AROUND_M: Final = 100.0  # a road with the reported name is looked for this far, even if no crash is moved so far
-_OTHER_STREET: Final = 0.4  # names less alike than this are two streets: judgement
-_DISTANCE_SCALE_M: Final = 6.0
-"""Of ``-log1p((distance / scale)**2)``: 6 m beside the road costs 0.7, 12 m 1.6, 50 m 4.3. Measured, against a point on
-the surface (where 16 of 52 lie): 3 to 6 m 1.2, up to 12 m 2.5, up to 25 m 4.7, up to 50 m 5.9."""
+_DISTANCES_M: Final = (0.0, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0)
+_DISTANCE_WEIGHTS: Final = (3.4, 2.3, 1.6, 0.1, -1.7, -2.2, -2.9)  # so far beside the road's surface: measured
 _CROSSING_SCALE_M: Final = 15.0  # judgement: crossings are this wide and are reported by their middle
 _NAME_WEIGHTS: Final = (5.5, -1.5)
 """Per unit of likeness, and for no likeness at all. Judgement: names tell which road is which, so there is nothing to
 measure them against. They outweigh all else together within a lane or two of the point."""
 _OTHER_STREETS_NAME: Final = -2.0  # judgement: it has the name of the street that is crossed
-_CLASS_WEIGHTS: Final = ((0.9, 0.7), (1.7, 0.0), (2.7, -0.7), (math.inf, -1.5))
-"""By steps between classes, up to. Measured: 0.7, -0.3, -0.4, -1.1."""
-_TRAFFICWAY_WEIGHTS: Final = {
-    True: 0.6,
-    False: -0.4,
-}  # measured: 0.3, -2.5 (it never differed on the 24 roads that say it)
-_LANES_WEIGHTS: Final = {True: 0.7, False: -0.5}  # measured: 0.2, -0.6
-_LIMIT_WEIGHTS: Final = {True: 0.5, False: -0.3}  # measured: 0.4, -1.5
+_NAME_ELSEWHERE: Final = -4.0  # judgement: it has not the reported name, which another road of the map bears
+_CLASS_WEIGHTS: Final = ((0.9, 0.2), (1.7, 0.1), (2.7, -0.7), (math.inf, -0.9))  # by steps between classes, up to
+_TRAFFICWAY_WEIGHTS: Final = {True: 0.1, False: -0.6}
+_LANES_WEIGHTS: Final = {True: 0.15, False: -0.65}
+_LIMIT_WEIGHTS: Final = {True: 0.2, False: -0.75}
+_SYSTEM_WEIGHTS: Final = {True: 0.8, False: -1.0}  # ROUTE, by who numbers the road
+_TOWN_STREET_FOR_INTERSTATE: Final = -4.0  # judgement, as for names
 _RAMP_WEIGHTS: Final = {True: 1.5, False: -1.5}  # a ramp, reported as one or not: judgement, too few to measure
+_MAINLINE_FOR_RAMP: Final = -4.0  # judgement, as for names
 _SERVICE_WEIGHTS: Final = {True: -1.0, False: -2.5}  # a service road, at a driveway or not: judgement
 _CROSSING_NAME_WEIGHTS: Final = (4.0, -1.0)  # as for roads, for each of the crossing's two names: judgement
 _CROSSING_KIND_WEIGHT: Final = 1.0  # judgement: TYP_INT and the map's number of arms agree
@@ -68,9 +77,9 @@ _SAME_SPEED_MPS: Final = 1.2  # half a step of posted limits
 # FUNC_SYS: interstate, other freeway, principal arterial, minor arterial, major and minor collector, local. Between two
 # of OSM's classes where mappers use either; how far between is judgement.
 _RANK_OF_FUNCTION: Final = {1: 0.0, 2: 0.7, 3: 2.0, 4: 2.8, 5: 3.7, 6: 4.4, 7: 5.6}
+_AT_POINT_M: Final = 5.0  # a road this near to the point needs nothing else that speaks for it
 _AT_DRIVEWAY: Final = (4, 8)  # RELJCT2
 _AT_INTERSECTION: Final = (2, 3)  # RELJCT2
-_ON_RAMP: Final = (20,)  # RELJCT2
 _NO_INTERSECTION: Final = (RoadTopology.NOT_AN_INTERSECTION, RoadTopology.OTHERS)
 
 
@@ -80,8 +89,8 @@ def place_crash(network: RoadNetwork, record: CrashRecord, settings: RoadSetting
     A point on the surface of its road stays where it is. A point beside it is moved just inside the nearest lane, by at
     most ``settings.max_move_m``.
 
-    Raises :class:`Rejection` (``crash_off_road``) if no road is that near, or if the road that the report names is
-    farther away and the nearer ones have other names.
+    Raises :class:`Rejection` (``crash_off_road``) if no road is that near, if the report says outright that the
+    likeliest is not its road, or if only its limit speaks for a road that the point lies beside.
 
     >>> from trace_dag.settings import RoadSettings
     >>> placement = place_crash(network, record, RoadSettings())
@@ -127,11 +136,24 @@ def class_steps(record: CrashRecord, road: Road) -> float | None:
 
 @dataclass(frozen=True)
 class _Candidate:
+    """A road near the point, with what each thing that the report says weighs for it (log-likelihood ratios)."""
+
     road: Road
     distance_m: float
-    score: float
-    evidence: tuple[str, ...]
-    name_similarity: float | None
+    weights: dict[str, float]
+
+    @property
+    def score(self) -> float:
+        return sum(self.weights.values())
+
+    @property
+    def evidence(self) -> tuple[str, ...]:
+        return tuple(name for name, weight in self.weights.items() if weight > 0 and name != "distance")
+
+    @property
+    def speaks_for_it(self) -> float:
+        """What the report says for it but where the point is and what its limit is, which many roads share."""
+        return sum(weight for name, weight in self.weights.items() if name not in ("distance", "limit"))
 
 
 class _Placer:
@@ -150,8 +172,12 @@ class _Placer:
             crossing = self._crossing()
             at_crossing = [c for c in candidates if crossing is not None and c.road.id in crossing.road_ids]
             if crossing is not None and any(c.distance_m <= self._settings.max_move_m for c in at_crossing):
-                return self._at_crossing(crossing, _best(at_crossing))
+                best = _best(at_crossing)
+                names = {name for arm in crossing.arms for name in arm.names}
+                if not contradiction(self._record, best.road, names | set(best.road.names), self._network):
+                    return self._at_crossing(crossing, best)
         best = self._best_within_reach(candidates)
+        self._require_no_contradiction(best.road)
         matches = self._near[best.road.id].matches
         cross = self._named(self._record.trafficway_2, exclude=(best.road.id,))
         junction_id = None
@@ -163,20 +189,29 @@ class _Placer:
     # --- streets ---------------------------------------------------------------------------------------------
     def _judge(self, road_id: str, distance_m: float) -> _Candidate:
         road, record = self._network.road_by_id[road_id], self._record
-        weights: dict[str, float] = {"distance": -math.log1p((distance_m / _DISTANCE_SCALE_M) ** 2)}
-        named = similarity(record.trafficway_1, road.names)
+        weights: dict[str, float] = {"distance": float(np.interp(distance_m, _DISTANCES_M, _DISTANCE_WEIGHTS))}
+        ramp = road.highway.endswith("_link")
+        named = None if is_on_ramp(record) and not ramp else similarity(record.trafficway_1, road.names)
         if named is not None:
             per_likeness, unlike = _NAME_WEIGHTS
             weights["name"] = per_likeness * named + unlike
-        if named is None or named < SAME_STREET:
-            crossing_name = similarity(record.trafficway_2, road.names)
-            if crossing_name is not None and crossing_name >= SAME_STREET:
-                weights["name of the other street"] = _OTHER_STREETS_NAME
+        if (named or 0.0) < SAME_STREET <= (similarity(record.trafficway_2, road.names) or 0.0):
+            weights["name of the other street"] = _OTHER_STREETS_NAME
+        elif has_name_of_another(record, road.names, self._network):
+            weights["name of another road"] = _NAME_ELSEWHERE
+        numbered = is_numbered_as_reported(record, road)
+        if numbered is not None:
+            weights["route"] = _SYSTEM_WEIGHTS[numbered]
+        if is_town_street_for_interstate(record, road):
+            weights["town street"] = _TOWN_STREET_FOR_INTERSTATE
+        if ramp:
+            weights["ramp"] = _RAMP_WEIGHTS[is_on_ramp(record)]
+        elif is_on_ramp(record):
+            weights["mainline"] = _MAINLINE_FOR_RAMP
         weights["class"] = _NOT_ITS_STREET if road.inferred else self._class_weight(road)
         if distance_m <= self._settings.max_move_m:
             weights |= self._street_weights(road)
-        evidence = tuple(name for name, weight in weights.items() if weight > 0)
-        return _Candidate(road, distance_m, sum(weights.values()), evidence, named)
+        return _Candidate(road, distance_m, weights)
 
     def _street_weights(self, road: Road) -> dict[str, float]:
         weights: dict[str, float] = {}
@@ -195,24 +230,13 @@ class _Placer:
         return weights
 
     def _class_weight(self, road: Road) -> float:
-        record = self._record
-        weight = 0.0
         if road.highway in SERVICE_HIGHWAYS:
-            return _SERVICE_WEIGHTS[record.junction_relation_code in _AT_DRIVEWAY]
-        steps = class_steps(record, road)
-        if steps is not None:
-            weight += next(value for limit, value in _CLASS_WEIGHTS if steps < limit)
-        on_ramp = (
-            record.junction_relation_code in _ON_RAMP
-            or parse_street(record.trafficway_1).ramp
-            or any(trafficway_of(vehicle) == Trafficway.RAMP for vehicle in pair_of(record))
-        )
-        if road.highway.endswith("_link"):
-            weight += _RAMP_WEIGHTS[on_ramp]
-        return weight
+            return _SERVICE_WEIGHTS[self._record.junction_relation_code in _AT_DRIVEWAY]
+        steps = class_steps(self._record, road)
+        return 0.0 if steps is None else next(value for limit, value in _CLASS_WEIGHTS if steps < limit)
 
     def _best_within_reach(self, candidates: list[_Candidate]) -> _Candidate:
-        limit_m, reported = self._settings.max_move_m, self._record.trafficway_1
+        limit_m = self._settings.max_move_m
         within = [candidate for candidate in candidates if candidate.distance_m <= limit_m]
         if not within:
             nearest = min(candidates, key=lambda candidate: candidate.distance_m, default=None)
@@ -226,18 +250,23 @@ class _Placer:
                 threshold=limit_m,
             )
         best = _best(within)
-        named = [c for c in candidates if c.name_similarity is not None and c.name_similarity >= SAME_STREET]
-        contradicted = best.name_similarity is not None and best.name_similarity < _OTHER_STREET
-        if named and contradicted and not is_at_intersection(self._record):
-            nearest_named = min(named, key=lambda candidate: candidate.distance_m)
+        if best.distance_m > _AT_POINT_M and best.speaks_for_it <= 0.0:
             raise Rejection(
                 Reason.CRASH_OFF_ROAD,
-                f"The report names {reported}, which is {beside_limit(nearest_named.distance_m, limit_m)} m from the "
-                f"reported point, more than {limit_m:g} m; the road there is {best.road.name or best.road.highway}.",
-                measured=nearest_named.distance_m,
-                threshold=limit_m,
+                f"The reported point lies {best.distance_m:.1f} m beside {best.road.name or best.road.highway}, and "
+                "nothing that the report says of its road, but its limit, speaks for that one.",
+                measured=best.distance_m,
+                threshold=_AT_POINT_M,
             )
         return best
+
+    def _require_no_contradiction(self, road: Road) -> None:
+        """Raise :class:`Rejection` where the report says outright that this is not its road."""
+        against = contradiction(self._record, road, road.names, self._network)
+        if against:
+            named = self._named(self._record.trafficway_1, exclude=())
+            measured = min((self._near[road_id].distance_m for road_id in named), default=None)
+            raise Rejection(Reason.CRASH_OFF_ROAD, against, measured=measured, threshold=self._settings.max_move_m)
 
     def _named(self, reported: str, *, exclude: Collection[str]) -> tuple[str, ...]:
         """Roads near the point whose names fit a street name of the report."""

@@ -1,0 +1,101 @@
+"""What a report says outright against a road of the map, whatever else speaks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Final
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.osm.road_classes import road_class
+from trace_dag.roads.crash_site.reported_road import Trafficway, pair_of, trafficway_of
+from trace_dag.roads.crash_site.street_names import SAME_STREET, RouteSystem, parse_street, similarity
+from trace_dag.roads.map.model import Road
+from trace_dag.roads.map.network import RoadNetwork
+
+_INTERSTATE: Final = 1  # FUNC_SYS and ROUTE
+_ON_RAMP: Final = 20  # RELJCT2; 5 is related to a ramp only
+_TOWN_STREET: Final = 3  # rank of the most important class that is one: OSM's secondary
+_RAMPS_WITHIN_M: Final = 100.0
+_SYSTEMS: Final = {1: RouteSystem.INTERSTATE, 2: RouteSystem.US, 3: RouteSystem.STATE, 4: RouteSystem.COUNTY}
+"""``ROUTE``: who signs the road, where it is numbered."""
+
+
+def is_on_ramp(record: CrashRecord) -> bool:
+    """Whether the report has the crash on a ramp: by its relation to the junction, the road's name or ``VTRAFWAY``.
+
+    >>> is_on_ramp(record)
+    False
+    """
+    return (
+        record.junction_relation_code == _ON_RAMP
+        or parse_street(record.trafficway_1).ramp
+        or any(trafficway_of(vehicle) == Trafficway.RAMP for vehicle in pair_of(record))
+    )
+
+
+def is_numbered_as_reported(record: CrashRecord, road: Road) -> bool | None:
+    """Whether a road bears a number of the system that ``ROUTE`` names; None where the report names none, or the road
+    has names alone and no number is wanted.
+
+    >>> is_numbered_as_reported(record, network.road_by_id[map_report.placement.road_id])
+    """
+    wanted = _SYSTEMS.get(record.route_code or 0)
+    systems = {route.system for name in road.names for route in parse_street(name).routes}
+    if wanted is None:
+        federal = {RouteSystem.INTERSTATE, RouteSystem.US}
+        return False if record.route_code is not None and not federal.isdisjoint(systems) else None
+    return wanted in systems or RouteSystem.UNKNOWN in systems
+
+
+def is_town_street_for_interstate(record: CrashRecord, road: Road) -> bool:
+    """Whether the report is of an interstate, and the road is a town's street.
+
+    >>> is_town_street_for_interstate(record, network.road_by_id[map_report.placement.road_id])
+    False
+    """
+    interstate = _INTERSTATE in (record.function_class_code, record.route_code) and not is_on_ramp(record)
+    return interstate and road_class(road.highway).rank >= _TOWN_STREET
+
+
+def has_name_of_another(record: CrashRecord, names: Collection[str], network: RoadNetwork) -> bool:
+    """Whether none of a place's ``names`` is one that the report gives, and its first is borne by another road of the
+    map. A ramp bears no name of its own, and is reported by that of the road it belongs to.
+
+    >>> has_name_of_another(record, {"Elder Street"}, network), has_name_of_another(record, {"Low Road"}, network)
+    (False, True)
+    """
+    reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
+    if not reported or is_on_ramp(record):
+        return False
+    if any((similarity(name, names) or 0.0) >= SAME_STREET for name in reported):
+        return False
+    around = {name for road in network.roads for name in road.names}
+    return (similarity(reported[0], around) or 0.0) >= SAME_STREET
+
+
+def contradiction(record: CrashRecord, road: Road, names: Collection[str], network: RoadNetwork) -> str:
+    """The sentence that says what speaks outright against a road; empty if nothing does.
+
+    ``names``: of the road, and of those that meet it where the crash is at a crossing.
+
+    >>> main_street = network.road_by_id[map_report.placement.road_id]
+    >>> contradiction(record, main_street, main_street.names, network)
+    ''
+    """
+    called = road.name or f"a road without a name ({road.highway})"
+    comparable = similarity(record.trafficway_1, names) is not None
+    if comparable and has_name_of_another(record, names, network):
+        return f"The report names {record.trafficway_1}, which is elsewhere on the map; the road there is {called}."
+    if is_town_street_for_interstate(record, road):
+        return f"The report is of an interstate; the road there is {called} ({road.highway})."
+    if is_on_ramp(record) and not road.highway.endswith("_link") and _has_ramp_near(network):
+        return (
+            f"The report is of a ramp, and the map has one within {_RAMPS_WITHIN_M:.0f} m; the road there is {called}."
+        )
+    return ""
+
+
+def _has_ramp_near(network: RoadNetwork) -> bool:
+    """Whether a ramp is near the reported point, which is the origin of the network's frame."""
+    matches = network.nearest_lanes(0.0, 0.0, _RAMPS_WITHIN_M)
+    return any(network.road_by_id[match.lane.road_id].highway.endswith("_link") for match in matches)
