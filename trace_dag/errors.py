@@ -43,6 +43,7 @@ class Reason(StrEnum):
     MAP_DISTORTED = "map_distorted"
     CRASH_OFF_ROAD = "crash_off_road"
     VERTICAL_GEOMETRY = "vertical_geometry"
+    MAP_TOO_SMALL = "map_too_small"
     NO_FEASIBLE_STATE = "no_feasible_state"
     NO_COLLISION = "no_collision"
     NO_DEPARTURE = "no_departure"
@@ -167,6 +168,12 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         _PAPER.VERTICAL_GEOMETRY,
         "A bridge or tunnel is near, and roads.elevation is off.",
         "Switch roads.elevation on (the default).",
+    ),
+    Reason.MAP_TOO_SMALL: _ReasonFacts(
+        Stage.STATE_ESTIMATE,
+        _PAPER.INCONSISTENT_LOCATION,
+        "The map's data end so near to the crash that a vehicle would begin where no road is.",
+        "Add the map file of the neighbouring area, and ingest again.",
     ),
     Reason.NO_FEASIBLE_STATE: _ReasonFacts(
         Stage.STATE_ESTIMATE,

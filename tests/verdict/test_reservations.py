@@ -17,7 +17,7 @@ from trace_dag.units import kmh_to_mps
 from trace_dag.verdict.happened import event_outcomes
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
-from trace_dag.verdict.reservations import off_mapped_ground_m, reservations_about
+from trace_dag.verdict.reservations import reservations_about
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, EventOutcome, Grade, Happening
 
@@ -41,18 +41,6 @@ def doubts(record=RECORD, *, report=MADE.map_report, log=LOG, events=()) -> dict
 
 def test_a_sound_crash_has_no_doubts():
     assert doubts() == {}
-
-
-def test_who_drives_where_no_road_is_mapped_is_doubted_unless_the_report_says_so():
-    """Vehicle 2 comes along a street that is some 15 m wide: 200 m beside it nothing is mapped."""
-    _, two = LOG.vehicles
-    astray = replace(LOG, vehicles=(LOG.vehicles[0], replace(two, y_m=two.y_m + 200.0)))
-    assert off_mapped_ground_m(MADE.network, astray, [2])[2] > 50.0
-    assert "vehicle 2 is up to" in doubts(log=astray)[Doubt.OFF_MAPPED_GROUND]
-    ran_off = EventRecord(1, 63, 2, None, None, None)
-    collided = replace(RECORD.events[0], number=2)
-    assert doubts(replace(RECORD, events=(ran_off, collided)), log=astray) == {}
-    assert doubts(replace(RECORD, road_relation_code=4), log=astray) == {}  # on the roadside
 
 
 def test_a_street_with_another_name_than_the_reported_one_which_is_elsewhere_is_doubted():

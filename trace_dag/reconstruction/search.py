@@ -25,6 +25,7 @@ from trace_dag.geometry import contact_clock_h
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.default_simulation import default_simulation
 from trace_dag.reconstruction.first_event import FirstEvent, FirstScene, plan_first_event
+from trace_dag.reconstruction.on_mapped_ground import on_mapped_ground
 from trace_dag.reconstruction.planners.later_vehicle import LONGEST_WAIT_S, arrival_plans
 from trace_dag.reconstruction.planners.pedestrian import (
     LONGEST_CHAIN_S,
@@ -66,9 +67,21 @@ def estimate_by_record(
 ) -> StateEstimate:
     """The ranked hypotheses of a crash, best first: those in which more of its events happen.
 
-    ``first_planner`` plans the first event; another one may ask somebody how it came about. Raises :class:`Rejection`
-    (``no_feasible_state``) where none lets happen what is reported.
+    ``first_planner`` plans the first event; another one may ask somebody how it came about. Raises :class:`Rejection`:
+    ``no_feasible_state`` where none lets happen what is reported, ``map_too_small`` where the map ends too near.
     """
+
+    def made_with(lead_s: float) -> StateEstimate:
+        wanted = settings.model_copy(update={"lead_time_s": lead_s})
+        return _estimate(record, network, report, wanted, first_planner)
+
+    return on_mapped_ground(record, network, report, made_with, settings.lead_time_s)
+
+
+def _estimate(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings, first_planner: FirstPlanner
+) -> StateEstimate:
+    """The ranked hypotheses with the lead time of the settings, wherever the map ends."""
     sequence = with_assumed_animal(sequence_of(record), settings)
     lead_s = settings.lead_time_s
     longest_s = LONGEST_WAIT_S if sequence.first.kind is EventKind.VEHICLE_CONTACT else LONGEST_CHAIN_S

@@ -13,8 +13,9 @@ from trace_dag.messages.wording import counted
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import SimulationLog, moment_of
 from trace_dag.states.alternatives import alternatives
+from trace_dag.states.mapped_ground import OFF_GROUND_M, Way, astray
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.articulation import articulation_shown
 from trace_dag.verdict.happened import event_outcomes
@@ -88,6 +89,8 @@ def judge_observed(
     told = sequence_of(record) if sequence is None else sequence
     beside = Comparison.of(record, told, observed, settings)
     found = criteria(beside)
+    if report is not None:
+        found += (_mapped_ground(record, observed, report),)
     result = judgement(found, required_reasons(told))
     found += (*shown_measures(beside), *articulation_shown(record, observed.log))
     detail = result.detail
@@ -114,3 +117,19 @@ def judge_observed(
         detail=detail,
         grade=Grade.CONSISTENT if result.accepted else Grade.REJECTED,
     )
+
+
+def _mapped_ground(record: CrashRecord, observed: ObservedCrash, report: MapReport) -> Criterion:
+    """Nobody is off mapped ground, unless the report says so, or in a building before the first event."""
+    log, planned = observed.log, observed.hypothesis
+    moment = moment_of(log)
+    begun_s = moment.time_s if moment is not None else planned.impact_time_s
+    event_s = min((contact.time_s for contact in log.contacts), default=begun_s)
+    kinds = {state.vehicle_number: state.kind for state in planned.participants}
+    driven = [each for each in log.parties if each.number in kinds]
+    ways = [Way(each.number, kinds[each.number], each.time_s, each.x_m, each.y_m) for each in driven]
+    found = astray(record, observed.network, report.things, ways, event_s)
+    worst = max(found, key=lambda stray: (stray.in_building, stray.off_m), default=None)
+    number, off_m = (None, 0.0) if worst is None else (worst.number, worst.off_m)
+    detail = "" if worst is None else str(worst)
+    return Criterion("mapped_ground", off_m, OFF_GROUND_M, "m", worst is None, Reason.WRONG_LOCATION, detail, number)

@@ -122,7 +122,6 @@ class EventOutcome:
 class Doubt(StrEnum):
     """Why an accepted crash is not corroborated, whatever supports it."""
 
-    OFF_MAPPED_GROUND = "off_mapped_ground"
     OTHER_STREET = "other_street"
     EVENT_MISSED = "event_missed"
     HARMLESS = "harmless"

@@ -19,6 +19,9 @@ from trace_dag.roads.report import CrashPlacement, MappedThing
 _REACH_M: Final = 40.0  # a vehicle that leaves the road stays within the clear zone
 _KEYS: Final = ("barrier", "natural", "power", "highway", "man_made", "emergency", "amenity", "waterway", "building")
 _ANY_VALUE: Final = ("traffic_sign", "bridge:support", "building")
+_WITHOUT_WALLS: Final = frozenset(
+    {"roof", "carport", "canopy", "no"}
+)  # one drives below these: OSM's values of building
 _BACKGROUND: Final = frozenset(
     {"grassland", "scrub", "water", "wetland", "wood", "river", "riverbank", "parking", "bridge"}
 )
@@ -55,7 +58,7 @@ def things_near(
 def _tag(feature: OsmFeature) -> str | None:
     """The tag that says what a thing is, as "natural=tree"; only the key, if any value means the same."""
     for key in _ANY_VALUE:
-        if key in feature.tags:
+        if feature.tags.get(key, "no") not in _WITHOUT_WALLS:
             return key
     return next(
         (f"{key}={feature.tags[key]}" for key in _KEYS if key in feature.tags and feature.tags[key] not in _BACKGROUND),

@@ -1,0 +1,71 @@
+"""Hypotheses in which all parties are where they can be before the first event.
+
+Where the map's data end before a vehicle's beginning, the time before the first event is shortened: what happens before
+is not known. Roads that end are no reason to drive over gardens.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Reason, Rejection
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.states.mapped_ground import Astray, astray, ways_of
+from trace_dag.states.ranking import ambiguity
+from trace_dag.states.types import Hypothesis, StateEstimate
+
+LEAST_LEAD_S: Final = 2.0
+"""The least time before the first event: who reacts to it needs some 1.5 s (AASHTO's design value is 2.5 s)."""
+
+
+def on_mapped_ground(
+    record: CrashRecord,
+    network: RoadNetwork,
+    report: MapReport,
+    made_with: Callable[[float], StateEstimate],
+    lead_s: float,
+) -> StateEstimate:
+    """The estimate that ``made_with`` makes for a time before the first event (s), without hypotheses in which a party
+    is off mapped ground or in a building; with less time, where the best one only begins there.
+
+    Raises :class:`Rejection`: ``map_too_small`` where the data end too near to the crash, ``no_feasible_state`` where a
+    party strays later on in every hypothesis.
+    """
+
+    def strays(each: Hypothesis) -> tuple[Astray, ...]:
+        return astray(record, network, report.things, ways_of(each.participants), each.impact_time_s)
+
+    made = made_with(lead_s)
+    judged = [(each, strays(each)) for each in made.hypotheses]
+    begun = [(each, found) for each, found in judged if all(stray.until_s is not None for stray in found)]
+    if begun and begun[0][1]:
+        best, found = begun[0]
+        clear_s = max(stray.until_s or 0.0 for stray in found)
+        shorter_s = math.floor(10.0 * (best.impact_time_s - clear_s)) / 10.0
+        if shorter_s >= LEAST_LEAD_S:
+            again = made_with(shorter_s)
+            if kept := [each for each in again.hypotheses if not strays(each)]:
+                return _only(again, kept)
+    if kept := [each for each, found in judged if not found]:
+        return _only(made, kept)
+    if begun:
+        worst = max(begun[0][1], key=lambda stray: (stray.off_m, stray.number))
+        raise Rejection(Reason.MAP_TOO_SMALL, _too_small(worst), measured=worst.off_m, threshold=0.0)
+    raise Rejection(Reason.NO_FEASIBLE_STATE, f"In the best of {len(judged)} hypotheses, {judged[0][1][0]}.")
+
+
+def _only(made: StateEstimate, kept: list[Hypothesis]) -> StateEstimate:
+    """The estimate with some of its hypotheses."""
+    if kept[0] is made.best:
+        return replace(made, hypotheses=tuple(kept))
+    best = kept[0].score
+    return replace(made, hypotheses=tuple(kept), ambiguity=ambiguity(best, (min(each.score, best) for each in kept)))
+
+
+def _too_small(worst: Astray) -> str:
+    return f"The map ends too near to the crash: until less than {LEAST_LEAD_S:g} s before it {worst}."
