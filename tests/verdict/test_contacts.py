@@ -9,6 +9,7 @@ import pytest
 
 from tests.sim.motions import straight
 from tests.verdict.crashes import STREET, area, record, row_of_change, simulated, vehicle
+from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.event_sequence import EventSequence, sequence_of
 from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement
 from trace_dag.errors import Reason
@@ -37,7 +38,8 @@ def queue_report(*events: EventRecord, key: str = "2023-1", vehicles: int = 3) -
     """Vehicle 1 runs into 2, which is pushed into 3, unless other events are given."""
     rest = [vehicle(number, 6, movement=STOPPED, speed_mps=0.0) for number in range(2, vehicles + 1)]
     told = events or (contact(1, 1, 12, 2, 6), contact(2, 2, 12, 3, 6))
-    return replace(record(vehicle(1, 12), *rest, key=key, events=told), first_harmful_event_code=12)
+    report = record(vehicle(1, 12), *rest, key=key, events=told)
+    return replace(report, first_harmful_event_code=12, collision_type=CollisionType.FRONT_TO_REAR)
 
 
 def queue(third_y_m: float = LANE_Y_M) -> tuple[Hypothesis, SimulationLog]:

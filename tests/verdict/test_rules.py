@@ -12,6 +12,7 @@ import pytest
 
 from tests.sim.motions import straight
 from tests.verdict.crashes import STREET, area, record, simulated, vehicle
+from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.errors import Reason
 from trace_dag.settings import VerdictSettings
@@ -142,7 +143,9 @@ def test_nothing_known_is_never_a_silent_pass() -> None:
     unknown = reported(vehicle(1, None, 50), vehicle(2, None, 51))
     assert judged(seen(), report=unknown)[:2] == (False, Reason.INCOMPLETE_IMPACT)
     undirected = reported(*(replace(vehicle(number, 12), movement=PreCrashMovement.UNKNOWN) for number in (1, 2)))
-    assert judged(seen(), report=undirected)[:2] == (False, Reason.INCOMPLETE_TRAJECTORY)
+    untold = replace(undirected, collision_type=CollisionType.OTHERS)
+    assert judged(seen(), report=untold)[:2] == (False, Reason.INCOMPLETE_TRAJECTORY)
+    assert judged(seen(), report=undirected)[0], "MAN_COLL says front to front, and so they meet"
     error = verdict_of(seen(), report=unknown).criterion("clock_error", 1)
     assert error is not None
     assert (error.passed, error.value) == (None, None)

@@ -8,7 +8,9 @@ every reading stays, with its prior.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.crash_types import (
@@ -31,14 +33,16 @@ CROSS_MEDIAN = 65
 _SAID_BY_ONE = math.log(0.5)  # log-likelihood if the two crash types name different relations
 _UNSAID = math.log(0.25)
 _HINT = 2.0  # of a critical event that names the relation where no crash type does
-_MANNER_HINT = 1.0
-_MANNER_RELATIONS = {
-    CollisionType.FRONT_TO_REAR: (Relation.SAME_LANE,),
-    CollisionType.FRONT_TO_FRONT: (Relation.OPPOSITE_DIRECTION,),
-    CollisionType.ANGLE: (Relation.CROSSING,),
-    CollisionType.SIDESWIPE_SAME_DIRECTION: (Relation.SAME_DIRECTION,),
-    CollisionType.SIDESWIPE_OPPOSITE_DIRECTION: (Relation.OPPOSITE_DIRECTION,),
+_MANNER_SAYS: Final[Mapping[CollisionType, Mapping[Relation, float]]] = {
+    CollisionType.FRONT_TO_REAR: {Relation.SAME_LANE: 0.0, Relation.SAME_DIRECTION: -2.9},
+    CollisionType.FRONT_TO_FRONT: {Relation.OPPOSITE_DIRECTION: 0.0},
+    CollisionType.ANGLE: {Relation.CROSSING: 0.0, Relation.OPPOSITE_DIRECTION: -0.7, Relation.SAME_DIRECTION: -3.3},
+    CollisionType.SIDESWIPE_SAME_DIRECTION: {Relation.SAME_DIRECTION: 0.0},
+    CollisionType.SIDESWIPE_OPPOSITE_DIRECTION: {Relation.OPPOSITE_DIRECTION: 0.0},
 }
+"""What ``MAN_COLL`` makes of each relation: log-likelihood ratios from 120 crashes of Virginia (2023) and FARS (2012 to
+2016) whose ``ACC_TYPE`` says the relation, half a crash added to each. It is that of the first harmful event."""
+_NEVER_SO = -4.0  # log-likelihood ratio of relations that none of those crashes has
 _AGAINST_ROLE = -3.0
 _AGAINST_EVENT = -1.5
 _KEEP_WITHIN = 3.0
@@ -158,8 +162,9 @@ def _relations(record: CrashRecord, one: Party, two: Party) -> dict[Relation, fl
     for each in (one, two):
         if each.critical.relation is not None:
             weights[each.critical.relation] += _HINT
-    for relation in _MANNER_RELATIONS.get(record.collision_type, ()):
-        weights[relation] += _MANNER_HINT
+    manner = _MANNER_SAYS.get(record.collision_type)
+    if manner is not None:
+        weights = {relation: weight + manner.get(relation, _NEVER_SO) for relation, weight in weights.items()}
     return weights
 
 

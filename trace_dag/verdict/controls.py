@@ -220,7 +220,7 @@ def _events_differ(
         if mine.is_contact and _apart(reported_turns_deg(vehicle), reported_turns_deg(their)):
             return True
     if mine.kind is EventKind.VEHICLE_CONTACT:
-        relations = (reported_relations_deg(*event.vehicles) for event in (mine, other))
+        relations = (reported_relations_deg(of, *event.vehicles) for of, event in ((one, mine), (two, other)))
         return _apart(*relations)
     return mine.is_contact and _people_differ(one, two, mine, other)
 

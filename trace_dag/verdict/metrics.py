@@ -16,7 +16,7 @@ _SKEWED = frozenset({RoadTopology.Y, RoadTopology.ROUNDABOUT, RoadTopology.FIVE_
 def relation_error(
     one: ObservedVehicle, two: ObservedVehicle, first: VehicleRecord, second: VehicleRecord, record: CrashRecord
 ) -> float | None:
-    """How far the angle between the approaches of two vehicles is from what the crash types say (degrees).
+    """How far the angle between the approaches of two vehicles is from what the report says (degrees).
 
     Crossing or joining streets mean a right angle, but not where legs meet at other angles by the report's own words.
     Within the corner of an L those who meet head-on or follow each other may have any angle between them: None.
@@ -27,7 +27,7 @@ def relation_error(
     """
     if record.road_topology is RoadTopology.L:
         return None
-    allowed = reported_relations_deg(first, second)
+    allowed = reported_relations_deg(record, first, second)
     if record.road_topology in _SKEWED:
         allowed -= {90.0}
     return relation_error_deg(abs(math.degrees(wrap_angle(one.approach_rad - two.approach_rad))), allowed)

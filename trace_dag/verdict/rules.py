@@ -40,12 +40,19 @@ from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone, roadside_e
 from trace_dag.verdict.types import Criterion
 
 UNITS_IN_WORDS = {"h": "clock positions", "deg": "degrees", "mps": "m/s"}
-_INCOMPLETE = {
-    Reason.WRONG_DIRECTION: Reason.INCOMPLETE_TRAJECTORY,
-    Reason.WRONG_SIDE: Reason.INCOMPLETE_TRAJECTORY,
-    Reason.WRONG_IMPACT: Reason.INCOMPLETE_IMPACT,
+_INCOMPLETE: Final[Mapping[Reason, tuple[Reason, str]]] = {
+    Reason.WRONG_DIRECTION: (
+        Reason.INCOMPLETE_TRAJECTORY,
+        "The report says neither which way the parties went (P_CRASH1) nor how they approached each other (ACC_TYPE, "
+        "MAN_COLL).",
+    ),
+    Reason.WRONG_SIDE: (
+        Reason.INCOMPLETE_TRAJECTORY,
+        "The report does not say to which side the vehicle left the road.",
+    ),
+    Reason.WRONG_IMPACT: (Reason.INCOMPLETE_IMPACT, "The report gives no area of impact (IMPACT1, AOI)."),
 }
-"""What a crash is rejected for where the report says nothing that the reason could be judged by."""
+"""What a crash is rejected for where the report says nothing that the reason could be judged by, and the sentence."""
 _REJECTING = (
     Reason.NO_COLLISION,
     Reason.WRONG_PARTY,
@@ -274,6 +281,9 @@ def _direction_errors(each: Beside) -> Values:
 def _relation_error(each: Beside) -> Values:
     one, two = each.event.vehicles
     went = each.seen.vehicles
+    if each.event.parked is not None:  # it came from nowhere
+        yield None, None
+        return
     if one.number in went and two.number in went:
         yield None, relation_error(went[one.number], went[two.number], one, two, each.of.record)
 
@@ -559,7 +569,7 @@ def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...]) -> Ju
         if reason in required and not any(criterion.passed for criterion in of_kind):
             names = ", ".join(sorted({criterion.name for criterion in of_kind}))
             detail = f"the report gives nothing to judge it by: {names} not evaluated"
-            return Judgement(False, _INCOMPLETE.get(reason, reason), detail)
+            return Judgement(False, *_INCOMPLETE.get(reason, (reason, detail)))
     skipped = [criterion for criterion in judged if criterion.reason is not None and criterion.passed is None]
     named = ", ".join(_name(criterion) for criterion in skipped)
     return Judgement(True, None, f"not evaluated, since not reported: {named}" if skipped else "")
