@@ -32,8 +32,14 @@ from benchmarks.measuring import SHARED, Figure
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord
 from trace_dag.states import speed_prior
-from trace_dag.states.speed_prior import Distribution, speed_class, speed_kept_distribution, travel_speed_distribution
-from trace_dag.states.speeds import STOP_CONTROLS, speed_profile, travel_speed
+from trace_dag.states.speed_prior import (
+    Distribution,
+    speed_class,
+    speed_kept_distribution,
+    speed_profile,
+    travel_speed_distribution,
+)
+from trace_dag.states.speeds import STOP_CONTROLS, travel_speed
 from trace_dag.units import mps_to_mph
 
 FOLDS: Final = 10
@@ -82,7 +88,7 @@ def recorded_guesses(rows: Sequence[Recorded]) -> Iterator[Guess]:
                 stop = row.vehicle.traffic_control_code in STOP_CONTROLS
                 rule = travel_speed(row.vehicle, own.crash_type, own.turn, None, crossing=stop)
                 travel, kept = travel_speed_distribution(_NOTHING, own, rule), speed_kept_distribution(own)
-                by_rule = speed_profile(row.vehicle, rule.speed_mps).impact_mps
+                by_rule = speed_profile(own, rule.speed_mps).impact_mps
                 yield _guess(speed_prior.role(own).value, row.impact_mps, by_rule, _product(travel, kept))
 
 

@@ -38,8 +38,12 @@ def rider(**fields: object) -> NonMotorist:
 def struck(
     person: NonMotorist, *, clock_h: int = 12, speed_mps: float = 15.0, code: int = 8, vehicles: int = 1
 ) -> CrashRecord:
-    """Cars that go straight strike a person one after the other, the first one in the reported area."""
-    cars = tuple(vehicle(number, clock_h, 13, speed_mps=speed_mps) for number in range(1, vehicles + 1))
+    """Cars that go straight, their drivers doing nothing (P_CRASH3 1), strike a person one after the other, the first
+    one in the reported area."""
+    cars = tuple(
+        replace(vehicle(number, clock_h, 13, speed_mps=speed_mps), avoidance_code=1)
+        for number in range(1, vehicles + 1)
+    )
     events = tuple(
         EventRecord(car.number, code, car.number, car.impact, person_party(person.number), None) for car in cars
     )

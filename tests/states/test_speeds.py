@@ -9,13 +9,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.verdict.crashes import record
 from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, Turn
 from trace_dag.crash.record import PreCrashMovement, VehicleClass, VehicleRecord
-from trace_dag.states.speeds import SpeedProfile, speed_profile, travel_speed
+from trace_dag.states.pre_crash_scenarios import party
+from trace_dag.states.speed_coefficients import BRAKING, LEVELS
+from trace_dag.states.speed_prior import speed_profile
+from trace_dag.states.speeds import SpeedProfile, travel_speed
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import mph_to_mps
 
 CAR = VehicleRecord(1, VehicleClass.CAR, 4.8, 1.9, 1.5, 1500.0)
+
+
+def profile_of(vehicle: VehicleRecord, speed_mps: float) -> SpeedProfile:
+    report = record(vehicle, car(number=2))
+    return speed_profile(party(report, vehicle), speed_mps)
 
 
 def car(**changes: object) -> VehicleRecord:
@@ -42,25 +51,34 @@ def test_a_reported_speed_is_the_initial_speed_exactly(speed):
         vehicle = car(travel_speed_mps=speed, movement=movement, avoidance_code=16, traffic_control_code=20)
         found = travel_speed(vehicle, CRASH_TYPES[68], Turn.LEFT, None, crossing=True)
         assert (found.speed_mps, found.source) == (speed, SpeedSource.REPORTED)
-        assert speed_profile(vehicle, speed).initial_mps == speed
+        assert profile_of(vehicle, speed).initial_mps == speed
 
 
 def test_constant_unless_the_record_says_otherwise():
-    assert speed_profile(car(movement=PreCrashMovement.TURNING_LEFT), 15.0) == SpeedProfile(15.0, 15.0)
-    assert speed_profile(car(avoidance_code=6), 15.0) == SpeedProfile(15.0, 15.0)
+    assert profile_of(car(movement=PreCrashMovement.TURNING_LEFT), 15.0) == SpeedProfile(15.0, 15.0)
+    assert profile_of(car(avoidance_code=6), 15.0) == SpeedProfile(15.0, 15.0)
 
 
 @pytest.mark.parametrize("avoidance", [2, 3, 4, 8, 9, 15, 16])
 def test_braking_reported_is_braking_done(avoidance):
-    profile = speed_profile(car(avoidance_code=avoidance), 25.0)
-    assert 0.4 * 25 <= profile.impact_mps < 25
+    profile = profile_of(car(avoidance_code=avoidance), 25.0)
+    assert profile.impact_mps < profile_of(car(), 25.0).impact_mps < 25
+
+
+def test_where_nothing_is_reported_a_vehicle_loses_what_half_of_its_role_lose():
+    """ACC_TYPE 20 runs into one that stands, 86 crosses; recorders have the shares."""
+    for crash_type, role in ((20, "behind"), (86, "crossing"), (1, "alone")):
+        kept = float(np.interp(0.5, LEVELS, BRAKING[role]))
+        profile = profile_of(car(crash_type_code=crash_type), 20.0)
+        assert profile.impact_mps == pytest.approx(20.0 * kept)
+        assert (20.0 - profile.impact_mps) / profile.change_time_s == pytest.approx(0.4 * 9.81, rel=0.01)
 
 
 def test_starting_begins_at_rest():
     vehicle = car(movement=PreCrashMovement.STARTING)
     found = travel_speed(vehicle, CrashType(), None, None, crossing=False)
     assert found.speed_mps == 0
-    assert speed_profile(vehicle, 0.0).impact_mps > 3
+    assert profile_of(vehicle, 0.0).impact_mps > 3
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def bearing_from_rad(state: ParticipantState) -> float | None:
     """The direction a party comes from (rad, counter-clockwise from east); None for one that stands.
 
     >>> [round(math.degrees(bearing_from_rad(each))) for each in hypothesis.participants]
-    [-173, 8]
+    [-173, 7]
     """
     path = state.trajectory
     gone_m = np.hypot(path.x_m - path.x_m[0], path.y_m - path.y_m[0])

@@ -16,7 +16,7 @@ from trace_dag.states.manoeuvres import Option
 from trace_dag.states.paths import STEP_M, Path
 from trace_dag.states.pre_crash_scenarios import Party
 from trace_dag.states.solver import Placed, Solution
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.types import Hypothesis, Manoeuvre, ParticipantState, SpeedSource, Trajectory
 from trace_dag.units import bearing_to_clock_h
 
@@ -131,7 +131,7 @@ def driven(
     state = _of_vehicle(network, vehicle, option.manoeuvre, speed.source, trajectory, impact)
     return replace(
         state,
-        braking=brakes(vehicle) and profile.impact_mps < profile.initial_mps,
+        braking=profile.impact_mps < profile.initial_mps,
         trailer_heading_rad=None if vehicle.trailer is None else np.round(trailing, _DECIMALS),
     )
 

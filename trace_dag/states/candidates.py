@@ -16,7 +16,8 @@ from trace_dag.states.path_pairs_along import opposite, same_direction, same_lan
 from trace_dag.states.path_pairs_crossing import backing, crossing
 from trace_dag.states.pre_crash_scenarios import PreCrashScenario
 from trace_dag.states.scene import Scene
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.speed_prior import speed_profile
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +99,8 @@ def _judged(scene: Scene, scenario: PreCrashScenario, pair: PathPair) -> Candida
         pair.other,
         pair.mover_speed,
         pair.other_speed,
-        speed_profile(scenario.mover.vehicle, pair.mover_speed.speed_mps),
-        pair.other_profile or speed_profile(scenario.other.vehicle, pair.other_speed.speed_mps),
+        speed_profile(scenario.mover, pair.mover_speed.speed_mps),
+        pair.other_profile or speed_profile(scenario.other, pair.other_speed.speed_mps),
         pair.parallel,
         terms,
     )

@@ -32,7 +32,8 @@ from trace_dag.states.pedestrian_impact.planner import approaches_of, edge_m
 from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.ranking import Scored, leaders_first
 from trace_dag.states.scene import Scene
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.speed_prior import speed_profile
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.types import EstimateCheck, Hypothesis, Manoeuvre, ParticipantState, PlannedEvent, SpeedSource
 from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
 
@@ -128,7 +129,7 @@ def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, mo
     >>> car = tree_record.vehicles[0]
     >>> contact = CrashEvent(1, 14, EventKind.VEHICLE_CONTACT, car, None, replace(car, number=2, in_transport=False))
     >>> best = parked_contacts(tree_scene, contact, lead_time_s=5.0, most=1)[0]
-    >>> [(state.vehicle_number, state.impact_speed_mps) for state in best.participants]  # 50 mph, and parked
+    >>> [(state.vehicle_number, state.initial_speed_mps) for state in best.participants]  # 50 mph, and parked
     [(1, 22.352), (2, 0.0)]
     """
     driven_one, standing = sorted(contact.vehicles, key=lambda vehicle: not vehicle.in_transport)
@@ -138,7 +139,7 @@ def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, mo
         for number, (option, speed, terms, stand) in enumerate(
             (*way, stand) for way in approaches_of(scene, who) for stand in stands(scene, standing)
         )
-        if (profile := speed_profile(who.vehicle, speed.speed_mps)).impact_mps >= 1.0
+        if (profile := speed_profile(who, speed.speed_mps)).impact_mps >= 1.0
         for share in _OVERLAPS
         for moved in _towards(scene, who, option, stand, standing, share)
     ]

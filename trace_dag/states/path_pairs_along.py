@@ -32,7 +32,8 @@ from trace_dag.states.path_pairs import (
 from trace_dag.states.paths import shifted
 from trace_dag.states.pre_crash_scenarios import CROSS_MEDIAN, Party, PreCrashScenario
 from trace_dag.states.scene import Scene
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.speed_prior import speed_profile
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.types import Manoeuvre, SpeedSource
 from trace_dag.units import GRAVITY_MPS2
 
@@ -67,9 +68,7 @@ def _slowed(
     mover: Party, behind: TravelSpeed, other: Party, ahead: TravelSpeed
 ) -> tuple[SpeedProfile | None, dict[str, float]]:
     """A leader that is reported to be no slower than its follower must have slowed down, no more than needed."""
-    follower, leader = (
-        speed_profile(party.vehicle, speed.speed_mps) for party, speed in ((mover, behind), (other, ahead))
-    )
+    follower, leader = (speed_profile(party, speed.speed_mps) for party, speed in ((mover, behind), (other, ahead)))
     if leader.impact_mps <= follower.impact_mps - LEAST_CLOSING_MPS:
         return None, {}
     impact = max(follower.impact_mps - LEAST_CLOSING_MPS, 0.0)

@@ -26,17 +26,28 @@ from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.record import HEAVY_VEHICLES, CrashRecord, PreCrashMovement, VehicleClass
 from trace_dag.states.pre_crash_scenarios import Party
 from trace_dag.states.speed_coefficients import BRAKING, LEVELS, SHIFTS_MPH, SPREAD_MPH
-from trace_dag.states.speeds import BRAKING_AVOIDANCE, STOP_CONTROLS, TravelSpeed
+from trace_dag.states.speeds import (
+    BRAKING_AVOIDANCE,
+    BRAKING_MPS2,
+    STARTING_MPS2,
+    STOP_CONTROLS,
+    SpeedProfile,
+    TravelSpeed,
+    brakes,
+    starts,
+)
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import mph_to_mps
 
-NO_AVOIDANCE: Final = 1  # P_CRASH3
+NO_BRAKING: Final = frozenset({1, 5, 6, 7, 10, 11, 12})  # P_CRASH3: nothing was done, or something else than braking
 _SIGNALS: Final = frozenset({1, 2, 3, 4})  # VTRAFCON
 _DRY: Final = 1  # VSURCOND
 _RURAL: Final = 1  # RUR_URB
 _FREEWAYS: Final = frozenset({1, 2})  # FUNC_SYS
 _CLEAR: Final = frozenset({None, 1, 10})  # WEATHER: clear, cloudy
 _LOW_LIMIT_MPS: Final = mph_to_mps(32)
+_STARTING_TIME_S: Final = 3.0
+_LONGEST_BRAKING_S: Final = 2.0  # before that a driver of a reported speed had it
 _FASTEST_MPS: Final = mph_to_mps(151)  # the highest TRAV_SP
 
 
@@ -70,6 +81,10 @@ class Distribution:
     def at(self, probability: float) -> float:
         """The value at a cumulative probability, linear between the levels."""
         return float(np.interp(probability, LEVELS, self.values))
+
+    def probability_below(self, value: float) -> float:
+        """The cumulative probability of a value, linear between the levels."""
+        return float(np.interp(value, self.values, LEVELS))
 
     @property
     def median(self) -> float:
@@ -169,12 +184,34 @@ def travel_speed_distribution(record: CrashRecord, party: Party, rule: TravelSpe
 def speed_kept_distribution(party: Party) -> Distribution:
     """Distribution of the speed at the impact as a share of the travel speed: what is left after braking.
 
-    It is 1 if the report says that nothing was done to avoid the crash, and for vehicles that turn or stand.
+    It is 1 if the report says that nothing or something else was done to avoid the crash, and for vehicles that turn or
+    stand.
     """
     whole = Distribution((1.0,) * len(LEVELS))
-    if party.turn is not None or party.stationary or party.vehicle.avoidance_code == NO_AVOIDANCE:
+    if party.turn is not None or party.stationary or party.vehicle.avoidance_code in NO_BRAKING:
         return whole
     return Distribution(BRAKING[role(party)])
+
+
+def speed_profile(party: Party, initial_mps: float) -> SpeedProfile:
+    """The speed before the impact of a vehicle: it starts if the record says so; else it loses what half of the
+    vehicles of its role lose, by :func:`speed_kept_distribution`; who is reported to have braked, what half of those
+    lose that lost anything.
+
+    >>> from trace_dag.states.pre_crash_scenarios import party
+    >>> speed_profile(party(record, record.vehicles[0]), 6.7)  # who turns keeps its speed
+    SpeedProfile(initial_mps=6.7, impact_mps=6.7, change_time_s=0.0)
+    >>> behind = speed_profile(party(queue_record, queue_record.vehicles[0]), 20.0)
+    >>> round(behind.impact_mps, 1), round(behind.change_time_s, 1)  # who runs into another
+    (17.2, 0.7)
+    """
+    if starts(party.vehicle, initial_mps):
+        return SpeedProfile(0.0, STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
+    kept = speed_kept_distribution(party)
+    told = brakes(party.vehicle) and party.turn is None
+    share = min(kept.at(kept.probability_below(1.0) / 2) if told else kept.median, 1.0)
+    lost_mps = min((1.0 - share) * initial_mps, BRAKING_MPS2 * _LONGEST_BRAKING_S)
+    return SpeedProfile(initial_mps, initial_mps - lost_mps, lost_mps / BRAKING_MPS2)
 
 
 def quantiles(values: Sequence[float]) -> tuple[float, ...]:

@@ -1,7 +1,7 @@
 """Speeds before the impact: reported ones are kept, others are inferred and marked as such.
 
-A reported travel speed is the speed at the initial state, exactly. It stays constant up to the impact unless the
-record itself says that the vehicle braked or started. Speeds in m/s, accelerations in m/s2.
+A reported travel speed is the speed at the initial state, exactly; how much of it is left at the impact is learned from
+recorders (:mod:`trace_dag.states.speed_prior`). Speeds in m/s, accelerations in m/s2.
 """
 
 from __future__ import annotations
@@ -25,13 +25,8 @@ HARDEST_LATERAL_MPS2 = 0.55 * GRAVITY_MPS2  # below the 0.7 to 0.8 a car can hol
 
 # P_CRASH3 (avoidance) codes that include braking: 2-4, 8, 9 by year, 15 and 16 since 2013.
 BRAKING_AVOIDANCE = frozenset({2, 3, 4, 8, 9, 15, 16})
-_BRAKING_TIME_S = 1.0  # in an emergency: what perception and reaction leave for braking
 BRAKING_MPS2 = 0.4 * GRAVITY_MPS2
-_SLOWING_TIME_S = 2.5
-_SLOWING_MPS2 = 1.5
-_LEAST_SHARE_AFTER_BRAKING = 0.4
 STARTING_MPS2 = 1.5  # ordinary acceleration from rest
-_STARTING_TIME_S = 3.0
 
 # Speeds while turning where none is reported: NCHRP 659 and AASHTO give 10 to 15 mph for passenger cars.
 _TURN_SPEED_MPS = {Turn.LEFT: mph_to_mps(15), Turn.RIGHT: mph_to_mps(12), Turn.U_TURN: mph_to_mps(8)}
@@ -131,22 +126,6 @@ class SpeedProfile:
         speed = self.impact_mps + lost * within / change
         distance = self.impact_mps * until + lost * (0.5 * within**2 / change + np.maximum(until - change, 0.0))
         return np.asarray(time), np.asarray(-distance), np.asarray(speed)
-
-
-def speed_profile(vehicle: VehicleRecord, initial_mps: float) -> SpeedProfile:
-    """The profile by the record: constant unless it says braking, slowing or starting.
-
-    >>> speed_profile(record.vehicles[1], 13.4)  # no braking in the report
-    SpeedProfile(initial_mps=13.4, impact_mps=13.4, change_time_s=0.0)
-    """
-    if starts(vehicle, initial_mps):
-        return SpeedProfile(0.0, STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
-    if brakes(vehicle) and initial_mps > 0:
-        emergency = vehicle.avoidance_code in BRAKING_AVOIDANCE
-        rate, time = (BRAKING_MPS2, _BRAKING_TIME_S) if emergency else (_SLOWING_MPS2, _SLOWING_TIME_S)
-        impact = max(initial_mps - rate * time, _LEAST_SHARE_AFTER_BRAKING * initial_mps)
-        return SpeedProfile(initial_mps, impact, (initial_mps - impact) / rate)
-    return SpeedProfile(initial_mps, initial_mps)
 
 
 def least_turn_radius_m(vehicle_class: VehicleClass, length_m: float) -> float:

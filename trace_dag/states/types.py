@@ -128,7 +128,7 @@ class ParticipantState:
     initial_lane: LaneMatch | None = None
     impact_lane: LaneMatch | None = None
     impact_clock_h: float | None = None  # planned contact on this body
-    braking: bool = False  # the record says it braked before the impact
+    braking: bool = False  # it loses speed before the impact
     kind: PartyKind = PartyKind.MOTOR_VEHICLE
     drives_on: bool = False  # after striking a person: the record says that the driver left
     skids_from_s: float | None = None  # out of control from then on: it moves along the trajectory whatever its heading

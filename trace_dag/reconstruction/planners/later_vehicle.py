@@ -32,7 +32,8 @@ from trace_dag.states.pedestrian_impact.planner import approaches_of, way_terms
 from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import Placed
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.speed_prior import speed_profile
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.types import ParticipantState
 from trace_dag.units import bearing_to_clock_h
 
@@ -177,7 +178,7 @@ def _ways(scene: Scene, who: Party) -> Iterator[_Way]:
             yield _Way(stand.option, stand.option.path(), STANDS, SpeedProfile(0.0, 0.0), score)
         return
     for option, speed, terms in approaches_of(scene, who, approaches=_approaches(scene, who)):
-        yield from _beside(option, speed, speed_profile(who.vehicle, speed.speed_mps), sum(terms.values()))
+        yield from _beside(option, speed, speed_profile(who, speed.speed_mps), sum(terms.values()))
     if _may_stand(who):
         for approach in scene.through:
             option = keep_lane(approach, who.vehicle, 0.0)

@@ -37,7 +37,8 @@ def is_numbered_as_reported(record: CrashRecord, road: Road) -> bool | None:
     """Whether a road bears a number of the system that ``ROUTE`` names; None where the report names none, or the road
     has names alone and no number is wanted.
 
-    >>> is_numbered_as_reported(record, network.road_by_id[map_report.placement.road_id])
+    >>> is_numbered_as_reported(record, network.road_by_id[map_report.placement.road_id])  # ROUTE 3, ref NE 411
+    True
     """
     wanted = _SYSTEMS.get(record.route_code or 0)
     systems = {route.system for name in road.names for route in parse_street(name).routes}

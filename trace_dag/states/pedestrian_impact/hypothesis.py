@@ -23,7 +23,8 @@ from trace_dag.states.paths import LateralShift, Path, shifted, straight
 from trace_dag.states.pedestrian_impact.planner import ImpactPlan, Walk, approaches_of, person_kind_of, size_of
 from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.scene import Scene
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.speed_prior import speed_profile
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.types import (
     EstimateCheck,
     Hypothesis,
@@ -229,7 +230,7 @@ def next_way(
     who = party(scene.record, strike.vehicle)
     best: LaterImpact | None = None
     for option, speed, terms in approaches_of(scene, who):
-        profile = speed_profile(who.vehicle, speed.speed_mps)
+        profile = speed_profile(who, speed.speed_mps)
         if profile.impact_mps < 1.0:
             continue
         path = option.path()

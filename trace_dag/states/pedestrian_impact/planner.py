@@ -42,7 +42,8 @@ from trace_dag.states.pre_crash_scenarios import Party, party
 from trace_dag.states.ranking import Scored
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import TURN_SLIDE_SIGMA_M
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.speed_prior import speed_profile
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.types import Manoeuvre
 from trace_dag.states.walking_directions import COMPASS_DEG, CROSSING, RELATIVE_DEG, Course, CourseReading, readings
 from trace_dag.states.walking_speeds import Gait, dashes, gait_of, usual_speed_mps
@@ -223,7 +224,7 @@ def _plan(
     person = strike.person
     gait = Gait.STANDING if reading.course is Course.STANDING else gait_of(person)
     speed_mps = usual_speed_mps(person, gait)
-    profile = speed_profile(who.vehicle, speed.speed_mps)
+    profile = speed_profile(who, speed.speed_mps)
     point = contact_point_of(strike, option, profile.impact_mps, reading.course, speed_mps)
     if point is None:
         return None

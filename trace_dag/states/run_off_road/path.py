@@ -20,7 +20,8 @@ from trace_dag.states.paths import LateralShift, Path, shifted
 from trace_dag.states.pedestrian_impact.planner import edge_of
 from trace_dag.states.pre_crash_scenarios import Party
 from trace_dag.states.scene import Scene
-from trace_dag.states.speeds import SpeedProfile, brakes, speed_profile
+from trace_dag.states.speed_prior import speed_profile
+from trace_dag.states.speeds import SpeedProfile, brakes
 from trace_dag.states.types import ParticipantState, Trajectory
 from trace_dag.units import GRAVITY_MPS2
 
@@ -74,11 +75,12 @@ def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
     """The speed up to the impact: skidding sideways brakes.
 
     >>> from trace_dag.states.pre_crash_scenarios import party
-    >>> skid_profile(party(tree_record, tree_record.vehicles[0]), 22.0, 0.0).impact_mps  # it does not skid
-    22.0
+    >>> alone = party(tree_record, tree_record.vehicles[0])
+    >>> skid_profile(alone, 22.0, 0.0) == speed_profile(alone, 22.0)  # it does not skid
+    True
     """
     if not slip_rad or brakes(who.vehicle):
-        return speed_profile(who.vehicle, speed_mps)
+        return speed_profile(who, speed_mps)
     lost = _SKID_G * GRAVITY_MPS2 * SKID_S * min(abs(math.sin(slip_rad)) + 0.3, 1.0)
     return SpeedProfile(speed_mps, max(speed_mps - lost, _LEAST_SHARE * speed_mps), SKID_S)
 
