@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.verdict.crashes import STREET, area, record, row_of_change, vehicle
+from tests.verdict.crashes import STREET, area, record, row_of_change, two_way, vehicle
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, VehicleClass
 from trace_dag.errors import Reason
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
 from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
 from trace_dag.sim.embedded import EmbeddedBackend
@@ -170,3 +171,15 @@ def test_a_report_of_another_object_does_not_pass_for_the_own_one() -> None:
     assert [(row.kind, row.other_key, row.reports_differ, row.accepted) for row in rows] == [
         ("other_report", "2023-30", True, False)
     ]
+
+
+@pytest.mark.parametrize("to", [RIGHT, LEFT])
+def test_a_coded_point_beside_the_road_says_to_which_side_and_how_far_off(to: int) -> None:
+    """The street runs along y = 12 m, its edge is at 8.5: the point is south of it, 8.5 m off."""
+    street = RoadNetwork(STREET.frame, (two_way("1", -300.0, 12.0, 0.0, 600.0),))
+    place = replace(PLACE, placement=CrashPlacement(0.0, 10.25, 0.0, "1", 10.25, "nearest road"))
+    best = estimate(left_road(TREE, to=to), street, place, StateSettings()).best
+    (state,), (tree,) = best.participants, best.objects
+    assert tree.pose.y_m == pytest.approx(0.0, abs=0.5)
+    heading = 1.0 if to == RIGHT else -1.0  # south is to the right of who drives east
+    assert math.copysign(1.0, math.cos(state.initial_pose.heading_rad)) == heading

@@ -21,7 +21,7 @@ from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.planners.way_after import Way, ways_on
 from trace_dag.roads.report import MappedThing
 from trace_dag.states.mapped_objects import nearest_of, things_of_kind
-from trace_dag.states.object_extent import clear_of_roadways
+from trace_dag.states.object_extent import clear_of_others
 from trace_dag.states.object_placement import as_mapped, placed
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
 
@@ -77,7 +77,7 @@ def _placed(way: Way, event: CrashEvent, k: int, runs_rad: float | None, *, leng
     """An object that touches the vehicle at a step, running as the road does where no direction is given."""
     along_rad = way.runs_rad(k) if runs_rad is None else runs_rad
     item, at_xy_m = placed(event.vehicle, event, way.poses[k], way.slip_rad(k), along_rad, straight_m=length_m)
-    return clear_of_roadways(item, at_xy_m, way.network)
+    return clear_of_others(item, at_xy_m, way.network)
 
 
 def _mapped(way: Way, code: int, things: Sequence[MappedThing]) -> Iterator[tuple[int, MappedThing]]:

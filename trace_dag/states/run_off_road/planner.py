@@ -30,7 +30,7 @@ from trace_dag.states import evidence
 from trace_dag.states.assemble import AFTER_IMPACT_M, driven
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.mapped_objects import mapped_object
-from trace_dag.states.object_extent import clear_of_roadways
+from trace_dag.states.object_extent import clear_of_others
 from trace_dag.states.object_placement import Led, PlannedContacts, as_mapped, objects_along, touching
 from trace_dag.states.objects import KINDS, FixedObject, PlacedBy
 from trace_dag.states.paths import Path
@@ -62,6 +62,12 @@ _LANE_CROSSED: Final = -0.4  # log-likelihood for each lane between the vehicle'
 _ON_MAP: Final = 1.0  # of a way that passes an object of the reported kind on the reported side
 _BEGINS_M: Final = 15.0  # before the place: nearer than that a road that begins led nobody there
 _NO_ROAD: Final = -4.0  # of a way that begins where the crash is: off the end of a road, onto it
+_POINT_MISSES_M: Final = 2.0
+_POINT_SCALE_M: Final = 2.0  # a coded point so much farther off the road is e times likelier beside the side left to
+_SIDE_AT_MOST: Final = 3.0  # judgement: a point may be on the wrong side for other reasons
+_FARTHEST_OFF_M: Final = 15.0  # farther off the road nothing is placed by a coded point: the clear zone ends there
+_EDGE_M: Final = 0.3  # by which a kerb may stand within the mapped edge
+_IN_LANE: Final = -4.0  # of a way on which the object would have to stand in a traffic lane
 _ANGLE: Final = "angle of departure"
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
 
@@ -155,9 +161,30 @@ def _plan(
         along = base.pose(base.project(pose.x_m, pose.y_m, near_s_m=place_m)[0])
         course_rad = path.pose(station_m).heading_rad - along.heading_rad
         terms[_ANGLE] = angle_log_likelihood(math.remainder(course_rad, math.tau))
+        terms["side of the reported point"] = _side_of_point(
+            scene, base, place_m, SIGN[departure.side or DepartureSide.RIGHT]
+        )
+    if objects[0].placed_by is PlacedBy.PROGRAM and scene.record.road_relation_code not in ON_ROADWAY:
+        inside_m = -float(scene.carriageway.beyond_m(*np.array(contact)[:, None])[0])
+        terms["object in a traffic lane"] = _IN_LANE if inside_m > _LEAST_OFF_M + _EDGE_M else 0.0
     terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)
     option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
     return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, planned, terms)
+
+
+def _point_off_road_m(scene: Scene) -> float:
+    """How far beyond the carriageway's edge the reported point is (m), less what police and geocoding miss it by; 0 for
+    one on it."""
+    if scene.carriageway.has(0.0, 0.0):
+        return 0.0
+    beyond_m = float(scene.carriageway.beyond_m(np.zeros(1), np.zeros(1))[0])
+    return max(beyond_m - _POINT_MISSES_M, 0.0)
+
+
+def _side_of_point(scene: Scene, base: Path, place_m: float, sign: float) -> float:
+    """Log-likelihood of a departure to a side by the reported point, where that lies off the carriageway."""
+    _, left_m = base.project(0.0, 0.0, near_s_m=place_m)
+    return 0.0 if left_m * sign > 0 else -min(_point_off_road_m(scene) / _POINT_SCALE_M, _SIDE_AT_MOST)
 
 
 def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
@@ -190,6 +217,11 @@ def _aside_to_object(
                 return led, (as_mapped(objects[0], mapped.thing), *objects[1:]), planned
             off_m += sign * float(error @ left)
     beyond_m = _beyond_edge_m(scene, base.pose(place_m), sign, edge, code)
+    _, point_m = base.project(0.0, 0.0, near_s_m=place_m)
+    told_m = sign * point_m - edge
+    off_road = scene.record.road_relation_code not in (*ON_ROADWAY, ON_SHOULDER)
+    if off_road and _point_off_road_m(scene) > 0.0 and 0.0 < told_m <= _FARTHEST_OFF_M:
+        beyond_m = told_m  # the reported point says how far off it stood
     led = _aside(departure, base, place_m, edge + beyond_m, course, impact_mps, None)
     return led, *objects_along(departure, led, course, impact_mps)
 
@@ -273,6 +305,7 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
     if plan.course.slip_rad:
         state = skidding(state, plan.course.slip_rad, lead_s)
     first_xy = plan.planned[0][1]
+    struck = [(item, xy_m) for item, (_, xy_m) in zip(plan.objects, plan.planned, strict=True)]
     bearing = body_bearing_rad(*vehicle.clock_body(state.impact_pose), np.array(first_xy))
     state = replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
     planned = tuple(
@@ -287,8 +320,5 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
         impact_time_s=lead_s,
         impact_point_xy_m=first_xy,
         planned=planned,
-        objects=tuple(
-            clear_of_roadways(item, xy_m, scene.network)
-            for item, (_, xy_m) in zip(plan.objects, plan.planned, strict=True)
-        ),
+        objects=tuple(clear_of_others(item, xy_m, scene.network, struck) for item, xy_m in struck),
     )
