@@ -39,6 +39,7 @@ TABLES: Final[Mapping[str, Rows]] = {
     "reservations": Rows.OF_ONE,
     "verdict_changes": Rows.OF_ALL,
     "fatality_plausibility": Rows.OF_ALL,
+    "doubtful_places": Rows.OF_ALL,
     "injury_risk": Rows.OF_ALL,
     "failures": Rows.OF_ONE,
     "funnel": Rows.OF_ALL,

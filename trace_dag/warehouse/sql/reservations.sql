@@ -7,5 +7,5 @@ ORDER BY ALL;
 COMMENT ON TABLE reservations IS 'Every doubt about an accepted crash; with one it is not corroborated';
 COMMENT ON COLUMN reservations.key IS 'Key of the crash';
 COMMENT ON COLUMN reservations.otherwise_corroborated IS 'Whether facts and support would be enough without doubts; null where no support is measured';
-COMMENT ON COLUMN reservations.doubt IS 'off_mapped_ground, other_street, event_missed, harmless or ambiguous';
+COMMENT ON COLUMN reservations.doubt IS 'other_street, event_missed, harmless or ambiguous';
 COMMENT ON COLUMN reservations.detail IS 'What was found, in words';
