@@ -1,5 +1,5 @@
-"""Where parties are before the first event: on mapped carriageways, driveways, shoulders and pavements, and outside
-buildings.
+"""Where parties are before the first event: on mapped carriageways, junctions, driveways, shoulders and pavements, and
+outside buildings.
 
 A vehicle that the report has leave the road may do so, one may be parked where none is mapped, and a person walks
 anywhere; none of them goes through a building.
@@ -27,6 +27,7 @@ from trace_dag.states.types import ParticipantState
 OFF_GROUND_M: Final = 1.0
 """How far the middle of a vehicle may be off what is mapped: widths of lanes and shoulders are known no better."""
 _STEP_S: Final = 0.1
+_HALF_LANE_M: Final = 1.75
 _NO_GROUND_M: Final = 1000.0  # where the map has none at all
 _LEFT_ROAD: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, RAN_OFF_AT_END, RAN_OFF, CROSSED_MEDIAN})
 
@@ -123,8 +124,22 @@ def _off_m(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> FloatArray
     off_m = np.zeros_like(x_m)
     outside: NDArray[np.bool_] = ~network.paved_area.contains(x_m, y_m)
     if outside.any():
+        outside &= ~shapely.contains_xy(_junctions(network, x_m[outside], y_m[outside]), x_m, y_m)
+    if outside.any():
         off_m[outside] = np.nan_to_num(network.paved_area.beyond_m(x_m[outside], y_m[outside]), nan=_NO_GROUND_M)
     return off_m
+
+
+def _junctions(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> shapely.Geometry:
+    """The ground of the junctions around points: within one all is paved, between the lanes of its movements too."""
+    box_m = (float(x_m.min()), float(y_m.min()), float(x_m.max()), float(y_m.max()))
+    movements: dict[str, list[FloatArray]] = {}
+    for road in network.roads_within(box_m):
+        if road.junction_id is not None:
+            lines = (network.centreline(lane)[:, :2] for lane in network.drivable_lanes_of(road))
+            movements.setdefault(road.junction_id, []).extend(lines)
+    hulls = [shapely.MultiPoint(np.concatenate(lines)).convex_hull for lines in movements.values() if lines]
+    return shapely.union_all([hull.buffer(_HALF_LANE_M) for hull in hulls])
 
 
 def _buildings(things: Sequence[MappedThing]) -> shapely.Geometry:
