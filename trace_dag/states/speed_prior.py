@@ -20,6 +20,7 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.crash.codes.events import RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
 from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.crash_types import EncounterRole, Relation
 from trace_dag.crash.kind import CrashKind
@@ -120,7 +121,8 @@ def role(party: Party) -> Role:
     by_relation = {Relation.OPPOSITE_DIRECTION: Role.OPPOSITE, Relation.CROSSING: Role.CROSSING}
     if kind.relation in by_relation:
         return by_relation[kind.relation]
-    return Role.ALONE if kind.single_driver else Role.OTHER
+    left_road = bool(party.events & {RAN_OFF_RIGHT, RAN_OFF_LEFT, RAN_OFF_AT_END, RAN_OFF})
+    return Role.ALONE if kind.single_driver or left_road else Role.OTHER
 
 
 def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, bool]:
