@@ -45,7 +45,9 @@ def test_the_page_holds_the_log(crash) -> None:
     assert data["vehicles"][0]["reported"] == 20.0
     assert data["vehicles"][1]["reported"] is None
     assert data["contact"]["time"] == pytest.approx(log.first_contact.time_s, abs=1e-3)
-    assert data["vehicles"][0]["delta_v"] == pytest.approx(math.hypot(*log.first_contact.delta_v_1_mps), abs=0.01)
+    assert data["vehicles"][0]["delta_v"]["mps"] == pytest.approx(
+        math.hypot(*log.first_contact.delta_v_1_mps), abs=0.01
+    )
 
 
 def test_the_page_needs_nothing_else(crash) -> None:

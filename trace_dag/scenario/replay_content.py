@@ -29,13 +29,14 @@ from trace_dag.scenario.page_templates import zipped
 from trace_dag.scenario.solid.scene import crash_glb
 from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.sim.sampled_courses import PLACE_M, STEP_S, TURN_RAD
-from trace_dag.sim.types import Body, SimulationLog, VehicleLog, moment_of, overturned_at
+from trace_dag.sim.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Happening, Verdict
 
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
     from trace_dag.sim.sampled import SampledRuns
+    from trace_dag.sim.types import Contact
 
 _MARGIN_M = 25.0
 _LEAST_SPAN_M = 90.0
@@ -211,15 +212,10 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
         "contact": None
         if contact is None
         else {
-            "time": round(contact.time_s, 4),
-            "x": round(contact.x_m, 3),
-            "y": round(contact.y_m, 3),
+            **_place_of(contact),
             "closing": round(contact.closing_speed_mps, 2),
         },
-        "later": [
-            {"time": round(each.time_s, 4), "x": round(each.x_m, 3), "y": round(each.y_m, 3)}
-            for each in log.first_of_each[1:]
-        ],
+        "later": [{"numbers": [each.number_1, each.number_2], **_place_of(each)} for each in log.first_of_each[1:]],
         "overturns": [_overturn(each, k) for each in log.vehicles if (k := overturned_at(each)) is not None],
         "objects": [
             {"name": in_words(item), "corners": np.round(outline(item), 2).tolist(), "ours": is_ours(item)}
@@ -228,7 +224,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
         "object_colour": OBJECT_COLOUR,
         "contact_colour": CONTACT_COLOUR,
         "attribution": network.attribution,
-        "moment": None if (moment := moment_of(log)) is None else round(moment.time_s, 4),
+        "moment": None if (moment := moment_of(log)) is None else {"numbers": moment.numbers, **_place_of(moment)},
         "termination": log.termination.replace("_", " "),
         "overview": [round(value, 2) for value in windows.overview],
         "impact": [round(value, 2) for value in windows.impact],
@@ -281,7 +277,11 @@ def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
 def _overturn(vehicle: VehicleLog, k: int) -> dict[str, Any]:
     """When and where a vehicle has overturned."""
     time_s, x, y = (float(values[k]) for values in (vehicle.time_s, vehicle.x_m, vehicle.y_m))
-    return {"time": round(time_s, 4), "x": round(x, 3), "y": round(y, 3), "name": party_label(vehicle.number)}
+    return {**_place_of(Moment(time_s, x, y, (vehicle.number,))), "name": party_label(vehicle.number)}
+
+
+def _place_of(moment: Moment | Contact) -> dict[str, float]:
+    return {"time": round(moment.time_s, 4), "x": round(moment.x_m, 3), "y": round(moment.y_m, 3)}
 
 
 def _motion(vehicle: VehicleLog) -> dict[str, list[float]]:
@@ -310,9 +310,10 @@ def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
     }
 
 
-def _delta_v(log: SimulationLog, number: int) -> float | None:
-    contact = log.first_contact
-    if contact is None or number not in (contact.number_1, contact.number_2):
-        return None
-    x, y = contact.delta_v_1_mps if number == contact.number_1 else contact.delta_v_2_mps
-    return round(float(np.hypot(x, y)), 2)
+def _delta_v(log: SimulationLog, number: int) -> dict[str, float] | None:
+    """The change of velocity of a party in the first contact that it takes part in, and when that is."""
+    for contact in filter(None, (log.first_contact, *log.first_of_each)):
+        if number in (contact.number_1, contact.number_2):
+            x, y = contact.delta_v_1_mps if number == contact.number_1 else contact.delta_v_2_mps
+            return {"time": round(contact.time_s, 4), "mps": round(float(np.hypot(x, y)), 2)}
+    return None

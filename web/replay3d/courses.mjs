@@ -92,12 +92,12 @@ export function otherCourses(world, bodies, contacts, courses, logged, pose) {
       for (const { body, node, there } of copies) node.visible = there && (node === shownOf(body) || body.number !== within);
       for (const body of bodies.values()) body.node.visible = body.node === shownOf(body) || body.number !== within;
     },
-    // `course` is shown in full, null for the best estimate; the others are faint or, if it is shown `alone`, not seen.
-    choose(course, alone) {
+    // `course` is shown in full, null for the best estimate, which is faint beside another; so are all others if `faint`.
+    choose(course, faint) {
       chosen = course;
       for (const body of bodies.values()) draw(body.node, chosen !== null);
       for (const copy of copies) {
-        copy.wanted = copy.course === chosen || !alone;
+        copy.wanted = copy.course === chosen || faint;
         draw(copy.node, copy.course !== chosen);
       }
     },

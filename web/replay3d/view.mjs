@@ -1,13 +1,15 @@
 // The 3D view of a replay. The page has the clock: it says what time it is, and this shows the crash as it is then.
 // Everything that is seen comes from the page's glTF; nothing is fetched.
 import {
-  ACESFilmicToneMapping, AnimationMixer, CanvasTexture, CircleGeometry, Color, DirectionalLight, Fog, HemisphereLight, Matrix4,
+  ACESFilmicToneMapping, AnimationMixer, Box3, CanvasTexture, CircleGeometry, Color, DirectionalLight, Fog, HemisphereLight, Matrix4,
   Mesh, MeshLambertMaterial, PCFShadowMap, PerspectiveCamera, Quaternion, Scene, SpotLight, Sprite, SpriteMaterial, SRGBColorSpace,
   Vector3, WebGLRenderer,
 } from "three";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { otherCourses } from "./courses.mjs";
+import { cutaway } from "./cutaway.mjs";
+import { sideOf, standing } from "./framing.mjs";
 
 const SKY = { day: "#b9cfe2", dim: "#75889b", night: "#0e1524" };
 const GROUND = "#8fa36b"; // the grass of the glTF
@@ -15,15 +17,16 @@ const EYES = new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(
   new Vector3(0, -1, 0), new Vector3(0, 0, 1), new Vector3(-1, 0, 0))); // a camera's axes in those of a body: x ahead, z up
 const FAR_M = 900, SHADOW_M = 45;
 const LIT_VEHICLES = 3; // each pair of headlamps costs a light
+const CLOSE_M = 5, CLOSE_ON_A_PERSON_M = 2.5; // of the place of a contact
 
 // `box` is the element to draw in, `glb` an ArrayBuffer; `night` says whether it was dark, `dim` whether the page is,
 // `slow` that there is no graphics processor: then there are no shadows, and edges are not smoothed. `courses` and `logged`
-// are those of courses.mjs.
-export async function create(box, glb, { night = false, dim = false, slow = false, colours = {}, courses = [], logged } = {}) {
+// are those of courses.mjs, `moment` is when and where it happens and to whom: { time, x, y, numbers }, or null.
+export async function create(box, glb, { night = false, dim = false, slow = false, colours = {}, courses = [], logged, moment = null } = {}) {
   const renderer = new WebGLRenderer({ antialias: !slow, powerPreference: "high-performance" });
   renderer.toneMapping = ACESFilmicToneMapping;
   renderer.toneMappingExposure = night ? 1.0 : 0.9;
-  renderer.shadowMap.enabled = !night && !slow;
+  renderer.shadowMap.enabled = !slow;
   renderer.shadowMap.type = PCFShadowMap;
   const canvas = renderer.domElement;
   canvas.tabIndex = 0;
@@ -36,10 +39,10 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
   scene.add(world);
   const sky = new Color(night ? SKY.night : dim ? SKY.dim : SKY.day);
   scene.background = sky;
-  scene.fog = new Fog(sky, night ? 40 : 120, night ? 300 : 480);
-  scene.add(new HemisphereLight(night ? "#98a2b8" : "#eaf2fb", night ? "#33342f" : "#8b8f78", night ? 2.4 : 1.8));
+  scene.fog = new Fog(sky, 120, night ? 420 : 480);
+  scene.add(new HemisphereLight(night ? "#a9b6d2" : "#eaf2fb", night ? "#4a4c48" : "#8b8f78", night ? 4.2 : 1.8));
   const sun = new DirectionalLight(night ? "#b8c2d8" : "#fff3dd", night ? 0.9 : 2.6);
-  sun.castShadow = renderer.shadowMap.enabled;
+  sun.castShadow = !night;
   sun.shadow.mapSize.set(2048, 2048);
   Object.assign(sun.shadow.camera, { left: -SHADOW_M, right: SHADOW_M, top: SHADOW_M, bottom: -SHADOW_M, near: 10, far: 220 });
   sun.shadow.normalBias = 0.04;
@@ -80,12 +83,22 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
     body.middle = body.kind === "person" ? body.node.children[0] : body.node;
     body.tag = tag(body.label, colours[body.number] || "#333");
     scene.add(body.tag);
+    const { x, y, z } = new Box3().setFromObject(body.node).getSize(new Vector3());
+    body.radius = Math.max(Math.hypot(x, z), y) / 2;
+    body.front = frontOf(body.node.children[0]);
   }
-  const others = otherCourses(world, bodies, contacts, courses, logged, pose);
+  let others = null, time = 0;
+  const shownOf = (body) => others?.shownOf(body) ?? body.node;
+  const middle = (body) => body.kind === "person" ? shownOf(body).children[0] : shownOf(body);
+  const at = (body) => middle(body).getWorldPosition(new Vector3());
+  const keepInSight = cutaway(world.getObjectByName("place"));
+  const spot = placeOfMoment(), side = spot ? sideOf(spot.two, world, 30) : new Vector3(-0.35, 0.62, 0.75).normalize();
+  others = otherCourses(world, bodies, contacts, courses, logged, pose);
   if (night) [...bodies.values()].filter((body) => body.kind === "body").slice(0, LIT_VEHICLES).forEach((body) => {
     const lamp = new SpotLight("#fff1d6", 260, 60, 0.42, 0.7, 1.6);
-    lamp.position.set(1.2, 0, 0.1);
-    lamp.target.position.set(20, 0, -1.2);
+    lamp.position.set(body.front, 0, -0.1);
+    lamp.target.position.set(body.front + 20, 0, -1.4);
+    lamp.castShadow = !slow;
     body.lamps = [lamp, lamp.target];
     body.node.add(...body.lamps);
   });
@@ -96,15 +109,14 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
   controls.maxDistance = 260;
   controls.enableDamping = false;
   controls.addEventListener("change", () => draw());
+  controls.addEventListener("start", () => { held = true; });
 
-  let mode = { name: "orbit" }, followed = null, look = { yaw: 0, pitch: 0 }, asked = 0;
+  let mode = { name: "follow" }, held = false, followed = null, look = { yaw: 0, pitch: 0 }, asked = 0;
   const place = new Vector3(), turn = new Quaternion(), before = new Vector3();
-  const middle = (body) => body.kind === "person" ? others.shownOf(body).children[0] : others.shownOf(body);
-  const at = (body) => middle(body).getWorldPosition(new Vector3());
 
   function aim() {
     if (mode.name === "eyes") {
-      const body = bodies.get(mode.number), node = others.shownOf(body);
+      const body = bodies.get(mode.number), node = shownOf(body);
       if (body.kind === "person") node.children[1].getWorldPosition(place);
       else node.localToWorld(place.fromArray(body.eye));
       middle(body).getWorldQuaternion(turn);
@@ -112,21 +124,55 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
       camera.quaternion.copy(turn).multiply(EYES)
         .multiply(new Quaternion().setFromAxisAngle(new Vector3(0, 1, 0), look.yaw))
         .multiply(new Quaternion().setFromAxisAngle(new Vector3(1, 0, 0), look.pitch));
-    } else if (followed) {
-      const now = at(followed), by = now.clone().sub(before);
+    } else {
+      const { middle: now, eye } = followed ? { middle: at(followed) } : standing(filmed(), side, camera);
+      if (eye && !held) {
+        controls.target.copy(now);
+        camera.position.copy(eye);
+      } else {
+        const by = now.clone().sub(before);
+        controls.target.add(by);
+        camera.position.add(by);
+      }
       before.copy(now);
-      controls.target.add(by);
-      camera.position.add(by);
       camera.lookAt(controls.target);
     }
     const seen = mode.name === "eyes" ? camera.position : controls.target;
     sun.target.position.copy(seen);
     sun.position.copy(seen).add(new Vector3(38, 80, 30));
   }
+  const ballOf = (body) => ({ at: at(body), radius: body.radius });
+  // What is to be in the picture: all parties and, until then, where it will happen; or that place and whoever has touched.
+  function filmed() {
+    if (mode.name === "overview") return corners(mode.place).map((at) => ({ at, radius: 1 }));
+    const place = spot ? [{ at: spot.at, radius: spot.close }] : [];
+    if (mode.name === "follow" || !spot) return [...bodies.values()].map(ballOf).concat(time < (moment?.time ?? 0) ? place : []);
+    const touched = [moment, ...contacts.map(({ time_s, numbers }) => ({ time: time_s, numbers }))].filter((each) => each.time <= time);
+    const numbers = new Set(touched.flatMap((each) => each.numbers));
+    return place.concat([...bodies.values()].filter((body) => numbers.has(body.number)).map(ballOf));
+  }
+  function corners([west, south, east, north]) {
+    const y = heightNear((west + east) / 2, (south + north) / 2);
+    return [[west, south], [west, north], [east, south], [east, north]].map(([x, n]) => new Vector3(x, y, -n));
+  }
+  // Where it happens, and the two that have to be seen beside each other there: two parties, or one and what it strikes.
+  function placeOfMoment() {
+    if (!moment) return null;
+    pose(moment.time);
+    world.updateMatrixWorld(true);
+    const [one, other] = moment.numbers.map((number) => bodies.get(number)).filter(Boolean);
+    if (!one) return null;
+    const where = at(one), there = new Vector3(moment.x, where.y, -moment.y);
+    const ahead = () => new Vector3(5, 0, 0).applyQuaternion(one.middle.getWorldQuaternion(new Quaternion()));
+    const two = [where, other ? at(other) : there.distanceTo(where) > 0.5 ? there : where.clone().add(ahead())];
+    return { two, at: there, close: one.kind === "person" || other?.kind === "person" ? CLOSE_ON_A_PERSON_M : CLOSE_M };
+  }
   function render() {
     asked = 0;
     others.see(mode.name === "eyes" ? mode.number : null);
     aim();
+    const seen = [...bodies.values()].map((body) => ({ at: at(body), radius: Math.max(1.5, 1.4 * body.radius) }));
+    keepInSight(seen, mode.name !== "eyes");
     for (const body of bodies.values()) {
       body.tag.position.copy(at(body));
       body.tag.position.y += body.kind === "person" ? 1.9 : 2.6;
@@ -140,33 +186,30 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
   }
   function draw() { if (!asked) asked = requestAnimationFrame(render); }
 
-  let time = 0;
   function show(t) {
     time = t;
     pose(t);
     others.show(t);
-    for (const body of bodies.values()) if (body.lamps) others.shownOf(body).add(...body.lamps);
+    for (const body of bodies.values()) if (body.lamps) shownOf(body).add(...body.lamps);
     world.updateMatrixWorld(true);
     draw();
   }
-  // Which course is shown in full, null for the best estimate; the others are faint or, if it is shown `alone`, not seen.
-  function choose(course, alone) {
-    others.choose(course, alone);
+  // Which course is shown in full, null for the best estimate; the others are `faint` or not seen.
+  function choose(course, faint) {
+    others.choose(course, faint);
     show(time);
   }
-  // Where to look from: "orbit" around a place [x, y, size], "follow" a party by number, or through its "eyes".
+  // What to look at: all parties ("follow"), the "impact", a "place" [west, south, east, north] ("overview"); or from where:
+  // "behind" a party by number, or through its "eyes".
   function camera_to(name, { number, place: where } = {}) {
-    mode = { name, number };
-    followed = name === "follow" ? bodies.get(number) : null;
+    mode = { name, number, place: where };
+    held = false;
+    followed = name === "behind" ? bodies.get(number) : null;
     look = { yaw: 0, pitch: 0 };
     controls.enabled = name !== "eyes";
     camera.fov = name === "eyes" ? 62 : 50;
     camera.updateProjectionMatrix();
-    if (name === "orbit") {
-      const [x, y, size] = where, reach = size * 0.62 / Math.min(1, camera.aspect);
-      controls.target.set(x, heightNear(x, y), -y);
-      camera.position.copy(controls.target).add(new Vector3(-0.35 * reach, 0.62 * reach, 0.75 * reach));
-    } else if (followed) {
+    if (followed) {
       before.copy(at(followed));
       middle(followed).getWorldQuaternion(turn);
       const ahead = new Vector3(1, 0, 0).applyQuaternion(turn).setY(0);
@@ -176,7 +219,6 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
       controls.target.copy(before);
       camera.position.copy(before).addScaledVector(ahead, -back).add(new Vector3(0, back * 0.42, 0));
     }
-    if (name !== "eyes") { controls.update(); }
     draw();
   }
   function heightNear(x, y) { // of the body nearest to a place: what is looked at is near one
@@ -210,6 +252,7 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
       const offset = camera.position.clone().sub(controls.target), length = offset.length();
       const around = Math.atan2(offset.x, offset.z) + yaw;
       const down = Math.max(0.05, Math.min(controls.maxPolarAngle, Math.acos(offset.y / length) + pitch));
+      held = true;
       camera.position.copy(controls.target).add(new Vector3().setFromSphericalCoords(length, down, around));
       camera.lookAt(controls.target);
     }
@@ -218,6 +261,7 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
   function zoom(by) {
     const offset = camera.position.clone().sub(controls.target);
     const length = Math.max(controls.minDistance, Math.min(controls.maxDistance, offset.length() * by));
+    held = true;
     if (mode.name !== "eyes") camera.position.copy(controls.target).add(offset.setLength(length));
     draw();
   }
@@ -236,8 +280,20 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
   for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { grip = null; });
   // Where a party is and where one looks from, in the crash's frame: east, north, up.
   const local = ({ x, y, z }) => [x, -z, y];
-  return { show, choose, camera: camera_to, resize, canvas, numbers: [...bodies.keys()],
+  return { show, choose, camera: camera_to, resize, canvas, numbers: [...bodies.keys()], renderer, scene, lens: camera, render,
+    nodes: new Map([...bodies].map(([number, body]) => [number, body.node])),
     place: (number) => local(at(bodies.get(number))), eye: () => local(camera.position) };
+}
+
+// How far ahead of its middle a body reaches, m.
+function frontOf(shell) {
+  let ahead = 0;
+  shell.traverse((each) => {
+    if (!each.isMesh) return;
+    each.geometry.computeBoundingBox();
+    ahead = Math.max(ahead, each.geometry.boundingBox.max.x);
+  });
+  return ahead;
 }
 
 function lowestOf(world) {

@@ -1,5 +1,5 @@
-// Other likely courses of the crash, faint beside the one that is shown. Each has steps from its contact, which is at the
-// same moment as that of the best estimate; before its first step nothing is shown of it.
+// Other likely courses of the crash: one that is chosen, before the best estimate, or all of them, faint, behind it. Each has
+// steps from its contact, which is at the same moment as that of the best estimate; nothing is shown of it before its first.
 const chosen_course = () => courses[shown_course() - 1];
 const shown_course = () => Number($("course").value) || 0; // 0 is the best estimate
 const summed = row => { let sum = 0; return row.map(by => sum += by); };
@@ -47,24 +47,23 @@ const courses = hit === null ? [] : D.courses.map((course, k) => {
 function choose_course(asked) {
   const select = $("course");
   if ([...select.options].some(option => option.value === asked)) select.value = asked;
-  const chosen = chosen_course();
+  const chosen = chosen_course(), faint = select.value === "all";
   for (const course of courses) {
-    course.group.setAttribute("opacity", course === chosen ? 1 : select.value === "alone" ? 0 : .3);
+    course.group.setAttribute("opacity", course === chosen ? 1 : faint ? .3 : 0);
     course.lines.setAttribute("opacity", course === chosen ? 1 : 0);
   }
   for (const id of ["bodies", "paths", "rings", "speeds"]) $(id).setAttribute("opacity", chosen ? .3 : 1);
   if (chosen) $("courses").append(chosen.group); // above the others
-  $("course-said").textContent = !courses.length || select.value === "alone" ? "" : chosen
-    ? `Faint: the best estimate and other likely courses.` : `Faint: other likely courses, from ${-courses[0].begins} s before the impact.`;
+  $("course-said").textContent = chosen ? "Faint: the best estimate." : faint ? `Faint: other likely courses, from ${-courses[0].begins} s before the impact.` : "";
   {% if in_3d %}
-  solid?.choose(chosen ?? null, select.value === "alone");
+  solid?.choose(chosen ?? null, faint);
   {% endif %}
 }
 if (courses.length) {
   $("likely").hidden = false;
-  $("course").add(new Option("Best estimate, others faint", "best"));
+  $("course").add(new Option("Best estimate", "best"));
   courses.forEach((course, k) => $("course").add(new Option(course.name[0].toUpperCase() + course.name.slice(1), String(k + 1))));
-  $("course").add(new Option("Best estimate alone", "alone"));
+  $("course").add(new Option("Best estimate, the others faint", "all"));
   $("course").addEventListener("change", () => {
     choose_course();
     line.show(line.now);

@@ -33,7 +33,7 @@ function start() {
     if (typeof replay3d === "undefined") await library();
     const dim = matchMedia("(prefers-color-scheme: dark)").matches;
     const colours = Object.fromEntries(D.vehicles.map(v => [v.number, v.colour]));
-    solid = await replay3d.create($("solid"), await model(), { night: D.night, dim, slow: able === "slow", colours, courses, logged });
+    solid = await replay3d.create($("solid"), await model(), { night: D.night, dim, slow: able === "slow", colours, courses, logged, moment: D.moment });
     look_from();
     solid.show(line.now);
     choose_course();
@@ -50,20 +50,16 @@ function show_pane(name) {
   $("stage").dataset.pane = name;
   for (const b of document.querySelectorAll("#panes button")) b.setAttribute("aria-pressed", b.dataset.pane === name);
   if (name !== "plan") start().then(() => solid?.resize());
-  frame();
+  line.show(line.now);
 }
-// From where: "around" what the plan shows, "behind" a party, or through its "eyes".
+// From where: beside ("around") what the plan shows, "behind" a party, or through its "eyes".
 function look_from() {
   if (!solid) return;
   const [name, number] = $("camera").value.split(" ");
-  if (name !== "around") solid.camera(name === "eyes" ? "eyes" : "follow", { number: Number(number) });
-  else if (view === "follow") solid.camera("follow", { number: D.vehicles[0].number });
-  else {
-    const [w, s, e, n] = view === "overview" ? D.overview : D.impact;
-    if (view !== "free") solid.camera("orbit", { place: [(w + e) / 2, (s + n) / 2, e - w] });
-  }
+  if (name !== "around") solid.camera(name, { number: Number(number) });
+  else if (view !== "free") solid.camera(view, { place: D.overview });
 }
-for (const v of D.vehicles.filter(v => !is_trailer(v))) for (const [name, words] of [["behind", `Behind ${v.name}`], ["eyes", `Eyes of ${v.name}`]])
+for (const v of D.vehicles.filter(v => !is_trailer(v))) for (const [name, words] of [["behind", `behind ${v.name}`], ["eyes", `eyes of ${v.name}`]])
   $("camera").add(new Option(words, `${name} ${v.number}`));
 $("camera").addEventListener("change", () => { chosen = true; look_from(); frame(); });
 for (const b of document.querySelectorAll("#panes button")) b.addEventListener("click", () => { chosen = true; show_pane(b.dataset.pane); });
