@@ -3,8 +3,8 @@
     python -m benchmarks.replay_frames ROOT [KEY ...]
 
 For each replay's first frame, contact and end, in the plan and in three dimensions: whether every party is in the
-picture, whole, which share of it is seen, and whether anything of the page covers it. Then how long the first view takes
-on a processor four times slower, and how large page and content are. Needs Chromium.
+picture, whole, which share of it is seen, and whether anything of the page covers it. Then how long the first view
+takes on a processor four times slower, and how large page and content are. Needs Chromium.
 """
 
 from __future__ import annotations

@@ -49,8 +49,9 @@ _IN_3D = """(() => {
     const all = painted();
     for (const [mesh, material, order] of meshes) Object.assign(mesh, { material, renderOrder: order });
     const ratio = solid.canvas.clientWidth / width, { left, top } = solid.canvas.getBoundingClientRect();
-    const x = left + ratio * (all.low[0] + all.high[0]) / 2, y = top + ratio * (height - (all.low[1] + all.high[1]) / 2);
-    found.push({ number, pixels: all.count, seen: seen.count / (all.count || 1), covered: document.elementFromPoint(x, y) !== solid.canvas,
+    const [x, y] = [0, 1].map((axis) => (all.low[axis] + all.high[axis]) / 2);
+    found.push({ number, pixels: all.count, seen: seen.count / (all.count || 1),
+      covered: document.elementFromPoint(left + ratio * x, top + ratio * (height - y)) !== solid.canvas,
       inside: all.count > 0 && Math.min(...all.low) > 0 && all.high[0] < width - 1 && all.high[1] < height - 1 });
   }
   solid.render();
@@ -88,7 +89,7 @@ class SeenParty:
 
 
 def seen_parties(page: Page, address: str, key: str, *, in_3d: bool = True) -> list[SeenParty]:
-    """Opens a replay and measures the first frame, the contact and the end of it, in the plan and in three dimensions."""
+    """Opens a replay and measures its first frame, the contact and the end, in the plan and in three dimensions."""
     pane = "both" if in_3d else "plan"
     page.open("about:blank")
     page.send("Page.navigate", url=f"{address}#pane={pane}")
