@@ -28,7 +28,7 @@ from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
         (["run", "--from", "breakfast"], "Invalid value for '--from'"),
         (["sql", "SELECT 1"], "there is no warehouse yet"),
         (["ingest", "--reports", "/nowhere/at/all"], "/nowhere/at/all does not exist"),
-        (["ingest"], "nothing to register"),
+        (["ingest"], "which state and year"),
         (["breakfast"], "No such command"),
         (["score-truth"], "has not been run"),
         (["cohort", "show", "nowhere"], "cohort 'nowhere' is not registered"),

@@ -209,3 +209,12 @@ def test_without_a_network_one_look_is_enough_and_what_helps_is_said(
             http.get(url)
     assert len(looks) == 1
     assert naps.taken_s == []
+
+
+def test_a_download_is_there_whole_or_not_at_all(tmp_path: Path) -> None:
+    with serving(lambda _, before: Answer(status=503) if before == 0 else Answer(b"tables" * 1000)) as server:
+        HttpClient(QUICK, sleep=Naps()).download(server.url, tmp_path / "tables.zip")
+        assert (tmp_path / "tables.zip").read_bytes() == b"tables" * 1000
+        with pytest.raises(Failure, match="larger than"):
+            HttpClient(HttpPolicy(max_bytes=100)).download(server.url, tmp_path / "large.zip")
+    assert [path.name for path in tmp_path.iterdir()] == ["tables.zip"]

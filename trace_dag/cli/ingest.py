@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +12,13 @@ from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
-from trace_dag.errors import UserError
+from trace_dag.errors import UserError, UserErrors
 from trace_dag.messages.wording import counted
 
 if TYPE_CHECKING:
+    from trace_dag.cohorts.choice import Choice
     from trace_dag.cohorts.ingest import IngestReport
+    from trace_dag.flow.workspace import Workspace
 
 _NAMED = 10
 
@@ -23,6 +26,7 @@ _NAMED = 10
 @click.command(
     cls=ManyValuesCommand,
     epilog=examples(
+        "trace-dag ingest --states Virginia --years 2023",
         "trace-dag ingest --reports reports/ --maps virginia.osm.pbf --cohort virginia",
         "trace-dag ingest --fars-csv FARS2023NationalCSV.zip --maps overpass --states VA --sample 100",
     ),
@@ -48,12 +52,15 @@ _NAMED = 10
     help="Folders or files of OpenStreetMap data (.osm, .osm.gz, .osm.bz2, .pbf); "
     "overpass, osm-api or another that a package offers is asked where no file covers a crash.",
 )
-@click.option("--cohort", default="default", show_default=True, help="Name of the cohort the crashes belong to.")
+@click.option("--cohort", help="Name of the cohort the crashes belong to; else default, or as virginia-2023.")
 @choice_options
 @click.option(
     "--watch",
     is_flag=True,
     help="Let the UI register what arrives in the folders of --reports or is released by the CrashAPI later.",
+)
+@click.option(
+    "--download", is_flag=True, help="Where no source is given: download the files that the states and years need."
 )
 @click.option("--refresh", is_flag=True, help="Ask the CrashAPI again for what it answered before.")
 @click.pass_obj
@@ -65,12 +72,16 @@ def ingest(
     source: tuple[tuple[str, str], ...],
     crashapi: bool,
     maps: tuple[str, ...],
-    cohort: str,
+    cohort: str | None,
     watch: bool,
+    download: bool,
     refresh: bool,
     **options: Any,
 ) -> None:
     """Register crashes and the maps to find their roads in.
+
+    With --states and --years, or --cases, alone: says which files of NHTSA and Geofabrik that needs and where they are
+    published; takes them where they lie in this folder or in Downloads; fetches those that are missing with --download.
 
     Sources are folders of reports, the national CSV files and the CrashAPI, one or several. Filters and samples choose
     among the crashes they hold; a crash whose source does not say what a filter asks for is not chosen. For filters
@@ -80,16 +91,21 @@ def ingest(
     added later by themselves.
     """
     from trace_dag.cohorts.ingest import ingest as ingest_into
+    from trace_dag.cohorts.public_files import name_of
     from trace_dag.cohorts.services import crash_api
     from trace_dag.flow.workspace import Workspace
     from trace_dag.plugins import PluginKind, offered
     from trace_dag.storage.files import Storage
 
+    choice = choice_of(options)
     if not (reports or maps or fars_csv or source or crashapi):
-        raise UserError("ingest: nothing to register; give --reports, --fars-csv, --source, --crashapi or --maps")
+        cohort = cohort or name_of(choice)
+        found = _public_files(root, choice, download=download)
+        fars_csv = tuple(str(path) for path in found if path.suffix == ".zip")
+        maps = tuple(str(path) for path in found if path.suffix == ".pbf")
+    cohort = cohort or "default"
     if watch and not (reports or crashapi):
         raise UserError("ingest: --watch needs --reports, the folders to look at, or --crashapi")
-    choice = choice_of(options)
     if watch and crashapi and (choice.cases or choice.sample or choice.stratified):
         raise UserError("ingest: --watch follows all that a filter admits; it goes with no sample and no --cases")
     Storage.open(root)
@@ -111,8 +127,75 @@ def ingest(
             progress=on_progress,
         )
     _add_partitions(root)
-    for line in _lines(report, cohort):
+    for line in [*_lines(report, cohort), *_coverage(workspace, cohort), _next_command(workspace, cohort)]:
         say(line)
+
+
+def _next_command(workspace: Workspace, cohort: str) -> str:
+    from trace_dag.flow.workspace import storage_root
+
+    own = "" if workspace.root == storage_root() else f"--root {shlex.quote(workspace.root)} "
+    registered = workspace.registry.cohort(cohort)
+    if not registered.reports:
+        return f"Next, its crashes: trace-dag {own}ingest --cohort {shlex.quote(cohort)}, with a source of reports"
+    if not registered.maps and not registered.map_service:
+        return f"Next, its maps: trace-dag {own}ingest --maps FILE --cohort {shlex.quote(cohort)}"
+    return f"Next: trace-dag {own}run --cohort {shlex.quote(cohort)}"
+
+
+def _public_files(root: str, choice: Choice, *, download: bool) -> list[Path]:
+    """The files of the states and years of a choice, where they lie; those that are missing are downloaded or named.
+
+    Raises UserErrors that say which files are missing and where they are published.
+    """
+    from trace_dag.cohorts.public_files import files_of, folders_to_look_in
+    from trace_dag.cohorts.services import downloader
+    from trace_dag.flow.workspace import Workspace
+
+    wanted, folders = files_of(choice), folders_to_look_in()
+    found = {each: each.found(folders) for each in wanted}
+    missing = [each for each, path in found.items() if path is None]
+    if missing and not download:
+        raise UserErrors(
+            [f"needed, and not here or in Downloads: {each.what}, {each.url}" for each in missing]
+            + [
+                f"put {'it' if len(missing) == 1 else 'them'} into this folder and run the same command again, or add "
+                "--download to have that done"
+            ]
+        )
+    if missing:
+        workspace = Workspace.open(root)
+        with downloader(workspace.settings.services, workspace.storage) as client:
+            for each in missing:
+                say(f"Downloading {each.what}: {each.url}")
+                client.download(each.url, target := Path.cwd() / each.name)
+                found[each] = target
+    for each, path in found.items():
+        say(f"{each.what[0].upper()}{each.what[1:]}: {path}")
+    return [path for path in found.values() if path is not None]
+
+
+def _coverage(workspace: Workspace, cohort: str) -> list[str]:
+    """How many crashes of a cohort lie where its map files say that they reach."""
+    from trace_dag.cohorts.listings import listings_of
+    from trace_dag.osm.catalog import MapCatalog, box_around, is_on_earth, may_cover
+    from trace_dag.osm.types import Site
+
+    registered = workspace.registry.cohort(cohort)
+    if not registered.maps or registered.map_service or workspace.storage.local_root is None:
+        return []
+    headers = [file.header for file in MapCatalog.open(each.location for each in registered.maps).files]
+    if not all(header.box for header in headers):
+        return []  # only a whole reading tells what such a file covers
+    sites = [
+        Site(each.key, each.latitude_deg, each.longitude_deg)
+        for each in listings_of(workspace.storage, registered.reports).values()
+        if each.latitude_deg is not None and each.longitude_deg is not None
+    ]
+    within = sum(
+        is_on_earth(site) and any(may_cover(header, box_around(site, 1.0)) for header in headers) for site in sites
+    )
+    return [f"Coverage: {within} of {counted(len(registered.reports), 'crash', 'crashes')} lie where the maps reach."]
 
 
 def _add_partitions(root: str) -> None:

@@ -11,7 +11,7 @@ import shlex
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from trace_dag.cohorts.registry import RegisteredMap
 from trace_dag.errors import Failure
@@ -33,6 +33,7 @@ _MAP_BY_HAND = (
 _WITHOUT_NETWORK = {
     "crashapi": "download the FARS tables of the years (https://www.nhtsa.gov/file-downloads?p=nhtsa/downloads/FARS) "
     "where there is a network, and give them to trace-dag ingest --fars-csv FILE --cohort NAME",
+    "downloads": "download the file where there is a network, and put it into this folder",
     "overpass": _MAP_BY_HAND,
     "osm-api": _MAP_BY_HAND,
 }
@@ -99,6 +100,11 @@ def crash_api(settings: ServiceSettings, storage: Storage, *, refresh: bool = Fa
     return CrashApiClient(http, (settings.crashapi_url or BASE_URL).rstrip("/"))
 
 
+def downloader(settings: ServiceSettings, storage: Storage) -> HttpClient:
+    """Fetches whole files, as large and as long as those of a state are."""
+    return _http("downloads", settings, storage, max_bytes=8 * 1024**3, total_s=6 * 3600.0)
+
+
 @lru_cache(maxsize=8)
 def _map_source(name: str, settings: ServiceSettings, storage: Storage) -> MapSource:
     make: MapSourceFactory = load(PluginKind.MAP_SOURCE, name)
@@ -112,7 +118,9 @@ def _estimator(settings: StateSettings, storage: Storage, ledger: str) -> Estima
     return estimator_factory(settings)(settings, storage, ledger)
 
 
-def _http(service: str, settings: ServiceSettings, storage: Storage, *, refresh: bool = False) -> HttpClient:
+def _http(
+    service: str, settings: ServiceSettings, storage: Storage, *, refresh: bool = False, **limits: Any
+) -> HttpClient:
     from trace_dag.network.http import HttpClient, HttpPolicy
 
     base = Path(settings.cache_dir).expanduser() if settings.cache_dir else storage.local_folder / CACHE_FOLDER
@@ -124,5 +132,6 @@ def _http(service: str, settings: ServiceSettings, storage: Storage, *, refresh:
         requests_per_s=settings.requests_per_s,
         cache_only=settings.cache_only,
         refresh=refresh,
+        **limits,
     )
     return HttpClient(policy, folder, turns=folder / "turns", instead=_WITHOUT_NETWORK.get(service, ""))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import io
 import json
 import math
 import os
@@ -23,7 +24,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import IO, TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
 from tenacity import (
@@ -124,6 +125,15 @@ class HttpClient:
         """The body of a GET. See :meth:`request`."""
         return self.request("GET", url, params=params, check=check, lasts=lasts)
 
+    def download(self, url: str, to: Path) -> None:
+        """Write the body of a GET into a file, which is there when all of it is. Raises as :meth:`request` does."""
+        part = to.with_name(f"{to.name}.part")
+        try:
+            self.request("GET", url, to=part)
+            part.replace(to)
+        finally:
+            part.unlink(missing_ok=True)
+
     def post(self, url: str, data: Mapping[str, str], *, check: Check | None = None) -> bytes:
         """The body of a POST of a form. See :meth:`request`."""
         return self.request("POST", url, data=data, check=check)
@@ -137,15 +147,17 @@ class HttpClient:
         data: Mapping[str, str] | None = None,
         check: Check | None = None,
         lasts: Lasts | None = None,
+        to: Path | None = None,
     ) -> bytes:
-        """The body of a right answer, from the cache if the same was asked before and the answer ``lasts``.
+        """The body of a right answer, from the cache if the same was asked before and the answer ``lasts``. With ``to``
+        it is written into that file instead, and neither returned nor kept.
 
         Raises:
             UnreachableError: there is no network, or no such host in it.
             TransientFailure: no right answer after all attempts, of a kind that may pass by itself.
             Failure: the request was refused for good (a 4xx), or is not in the cache in cache-only mode.
         """
-        cached = self._cached(method, url, params, data)
+        cached = None if to else self._cached(method, url, params, data)
         if cached is not None and not (self.policy.refresh and not self.policy.cache_only):
             kept = _kept(cached)
             if kept is not None:
@@ -172,7 +184,7 @@ class HttpClient:
             reraise=True,
         )
         try:
-            body = retrying(self._ask_once, method, url, params, data, check)
+            body = retrying(self._ask_once, method, url, params, data, check, to)
         except _AskAgain as error:
             self._down = True
             raise TransientFailure(f"{error} (after {counted(attempts, 'attempt')})") from error
@@ -201,6 +213,7 @@ class HttpClient:
         params: Mapping[str, str] | None,
         data: Mapping[str, str] | None,
         check: Check | None,
+        to: Path | None,
     ) -> bytes:
         import httpx  # which takes a tenth of a second to load, and nothing is asked in most runs
 
@@ -217,7 +230,9 @@ class HttpClient:
                     raise Failure(
                         f"{method} {url}: {_status(response)}; the request is wrong, or the service has moved"
                     )
-                body = self._bounded_body(response, f"{method} {url}")
+                with to.open("wb") if to else io.BytesIO() as body_file:
+                    self._receive(response, f"{method} {url}", body_file)
+                    body = body_file.getvalue() if isinstance(body_file, io.BytesIO) else b""
         except httpx.TimeoutException as error:
             raise _AskAgain(f"{method} {url}: no answer within {self.policy.timeout_s:g} s") from error
         except (httpx.InvalidURL, httpx.UnsupportedProtocol) as error:
@@ -233,8 +248,8 @@ class HttpClient:
             raise _AskAgain(f"{method} {url}: wrong answer: {problem}; it begins {body[:_SNIPPET]!r}")
         return body
 
-    def _bounded_body(self, response: httpx.Response, what: str) -> bytes:
-        chunks: list[bytes] = []
+    def _receive(self, response: httpx.Response, what: str, into: IO[bytes]) -> None:
+        """Write a body of bounded size and duration into a file."""
         size = 0
         end_s = self.clock() + self.policy.total_s
         for chunk in response.iter_bytes():
@@ -243,8 +258,7 @@ class HttpClient:
                 raise _AskAgain(f"{what}: the answer was not complete after {self.policy.total_s:g} s")
             if size > self.policy.max_bytes:
                 raise Failure(f"{what}: the answer is larger than {self.policy.max_bytes / 1e6:.0f} MB; ask for less")
-            chunks.append(chunk)
-        return b"".join(chunks)
+            into.write(chunk)
 
     def _retry_after_s(self, response: httpx.Response) -> float | None:
         """Seconds the service asks to wait (RFC 9110, 10.2.3: seconds or a date).
