@@ -43,6 +43,7 @@ from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_exit_code_2(tmp_path, arguments, said):
+    (tmp_path / "root").mkdir()
     done = trace_dag(tmp_path / "root", *arguments)
     if arguments == ["status"]:
         assert done.returncode == 0
@@ -68,6 +69,14 @@ def test_unusable_inputs_of_ingest_are_named(tmp_path):
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "map.osm" in done.stderr
     assert json.loads(trace_dag(tmp_path / "root", "status", "--json").stdout)["crashes"] == {}, "nothing registered"
+
+
+@pytest.mark.parametrize("looking", [["status"], ["show", "2023-319003"], ["sql", "SELECT 1"]])
+def test_a_root_that_is_not_there_is_said_and_not_made(tmp_path, looking):
+    done = trace_dag(tmp_path / "mistyped", *looking)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "there is nothing there" in done.stderr
+    assert not (tmp_path / "mistyped").exists()
 
 
 def test_unreadable_root_is_one_line(tmp_path):

@@ -55,7 +55,7 @@ def test_open_opens_the_page_and_prints_where_it_is(monkeypatch, tmp_path):
     for arguments, page in (((), "index.html"), ((key,), f"crashes/{key}.html")):
         done = trace_dag(finished(), "open", *arguments)
         assert done.stdout.strip() == opened[-1] == str(finished() / "benchmark" / page)
-    done = trace_dag(tmp_path / "empty", "open")
+    done = trace_dag(tmp_path, "open")
     assert done.returncode == 2
     assert "trace-dag run makes it" in done.stderr
 

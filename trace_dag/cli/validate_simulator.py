@@ -37,13 +37,13 @@ def validate_simulator(root: str, cases: Path | None, as_json: bool) -> None:
 
     Every figure stands beside the plainest rule there is, planar plastic momentum. Uses the settings of the root.
     """
-    from trace_dag.flow.workspace import Workspace
+    from trace_dag.flow.workspace import stored_settings
     from trace_dag.studies.validation.closed_forms import closed_forms
     from trace_dag.studies.validation.crashes import compare_crash
     from trace_dag.studies.validation.recorded import read_recorded_crashes
     from trace_dag.studies.validation.staged import staged_results
 
-    settings = Workspace.open(root, to_read=True).settings.sim
+    settings = stored_settings(root).sim
     if as_json and cases is None:
         raise click.UsageError("--json prints the vehicles of --ciren FILE; name the file")
     rows: list[Compared] = []

@@ -24,7 +24,7 @@ from trace_dag.assets.schedules import schedules
 from trace_dag.assets.sensors import SENSORS
 from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
-from trace_dag.flow.workspace import Workspace, automation_of, storage_root
+from trace_dag.flow.workspace import Workspace, storage_root, stored_settings
 from trace_dag.settings import AutomationSettings
 
 
@@ -44,7 +44,7 @@ def build_definitions(workspace: Workspace | None = None) -> Definitions:
 
     Raises :class:`trace_dag.errors.UserError` for settings that do not hold.
     """
-    automation = workspace.settings.automation if workspace is not None else automation_of(storage_root())
+    automation = workspace.settings.automation if workspace is not None else stored_settings(storage_root()).automation
     return Definitions(
         assets=[crashes, _fresh(warehouse, automation), benchmark, *STUDIES.values()],
         asset_checks=CHECKS,

@@ -18,7 +18,7 @@ from trace_dag.flow.executors import Executor, make_executor
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import StageEvent
 from trace_dag.messages.progress import OnProgress, silent
-from trace_dag.settings import AutomationSettings, Settings
+from trace_dag.settings import Settings
 from trace_dag.settings_sources import DescribedSetting, described_settings, load_settings
 from trace_dag.storage.files import Storage
 
@@ -112,13 +112,13 @@ class Workspace:
 
 def settings_of(root: str) -> list[DescribedSetting]:
     """Every setting in force for a root, with where its value comes from."""
-    storage = Storage.open(root, to_read=True)
+    storage = Storage(root)
     return described_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE))
 
 
-def automation_of(root: str) -> AutomationSettings:
-    """The root's settings for schedules and sensors; the root is only read."""
-    return _settings(Storage(root), None).automation
+def stored_settings(root: str) -> Settings:
+    """The settings in force for a root, which is only read and need not be there."""
+    return _settings(Storage(root), None)
 
 
 def _settings_file(storage: Storage) -> bytes:

@@ -114,22 +114,25 @@ class Storage:
     def open(cls, root: str | os.PathLike[str], *, to_read: bool = False) -> Storage:
         """The storage at ``root``, made if need be, after a look at whether one can read and write there.
 
-        With ``to_read`` one that is there need only be readable. Raises :class:`UserError` where it is not.
+        With ``to_read`` it has to be there, and need only be readable. Raises :class:`UserError` where it is not.
         """
         storage = cls(root)
         if storage.local_root is None and "://" not in storage.root:
             raise UserError(f"storage root {root}: names no bucket or folder, as in s3://bucket/folder")
         probe = "probe/writable"
         try:
+            if to_read and not storage._is_there():
+                raise UserError(
+                    f"storage root {storage.root}: there is nothing there; trace-dag ingest or trace-dag demo begins "
+                    "one, --root or TRACE_DAG_ROOT names another"
+                )
             if storage.local_root is not None:
-                if not (to_read and storage.local_root.is_dir()):
+                if not to_read:
                     storage.local_root.mkdir(parents=True, exist_ok=True)
                     with tempfile.TemporaryFile(dir=storage.local_root):
                         pass
                 os.scandir(storage.local_root).close()
-            elif to_read:
-                storage.exists(probe)
-            else:
+            elif not to_read:
                 storage.write(probe, b"")
                 storage.delete(probe)
         except (OSError, Failure, ImportError, ValueError) as error:
@@ -139,6 +142,15 @@ class Storage:
                 "it, or choose another with --root or TRACE_DAG_ROOT"
             ) from error
         return storage
+
+    def _is_there(self) -> bool:
+        if self.local_root is not None:
+            try:
+                self.local_root.stat()
+            except FileNotFoundError:
+                return False
+            return True
+        return bool(_remotely(lambda: self._filesystem.exists(self.root), self.root))
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_filesystem"}
