@@ -15,7 +15,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.states.mapped_ground import Astray, astray, ways_of
+from trace_dag.states.mapped_ground import OFF_GROUND_M, Astray, astray, ways_of
 from trace_dag.states.ranking import ambiguity
 from trace_dag.states.types import Hypothesis, StateEstimate
 
@@ -54,8 +54,9 @@ def on_mapped_ground(
     if kept := [each for each, found in judged if not found]:
         return _only(made, kept)
     if begun:
-        worst = max(begun[0][1], key=lambda stray: (stray.off_m, stray.number))
-        raise Rejection(Reason.MAP_TOO_SMALL, _too_small(worst), measured=worst.off_m, threshold=0.0)
+        worst = max(begun[0][1], key=lambda stray: (stray.in_building, stray.off_m, stray.number))
+        if not worst.in_building:
+            raise Rejection(Reason.MAP_TOO_SMALL, _too_small(worst), measured=worst.off_m, threshold=OFF_GROUND_M)
     raise Rejection(Reason.NO_FEASIBLE_STATE, f"In the best of {len(judged)} hypotheses, {judged[0][1][0]}.")
 
 
@@ -68,4 +69,6 @@ def _only(made: StateEstimate, kept: list[Hypothesis]) -> StateEstimate:
 
 
 def _too_small(worst: Astray) -> str:
-    return f"The map ends too near to the crash: until less than {LEAST_LEAD_S:g} s before it {worst}."
+    return (
+        f"The map ends too near to the crash: {worst.where} until less than {LEAST_LEAD_S:g} s before the first event."
+    )

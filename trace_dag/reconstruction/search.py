@@ -194,6 +194,9 @@ def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[
             break
     if good:
         return good
+    if not tried and not stuck:
+        who = " and ".join(map(party_in_words, newcomers))
+        stuck.append(f"event {event.number}: no way past the crash brings {who} to it")
     return sorted((search.to_the_end(each) for each in tried), key=lambda each: each.rank)[:1]
 
 

@@ -53,14 +53,17 @@ class Astray:
     in_building: bool
     until_s: float | None
 
-    def __str__(self) -> str:
+    @property
+    def where(self) -> str:
+        """Who is where, as the beginning of a sentence."""
         who = party_in_words(self.number)
         if self.in_building:
-            return f"{who} is inside a building before the first event"
-        return (
-            f"{who} is up to {self.off_m:.1f} m off every mapped road, driveway and shoulder before the first event, "
-            "which the report does not say"
-        )
+            return f"{who} is inside a building"
+        return f"{who} is up to {self.off_m:.1f} m off every mapped road, driveway and shoulder"
+
+    def __str__(self) -> str:
+        unsaid = "" if self.in_building else ", which the report does not say"
+        return f"{self.where} before the first event{unsaid}"
 
 
 def ways_of(participants: Iterable[ParticipantState]) -> Iterator[Way]:
