@@ -229,7 +229,7 @@ def _is_first_contact(each: Beside) -> bool:
 
 
 def _is_first_off_road(each: Beside) -> bool:
-    return each.first and each.event.kind in OFF_THE_ROAD
+    return each.first and each.event.kind in OFF_THE_ROAD and each.seen.departure is not None  # none after a contact
 
 
 def _contact_distance(each: Beside) -> Values:
@@ -407,7 +407,7 @@ def criteria(beside: Comparison) -> tuple[Criterion, ...]:
         if (seen := beside.seen(event)) is not None
     ]
     for each in pairs:
-        if each.first and each.event.kind in OFF_THE_ROAD:
+        if _is_first_off_road(each):
             found += _departure(each)
         for rule in RULES:
             found += rule.criteria(each)
