@@ -69,6 +69,4 @@ def _only(made: StateEstimate, kept: list[Hypothesis]) -> StateEstimate:
 
 
 def _too_small(worst: Astray) -> str:
-    return (
-        f"The map ends too near: {worst.where} until less than {LEAST_LEAD_S:g} s before the first event."
-    )
+    return f"The map ends too near: {worst.where} until less than {LEAST_LEAD_S:g} s before the first event."

@@ -121,3 +121,11 @@ def test_abbreviation_and_case_do_not_matter(words: list[str], kind: tuple[str, 
     abbreviated = " ".join([*words, kind[1]]).upper()
     assert similarity(abbreviated, [written]) == 1.0
     assert similarity(written, [abbreviated]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("reported", "mapped"),
+    [("CR-128TH AVE", "North 128th Avenue"), ("SR-63S", "IN 63"), ("CR-8TH ST", "West 8th Street"), ("I-35W", "I 35W")],
+)
+def test_systems_without_a_number_and_directions_after_one_are_no_part_of_a_name(reported: str, mapped: str) -> None:
+    assert similarity(reported, [mapped]) >= SAME_STREET

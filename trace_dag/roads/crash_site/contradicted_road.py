@@ -15,6 +15,7 @@ from trace_dag.roads.map.network import RoadNetwork
 _INTERSTATE: Final = 1  # FUNC_SYS and ROUTE
 _ON_RAMP: Final = 20  # RELJCT2; 5 is related to a ramp only
 _TOWN_STREET: Final = 3  # rank of the most important class that is one: OSM's secondary
+_OTHER_STREET: Final = 0.4  # names less alike than this are two streets: judgement
 _RAMPS_WITHIN_M: Final = 100.0
 _SYSTEMS: Final = {1: RouteSystem.INTERSTATE, 2: RouteSystem.US, 3: RouteSystem.STATE, 4: RouteSystem.COUNTY}
 """``ROUTE``: who signs the road, where it is numbered."""
@@ -84,9 +85,9 @@ def contradiction(record: CrashRecord, road: Road, names: Collection[str], netwo
     ''
     """
     called = road.name or f"a road without a name ({road.highway})"
-    comparable = similarity(record.trafficway_1, names) is not None
-    if comparable and has_name_of_another(record, names, network):
-        return f"The report names {record.trafficway_1}, which is elsewhere on the map; the road there is {called}."
+    if _has_other_name(record, names):
+        elsewhere = ", which is elsewhere on the map" if has_name_of_another(record, names, network) else ""
+        return f"The report names {record.trafficway_1}{elsewhere}; the road there is {called}."
     if is_town_street_for_interstate(record, road):
         return f"The report is of an interstate; the road there is {called} ({road.highway})."
     if is_on_ramp(record) and not road.highway.endswith("_link") and _has_ramp_near(network):
@@ -94,6 +95,15 @@ def contradiction(record: CrashRecord, road: Road, names: Collection[str], netwo
             f"The report is of a ramp, and the map has one within {_RAMPS_WITHIN_M:.0f} m; the road there is {called}."
         )
     return ""
+
+
+def _has_other_name(record: CrashRecord, names: Collection[str]) -> bool:
+    """Whether a place has other names than those reported, where the first of those can be compared with them."""
+    reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
+    if is_on_ramp(record) or similarity(record.trafficway_1, names) is None:
+        return False
+    likeness = [value for name in reported if (value := similarity(name, names)) is not None]
+    return max(likeness) < _OTHER_STREET
 
 
 def _has_ramp_near(network: RoadNetwork) -> bool:

@@ -174,7 +174,7 @@ _WORDS: Final = {
     "ELEVENTH": "11",
     "TWELFTH": "12",
 }
-_PLACEHOLDERS: Final = frozenset({"UNNAMED", "UNKNOWN", "PRIVATE", "NONE"})
+_PLACEHOLDERS: Final = frozenset({"UNNAMED", "UNAMED", "UNKNOWN", "PRIVATE", "NONE"})
 _NO_NAMES: Final = frozenset((*_TYPES, *_VARIANTS, *_DIRECTIONS, *_PLACEHOLDERS))
 _RAMP: Final = re.compile(r"\bRAMPS?\b")
 _ORDINAL: Final = re.compile(r"^(\d+)(?:ST|ND|RD|TH)$")
@@ -185,7 +185,8 @@ _ROUTE: Final = re.compile(
     rf"\b(?P<system>{_SYSTEM_PATTERN})[\s-]*(?P<number>\d+)(?P<letter>[A-Z]?)\b"
     rf"(?:[\s-]+(?P<variant>{'|'.join(_VARIANTS)})\b)?"
 )
-_BARE_SYSTEM: Final = re.compile(r"^(?:CR|MU|LS|SR|TR|CO|PR|OT)\s*-\s*(?=[A-Z])")  # "CR-ROSS ROAD": a system, no number
+_BARE_SYSTEM: Final = re.compile(r"^(?:CR|MU|LS|SR|TR|CO|PR|OT)\s*-\s*(?=[A-Z]|\d+(?:ST|ND|RD|TH)\b)")
+"""A system without a number: "CR-ROSS ROAD", "CR-128TH AVE"."""
 _LIKE_ENOUGH: Final = 0.84  # two spellings with at least this share of equal letters are one name with a typing error
 _SHORTEST_MISSPELT: Final = 5  # letters: shorter names that differ are different names
 
@@ -281,7 +282,8 @@ def _core_similarity(a: tuple[str, ...], b: tuple[str, ...]) -> float:
 def _route(match: re.Match[str]) -> NumberedRoute:
     word = re.sub(r"[\s-]+", " ", match["system"])
     variant = _VARIANTS.get(match["variant"] or "", "")
-    return NumberedRoute(_SYSTEMS.get(word, RouteSystem.STATE), match["number"] + match["letter"], variant)
+    letter = "" if match["letter"] in _DIRECTIONS else match["letter"]  # "SR-63S" is State Route 63, southbound
+    return NumberedRoute(_SYSTEMS.get(word, RouteSystem.STATE), match["number"] + letter, variant)
 
 
 def _plain_name(text: str) -> PlainName | None:

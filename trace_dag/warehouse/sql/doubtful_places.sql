@@ -8,13 +8,9 @@ UNION ALL
 SELECT key, fact, reported || ' is reported, the map has ' || found
 FROM support
 WHERE grade <> 'rejected' AND fact IN ('first street', 'carriageways') AND agreement = 'differs'
-UNION ALL
-SELECT key, doubt, detail
-FROM reservations
-WHERE doubt = 'other_street'
 ORDER BY ALL;
 
 COMMENT ON VIEW doubtful_places IS 'Verified crashes off mapped ground, through a building, or on a street that the report contradicts';
 COMMENT ON COLUMN doubtful_places.key IS 'Key of the crash';
-COMMENT ON COLUMN doubtful_places.what IS 'What is doubtful: mapped_ground, first street, carriageways or other_street';
+COMMENT ON COLUMN doubtful_places.what IS 'What is doubtful: mapped_ground, first street or carriageways';
 COMMENT ON COLUMN doubtful_places.detail IS 'What was found, in words';
