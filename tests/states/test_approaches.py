@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from cases import Case, sample_case
 
-from trace_dag.crash.crash_types import Turn
-from trace_dag.states.analytic import build_scene
+from trace_dag.crash.crash_types import Relation, Turn
+from trace_dag.crash.event_sequence import sequence_of
+from trace_dag.roads.from_osm.left_hand import mirrored_network
+from trace_dag.states.analytic import build_scene, parties
 from trace_dag.states.approaches import Approach
+from trace_dag.states.candidates import candidates
+from trace_dag.states.evidence import lane_terms
+from trace_dag.states.manoeuvres import make_turn
+from trace_dag.states.pre_crash_scenarios import pre_crash_scenarios
 from trace_dag.states.roundabouts import ring_through
 from trace_dag.states.scene import Scene
 from trace_dag.units import GRAVITY_MPS2, wrap_angle
@@ -139,3 +146,70 @@ def test_the_streams_do_not_depend_on_what_was_asked_before():
     names = [approach.name for approach in scene(case).approaches]
     assert names == [approach.name for approach in scene(case).approaches]
     assert len(names) == len(set(names))
+
+
+@pytest.fixture(scope="module")
+def reversible() -> Scene:
+    """A divided road of the sample as if each of its halves were reversible and nothing told the hour."""
+    case = sample_case(DIVIDED)
+    roads = tuple(replace(road, reversible="unknown") if road.one_way else road for road in case.network.roads)
+    network = replace(case.network, roads=roads)
+    return build_scene(case.record, network, case.report, lead_time_s=5.0)
+
+
+def test_the_traffic_of_a_reversible_road_may_have_gone_either_way(reversible):
+    drawn = [approach for approach in reversible.on_road(reversible.through) if not approach.other_way]
+    assert drawn
+    by_name = {approach.name: approach for approach in reversible.approaches}
+    for approach in drawn:
+        back = by_name[f"{approach.name} the other way"]
+        assert not back.wrong_way
+        assert abs(wrap_angle(back.course_rad - approach.course_rad)) > math.radians(179)
+        assert back.lane_from_left == approach.lanes_along - 1 - approach.lane_from_left
+        against = reversible.finder.against(back)
+        assert against.wrong_way
+        assert abs(wrap_angle(against.course_rad - approach.course_rad)) < math.radians(1)
+
+
+def test_two_vehicles_on_a_reversible_road_meet_head_on_only_if_one_goes_the_wrong_way(reversible):
+    first = sequence_of(reversible.record).first
+    reading = pre_crash_scenarios(reversible.record, *parties(reversible.record, first))[0]
+    found = [
+        candidate
+        for relation in (Relation.SAME_LANE, Relation.OPPOSITE_DIRECTION)
+        for candidate in candidates(reversible, replace(reading, relation=relation))
+    ]
+    sides = [(each.mover.approach, each.other.approach) for each in found]
+    assert any(one.wrong_way or two.wrong_way for one, two in sides)
+    assert any(one.other_way and two.other_way for one, two in sides)
+    assert all(one.other_way == two.other_way or one.wrong_way or two.wrong_way for one, two in sides)
+
+
+def test_where_traffic_keeps_left_everything_is_as_in_a_mirror():
+    case = sample_case(FOUR_WAY)
+    placement = replace(case.report.placement, x_m=-case.report.placement.x_m)
+    mirrored = build_scene(
+        case.record, mirrored_network(case.network), replace(case.report, placement=placement), lead_time_s=5.0
+    )
+    vehicle, other_side = case.record.vehicles[0], {Turn.LEFT: Turn.RIGHT, Turn.RIGHT: Turn.LEFT, None: None}
+
+    def seen(approach: Approach, *, in_mirror: bool) -> tuple[object, ...]:
+        turns = [other_side[turn] if in_mirror else turn for turn in (Turn.LEFT, Turn.RIGHT, None)]
+        unarrowed = replace(approach, lane_turns=())
+        sign = -1 if in_mirror else 1
+        return (
+            approach.road.id,
+            round(sign * approach.offset_m, 3) + 0.0,
+            approach.lane_from_centre,
+            approach.lanes_along,
+            other_side.get(approach.turn, approach.turn) if in_mirror else approach.turn,
+            tuple(str(lane_terms(vehicle, unarrowed, turn)) for turn in turns),
+        )
+
+    def all_of(found: Scene, *, in_mirror: bool) -> list[tuple[object, ...]]:
+        return sorted((seen(approach, in_mirror=in_mirror) for approach in found.approaches), key=str)
+
+    assert all_of(mirrored, in_mirror=True) == all_of(scene(case), in_mirror=False)
+    through = next(approach for approach in mirrored.through if not approach.extended)
+    (turned_back, *_) = make_turn(through, vehicle, 3.0, Turn.U_TURN, slides=True)
+    assert turned_back.turn.angle_rad == -math.pi

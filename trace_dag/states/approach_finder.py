@@ -70,12 +70,19 @@ class ApproachFinder:
             covered.update(self._ring(seed))
             for approach in self._approaches_of(seed):
                 found.setdefault(approach.name, approach)
+                if approach.goes_either_way and approach.turn is None and not approach.extended:
+                    back = self._other_way(approach)
+                    found.setdefault(back.name, back)
                 if approach.turn is None and not approach.extended and not approach.centre_lane:
                     covered.update(ref for ref in approach.lanes if self._road(ref).junction_id is None)
         return tuple(sorted(found.values(), key=lambda approach: (round(abs(approach.offset_m), 3), approach.name)))
 
     def against(self, approach: Approach) -> Approach:
         """The same line driven the wrong way, with enough road behind: from the road beyond the crash."""
+        if approach.other_way:
+            lanes = approach.lanes
+            chain = self._chain(lanes[0], upstream_m=self.back_m, downstream_m=self.ahead_m, keep=lanes)
+            return replace(self._approach(chain), name=f"{approach.name} the wrong way", wrong_way=True)
         chain = self._chain(approach.lanes[0], upstream_m=self.ahead_m, downstream_m=self.back_m, keep=approach.lanes)
         path = through_points(chain.points, sigma_m=SMOOTHING_M).reversed()
         path = extended(path, back_m=EXTENSION_M, ahead_m=EXTENSION_M)
@@ -91,6 +98,18 @@ class ApproachFinder:
             wrong_way=True,
             mapped_from_m=EXTENSION_M,
             **self._position(approach.beyond or approach.lanes[0]),
+        )
+
+    def _other_way(self, approach: Approach) -> Approach:
+        """The approach as it is at hours when the traffic of its reversible road goes the other way."""
+        back = self.against(approach)
+        return replace(
+            back,
+            name=f"{approach.name} the other way",
+            wrong_way=False,
+            other_way=True,
+            lane_from_left=back.lanes_along - 1 - back.lane_from_left,
+            lane_turns=(),
         )
 
     # --- finding lanes -----------------------------------------------------------------------------------------
@@ -235,9 +254,10 @@ class ApproachFinder:
         ]
         direction = self.network.direction(here)
         along = [lane.id for lane in drivable if self.network.direction(here._replace(lane_id=lane.id)) == direction]
+        left_hand = self._road(here).left_hand  # the size of ids grows away from the centre
         return {
             "road": self._road(here),
-            "lane_from_left": sorted(along, key=abs).index(here.lane_id),  # the size of ids grows away from the centre
+            "lane_from_left": sorted(along, key=abs, reverse=left_hand).index(here.lane_id),
             "lanes_along": len(along),
             "lanes_total": len(drivable),
             "centre_lane_beside": any(lane.type is LaneType.BIDIRECTIONAL for lane in drivable),

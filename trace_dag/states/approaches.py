@@ -32,11 +32,12 @@ class Approach:
     ``station_m`` is where the path is closest to the crash and ``offset_m`` how far to the left of the path the crash
     lies there. ``turn`` is the turn that the lanes themselves make. In that case ``path`` runs straight on from
     ``turn_from_m``, where the turn's lanes begin, and ``exit_pose`` is where they end. ``wrong_way``: against the
-    lane's traffic. ``extended``: continued straight on where the road ends. ``moves_out``: leaves the lane to pass,
-    before the crash. ``share_of_ring``: how far around a roundabout it has come at the crash. ``centre_lane``: the
-    shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight. ``beyond`` is the
-    first lane past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane among those of its
-    direction; ``lanes_total`` counts both.
+    lane's traffic. ``other_way``: against the way that the map has for a reversible road, whose traffic can have gone
+    either way at the hour. ``extended``: continued straight on where the road ends. ``moves_out``: leaves the lane to
+    pass, before the crash. ``share_of_ring``: how far around a roundabout it has come at the crash. ``centre_lane``:
+    the shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight. ``beyond`` is
+    the first lane past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane among those of
+    its direction; ``lanes_total`` counts both.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Approach:
     turn_from_m: float = 0.0
     exit_pose: Pose | None = None
     wrong_way: bool = False
+    other_way: bool = False
     centre_lane: bool = False
     centre_lane_beside: bool = False
     share_of_ring: float = 0.0
@@ -112,6 +114,26 @@ class Approach:
     def course_rad(self) -> float:
         """Direction of travel where the path passes the crash."""
         return self.path.pose(self.station_m).heading_rad
+
+    @property
+    def kerb_sign(self) -> float:
+        """On which side of its lanes the edge of the road is: -1 the right, 1 (traffic keeps left) the left."""
+        return 1.0 if self.road is not None and self.road.left_hand else -1.0
+
+    @property
+    def turn_across(self) -> Turn:
+        """The turn across oncoming traffic: to the left, where traffic keeps left to the right."""
+        return Turn.LEFT if self.kerb_sign < 0 else Turn.RIGHT
+
+    @property
+    def lane_from_centre(self) -> int:
+        """How many lanes of its direction lie between it and the centre of the road."""
+        return self.lane_from_left if self.kerb_sign < 0 else self.lanes_along - 1 - self.lane_from_left
+
+    @property
+    def goes_either_way(self) -> bool:
+        """Whether its traffic, all one way, can have gone this way or the other at the hour of the crash."""
+        return self.road is not None and self.road.reversible == "unknown"
 
     @property
     def one_way(self) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from trace_dag.crash.crash_types import Relation
 from trace_dag.states import evidence
+from trace_dag.states.approaches import Approach
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.path_pairs import PathPair
 from trace_dag.states.path_pairs_along import opposite, same_direction, same_lane
@@ -59,7 +60,15 @@ def candidates(scene: Scene, scenario: PreCrashScenario) -> list[Candidate]:
         Relation.OPPOSITE_DIRECTION: opposite,
         Relation.CROSSING: crossing,
     }
-    return [_judged(scene, scenario, pair) for pair in makers[scenario.relation](scene, scenario)]
+    pairs = makers[scenario.relation](scene, scenario)
+    return [_judged(scene, scenario, pair) for pair in pairs if _at_one_time(pair.mover.approach, pair.other.approach)]
+
+
+def _at_one_time(one: Approach, two: Approach) -> bool:
+    """Whether both can be there at one time: the traffic of reversible roads goes one way."""
+    if not (one.goes_either_way and two.goes_either_way) or one.wrong_way or two.wrong_way:
+        return True
+    return one.other_way == two.other_way
 
 
 def _judged(scene: Scene, scenario: PreCrashScenario, pair: PathPair) -> Candidate:

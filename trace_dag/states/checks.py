@@ -174,7 +174,7 @@ def _direction(solution: Solution, participant: ParticipantState, turn: Turn | N
     if turn is None or placed.option.turn is None:
         change = math.remainder(participant.impact_pose.heading_rad - participant.initial_pose.heading_rad, math.tau)
         return EstimateCheck(name, True, f"heading changed by {math.degrees(change):.0f} deg along its road")
-    sign = -1.0 if turn is Turn.RIGHT else 1.0
+    sign = {Turn.LEFT: 1.0, Turn.RIGHT: -1.0}.get(turn, -placed.option.approach.kerb_sign)
     planned = math.degrees(sign * placed.option.turn.angle_rad)
     return EstimateCheck(name, planned > 0, f"turns {turn} by {planned:.0f} deg")
 

@@ -110,9 +110,9 @@ def road_terms(vehicle: VehicleRecord, approach: Approach) -> Terms:
         seen = 0 if abs(approach.curve_rad) < CURVE_RAD else int(math.copysign(1, approach.curve_rad))
         terms["alignment"] = -0.75 * abs(curve - seen)
     if approach.wrong_way:
-        # A driver who goes the wrong way takes the carriageway for a two-way road and keeps to its right: beside the
-        # median.
-        terms["wrong way"] = -2.0 - 0.4 * approach.lane_from_left
+        # A driver who goes the wrong way takes the carriageway for a two-way road and keeps to its own side of it:
+        # beside the median.
+        terms["wrong way"] = -2.0 - 0.4 * approach.lane_from_centre
     terms["around the roundabout"] = -1.5 * approach.share_of_ring  # of the way around: most leave a roundabout early
     if approach.extended and not (road is not None and road.inferred) and not departs_at_end(vehicle):
         terms["straight on where the road ends"] = -1.0
@@ -127,16 +127,17 @@ def lane_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) ->
     {'{}'}
     """
     terms: Terms = {}
-    from_right = approach.lanes_along - 1 - approach.lane_from_left
-    left = turn in (Turn.LEFT, Turn.U_TURN)
+    from_kerb = approach.lanes_along - 1 - approach.lane_from_centre
+    across = turn in (approach.turn_across, Turn.U_TURN)
     if approach.centre_lane:
-        terms["turn from this lane"] = 0.0 if left else -3.0
-    elif left:
-        terms["turn from this lane"] = -1.0 * approach.lane_from_left - (0.5 if approach.centre_lane_beside else 0.0)
-    elif turn is Turn.RIGHT:
-        terms["turn from this lane"] = -1.0 * from_right
+        terms["turn from this lane"] = 0.0 if across else -3.0
+    elif across:
+        beside_centre = 0.5 if approach.centre_lane_beside else 0.0
+        terms["turn from this lane"] = -1.0 * approach.lane_from_centre - beside_centre
+    elif turn is not None:
+        terms["turn from this lane"] = -1.0 * from_kerb
     elif vehicle.movement is PreCrashMovement.MERGING:
-        terms["merging from this lane"] = -1.0 * from_right
+        terms["merging from this lane"] = -1.0 * from_kerb
     arrows = {arrow for value in approach.lane_turns for arrow in value.split(";") if arrow in _ARROWS}
     if arrows:
         wanted = {Turn.LEFT: "left", Turn.RIGHT: "right", Turn.U_TURN: "reverse", None: "through"}[turn]

@@ -18,6 +18,7 @@ from trace_dag.states.paths import LateralShift, Path, TurnShape, shifted, turn_
 from trace_dag.states.speeds import (
     COMFORTABLE_LATERAL_MPS2,
     HARDEST_LATERAL_MPS2,
+    as_on_the_right,
     least_turn_radius_m,
 )
 from trace_dag.states.types import Manoeuvre
@@ -25,7 +26,7 @@ from trace_dag.units import GRAVITY_MPS2
 
 _TURN_RADIUS_M = {Turn.LEFT: 13.0, Turn.RIGHT: 9.0, Turn.U_TURN: 6.5}  # as drivers take ordinary street corners
 _CREEPING_RADIUS_M, _RADIUS_TIME_S = 6.0, 1.2  # a vehicle that creeps turns the wheel further
-_TURN_ANGLE_RAD = {Turn.LEFT: math.pi / 2, Turn.RIGHT: -math.pi / 2, Turn.U_TURN: math.pi}
+_TURN_ANGLE_RAD = {Turn.LEFT: math.pi / 2, Turn.RIGHT: -math.pi / 2}
 _WIDE_TURN_M = 25.0  # a larger radius does not fit a junction: the turn is then taken harder
 _STEERING_TIME_S = 0.7  # to turn the wheel into a corner
 _TAIL_M = 80.0
@@ -182,8 +183,13 @@ def follows_turn(approach: Approach, turn: Turn | None) -> bool:
     """Whether the approach's own lanes make the turn: the corner of an L, or a bend that the record calls a turn."""
     if turn is None or approach.turn is not None:
         return False
-    wanted = _TURN_ANGLE_RAD[turn]
+    wanted = _turn_angle_rad(approach, turn)
     return approach.curve_rad * wanted > 0 and abs(approach.curve_rad) >= abs(wanted) / 2
+
+
+def _turn_angle_rad(approach: Approach, turn: Turn) -> float:
+    """How far a turn at a right-angled corner, or back, turns a vehicle; counter-clockwise."""
+    return -approach.kerb_sign * math.pi if turn is Turn.U_TURN else _TURN_ANGLE_RAD[turn]
 
 
 def _turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: float) -> TurnShape:
@@ -215,10 +221,10 @@ def make_turn(
         near = approach.turn_from_m
         angle = math.remainder(approach.exit_pose.heading_rad - approach.path.pose(near).heading_rad, math.tau)
         if turn is Turn.U_TURN:
-            angle = math.pi
+            angle = _turn_angle_rad(approach, turn)
     else:
-        near, angle = approach.station_m, _TURN_ANGLE_RAD[turn]
-    shape = _turn_shape(turn, angle, vehicle, speed_mps)
+        near, angle = approach.station_m, _turn_angle_rad(approach, turn)
+    shape = _turn_shape(as_on_the_right(turn, approach.road), angle, vehicle, speed_mps)
     start = None
     if approach.exit_pose is not None and approach.turn is turn:
         start = turn_start_to_meet(approach.path, shape, approach.exit_pose, near_s_m=near)

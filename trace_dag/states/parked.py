@@ -79,14 +79,15 @@ def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
     for approach in scene.on_road(scene.through):
         if approach.wrong_way:
             continue
-        for side in (-1.0, 1.0) if approach.one_way else (-1.0,):
+        kerb = approach.kerb_sign
+        for side in (kerb, -kerb) if approach.one_way else (kerb,):
             edge = edge_m(scene, approach.path.pose(approach.station_m), side)
             for zone in sorted(zones):
                 if zone is Zone.CARRIAGEWAY:
                     at_edge = edge - vehicle.width_m / 2 - _FROM_KERB_M
                     if at_edge > _LEAST_DRIFT_M:
                         yield _stand(approach, zone, vehicle, side * at_edge)
-                    if side < 0:
+                    if side == kerb:
                         yield _stand(approach, zone, vehicle, 0.0, {"in the middle of a lane": _IN_THE_LANE})
                 else:
                     yield _stand(approach, zone, vehicle, side * (edge + _BEYOND_EDGE_M[zone] + vehicle.width_m / 2))
@@ -216,7 +217,7 @@ def _departure(who: Party, approach: Approach, off_m: float) -> dict[str, float]
     if RAN_OFF_RIGHT in who.events or RAN_OFF_LEFT in who.events:
         side = Side.RIGHT if RAN_OFF_RIGHT in who.events else Side.LEFT
     if side is None:
-        return {"across the road": _ACROSS} if off_m > 0 and not approach.one_way else {}
+        return {"across the road": _ACROSS} if off_m * approach.kerb_sign < 0 and not approach.one_way else {}
     if (side is Side.LEFT) == (off_m > 0):
         return {}
     return {"other side than reported": _OTHER_SIDE}

@@ -110,9 +110,8 @@ def turning_approaches(approaches: Iterable[Approach], turn: Turn) -> list[Appro
     """
     approaches = tuple(approaches)
     by_lanes = [approach for approach in approaches if approach.turn is turn]
-    if turn is not Turn.LEFT:
-        return by_lanes
-    return by_lanes + [_turning_from_centre(approach, by_lanes) for approach in approaches if approach.centre_lane]
+    centre = [approach for approach in approaches if approach.centre_lane and turn is approach.turn_across]
+    return by_lanes + [_turning_from_centre(approach, by_lanes) for approach in centre]
 
 
 def _turning_from_centre(centre: Approach, by_lanes: list[Approach]) -> Approach:
@@ -120,7 +119,7 @@ def _turning_from_centre(centre: Approach, by_lanes: list[Approach]) -> Approach
     beside = [approach for approach in by_lanes if apart(centre, approach) <= SAME_HEADING_RAD]
     if not beside:
         return centre
-    lane = min(beside, key=lambda approach: (approach.lane_from_left, approach.name))
+    lane = min(beside, key=lambda approach: (approach.lane_from_centre, approach.name))
     return replace(
         centre,
         name=f"{centre.name} as {lane.name}",

@@ -150,13 +150,14 @@ def opposite(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
             for approach in crossing_over:
                 speed = speed_of(mover, approach)
                 gap = gap_between(approach.fitted(speed.speed_mps), target.fitted(other_speed.speed_mps))
-                if approach.turn is not None or not -PASSING_OFFSET_M <= gap <= FARTHEST_CARRIAGEWAY_M:
+                across_m = -approach.kerb_sign * gap  # towards oncoming traffic
+                if approach.turn is not None or not -PASSING_OFFSET_M <= across_m <= FARTHEST_CARRIAGEWAY_M:
                     continue
-                if gap < LEAST_GAP_M:  # at this speed the corner is cut so far that no line is left to cross
+                if across_m < LEAST_GAP_M:  # at this speed the corner is cut so far that no line is left to cross
                     cutting = keep_lane(approach, mover.vehicle, speed.speed_mps, turn=mover.turn)
                     yield PathPair(cutting, steady, speed, other_speed, True)
                     continue
-                terms = _median_terms(mover, gap)
+                terms = _median_terms(mover, across_m)
                 for option in move_sideways(approach, speed.speed_mps, gap, Manoeuvre.CROSS_CENTRELINE):
                     yield PathPair(option, steady, speed, other_speed, True, terms)
             if target.one_way and mover.turn is None:
@@ -172,7 +173,7 @@ def _turning_across(
     assert mover.turn is not None
     # To where lanes lead, and anywhere else off the road: into a driveway or a street that the map does not have.
     for approach in (*turning_approaches(facing, mover.turn), *(each for each in facing if each.turn is None)):
-        if not -2.0 <= gap_between(approach, steady.approach) <= FARTHEST_CARRIAGEWAY_M:
+        if not -2.0 <= -approach.kerb_sign * gap_between(approach, steady.approach) <= FARTHEST_CARRIAGEWAY_M:
             continue
         speed = speed_of(mover, approach)
         for option in make_turn(approach, mover.vehicle, speed.speed_mps, mover.turn, slides=True):

@@ -68,7 +68,7 @@ def travel_speed(
     if vehicle.movement in (PreCrashMovement.LEAVING_PARKING, PreCrashMovement.ENTERING_PARKING):
         return TravelSpeed(_PARKING_SPEED_MPS, SpeedSource.INFERRED_MANOEUVRE)
     if turn is not None:
-        return TravelSpeed(_TURN_SPEED_MPS[turn], SpeedSource.INFERRED_MANOEUVRE)
+        return TravelSpeed(_TURN_SPEED_MPS[as_on_the_right(turn, road)], SpeedSource.INFERRED_MANOEUVRE)
     if crossing and vehicle.traffic_control_code in STOP_CONTROLS:
         return TravelSpeed(_FROM_STOP_SIGN_MPS, SpeedSource.INFERRED_MANOEUVRE)
     extra = _SPEEDING_MPS if vehicle.speeding else 0.0
@@ -76,6 +76,18 @@ def travel_speed(
     if limit:
         return TravelSpeed(limit + extra, SpeedSource.INFERRED_LIMIT)
     return TravelSpeed(class_speed_mps(road) + extra, SpeedSource.INFERRED_CLASS)
+
+
+def as_on_the_right(turn: Turn, road: Road | None) -> Turn:
+    """The turn that is like this one where traffic keeps right: across oncoming traffic, or close around the corner.
+
+    >>> from dataclasses import replace
+    >>> as_on_the_right(Turn.LEFT, replace(network.roads[0], left_hand=True)).value
+    'right'
+    """
+    if road is None or not road.left_hand:
+        return turn
+    return {Turn.LEFT: Turn.RIGHT, Turn.RIGHT: Turn.LEFT}.get(turn, turn)
 
 
 def class_speed_mps(road: Road | None) -> float:

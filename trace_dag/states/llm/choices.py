@@ -43,6 +43,8 @@ class OfferedApproach:
             movement += f" into {approach.exit_road.name}"
         if approach.wrong_way:
             movement += ", against the traffic of this lane"
+        if approach.goes_either_way:
+            movement += ", on a reversible road that may have gone either way at the hour"
         here = approach.lanes[0] if approach.lanes else None
         points = []
         for before_m in _SAMPLED_AT_M:
