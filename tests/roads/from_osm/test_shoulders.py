@@ -53,7 +53,7 @@ def test_a_shoulder_ends_where_a_sidewalk_of_its_own_runs() -> None:
     town.walkway([(-100, -7), (0, -7)], footway="sidewalk")
     network = town.network()
     assert set(shoulders_m(network, at_m=50.0)) == {True, False}
-    assert shoulders_m(network, at_m=50.0)[True] == 0.0
+    assert shoulders_m(network, at_m=50.0)[True] < 0.3  # the lane is there and has no width to use
     assert shoulders_m(network, at_m=150.0) == {True: 2.4, False: 2.4}
 
 

@@ -35,6 +35,9 @@ _LEAST_M: Final = 8.0  # a shorter one is left out
 _SHOULDER_STEP_M: Final = 2 * STEP_M
 _FOLDS: Final = 0.9  # distance of an edge from the line over its radius
 _FOLD_MARGIN_M: Final = _SHOULDER_STEP_M  # places are looked at no closer than that
+_HAIR_M: Final = 0.1
+"""Width of such a lane along those parts of its lane section where it is not: readers that make a polygon of each lane
+(Scenic 3) refuse one without any."""
 _TO_JUNCTION_M: Final = 8.0  # a strip that ends this near to a junction goes on to it
 
 
@@ -213,7 +216,8 @@ class _Outside:
         )
         for key, lane_type, some in kinds:
             if some:
-                widths = _widths(some, piece.begin_m, piece.end_m)
+                least_m = 0.0 if lane_type is LaneType.NONE else _HAIR_M
+                widths = _widths(some, piece.begin_m, piece.end_m, least_m)
                 profile = CubicProfile.of(widths)
                 ends = profile.at(0.0), profile.at(piece.end_m - piece.begin_m)
                 new[key] = _New(lane_type, widths, *ends)
@@ -238,37 +242,40 @@ class _Outside:
                 new.type,
                 new.widths,
                 predecessor=before._id_of_new.get(each)
-                if before and before._reaches_end(each) and new.start_m
+                if before and before._reaches_end(each) and new.start_m > _HAIR_M
                 else None,
-                successor=after._id_of_new.get(each) if after and after._reaches_start(each) and new.end_m else None,
+                successor=after._id_of_new.get(each)
+                if after and after._reaches_start(each) and new.end_m > _HAIR_M
+                else None,
                 mark=LEGAL_EDGE if new.type is LaneType.BIKING else NOT_CROSSED,
             )
 
     def _reaches_end(self, key: str) -> bool:
-        return key in self._new and self._new[key].end_m > 0
+        return key in self._new and self._new[key].end_m > _HAIR_M
 
     def _reaches_start(self, key: str) -> bool:
-        return key in self._new and self._new[key].start_m > 0
+        return key in self._new and self._new[key].start_m > _HAIR_M
 
 
-def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float) -> tuple[Cubic, ...]:
-    """Width along a section of a lane that exists where the strips are, as cubics from the section's begin on."""
+def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float, least_m: float) -> tuple[Cubic, ...]:
+    """Width along a section of a lane that exists where the strips are and is ``least_m`` wide elsewhere, as cubics from
+    the section's begin on."""
     cubics: list[Cubic] = []
     for strip, width_m in sorted(strips):
         low_m, high_m = max(strip.begin_m, begin_m), min(strip.end_m, end_m)
         ease_m = min(_END_M, (high_m - low_m) / 2)
         if strip.begin_m > begin_m:
             if not cubics:
-                cubics.append(Cubic(0.0, 0.0))
-            slope = 3 * width_m / ease_m**2, -2 * width_m / ease_m**3
-            cubics.append(Cubic(low_m - begin_m, 0.0, 0.0, *slope))
+                cubics.append(Cubic(0.0, least_m))
+            slope = 3 * (width_m - least_m) / ease_m**2, -2 * (width_m - least_m) / ease_m**3
+            cubics.append(Cubic(low_m - begin_m, least_m, 0.0, *slope))
             cubics.append(Cubic(low_m + ease_m - begin_m, width_m))
         else:
             cubics.append(Cubic(0.0, width_m))
         if strip.end_m < end_m:
-            slope = -3 * width_m / ease_m**2, 2 * width_m / ease_m**3
+            slope = -3 * (width_m - least_m) / ease_m**2, 2 * (width_m - least_m) / ease_m**3
             cubics.append(Cubic(high_m - ease_m - begin_m, width_m, 0.0, *slope))
-            cubics.append(Cubic(high_m - begin_m, 0.0))
+            cubics.append(Cubic(high_m - begin_m, least_m))
     # Cubics that end where the next begins are one record.
     return tuple({round(cubic.s_m, 6): cubic for cubic in cubics}.values())
 
