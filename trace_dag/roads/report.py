@@ -46,6 +46,7 @@ class MapGate:
     passed: bool | None  # None: not evaluated, ``detail`` says why
     detail: str = ""
     road_ids: tuple[str, ...] = ()  # where it does not hold
+    way_ids: tuple[int, ...] = ()  # of which no road was made
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,8 @@ class DataEnd:
 
 @dataclass(frozen=True)
 class LeftOutRoad:
-    """A road that is not on the map since it failed a gate; the crash cannot have used it."""
+    """A road that is not on the map since it failed a gate, or (``road_id`` "") a way of which no road could be made;
+    the crash cannot have used it."""
 
     road_id: str
     name: str

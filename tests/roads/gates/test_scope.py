@@ -64,6 +64,20 @@ def test_with_the_scope_of_all_roads_each_rejects_the_map() -> None:
         require(_checked(_town(400.0), RoadSettings(gate_scope="all")).gates)
 
 
+@pytest.mark.parametrize(("at_m", "is_left_out"), [(400.0, True), (100.0, False)])
+def test_a_way_of_which_no_road_was_made_counts_only_where_the_crash_can_use_it(at_m: float, is_left_out: bool) -> None:
+    town = _town(600.0)
+    network = town.network()  # made before the map had the last street
+    street = town.street([(at_m, 30), (at_m, 90)], name="New Street")
+    placement = place_crash(network, _ON_MAIN_STREET, SETTINGS)
+    checked = check_in_scope(
+        network, town.extract(), placement, name="made by hand", limits=MapLimits(), settings=SETTINGS
+    )
+    (missing,) = (gate for gate in checked.gates if gate.name == "ways_missing")
+    assert missing.passed is is_left_out
+    assert [each.osm_way_ids for each in checked.left_out] == ([(street,)] if is_left_out else [])
+
+
 def test_roads_are_in_use_up_to_200_m_along_the_streets() -> None:
     network = _town(400.0).network()
     used = roads_in_use(network, place_crash(network, report(street="Main Street"), SETTINGS))

@@ -258,8 +258,8 @@ class _Outside:
 
 
 def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float, least_m: float) -> tuple[Cubic, ...]:
-    """Width along a section of a lane that exists where the strips are and is ``least_m`` wide elsewhere, as cubics from
-    the section's begin on."""
+    """Width along a section of a lane that exists where the strips are, ``least_m`` elsewhere, as cubics from the
+    section's begin on."""
     cubics: list[Cubic] = []
     for strip, width_m in sorted(strips):
         low_m, high_m = max(strip.begin_m, begin_m), min(strip.end_m, end_m)

@@ -36,7 +36,7 @@ from trace_dag.roads.map.network import RoadNetwork
 
 _LEAST_WIDTH_M: Final = 0.5  # a lane that has closed before the junction does not go on
 _LEAST_M: Final = 0.1
-_INNER_EDGE_M: Final = 0.1  # least radius of the inner edge, which would fold without any
+_INNER_EDGE_M: Final = 0.3  # least radius of the inner edge: tighter ones fold, or are no arc to readers that sample
 _FARTHEST_M: Final = 60.0  # farthest distance of a corner's ends: as large as the largest junctions
 _STEP_M: Final = 1.0
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -138,8 +139,9 @@ def _ways(comparison: MapComparison, limits: MapLimits, left_out_ways: Collectio
     passed = share >= limits.share_within_1m
     roads = () if passed else worst_roads
     yield MapGate("way_length_within_1m", share, limits.share_within_1m, "of length", passed, length, roads)
-    missing = [f"way {way_id}" for way_id in deviation.missing_public_way_ids if way_id not in left_out_ways]
-    yield _count_gate("ways_missing", missing, "public ways", limits.ways_missing)
+    missing = [way_id for way_id in deviation.missing_public_way_ids if way_id not in left_out_ways]
+    named = _count_gate("ways_missing", [f"way {way_id}" for way_id in missing], "public ways", limits.ways_missing)
+    yield named if named.passed else replace(named, way_ids=tuple(missing))
 
 
 def _lanes(comparison: MapComparison, limits: MapLimits) -> MapGate:

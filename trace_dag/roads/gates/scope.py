@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import shapely
 
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates.gates import check_map
@@ -23,7 +24,7 @@ from trace_dag.roads.report import CrashPlacement, DataEnd, LeftOutRoad, MapGate
 from trace_dag.settings import RoadSettings
 
 if TYPE_CHECKING:
-    from trace_dag.osm.types import OsmExtract
+    from trace_dag.osm.types import OsmExtract, OsmWay
     from trace_dag.roads.map.network import RoadNetwork
 
 _IN_USE_M: Final = 200.0  # along the roads: what 40 m/s (90 mph) cover in the 5 s that are reconstructed
@@ -63,12 +64,26 @@ def check_in_scope(
             return checked
         used = roads_in_use(network, placement) if used is None else used
         bad = [road_id for road_id in failed.road_ids if road_id not in used]
-        if not bad:
+        far = [way for way in extract.ways if way.id in failed.way_ids and _is_far(way, network, extract, placement)]
+        if not bad and not far:
             return checked
+        for way in far:
+            name = way.tags.get("name", "")
+            left_out.append(LeftOutRoad("", name, (way.id,), f"{failed.name}: no road could be made of way {way.id}"))
         for road_id in bad:
             road = network.road_by_id[road_id]
             left_out.append(LeftOutRoad(road_id, road.name, road.osm_way_ids, f"{failed.name}: {failed.detail}"))
-        network = without_roads(network, bad)
+        if bad:
+            network = without_roads(network, bad)
+
+
+def _is_far(way: OsmWay, network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement) -> bool:
+    """Whether a way lies farther from the crash than any road that it can use begins."""
+    nodes = [extract.nodes[node_id] for node_id in way.node_ids]
+    line = network.frame.to_local(
+        np.array([node.latitude_deg for node in nodes]), np.array([node.longitude_deg for node in nodes])
+    )
+    return bool(shapely.LineString(line).distance(shapely.Point(placement.x_m, placement.y_m)) >= _IN_USE_M)
 
 
 def roads_in_use(network: RoadNetwork, placement: CrashPlacement) -> frozenset[str]:
