@@ -1,6 +1,6 @@
 """Fit the weights by which a report's facts support a verdict, and say how well they do on crashes left out.
 
-    python -m benchmarks.fit_support ROOT
+    python -m benchmarks.fit_support ROOT --cohort va-2023 --cohort fars-csv
 
 ``ROOT`` holds computed crashes of all kinds. True reports at their true places are those accepted there. Facts of the
 place are worth what they are over all kinds: a street's name does not know who met on it. Facts of the course have
@@ -48,7 +48,7 @@ from trace_dag.verdict.support import Weight, facts_of, facts_of_course, grade_o
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade
 
 TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.py"
-PLACES_OF_EACH = 4
+PLACES_OF_EACH = 2
 REPORTS_OF_EACH = 20
 LEAST_M, MOST_M = 300.0, 800.0
 
@@ -68,10 +68,12 @@ def main() -> None:
     """Fit, write the table, print the cross-validated rates."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root")
+    parser.add_argument("--cohort", action="append", help="only these; the sample's crashes are made up")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     workspace = Workspace.open(arguments.root)
-    keys = [(cohort, key) for cohort in workspace.registry.cohorts() for key in workspace.registry.keys(cohort)]
+    cohorts = arguments.cohort or workspace.registry.cohorts()
+    keys = [(cohort, key) for cohort in cohorts for key in workspace.registry.keys(cohort)]
     tasks = [(arguments.root, cohort, key) for cohort, key in keys]
     with get_context("fork").Pool(arguments.workers, maxtasksperchild=16) as pool:
         rows = [row for found in pool.imap(_rows_of, tasks) for row in found]
