@@ -17,6 +17,12 @@ if TYPE_CHECKING:
     from trace_dag.studies.truth import SampleTruth
 
 
+_WITHOUT_KEY = (
+    "without a key: compare-published sets the crashes beside a published study's, score-truth those of the bundled "
+    "sample beside their truth, and --estimators analytic,llm@ollama/MODEL asks a model on this machine"
+)
+
+
 @click.command(
     epilog=examples(
         "trace-dag compare-estimators --estimators analytic,llm --cohort virginia",
@@ -55,6 +61,7 @@ def compare_estimators(
     from trace_dag.cli.problems import Problems
     from trace_dag.errors import Failure
     from trace_dag.flow.workspace import Workspace
+    from trace_dag.states.llm.client import KEY_MISSING
     from trace_dag.studies.estimators import estimators_compared, usual_estimators
     from trace_dag.studies.summaries import estimators_table
 
@@ -69,6 +76,8 @@ def compare_estimators(
     for row in rows:
         if row.outcome == "failed":
             problems.add(Failure(f"{row.key} with {row.estimator}: {row.detail}"))
+    if any(row.outcome == "failed" and KEY_MISSING in row.detail for row in rows):
+        problems.add(Failure(_WITHOUT_KEY))
     if as_json:
         write_json([{"cohort": chosen, **asdict(row)} for row in rows])
         sys.exit(problems.print_all())

@@ -30,7 +30,7 @@ def print_statuses(crashes: Mapping[str, CrashStatus]) -> None:
     states = Counter(crash.final_state for crash in crashes.values())
     say()
     print_table(
-        ["step", "crashes", "published"],
+        ["step", "crashes", "published (TRACE, FSE '26)"],
         [(step.step, step.crashes, step.published) for step in funnel(crashes.values())],
     )
     say()

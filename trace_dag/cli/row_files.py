@@ -12,6 +12,7 @@ from trace_dag.errors import UserError
 if TYPE_CHECKING:
     import pandas as pd
 
+_LOOKED_AT, _WIDEST = 1000, 60  # rows that tell how wide a column is, and the most characters it gets
 _LATITUDE, _LONGITUDE = "latitude_deg", "longitude_deg"
 
 
@@ -31,10 +32,15 @@ def _write_excel(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]
     import pandas as pd
 
     options = {"strings_to_formulas": False, "strings_to_urls": False}
+    frame = _frame(names, [[_cell(value) for value in row] for row in rows])
     with pd.ExcelWriter(path, engine="xlsxwriter", engine_kwargs={"options": options}) as writer:
-        _frame(names, [[_cell(value) for value in row] for row in rows]).to_excel(
-            writer, sheet_name="trace-dag", index=False
-        )
+        frame.to_excel(writer, sheet_name="trace-dag", index=False)
+        sheet = writer.sheets["trace-dag"]
+        sheet.freeze_panes(1, 1)
+        sheet.autofilter(0, 0, len(rows), max(len(names) - 1, 0))
+        for k, name in enumerate(names):
+            longest = max([len(name) + 3, *(len(str(value)) for value in frame[name].head(_LOOKED_AT))])
+            sheet.set_column(k, k, min(longest + 1, _WIDEST))
 
 
 def _cell(value: object) -> object:
@@ -60,7 +66,20 @@ def _write_parquet(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any
     _frame(names, rows).to_parquet(path, index=False)
 
 
+def _write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    _frame(names, rows).to_csv(path, index=False)
+
+
+def _write_json(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    found = [dict(zip(names, row, strict=True)) for row in rows]
+    path.write_text(json.dumps(found, ensure_ascii=False, default=str, indent=1), encoding="utf-8")
+
+
+PRINTED = frozenset({"csv", "json"})
+"""Those that the terminal can show as well."""
 FORMATS: dict[str, Callable[[Path, Sequence[str], Sequence[Sequence[Any]]], None]] = {
+    "csv": _write_csv,
+    "json": _write_json,
     "xlsx": _write_excel,
     "geojson": _write_geojson,
     "parquet": _write_parquet,

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from trace_dag.flow.workspace import Workspace
 
 
+_FIRST = 3  # figures that stand before all else
+
+
 @click.command(epilog=examples("trace-dag show 2023-510179"))
 @click.argument("key")
 @click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
@@ -35,7 +38,7 @@ def show(root: str, key: str, as_json: bool) -> None:
         write_json(said)
         return
     say(f"{key}  {said['outcome']}")
-    for line in said["numbers"]:
+    for line in said["numbers"][:_FIRST]:
         say(f"  {line}")
     for name in ("what", "why", "meaning", "remedy"):
         if said[name]:
@@ -43,6 +46,10 @@ def show(root: str, key: str, as_json: bool) -> None:
     if said["against"]:
         say("\nSpeaks against it:")
         for line in said["against"]:
+            say(f"  {line}")
+    if said["numbers"][_FIRST:]:
+        say()
+        for line in said["numbers"][_FIRST:]:
             say(f"  {line}")
     say()
     print_table(["stage", "outcome", "seconds"], [tuple(row.values()) for row in said["stages"]])
@@ -92,9 +99,10 @@ def _judged(stored: CrashFiles) -> tuple[list[str], list[str]]:
         return [], []
     verdict = stored.load(VERDICT)
     placement = stored.load(MAP_REPORT).placement if stored.has(MAP_REPORT) else None
-    figures = [f"{value:>9} {what}" for value, what in numbers_of(verdict, placement)]
+    figures = [f"{value} {what}" for value, what in numbers_of(verdict, placement)]
     if verdict.accepted:
-        figures += [line for line in (events_in_words(verdict), verdict.alternatives) if line]
+        happened = [line for line in (events_in_words(verdict), verdict.alternatives) if line]
+        figures[_FIRST - 1 : _FIRST - 1] = happened
     return figures, [each.detail for each in verdict.reservations]
 
 

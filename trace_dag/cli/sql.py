@@ -8,7 +8,7 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, say, write_csv, write_json
-from trace_dag.cli.row_files import FORMATS, write_rows
+from trace_dag.cli.row_files import FORMATS, PRINTED, write_rows
 from trace_dag.errors import UserError
 from trace_dag.messages.wording import counted
 from trace_dag.storage.disk_errors import naming
@@ -18,23 +18,24 @@ from trace_dag.storage.disk_errors import naming
     epilog=examples(
         'trace-dag sql "SELECT * FROM funnel"',
         'trace-dag sql "SELECT key, accepted FROM verdicts" --format csv',
-        'trace-dag sql "FROM crashes" --format xlsx --output crashes.xlsx',
+        'trace-dag sql "FROM judged_crashes" --output crashes.xlsx',
     )
 )
 @click.argument("query")
 @click.option(
     "--format",
     "output",
-    type=click.Choice(["table", "csv", "json", *FORMATS]),
-    default="table",
-    show_default=True,
-    help="How the rows are printed, or the kind of file they are written to.",
+    type=click.Choice(["table", *FORMATS]),
+    help="How the rows are printed, a table unless said, or the kind of file; else the file's name says it.",
 )
 @click.option(
-    "--output", "path", type=click.Path(dir_okay=False, path_type=Path), help="The file, for xlsx and the like."
+    "--output",
+    "path",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help=f"The file to write: {', '.join(f'.{name}' for name in FORMATS)}.",
 )
 @click.pass_obj
-def sql(root: str, query: str, output: str, path: Path | None) -> None:
+def sql(root: str, query: str, output: str | None, path: Path | None) -> None:
     """Ask the warehouse in SQL (DuckDB), read-only.
 
     trace-dag tables lists what there is and what the columns mean. In a terminal, long texts stand last and are cut;
@@ -43,13 +44,17 @@ def sql(root: str, query: str, output: str, path: Path | None) -> None:
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.asking import ask
 
-    if (path is not None) != (output in FORMATS):
-        raise UserError(f"sql: --output FILE goes with --format {', '.join(FORMATS)}, and each of them needs it")
+    if path is not None and output is None:
+        output = path.suffix.lower().removeprefix(".")
+        if output not in FORMATS:
+            raise UserError(f"sql: {path}: name the file .{', .'.join(FORMATS)}, or say its kind with --format")
+    if (path is not None and output not in FORMATS) or (path is None and output in FORMATS and output not in PRINTED):
+        raise UserError(f"sql: --format {output} {'needs --output FILE' if path is None else 'is for the terminal'}")
     workspace = Workspace.open(root, to_read=True)
     names, rows = ask(workspace.warehouse, query, workspace.settings.warehouse)
     if path is not None:
         with naming(path):
-            write_rows(path, output, names, rows)
+            write_rows(path, str(output), names, rows)
         say(f"{path}  {counted(len(rows), 'row')}")
     elif output == "csv":
         write_csv(names, rows)

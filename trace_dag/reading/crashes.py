@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,14 @@ class Crashes(Mapping[str, Crash], ABC):
     @abstractmethod
     def crashes(self) -> pd.DataFrame:
         """A row per crash, indexed by key."""
+
+    def steps(self, keys: Iterable[str] | None = None) -> pd.DataFrame:
+        """The steps of many crashes in one table, indexed by key: those asked for, or all that were simulated."""
+        import pandas as pd
+
+        chosen = [key for key in self if self[key].has("log")] if keys is None else list(keys)
+        tables = [self[key].steps.assign(key=key) for key in chosen]
+        return pd.concat(tables).set_index("key") if tables else pd.DataFrame()
 
     def sql(self, query: str) -> duckdb.DuckDBPyRelation:
         """A question in SQL (DuckDB), read-only: ``.df()`` is its answer for pandas, ``.to_arrow_table()`` for Arrow.
@@ -117,8 +125,9 @@ class Home(Crashes):
 
     @property
     def crashes(self) -> pd.DataFrame:
-        """The warehouse's table ``crashes``, indexed by key: where each stands and why, place, time, kind, classes."""
-        frame: pd.DataFrame = self.sql("FROM crashes").df()
+        """The warehouse's view ``judged_crashes``, indexed by key: where each stands and why, its grade and change of
+        velocity, place, time, kind, classes."""
+        frame: pd.DataFrame = self.sql("FROM judged_crashes").df()
         return frame.set_index("key")
 
     @cached_property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from trace_dag.roads.report import CrashPlacement
-from trace_dag.units import mps_to_mph
+from trace_dag.units import METRES_PER_FOOT, mps_to_mph
 from trace_dag.verdict.types import Happening, Verdict
 
 _MOVED_M = 0.05  # a point moved by less prints as not moved
@@ -19,22 +19,44 @@ def numbers_of(verdict: Verdict, placement: CrashPlacement | None) -> list[tuple
     distance = _first(verdict, "reported_distance")
     what = "overturn" if _first(verdict, "overturn") is not None else "first contact"
     if distance is not None:
-        numbers.append((f"{distance:.1f} m", f"from the reported point to the {what}"))
+        numbers.append((length_in_words(distance), f"from the reported point to the {what}"))
+    delta_v_mps = max((c.value for c in verdict.criteria if c.name == "delta_v" and c.value is not None), default=None)
+    if delta_v_mps is not None:
+        numbers.append((speed_in_words(delta_v_mps), "change of velocity, of the vehicle with the larger"))
+    if distance is not None:
         judged = _first(verdict, "station_distance", "contact_distance")
         if judged is not None and abs(judged - distance) > _MOVED_M:
-            numbers.append((f"{judged:.1f} m", "of it along the road, by which it is judged"))
+            numbers.append((length_in_words(judged), "of it along the road, by which it is judged"))
     if placement is not None and placement.moved_m > _MOVED_M:
         by = placement.matched_by
-        numbers.append((f"{placement.moved_m:.1f} m", f"that the reported point was moved onto a road (by {by})"))
+        numbers.append((length_in_words(placement.moved_m), f"that the reported point was moved onto a road (by {by})"))
     clock_error = verdict.worst("clock_error")
     if clock_error is not None:
         numbers.append((f"{clock_error:.1f}", "clock positions at most between reported and simulated impact"))
     closing_mps = _first(verdict, "closing_speed")
     if closing_mps is not None:
-        numbers.append((f"{mps_to_mph(closing_mps):.0f} mph", "closing speed at the first contact"))
+        numbers.append((speed_in_words(closing_mps), "closing speed at the first contact"))
     if verdict.support:
         numbers.append((str(verdict.support.independent_facts), "independent facts of the report agree"))
     return numbers
+
+
+def length_in_words(length_m: float) -> str:
+    """A length in feet and metres.
+
+    >>> length_in_words(1.5)
+    '4.9 ft (1.5 m)'
+    """
+    return f"{length_m / METRES_PER_FOOT:.1f} ft ({length_m:.1f} m)"
+
+
+def speed_in_words(speed_mps: float) -> str:
+    """A speed in miles and kilometres per hour.
+
+    >>> speed_in_words(20.0)
+    '45 mph (72 km/h)'
+    """
+    return f"{mps_to_mph(speed_mps):.0f} mph ({speed_mps * 3.6:.0f} km/h)"
 
 
 def _first(verdict: Verdict, *names: str) -> float | None:

@@ -24,6 +24,10 @@ _CODES = (
     *(crash.WEATHER, events.HARM_EV, events.IMPACT1, events.SOE, persons.PEDCGP, persons.BIKECGP),
     *(vehicle.ACC_TYPE, vehicle.P_CRASH1, vehicle.P_CRASH2, vehicle.VALIGN, vehicle.VPROFILE, vehicle.VSURCOND),
     *(vehicle.J_KNIFE, vehicle.VTRAFCON, vehicle.VTRAFWAY),
+    *(persons.SEX, persons.LOCATION, persons.NMACTION, persons.NMCC, persons.MSAFEQMT, *persons.EQUIPMENT),
+    *(persons.PBCWALK, persons.PBSWALK, persons.PBSZONE, persons.PEDLOC, persons.PEDPOS, persons.BIKEPOS),
+    *(persons.PEDDIR, persons.BIKEDIR, persons.MOTDIR, persons.MOTMAN, persons.PEDLEG),
+    *(persons.PEDCTYPE, persons.BIKECTYPE, crash.PER_TYP),
 )
 _POSITION = ("latitude_deg", "longitude_deg")
 

@@ -35,6 +35,7 @@ _SECRET_NAME = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL)", re.IGNORECA
 _KEY_SHAPED = re.compile(r"\b(sk|pk|AIza|gsk|xai|hf)[-_A-Za-z0-9]{12,}")
 _SHORTEST_SECRET = 6
 _LONGEST_MESSAGE = 300
+KEY_MISSING = "the environment lacks"
 _KEY_WANTED = re.compile(r"api.?key|credential", re.IGNORECASE)
 _REFUSED_STATUS = (401, 403)
 _ANSWERING_FOR_S = 60.0  # for so long after an answer the provider is not tried out again
@@ -166,7 +167,7 @@ class LlmClient:
             if wanted and (missing := _missing_keys(litellm, self.model)):
                 # Without a key some of litellm's providers look as if they could not be reached.
                 lacking = " or ".join(missing)
-                raise Failure(f"{self.model}: the environment lacks {lacking}, the key of its provider") from None
+                raise Failure(f"{self.model}: {KEY_MISSING} {lacking}, the key of its provider") from None
             if _may_pass(litellm, error):
                 raise _NoAnswer(what, _retry_after_s(error)) from None
             raise Failure(f"{what}; check states.llm_model and the provider's environment variables") from None

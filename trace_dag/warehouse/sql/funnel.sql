@@ -1,4 +1,5 @@
--- How many crashes got past each step, beside the published 100 reports, 65 maps and 52 verified reconstructions.
+-- How many crashes got past each step, beside the 100 reports, 65 maps and 52 verified reconstructions of the published
+-- study (TRACE, FSE Companion '26).
 CREATE VIEW funnel AS
 WITH passed AS (
     SELECT crashes.key, coalesce(max(stage_number) FILTER (outcome = 'accepted'), 0) AS stages
@@ -20,7 +21,7 @@ RIGHT JOIN (
 GROUP BY step_number, step
 ORDER BY step_number;
 
-COMMENT ON VIEW funnel IS 'How many crashes got past each step, beside the published counts';
+COMMENT ON VIEW funnel IS 'How many crashes got past each step, beside the counts of the published study (TRACE, FSE Companion ''26)';
 COMMENT ON COLUMN funnel.step IS 'Step of the funnel';
 COMMENT ON COLUMN funnel.crashes IS 'Crashes that passed it';
-COMMENT ON COLUMN funnel.published IS 'Crashes that did in the published benchmark; null if not published';
+COMMENT ON COLUMN funnel.published IS 'Crashes that did in that study, which takes two vehicles alone; null where it does not say';

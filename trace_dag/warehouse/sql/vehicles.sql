@@ -11,7 +11,9 @@ SELECT
     vehicle.mass_kg,
     vehicle.in_transport,
     vehicle.travel_speed_mps,
+    round(vehicle.travel_speed_mps / 0.44704) AS travel_speed_mph,
     vehicle.speed_limit_mps,
+    round(vehicle.speed_limit_mps / 0.44704) AS speed_limit_mph,
     vehicle.speeding,
     vehicle.driver_drinking,
     vehicle.driver_age_years,
@@ -57,7 +59,9 @@ COMMENT ON COLUMN vehicles.width_m IS 'Width of the body, m';
 COMMENT ON COLUMN vehicles.mass_kg IS 'Mass in running order, without a trailer, kg';
 COMMENT ON COLUMN vehicles.in_transport IS 'In transport, not parked or at work';
 COMMENT ON COLUMN vehicles.travel_speed_mps IS 'Reported speed, m/s; null if not reported (TRAV_SP)';
+COMMENT ON COLUMN vehicles.travel_speed_mph IS 'Reported speed, mph; null if not reported (TRAV_SP)';
 COMMENT ON COLUMN vehicles.speed_limit_mps IS 'Speed limit, m/s (VSPD_LIM)';
+COMMENT ON COLUMN vehicles.speed_limit_mph IS 'Speed limit, mph (VSPD_LIM)';
 COMMENT ON COLUMN vehicles.speeding IS 'Speeding as reported (SPEEDREL)';
 COMMENT ON COLUMN vehicles.driver_drinking IS 'The driver had been drinking, as reported (DR_DRINK)';
 COMMENT ON COLUMN vehicles.driver_age_years IS 'Age of the driver (AGE)';
