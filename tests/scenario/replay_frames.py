@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 MOMENTS = {
     "first": "0",
-    "contact": "set_view('impact'); line.show((D.moment?.time ?? end / 2) + 0.04)",
+    "contact": "line.show((D.moment?.time ?? end / 2) + 0.04)",
     "end": "set_view('impact'); line.show(end)",
 }
 """What is done to see each of the three frames; the first is what stands there when the page is opened."""

@@ -14,6 +14,7 @@ import hashlib
 import json
 import math
 import traceback
+from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -148,16 +149,15 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
 
 
-_TABLE = ("crashes", "verdicts")
+_TABLE = ("judged_crashes", "vehicles")
 
 
-def _table(table: list[dict[str, Any]], verdicts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The warehouse's crashes, each with what the pages say of its verdict."""
-    by_key = {row["key"]: row for row in verdicts}
-    for row in table:
-        verdict = by_key.get(row["key"], {})
-        row |= {name: verdict.get(name) for name in ("grade", "contact_distance_m")}
-    return table
+def _table(table: list[dict[str, Any]], vehicles: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The warehouse's crashes, each with its verdict's grade and the classes of its vehicles."""
+    classes: defaultdict[str, set[str]] = defaultdict(set)
+    for row in vehicles:
+        classes[row["key"]].add(row["vehicle_class"])
+    return [row | {"vehicle_classes": ", ".join(sorted(classes[row["key"]]))} for row in table]
 
 
 def publish_leaderboard(storage: Storage, warehouse: Path) -> None:

@@ -40,13 +40,14 @@ _CLASS_NAMES = {
     VehicleClass.LIGHT_TRUCK: "light truck",
     VehicleClass.TRACTOR_TRAILER: "tractor-trailer",
 }
-_TOPOLOGIES = {
+TOPOLOGIES = {
     RoadTopology.FOUR_WAY: "four-way intersection",
-    RoadTopology.T: "T intersection",
-    RoadTopology.Y: "Y intersection",
-    RoadTopology.L: "L intersection",
+    RoadTopology.T: "T junction",
+    RoadTopology.Y: "Y junction",
+    RoadTopology.L: "L junction",
     RoadTopology.FIVE_POINT_OR_MORE: "intersection of five or more roads",
 }
+"""Coverage classes of intersections as people call them; the others are their names."""
 _STANDING = (PreCrashMovement.NO_DRIVER, PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE)
 """Movements of vehicles that can stand: that they did so needs no speed."""
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
@@ -104,7 +105,7 @@ def classes_in_words(record: CrashRecord) -> tuple[str, ...]:
     place, went = record.road_topology, record.vehicle_trajectory
     return (
         *((struck.replace("_", " "),) if struck is not CrashKind.OTHER else ()),
-        *((_TOPOLOGIES.get(place, place.replace("_", " ")),) if place is not RoadTopology.OTHERS else ()),
+        *((TOPOLOGIES.get(place, place.replace("_", " ")),) if place is not RoadTopology.OTHERS else ()),
         *((went.replace("_", " "),) if went is not VehicleTrajectory.OTHERS else ()),
     )
 
@@ -119,6 +120,8 @@ def _driving(vehicle: VehicleRecord) -> str:
     speed = _speed(vehicle).split(" (")[0] if vehicle.travel_speed_mps is not None else ""
     if vehicle.travel_speed_mps == 0.0 and vehicle.movement in _STANDING:
         speed = " and stood still" if vehicle.movement is PreCrashMovement.NO_DRIVER else ""
+    elif vehicle.travel_speed_mps == 0.0:
+        return f"{article} {kind} that stood still"
     return f"{article} {kind}" + (f" that {movement}{speed}" if movement else speed)
 
 

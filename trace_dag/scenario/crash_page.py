@@ -8,14 +8,15 @@ from the warehouse's row and the artefacts. All text is escaped by the templates
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from trace_dag.crash.codes.vehicle import ACC_TYPE
 from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.summary import in_one_sentence
+from trace_dag.crash.summary import event_named, in_one_sentence
 from trace_dag.messages.wording import beside_limit
 from trace_dag.osm.rights import Rights
 from trace_dag.roads.report import MapReport, RejectedMapReport
@@ -25,8 +26,8 @@ from trace_dag.scenario.page_templates import templates, words
 from trace_dag.sim.sampled import Interval, SampledRuns
 from trace_dag.states.types import StateEstimate
 from trace_dag.units import mps_to_mph
-from trace_dag.verdict.in_words import events_in_words, numbers_of
-from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Verdict
+from trace_dag.verdict.in_words import events_in_words, length_in_words, numbers_of
+from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Happening, Verdict
 from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
@@ -72,6 +73,8 @@ def write_crash_page(page: CrashPage) -> bytes:
         numbers=numbers_of(page.verdict, page.map_report.placement if page.map_report else None)
         if page.verdict
         else [],
+        happens=_happens(accepted) if accepted else [],
+        grade_means=_GRADES.get(accepted.grade, "") if accepted and accepted.grade else "",
         outcomes={each.event_number: words(each.outcome) for each in page.verdict.events} if page.verdict else {},
         events=events_in_words(accepted) if accepted else "",
         alternatives=accepted.alternatives if accepted else "",
@@ -87,6 +90,32 @@ def write_crash_page(page: CrashPage) -> bytes:
         bands=_bands(page.sampled.intervals) if page.sampled and page.sampled.effective >= _LEAST_DRAWS else [],
         version=__version__,
     ).encode()
+
+
+_GRADES = {
+    Grade.CORROBORATED: "enough facts of the report agree with it, and nothing essential speaks against it",
+    Grade.CONSISTENT: "it agrees with the report, with no more support than that",
+}
+
+
+def _happens(verdict: Verdict) -> list[tuple[bool, str]]:
+    """The reported harmful events: whether each happens in the simulation, and it in words, with why not."""
+    return [
+        (
+            each.outcome is Happening.HAPPENED,
+            _SOE.sub("", event_named(each.event_number, each.code)) + (f" ({each.why})" if each.why else ""),
+        )
+        for each in verdict.events
+    ]
+
+
+_SOE = re.compile(r" \(SOE \d+\)")
+_CRASH_TYPE = re.compile(r"ACC_TYPE (\d+)")
+
+
+def _without_codes(sentence: str) -> str:
+    """A sentence with the meaning of each crash type in place of its number."""
+    return _CRASH_TYPE.sub(lambda found: ACC_TYPE.meaning(int(found[1])) or "the crash type", sentence)
 
 
 def _facts(crash: Row) -> list[tuple[str, str]]:
@@ -293,7 +322,7 @@ def _reasons(page: CrashPage) -> Reasons:
     contradictions = page.record.contradictions if page.record else ()
     detail = verdict.support.detail if verdict and verdict.support and verdict.grade is not Grade.CORROBORATED else ""
     doubts = [f"{each.detail[0].upper()}{each.detail[1:]}" for each in (verdict.reservations if verdict else ())]
-    return Reasons(
+    reasons = Reasons(
         [in_words(each) for each in deciding if each.passed]
         + [_fact_in_words(fact) for fact in facts if fact.weight > 0.0],
         doubts
@@ -308,6 +337,10 @@ def _reasons(page: CrashPage) -> Reasons:
         [in_words(each) for each in deciding if each.passed is None],
         max(len(doubts), _UNFOLDED),
     )
+    for_it, against, untold = (
+        [*map(_without_codes, each)] for each in (reasons.for_it, reasons.against, reasons.untold)
+    )
+    return replace(reasons, for_it=for_it, against=against, untold=untold)
 
 
 _CRITERIA = {
@@ -331,7 +364,7 @@ _CRITERIA = {
     "compass_error": "heading by the compass as reported",
     "initial_speed_error": "speed as reported",
 }
-_UNITS = {"h": " clock positions off", "deg": "° off", "rel": " of it off", "m": " m"}
+_UNITS = {"h": " clock positions off", "deg": "° off", "rel": " of it off"}
 
 
 def _criterion_in_words(criterion: Criterion, event: int | None) -> str:
@@ -341,7 +374,9 @@ def _criterion_in_words(criterion: Criterion, event: int | None) -> str:
     what = _CRITERIA.get(known, words(criterion.name))
     where = "" if event is None else f" (event {event})"
     sentence = f"{whose}{what}{where}"
-    if criterion.unit in _UNITS and criterion.value is not None and criterion.threshold is not None:
+    if criterion.unit == "m" and criterion.value is not None and criterion.threshold is not None:
+        sentence += f": {length_in_words(abs(criterion.value))}, {length_in_words(criterion.threshold)} allowed"
+    elif criterion.unit in _UNITS and criterion.value is not None and criterion.threshold is not None:
         sentence += f": {beside_limit(abs(criterion.value), criterion.threshold)}{_UNITS[criterion.unit]}"
         sentence += f", {criterion.threshold:g} allowed"
     elif criterion.detail and criterion.passed is False:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.crash.codes.events import SOE
 from trace_dag.crash.parties import party_in_words, party_label, thing_party
-from trace_dag.crash.summary import place_in_words
+from trace_dag.crash.summary import TOPOLOGIES, place_in_words
 from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.units import mps_to_mph
 
@@ -17,13 +17,16 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
-def words(value: object) -> str:
-    """``"two_vehicles"`` as ``"two vehicles"``.
+_TOPOLOGIES = {topology.value: name for topology, name in TOPOLOGIES.items()}
 
-    >>> words('two_vehicles')
-    'two vehicles'
+
+def words(value: object) -> str:
+    """``"two_vehicles"`` as ``"two vehicles"``, ``"t"`` as ``"T junction"``.
+
+    >>> words('two_vehicles'), words('t')
+    ('two vehicles', 'T junction')
     """
-    return str(value).replace("_", " ") if value else ""
+    return _TOPOLOGIES.get(str(value), str(value).replace("_", " ")) if value else ""
 
 
 def _party(number: int | None) -> str:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from trace_dag.crash.summary import TOPOLOGIES
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.page_templates import read, templates
 from trace_dag.scenario.replay_library import LIBRARY, site_files
@@ -20,7 +21,7 @@ from trace_dag.version import __version__
 Row = Mapping[str, Any]
 
 
-_GALLERY = 12
+_GALLERY = 8
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,13 @@ _FILTERS = {
     "collision_type": "Collision type",
     "road_topology": "Road topology",
     "vehicle_trajectory": "Vehicle trajectory",
+    "vehicle_classes": "Vehicle class",
+    "month": "Month",
+    "light": "Light",
+    "weather": "Weather",
+    "speed_limit_mph": "Speed limit (mph)",
     "state_name": "State",
-    "cohort": "Cohort",
+    "cohort": "Register (cohort)",
     "reason": "Reason",
     "outdated": "Outdated",
 }
@@ -103,10 +109,25 @@ _TABLE_COLUMNS = (
     {"name": "collision_type", "label": "Collision", "class": "wide", "sorted": False},
     {"name": "road_topology", "label": "Topology", "class": "wide", "sorted": False},
     {"name": "vehicle_trajectory", "label": "Trajectory", "class": "wide", "sorted": False},
-    {"name": "contact_distance_m", "label": "Contact (m)", "class": "wide number", "sorted": False},
+    {
+        "name": "contact_distance_m",
+        "label": "Contact off, ft (m)",
+        "class": "wide number",
+        "sorted": False,
+    },
 )
 # Decimals: 5 of a degree are a metre.
 _NUMBERS = {"latitude_deg": 5, "longitude_deg": 5, "contact_distance_m": 2}
+
+
+def _text_of(crash: Row, name: str) -> str | None:
+    """What the list says of a crash in a column; months with their year, limits in whole mph."""
+    value = crash.get(name)
+    if value is None or value == "":
+        return None
+    if name == "month":
+        return f"{crash['year']}-{value:02d}"
+    return f"{value:.0f}" if name == "speed_limit_mph" else str(value)
 
 
 def _columns_of(crashes: Sequence[Row]) -> dict[str, Any]:
@@ -114,19 +135,23 @@ def _columns_of(crashes: Sequence[Row]) -> dict[str, Any]:
     coded = {}
     for name in (*_FILTERS, "place"):
         numbers: dict[Any, int] = {}
-        codes = [numbers.setdefault(crash.get(name) or None, len(numbers)) for crash in crashes]
+        codes = [numbers.setdefault(_text_of(crash, name), len(numbers)) for crash in crashes]
         coded[name] = {"values": list(numbers), "codes": codes}
     plain = {
         name: [None if (value := crash.get(name)) is None else round(value, digits) for crash in crashes]
         for name, digits in _NUMBERS.items()
     }
-    return {"key": [crash["key"] for crash in crashes], "coded": coded, "plain": plain}
+    called = {topology.value: name for topology, name in TOPOLOGIES.items()}
+    return {"key": [crash["key"] for crash in crashes], "coded": coded, "plain": plain, "words": called}
 
 
 def _filters(crashes: Sequence[Row]) -> list[dict[str, Any]]:
     filters = []
     for name, label in _FILTERS.items():
-        values = sorted({str(crash[name]) for crash in crashes if crash.get(name)})
+        texts = {text for crash in crashes if (text := _text_of(crash, name))}
+        if name == "vehicle_classes":
+            texts = {each for text in texts for each in text.split(", ")}
+        values = sorted(texts, key=lambda text: (int(text) if text.isdigit() else 0, text))
         if values:
             filters.append({"name": name, "label": label, "values": values})
     return filters

@@ -15,13 +15,16 @@ from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.canvas import Canvas
 from trace_dag.scenario.colours import body_colour
+from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.picture_motion import draw_objects
 from trace_dag.sim.types import Body, Moment, SimulationLog, VehicleLog, moment_of
 
-_HALF_WIDTH_M, _HALF_HEIGHT_M = 32.0, 20.0
+_LEAST_M, _MOST_M = 11.0, 26.0  # half the height of what is seen
+_WIDER = 1.6  # than high
+_MARGIN_M = 4.0
 _WIDTH_PT = 320.0
-_BEFORE_S, _AFTER_S, _HELD_S = 2.5, 2.0, 1.0
+_BEFORE_S, _AFTER_S, _HELD_S = 1.2, 2.0, 1.0
 _STEP_S = 0.1
 _PERSON_RADIUS_M = 1.1  # drawn larger than to scale, to be visible
 
@@ -38,22 +41,29 @@ def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Seq
     if moment is None:
         raise ValueError("a log without a contact or an overturn has no moment to show")
     time_s = np.arange(moment.time_s - _BEFORE_S, moment.time_s + _AFTER_S, _STEP_S)
-    x, y = _centre(log, moment, float(time_s[-1])).tolist()
-    window = (x - _HALF_WIDTH_M, y - _HALF_HEIGHT_M, x + _HALF_WIDTH_M, y + _HALF_HEIGHT_M)
+    window = _window(log, moment, time_s)
     canvas = Canvas(window, _WIDTH_PT)
     MapDrawing(network, window, surroundings=surroundings).draw(canvas, names=False)
     draw_objects(canvas, log.objects)
     for vehicle in log.vehicles:
         body, colour = log.bodies[vehicle.number], body_colour(vehicle.number, log.bodies)
         canvas.element(_moving(vehicle, body, colour, time_s, canvas), 30)
-    return canvas.svg(f' width="{_WIDTH_PT:g}" height="{_WIDTH_PT * _HALF_HEIGHT_M / _HALF_WIDTH_M:g}"')
+    return canvas.svg(f' width="{_WIDTH_PT:g}" height="{_WIDTH_PT / _WIDER:g}"')
 
 
-def _centre(log: SimulationLog, moment: Moment, end_s: float) -> FloatArray:
-    """Halfway between the place of the moment and where those it concerns are in the end, shape (2,)."""
+def _window(log: SimulationLog, moment: Moment, time_s: FloatArray) -> Window:
+    """What holds those it concerns from first to last, near enough that they are seen to be vehicles."""
     both = [each for each in log.vehicles if each.number in moment.numbers]
-    ends = [[np.interp(end_s, each.time_s, each.x_m), np.interp(end_s, each.time_s, each.y_m)] for each in both]
-    return np.asarray((np.array([moment.x_m, moment.y_m]) + np.mean(ends, axis=0)) / 2)
+    ways = [[np.interp(time_s, each.time_s, values) for values in (each.x_m, each.y_m)] for each in both]
+    points = np.concatenate([*(np.stack(way, axis=-1) for way in ways), [[moment.x_m, moment.y_m]]])
+    low, high = points.min(axis=0) - _MARGIN_M, points.max(axis=0) + _MARGIN_M
+    wide_m, high_m = ((high - low) / 2).tolist()
+    half_m = min(max(wide_m / _WIDER, high_m, _LEAST_M), _MOST_M)
+    # One that comes from farther away drives into the picture: the middle is then nearer to where it happens.
+    room = np.maximum(np.array([half_m * _WIDER, half_m]) - 2 * _MARGIN_M, 0.0)
+    place = np.array([moment.x_m, moment.y_m])
+    x, y = np.clip((low + high) / 2, place - room, place + room).tolist()
+    return (x - half_m * _WIDER, y - half_m, x + half_m * _WIDER, y + half_m)
 
 
 def _moving(vehicle: VehicleLog, body: Body, colour: str, time_s: FloatArray, canvas: Canvas) -> str:

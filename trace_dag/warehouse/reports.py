@@ -26,8 +26,7 @@ _CODES = (
     *(vehicle.J_KNIFE, vehicle.VTRAFCON, vehicle.VTRAFWAY),
     *(persons.SEX, persons.LOCATION, persons.NMACTION, persons.NMCC, persons.MSAFEQMT, *persons.EQUIPMENT),
     *(persons.PBCWALK, persons.PBSWALK, persons.PBSZONE, persons.PEDLOC, persons.PEDPOS, persons.BIKEPOS),
-    *(persons.PEDDIR, persons.BIKEDIR, persons.MOTDIR, persons.MOTMAN, persons.PEDLEG),
-    *(persons.PEDCTYPE, persons.BIKECTYPE, crash.PER_TYP),
+    *(persons.PEDDIR, persons.BIKEDIR, persons.MOTDIR, persons.MOTMAN, persons.PEDLEG, crash.PER_TYP),
 )
 _POSITION = ("latitude_deg", "longitude_deg")
 
@@ -76,7 +75,7 @@ def code_meanings() -> pa.Table:
         {"element": table.element, "code": code, "meaning": meaning}
         for table in _CODES
         for code, meaning in table.meanings.items()
-        if table.known(code) is not None
+        if meaning and table.known(code) is not None
     ]
     return pa.Table.from_pylist(
         meanings, schema=pa.schema([("element", pa.string()), ("code", pa.int32()), ("meaning", pa.string())])

@@ -19,7 +19,7 @@
   let picked = null; // crashes chosen on the map
   let order = { column: "key", sign: 1 };
 
-  const words = (value) => (value ? String(value).replaceAll("_", " ") : "–");
+  const words = (value) => (value ? data.words[value] || String(value).replaceAll("_", " ") : "–");
   const classes = [...document.querySelectorAll("#crashes thead th")].map((th) => th.className);
   const cell = (row, content) => {
     const td = row.insertCell();
@@ -44,7 +44,7 @@
     cell(row, words(crash.collision_type));
     cell(row, words(crash.road_topology));
     cell(row, words(crash.vehicle_trajectory));
-    cell(row, crash.contact_distance_m == null ? "–" : crash.contact_distance_m.toFixed(2));
+    cell(row, crash.contact_distance_m == null ? "–" : `${(crash.contact_distance_m / 0.3048).toFixed(1)} (${crash.contact_distance_m.toFixed(1)})`);
     return row;
   }
 
@@ -54,18 +54,43 @@
     return (a < b ? -1 : a > b ? 1 : one.key < two.key ? -1 : 1) * order.sign;
   }
 
-  function matches() {
-    const wanted = fields.filter((field) => field.value && field.name !== "search").map((field) => [field.name, field.value]);
-    const text = form.elements.search.value.trim().toLowerCase();
+  const selects = fields.filter((field) => field.name !== "search");
+  const valuesOf = (crash, name) => crash[name] == null ? [] : name === "vehicle_classes" ? crash[name].split(", ") : [String(crash[name])];
+  // The crashes that fit, whatever one field, `but`, says.
+  function matches(but) {
+    const wanted = selects.filter((field) => field.value && field !== but).map((field) => [field.name, field.value]);
+    const text = but === form.elements.search ? "" : form.elements.search.value.trim().toLowerCase();
     return crashes.filter((crash) =>
       (!picked || picked.has(crash)) &&
-      wanted.every(([name, value]) => String(crash[name]) === value) &&
+      wanted.every(([name, value]) => valuesOf(crash, name).includes(value)) &&
       (!text || crash.text.includes(text)));
+  }
+  // Beside each value of a filter stands how many crashes it would leave.
+  function countValues() {
+    const all = matches();
+    for (const field of selects) {
+      const left = new Map();
+      for (const crash of field.value ? matches(field) : all) for (const value of valuesOf(crash, field.name)) left.set(value, (left.get(value) || 0) + 1);
+      for (const option of field.options) if (option.value) option.textContent = `${words(option.value)} (${left.get(option.value) || 0})`;
+    }
+  }
+  // Where nothing fits, what to change: each filter without which something would.
+  function sayWhatToChange() {
+    const set = fields.filter((field) => field.value).map((field) => [field, matches(field).length]).filter(([, n]) => n);
+    if (!set.length) { count.append(" Several filters together leave none: “Show all” begins anew."); return; }
+    for (const [field, n] of set) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = `Without “${field.labels[0].firstChild.textContent}: ${words(field.value)}”: ${n}`;
+      button.addEventListener("click", () => { field.value = ""; form.dispatchEvent(new Event("input")); });
+      count.append(" ", button);
+    }
   }
 
   function list(found) {
     body.replaceChildren(...found.slice().sort(compare).slice(0, shown).map(rowOf));
     count.textContent = `${found.length} of ${crashes.length} crashes${picked ? ", at the place chosen on the map" : ""}`;
+    if (!found.length) sayWhatToChange();
     more.hidden = found.length <= shown;
     more.textContent = `Show ${Math.min(PAGE, found.length - shown)} more`;
   }
@@ -80,6 +105,7 @@
     shown = PAGE;
     const found = matches();
     list(found);
+    countValues();
     if (!picked) map.show(found, fit);
   }
 

@@ -76,6 +76,7 @@ window.crashMap = (figure, pick, moved) => {
     failed: "M-6-4l2-2 4 4 4-4 2 2-4 4 4 4-2 2-4-4-4 4-2-2 4-4z", pending: "M0-7l7 7-7 7-7-7z",
   };
 
+  let named = new Set();
   function drawOne(group) {
     const [crash] = group.crashes;
     const link = make("a", { href: `crashes/${crash.key}.html`, class: crash.final_state }, svg);
@@ -103,7 +104,7 @@ window.crashMap = (figure, pick, moved) => {
       begin += n;
     }
     make("text", { "aria-hidden": true }, button).textContent = number;
-    if (name) make("text", { class: "name", y: radius + 14, "aria-hidden": true }, button).textContent = words(name);
+    if (name && !named.has(name) && named.add(name)) make("text", { class: "name", y: radius + 14, "aria-hidden": true }, button).textContent = words(name);
     const open = () => {
       const [south, north] = range(group.crashes.map((crash) => crash.latitude_deg));
       const [west, east] = range(group.crashes.map((crash) => crash.longitude_deg));
@@ -160,7 +161,8 @@ window.crashMap = (figure, pick, moved) => {
     drawLand();
     drawGraticule();
     drawScale();
-    for (const group of groups()) (group.crashes.length === 1 ? drawOne : drawSeveral)(group);
+    named = new Set(); // the largest group of a state has its name
+    for (const group of groups().sort((one, two) => two.crashes.length - one.crashes.length)) (group.crashes.length === 1 ? drawOne : drawSeveral)(group);
     if (focused >= 0) (svg.querySelectorAll("[tabindex], a")[0] || svg).focus();
   }
 

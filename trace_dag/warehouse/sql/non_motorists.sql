@@ -41,9 +41,7 @@ SELECT
     person.cyclist_group_code,
     meaning_of('BIKECGP', person.cyclist_group_code) AS cyclist_group,
     person.pedestrian_type_code,
-    meaning_of('PEDCTYPE', person.pedestrian_type_code) AS pedestrian_type,
     person.cyclist_type_code,
-    meaning_of('BIKECTYPE', person.cyclist_type_code) AS cyclist_type,
     person.actions AS action_codes,
     (SELECT list(meaning ORDER BY code) FROM codes WHERE element = 'NMACTION' AND list_contains(person.actions, code)) AS actions,
     person.circumstances AS circumstance_codes,
@@ -106,9 +104,7 @@ COMMENT ON COLUMN non_motorists.pedestrian_group IS 'Group of pedestrian crashes
 COMMENT ON COLUMN non_motorists.cyclist_group_code IS 'Group of cyclist crashes (BIKECGP)';
 COMMENT ON COLUMN non_motorists.cyclist_group IS 'Group of cyclist crashes, in words';
 COMMENT ON COLUMN non_motorists.pedestrian_type_code IS 'Type of pedestrian crash (PEDCTYPE)';
-COMMENT ON COLUMN non_motorists.pedestrian_type IS 'Type of pedestrian crash, in words';
 COMMENT ON COLUMN non_motorists.cyclist_type_code IS 'Type of cyclist crash (BIKECTYPE)';
-COMMENT ON COLUMN non_motorists.cyclist_type IS 'Type of cyclist crash, in words';
 COMMENT ON COLUMN non_motorists.action_codes IS 'What the person did before the crash (NMACTION, MPR_ACT)';
 COMMENT ON COLUMN non_motorists.actions IS 'What the person did before the crash, in words';
 COMMENT ON COLUMN non_motorists.circumstance_codes IS 'What the person contributed (NMCC, MTM_CRSH)';
