@@ -131,7 +131,8 @@ def test_rows_go_into_files_that_other_tools_open(tmp_path):
     ("arguments", "said"),
     [
         (("--format", "xlsx"), "--output FILE"),
-        (("--output", "rows.csv"), "--output FILE"),
+        (("--output", "rows.txt"), "name the file .csv"),
+        (("--format", "table", "--output", "rows.csv"), "is for the terminal"),
         (("--format", "geojson", "--output", "rows.geojson"), "latitude_deg"),
     ],
 )
@@ -141,6 +142,16 @@ def test_rows_that_cannot_be_written_so_are_one_line(arguments, said, tmp_path, 
     assert done.returncode == 2
     assert said in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_knows_its_form_by_its_name(tmp_path):
+    done = trace_dag(finished(), "sql", "SELECT key FROM crashes", "--output", str(tmp_path / "rows.xlsx"))
+    assert done.returncode == 0
+    with zipfile.ZipFile(tmp_path / "rows.xlsx") as sheets:
+        sheet = sheets.read("xl/worksheets/sheet1.xml").decode()
+    assert 'state="frozen"' in sheet
+    assert "<autoFilter" in sheet
+    assert "<cols>" in sheet
 
 
 def test_the_ui_tells_hours_that_cron_does_not_know_in_one_line(tmp_path):

@@ -33,7 +33,7 @@ def test_bodies_are_drawn_where_the_log_has_them(crash):
     for group, pose, number in zip(
         groups, (contact.pose_1, contact.pose_2), (contact.number_1, contact.number_2), strict=True
     ):
-        east, south = map(float, values(group, "translate")[25].split(","))  # 2.5 s after the beginning
+        east, south = map(float, values(group, "translate")[12].split(","))  # 1.2 s after the beginning
         drawn_at.append((east / 100, -south / 100))
         meant.append(pose.xy_m)
         body, box = log.bodies[number], group.find("{*}rect")
