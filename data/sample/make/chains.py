@@ -99,7 +99,7 @@ def _queues(r: dict[str, Road]) -> list[ChainCrash]:
                     freeway, at, (bodies.SEDAN, 0.0), (bodies.COMPACT, 7.2), (bodies.MINIVAN, 14.6),
                     (bodies.HATCHBACK, 21.8),
                 ),
-            ), ((1, 2), (2, 3), (3, 4), (4, 5)), ("I-76", ""), when=(9, 3, 16, 30),
+            ), ((1, 2), (2, 3), (3, 4), (4, 5)), ("I-780", ""), when=(9, 3, 16, 30),
         ),
     ]  # fmt: skip
 
