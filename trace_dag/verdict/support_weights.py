@@ -6,65 +6,79 @@ South Dakota 2012 to 2016. A module and no file beside, so that a verdict's fing
 
 COUNTS = """\
 fact,agreement,true_count,true_of,chance_count,chance_of
-alignment,agrees,82,91,306,450
-alignment,near,4,91,80,450
-alignment,differs,5,91,64,450
-carriageways,agrees,9,9,15,48
-carriageways,differs,0,9,33,48
-compass direction,agrees,4,4,6,12
-compass direction,differs,0,4,6,12
-control,agrees,45,50,204,237
-control,differs,5,50,33,237
-course of the person,agrees,6,6,13,33
-course of the person,differs,0,6,20,33
-crash type,agrees,154,154,744,3082
-crash type,differs,0,154,2338,3082
-critical event,agrees,78,81,616,1613
-critical event,differs,3,81,997,1613
-damage,agrees,59,63,871,1267
-damage,near,3,63,178,1267
-damage,differs,1,63,218,1267
-division,agrees,50,52,195,286
-division,differs,2,52,91,286
-first harmful event,agrees,79,79,1580,1580
-first street,agrees,51,51,7,285
-first street,near,0,51,6,285
-first street,differs,0,51,272,285
-impact,agrees,114,155,892,3103
-impact,near,41,155,1135,3103
-impact,differs,0,155,1076,3103
-impact of the strike,agrees,38,41,315,450
-impact of the strike,near,3,41,76,450
-impact of the strike,differs,0,41,59,450
-intersection,agrees,72,79,275,466
-intersection,near,5,79,44,466
-intersection,differs,2,79,147,466
-land use,agrees,60,74,265,439
-land use,near,4,74,42,439
-land use,differs,10,74,132,439
-lanes,agrees,56,63,177,279
-lanes,differs,7,63,102,279
-limit,agrees,38,43,54,159
-limit,differs,5,43,105,159
-manner of collision,agrees,78,78,973,1562
-manner of collision,differs,0,78,589,1562
-movement,agrees,104,104,1578,2065
-movement,differs,0,104,487,2065
-movement before the strike,agrees,24,24,221,247
-movement before the strike,differs,0,24,26,247
-point,agrees,72,79,414,466
-point,near,7,79,41,466
-point,differs,0,79,11,466
-road class,agrees,48,78,167,457
-road class,near,24,78,112,457
-road class,differs,6,78,178,457
-second street,agrees,35,36,8,227
-second street,differs,1,36,219,227
-speed before the strike,agrees,32,32,40,337
-speed before the strike,differs,0,32,297,337
-striking vehicle,agrees,38,38,441,441
-travel speed,agrees,134,134,369,2680
-travel speed,differs,0,134,2311,2680
-zone of the person,agrees,38,38,438,441
-zone of the person,differs,0,38,3,441
+alignment,agrees,120,137,43,68
+alignment,near,10,137,18,68
+alignment,differs,7,137,7,68
+carriageways,agrees,31,31,11,14
+carriageways,differs,0,31,3,14
+compass direction,agrees,2,2,1,4
+compass direction,differs,0,2,3,4
+control,agrees,92,99,38,44
+control,differs,7,99,6,44
+course of the person,agrees,7,7,12,49
+course of the person,differs,0,7,37,49
+crash type,agrees,174,176,684,2738
+crash type,differs,2,176,2054,2738
+critical event,agrees,80,83,569,1463
+critical event,differs,3,83,894,1463
+crosswalk,agrees,4,4,0,1
+crosswalk,differs,0,4,1,1
+damage,agrees,64,69,874,1273
+damage,near,5,69,180,1273
+damage,differs,0,69,219,1273
+division,agrees,99,103,31,48
+division,differs,4,103,17,48
+first harmful event,agrees,93,93,1426,1426
+first street,agrees,148,154,7,29
+first street,near,2,154,4,29
+first street,differs,4,154,18,29
+impact,agrees,137,181,883,2757
+impact,near,44,181,1001,2757
+impact,differs,0,181,873,2757
+impact of the object,agrees,25,44,173,549
+impact of the object,near,19,44,262,549
+impact of the object,differs,0,44,114,549
+impact of the strike,agrees,44,44,420,621
+impact of the strike,near,0,44,123,621
+impact of the strike,differs,0,44,78,621
+intersection,agrees,182,198,54,97
+intersection,near,8,198,3,97
+intersection,differs,8,198,40,97
+land use,agrees,151,184,61,94
+land use,near,9,184,5,94
+land use,differs,24,184,28,94
+lanes,agrees,123,140,37,63
+lanes,differs,17,140,26,63
+limit,agrees,73,87,13,44
+limit,differs,14,87,31,44
+manner of collision,agrees,89,89,831,1363
+manner of collision,differs,0,89,532,1363
+movement,agrees,108,108,1460,1914
+movement,differs,0,108,454,1914
+movement before the departure,agrees,21,21,160,177
+movement before the departure,differs,0,21,17,177
+movement before the strike,agrees,24,24,253,322
+movement before the strike,differs,0,24,69,322
+part of the road,agrees,64,64,725,771
+part of the road,differs,0,64,46,771
+point,agrees,161,198,75,97
+point,near,30,198,19,97
+point,differs,7,198,3,97
+road class,agrees,125,187,34,86
+road class,near,47,187,24,86
+road class,differs,15,187,28,86
+second street,agrees,64,68,1,26
+second street,near,1,68,1,26
+second street,differs,3,68,24,26
+side of the departure,agrees,59,60,342,750
+side of the departure,differs,1,60,408,750
+speed before the departure,agrees,35,35,78,441
+speed before the departure,differs,0,35,363,441
+speed before the strike,agrees,33,33,68,463
+speed before the strike,differs,0,33,395,463
+striking vehicle,agrees,41,41,617,617
+travel speed,agrees,149,149,323,2377
+travel speed,differs,0,149,2054,2377
+zone of the person,agrees,41,41,596,617
+zone of the person,differs,0,41,21,617
 """
