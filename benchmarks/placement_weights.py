@@ -23,13 +23,12 @@ from trace_dag.roads.crash_site.carriageways import carriageway_at
 from trace_dag.roads.crash_site.contradicted_road import is_numbered_as_reported
 from trace_dag.roads.crash_site.placement import class_steps
 from trace_dag.roads.crash_site.reported_road import lanes_as_reported, pair_of, trafficway_of, trafficway_on_map
-from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, similarity
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 
 AROUND_M = 100.0
-OTHER_STREET = 0.4
 SAME_SPEED_MPS = 1.2
 DISTANCES_M = (0.0, 3.0, 6.0, 12.0, 25.0, 50.0, AROUND_M)
 CLASS_STEPS = (0.9, 1.7, 2.7, math.inf)

@@ -28,7 +28,7 @@ from trace_dag.roads.crash_site.agreement import (
 )
 from trace_dag.roads.crash_site.placement import class_steps, is_at_intersection
 from trace_dag.roads.crash_site.reported_road import Trafficway, trafficway_on_map
-from trace_dag.roads.crash_site.street_names import SAME_STREET, parse_street, similarity
+from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, parse_street, similarity
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
@@ -36,7 +36,6 @@ from trace_dag.units import wrap_angle
 from trace_dag.verdict.observation import ObservedVehicle
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 
-_OTHER_STREET: Final = 0.4  # similarity of names below which two are not one street
 _SAME_CLASS: Final = 1.0  # steps between classes: mapper and agency often differ by one,
 _NEAR_CLASS: Final = 2.2  # hardly by more than two
 _INTERSTATE: Final = 1  # FUNC_SYS
@@ -131,7 +130,7 @@ def _agreement_of_names(reported: str, here: set[str], around: set[str]) -> Agre
     if wanted.ramp:
         return None  # ramps seldom bear a name
     if value is not None:
-        return Agreement.DIFFERS if value < _OTHER_STREET else Agreement.NEAR
+        return Agreement.DIFFERS if value < OTHER_STREET else Agreement.NEAR
     if (similarity(reported, around) or 0.0) >= SAME_STREET:
         return Agreement.DIFFERS if here else Agreement.NEAR
     parsed = [parse_street(name) for name in around]

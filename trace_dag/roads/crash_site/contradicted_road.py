@@ -8,14 +8,13 @@ from typing import Final
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.crash_site.reported_road import Trafficway, pair_of, trafficway_of
-from trace_dag.roads.crash_site.street_names import SAME_STREET, RouteSystem, parse_street, similarity
+from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, RouteSystem, parse_street, similarity
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 
 _INTERSTATE: Final = 1  # FUNC_SYS and ROUTE
 _ON_RAMP: Final = 20  # RELJCT2; 5 is related to a ramp only
 _TOWN_STREET: Final = 3  # rank of the most important class that is one: OSM's secondary
-_OTHER_STREET: Final = 0.4  # names less alike than this are two streets: judgement
 _RAMPS_WITHIN_M: Final = 100.0
 _SYSTEMS: Final = {1: RouteSystem.INTERSTATE, 2: RouteSystem.US, 3: RouteSystem.STATE, 4: RouteSystem.COUNTY}
 """``ROUTE``: who signs the road, where it is numbered."""
@@ -103,7 +102,7 @@ def _has_other_name(record: CrashRecord, names: Collection[str]) -> bool:
     if is_on_ramp(record) or similarity(record.trafficway_1, names) is None:
         return False
     likeness = [value for name in reported if (value := similarity(name, names)) is not None]
-    return max(likeness) < _OTHER_STREET
+    return max(likeness) < OTHER_STREET
 
 
 def _has_ramp_near(network: RoadNetwork) -> bool:

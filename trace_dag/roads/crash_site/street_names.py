@@ -57,6 +57,8 @@ class StreetName:
 
 SAME_STREET: Final = 0.8
 """Similarity from which two names are taken for those of one street."""
+OTHER_STREET: Final = 0.4
+"""Similarity below which two names are those of two streets: judgement."""
 
 _SYSTEMS: Final[dict[str, RouteSystem]] = {
     **dict.fromkeys(("I", "IR", "IH", "INTERSTATE", "INTERSTATE HIGHWAY"), RouteSystem.INTERSTATE),
