@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -171,9 +172,19 @@ def test_the_rows_behind_the_pages_filters_are_those_of_the_table(root, page):
     shown = [
         dict(zip(("key", *columns), values, strict=True)) for values in zip(data["key"], *columns.values(), strict=True)
     ]
-    grades = {row["key"]: row["grade"] for row in rows(root / "warehouse.duckdb", "verdicts")}
-    crashes = [{**row, "grade": grades.get(row["key"])} for row in rows(root / "warehouse.duckdb", "crashes")]
-    assert shown == [{name: row[name] or None for name in ("key", *columns)} for row in crashes]
+    bodies: defaultdict[str, set[str]] = defaultdict(set)
+    for row in rows(root / "warehouse.duckdb", "vehicles"):
+        bodies[row["key"]].add(row["vehicle_class"])
+    written: dict[str, Callable[[dict], str]] = {
+        "month": lambda row: f"{row['year']}-{row['month']:02d}",
+        "speed_limit_mph": lambda row: str(round(row["speed_limit_mph"])),
+    }
+    expected = []
+    for row in rows(root / "warehouse.duckdb", "judged_crashes"):
+        row["vehicle_classes"] = ", ".join(sorted(bodies[row["key"]]))
+        texts = {name: written.get(name, lambda row, name=name: row[name])(row) for name in columns if row[name]}
+        expected.append({"key": row["key"]} | dict.fromkeys(columns) | texts)
+    assert shown == expected
     assert {path.stem for path in (root / "benchmark" / "crashes").glob("*.html")} == set(data["key"])
     packages = {path.stem for path in (root / "benchmark" / "packages").glob("*.zip")}
     assert packages == {row["key"] for row in shown if row["final_state"] == "verified"}
