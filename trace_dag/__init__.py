@@ -8,10 +8,12 @@ from trace_dag.version import __version__
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Iterable
 
     from trace_dag.reading.crashes import Crashes
+    from trace_dag.reading.road_map import MadeMap
 
-__all__ = ["__version__", "open"]
+__all__ = ["__version__", "open", "road_map"]
 
 
 def open(place: str | os.PathLike[str] | None = None) -> Crashes:
@@ -31,3 +33,30 @@ def open(place: str | os.PathLike[str] | None = None) -> Crashes:
     from trace_dag.reading.opening import open_place
 
     return open_place(place)
+
+
+def road_map(
+    osm: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | None = None,
+    *,
+    at: tuple[float, float] | None = None,
+    radius_m: float = 400.0,
+    box: tuple[float, float, float, float] | None = None,
+    left_hand: bool = False,
+) -> MadeMap:
+    """OpenStreetMap as OpenDRIVE, without a crash: the roads around a place, in a box, or of a whole small file.
+
+    ``osm`` is a file or folder, or several; None asks Overpass, a public service. ``at``: latitude and longitude,
+    WGS84, around which the map reaches ``radius_m``; or ``box``: west, south, east, north; neither takes the whole
+    file. ``left_hand``: traffic keeps left. Raises :class:`trace_dag.errors.UserError` where there is no road, the file
+    is no map, or the box has a side of more than 10 km::
+
+        import trace_dag
+
+        made = trace_dag.road_map("tempe-az.osm.pbf", at=(33.4255, -111.94))
+        made.network.roads                  # what was made
+        made.lanes                          # a pandas DataFrame with shapely shapes
+        made.save("tempe")                  # map.xodr, map.json, map.png
+    """
+    from trace_dag.reading.road_map import make_map
+
+    return make_map(osm, at=at, radius_m=radius_m, box=box, left_hand=left_hand)

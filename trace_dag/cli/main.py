@@ -16,6 +16,7 @@ from trace_dag.cli.evaluate import evaluate
 from trace_dag.cli.export import export
 from trace_dag.cli.ingest import ingest
 from trace_dag.cli.leaderboard import leaderboard
+from trace_dag.cli.map import map_command
 from trace_dag.cli.national_coverage import national_coverage
 from trace_dag.cli.open import open_page
 from trace_dag.cli.options import GroupedCommands, examples
@@ -79,6 +80,7 @@ cli.add_under(
     verify,
 )
 cli.add_under("Use them", export, release, evaluate, leaderboard, vary)
+cli.add_under("Without crashes", map_command)
 cli.add_under("Set up", settings, plugins)
 
 

@@ -77,6 +77,15 @@ class CommonRoad:
         return {}
 
 
+def road_scenario(network: RoadNetwork) -> bytes:
+    """A road map without traffic, as a scenario that has lanelets alone."""
+    root = _root("ZAM_Map-1_1_T-1", f"trace-dag {__version__}, {network.attribution}", date.today())
+    _add_location(root, network.frame.latitude_deg, network.frame.longitude_deg)
+    etree.SubElement(etree.SubElement(root, "scenarioTags"), "urban")
+    _Lanelets(network).write_into(root)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
 class _Lanelets:
     """The drivable lanes as lanelets; ids from 1 on."""
 
@@ -114,20 +123,9 @@ class _Lanelets:
 
 def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, drives: Sequence[Drive], source: str) -> bytes:
     year, _, number = record.key.partition("-")
-    root = etree.Element(
-        "commonRoad",
-        timeStepSize=f"{STEP_S:g}",
-        commonRoadVersion="2020a",
-        author="trace-dag",
-        affiliation="",
-        source=source,
-        benchmarkID=f"USA_Fars{year}x{number}V{own.number}-1_1_T-1",
-        date=date(record.year or record.case_year, record.month or 1, record.day or 1).isoformat(),
-    )
-    location = etree.SubElement(root, "location")
-    _add(location, "geoNameId", _UNKNOWN_PLACE)
-    _add(location, "gpsLatitude", f"{record.latitude_deg:.7f}")
-    _add(location, "gpsLongitude", f"{record.longitude_deg:.7f}")
+    day = date(record.year or record.case_year, record.month or 1, record.day or 1)
+    root = _root(f"USA_Fars{year}x{number}V{own.number}-1_1_T-1", source, day)
+    _add_location(root, record.latitude_deg, record.longitude_deg)
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
     road.write_into(root)
     next_id = road.next_id
@@ -137,6 +135,26 @@ def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, drives: Sequence
         next_id += 1
     _add_problem(root, next_id, own)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def _root(benchmark: str, source: str, day: date) -> etree._Element:
+    return etree.Element(
+        "commonRoad",
+        timeStepSize=f"{STEP_S:g}",
+        commonRoadVersion="2020a",
+        author="trace-dag",
+        affiliation="",
+        source=source,
+        benchmarkID=benchmark,
+        date=day.isoformat(),
+    )
+
+
+def _add_location(root: etree._Element, latitude_deg: float, longitude_deg: float) -> None:
+    location = etree.SubElement(root, "location")
+    _add(location, "geoNameId", _UNKNOWN_PLACE)
+    _add(location, "gpsLatitude", f"{latitude_deg:.7f}")
+    _add(location, "gpsLongitude", f"{longitude_deg:.7f}")
 
 
 def _add_obstacle(root: etree._Element, number: int, drive: Drive) -> None:

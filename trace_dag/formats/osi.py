@@ -99,11 +99,13 @@ def trace(network: RoadNetwork, log: SimulationLog) -> bytes:
 
 
 def _states(moved: VehicleLog, times: FloatArray) -> FloatArray:
-    """Place of the middle, velocity, yaw, pitch, roll and yaw rate at some times, shape (n, 9)."""
+    """Place of the middle, velocity, yaw, pitch, roll, yaw rate and acceleration at some times, shape (n, 11)."""
     columns = (moved.x_m, moved.y_m, moved.z_m + moved.above_road_m, moved.velocity_x_mps, moved.velocity_y_mps)
     angles = [np.unwrap(each) for each in (moved.heading_rad, moved.pitch_rad, moved.roll_rad)]
+    velocities = (moved.velocity_x_mps, moved.velocity_y_mps)
+    gained = [np.gradient(each, moved.time_s) if len(each) > 1 else np.zeros(len(each)) for each in velocities]
     return np.column_stack(
-        [np.interp(times, moved.time_s, values) for values in (*columns, *angles, moved.yaw_rate_rps)]
+        [np.interp(times, moved.time_s, values) for values in (*columns, *angles, moved.yaw_rate_rps, *gained)]
     )
 
 
@@ -112,10 +114,11 @@ def _add_moving(message: GroundTruth, body: Body, number: int, state: FloatArray
 
     moving = message.moving_object.add()
     moving.id.value = number
-    x, y, z, vx, vy, yaw, pitch, roll, rate = (float(value) for value in state)
+    x, y, z, vx, vy, yaw, pitch, roll, rate, ax, ay = (float(value) for value in state)
     base = moving.base
     _set(base.position, x=x, y=y, z=z)
     _set(base.velocity, x=vx, y=vy, z=0.0)
+    _set(base.acceleration, x=ax, y=ay, z=0.0)
     _set(base.orientation, roll=roll, pitch=pitch, yaw=float(np.remainder(yaw + np.pi, 2 * np.pi) - np.pi))
     _set(base.orientation_rate, yaw=rate)
     _set(base.dimension, length=body.length_m, width=body.width_m, height=body.height_m)

@@ -52,7 +52,7 @@ class Sumo:
         log = crash.shown_log()
         assert log is not None, "a verified crash was simulated"
         return {
-            f"{crash.key}.net.xml": _network(self._netconvert, crash.key, crash.load(XODR)),
+            f"{crash.key}.net.xml": network_xml(self._netconvert, crash.key, crash.load(XODR)),
             f"{crash.key}.fcd.xml": floating_car_data(log),
         }
 
@@ -112,7 +112,7 @@ def _rows(moved: VehicleLog, body: Body) -> FloatArray:
     return np.column_stack([x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), z, angle_deg, speed])
 
 
-def _network(program: str, key: str, xodr: bytes) -> bytes:
+def network_xml(program: str, key: str, xodr: bytes) -> bytes:
     """The map as netconvert writes it, its places left where they are. Raises :class:`Failure` if it cannot."""
     with tempfile.TemporaryDirectory() as folder:
         given, made = Path(folder) / f"{key}.xodr", Path(folder) / f"{key}.net.xml"

@@ -115,7 +115,7 @@ class MapCatalog:
         parts: dict[str, list[_Part]] = {site.key: [] for site in sites}
         nearest_m: dict[str, tuple[float, str]] = {}
         missing = {site.key: [*self.unreadable] for site in sites}
-        area_km2 = (2e-3 * settings.radius_m) ** 2
+        around_km2 = (2e-3 * settings.radius_m) ** 2
         for file in self.files:
             wanted = [site for site in sites if site.key in boxes and may_cover(file.header, boxes[site.key])]
             bounds = file.header.box
@@ -134,7 +134,7 @@ class MapCatalog:
                 for index, each in enumerate(around):
                     part = _Part(file, found, index, each.box)
                     try:
-                        check_roads(part.extract, file.path, area_km2=area_km2, length_m=part.length_m)
+                        check_roads(part.extract, file.path, area_km2=around_km2, length_m=part.length_m)
                     except UnreadableMapError as error:
                         missing[each.key].append(_with_remedy(error, file.path))
                         continue
@@ -153,6 +153,45 @@ class MapCatalog:
             else:
                 answers[site.key] = self._no_coverage(site, nearest_m, settings)
         return answers
+
+    @property
+    def bounds(self) -> BoundingBox:
+        """The box of everything in the files: what they say that they cover, else their roads. Raises
+        :class:`UserError` where there are none."""
+        boxes = [
+            file.header.box or read_around(file.path, file.header, [], OsmSettings()).road_bounds for file in self.files
+        ]
+        known = [box for box in boxes if box is not None]
+        if not known:
+            raise UserError(f"{', '.join(str(file.path) for file in self.files)}: no drivable way in it")
+        return BoundingBox(
+            south_deg=min(box.south_deg for box in known),
+            west_deg=min(box.west_deg for box in known),
+            north_deg=max(box.north_deg for box in known),
+            east_deg=max(box.east_deg for box in known),
+        )
+
+    def extract_box(self, box: BoundingBox, settings: OsmSettings) -> OsmExtract:
+        """The roads in a box, and what stands and lies beside them, from the file that covers it and its neighbours.
+
+        Raises :class:`UserError` where no file has a drivable way there, with the distance to the nearest data.
+        """
+        parts = []
+        for file in self.files:
+            if may_cover(file.header, box):
+                found = read_around(file.path, file.header, [Around("", box, box)], settings)
+                part = _Part(file, found, 0, box)
+                check_roads(part.extract, file.path, area_km2=area_km2(box), length_m=part.length_m)
+                if part.extract.ways:
+                    parts.append(part)
+        if parts:
+            return _joined(parts)
+        middle = Site("", (box.south_deg + box.north_deg) / 2, (box.west_deg + box.east_deg) / 2)
+        distance_m = _distance_m(middle, self.bounds)
+        place = f"({middle.latitude_deg:.5f}, {middle.longitude_deg:.5f})"
+        if distance_m > 0:
+            raise UserError(f"no map covers the box around {place}: the data end {distance_m / 1000:.1f} km away")
+        raise UserError(f"no drivable way in the box around {place}, which the data cover")
 
     def _no_coverage(self, site: Site, nearest_m: dict[str, tuple[float, str]], settings: OsmSettings) -> Rejection:
         place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"
@@ -204,6 +243,24 @@ def box_around(site: Site, radius_m: float) -> BoundingBox:
         north_deg=min(site.latitude_deg + lat_deg, 90.0),
         east_deg=min(site.longitude_deg + lon_deg, 180.0),
     )
+
+
+def sides_m(box: BoundingBox) -> tuple[float, float]:
+    """How wide and how high a box is (metres).
+
+    >>> width_m, height_m = sides_m(BoundingBox(60.0, 10.0, 60.01, 10.02))  # a degree east is half as long there
+    >>> round(width_m), round(height_m)
+    (1112, 1112)
+    """
+    middle_rad = math.radians((box.south_deg + box.north_deg) / 2)
+    width_rad, height_rad = math.radians(box.east_deg - box.west_deg), math.radians(box.north_deg - box.south_deg)
+    return _EARTH_RADIUS_M * width_rad * math.cos(middle_rad), _EARTH_RADIUS_M * height_rad
+
+
+def area_km2(box: BoundingBox) -> float:
+    """The area of a box (square kilometres)."""
+    width_m, height_m = sides_m(box)
+    return width_m * height_m / 1e6
 
 
 class _Part:

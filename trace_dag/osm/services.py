@@ -61,6 +61,13 @@ class OverpassSource:
         """
         return {site.key: _extract(site, settings, self._download, "Overpass") for site in sites}
 
+    def extract_box(self, box: BoundingBox, settings: OsmSettings) -> OsmExtract:
+        """The roads in a box, from one request. Raises :class:`UserError` where there is none."""
+        found = _extract_box(box, box, settings, self._download, "Overpass")
+        if not found.ways:
+            raise UserError("Overpass has no drivable way in this box")
+        return found
+
     def _download(self, box: BoundingBox, nearer: BoundingBox) -> bytes:
         query = {"data": _overpass_query(box, nearer)}
         failures: list[Failure] = []
@@ -161,6 +168,16 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
     if not is_on_earth(site):
         return Rejection(Reason.NO_MAP_COVERAGE, f"The reported point {place} is not a place on Earth.")
     box, nearer = box_around(site, settings.radius_m), box_around(site, settings.surroundings_radius_m)
+    found = _extract_box(box, nearer, settings, download, name)
+    if not found.ways:
+        detail = f"{name} has no drivable way within {settings.radius_m:.0f} m of {place}."
+        return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=0.0, threshold=settings.radius_m)
+    return found
+
+
+def _extract_box(
+    box: BoundingBox, nearer: BoundingBox, settings: OsmSettings, download: _Download, name: str
+) -> OsmExtract:
     try:
         data = read_osm(download(box, nearer), name=name)
     except UserError as error:
@@ -171,9 +188,6 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
         {node.id: node.tags for node in data.nodes.values() if node.tags},
         (relation for relation in data.relations if "restriction" in relation.tags),
     )
-    if not roads.ways:
-        detail = f"{name} has no drivable way within {settings.radius_m:.0f} m of {place}."
-        return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=0.0, threshold=settings.radius_m)
     return replace(
         roads,
         surroundings=tuple(_surroundings(data, nearer)),

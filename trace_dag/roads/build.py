@@ -23,7 +23,7 @@ from trace_dag.roads.from_osm.converter import Converter, WayHints
 from trace_dag.roads.from_osm.left_hand import LEFT_HAND_STATES, mirrored_extract, mirrored_network
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.from_osm.way_direction import along_traffic
-from trace_dag.roads.gates.gates import require
+from trace_dag.roads.gates.gates import check_map, require
 from trace_dag.roads.gates.scope import check_in_scope, data_ends
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.stored_map import StoredMap
@@ -52,6 +52,16 @@ class RoadMap:
     report: MapReport
 
 
+@dataclass(frozen=True)
+class PlainMap:
+    """A road map without a crash, as converted and as written, its gates, and the tags that it does not follow."""
+
+    network: RoadNetwork
+    stored: StoredMap
+    gates: tuple[MapGate, ...]
+    tags_not_followed: tuple[TagNotFollowed, ...]
+
+
 class RejectedRoadMap(Rejection):
     """The map for which a crash is rejected, as converted and as OpenDRIVE, with the report that is stored beside
     it."""
@@ -78,14 +88,10 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
     """
     extract = along_traffic(extract, _local_time(record))
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
-    converter = road_converter(settings)
     left_hand = record.state_code in LEFT_HAND_STATES
 
     def converted(given: OsmExtract, hints: Mapping[int, WayHints]) -> RoadNetwork:
-        if not left_hand:
-            return with_kinds(converter.convert(given, frame, settings, hints), given)
-        made = converter.convert(mirrored_extract(given, frame), frame, settings, hints)
-        return with_kinds(mirrored_network(made), given)
+        return _network(given, frame, settings, hints, left_hand=left_hand)
 
     network = converted(extract, {})
     gates: tuple[MapGate, ...] = ()
@@ -104,7 +110,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
             filling.extract,
             placement,
             name=f"road map of {record.key}",
-            limits=converter.limits,
+            limits=road_converter(settings).limits,
             settings=settings,
         )
         network, gates = checked.network, checked.gates
@@ -125,7 +131,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
             InferredRoad(road.id, road.inferred) for road in network.roads if road.inferred and road.junction_id is None
         ),
         things=things_near(extract.surroundings, frame, placement),
-        tags_not_followed=tuple(_tags_not_followed(network, extract)),
+        tags_not_followed=tags_not_followed(network, extract),
         left_out_roads=checked.left_out,
         data_ends=data_ends(network, extract, placement),
         reversible_roads=tuple(ReversibleRoad(road.id, road.reversible) for road in network.roads if road.reversible),
@@ -143,8 +149,41 @@ def road_converter(settings: RoadSettings) -> Converter:
     return converter
 
 
-def _tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> Iterator[TagNotFollowed]:
+def build_plain_map(
+    extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, *, name: str, left_hand: bool
+) -> PlainMap:
+    """The road map of an extract by itself, without a crash, in ``frame``; ``left_hand``: traffic keeps left.
+
+    Its gates are measured, all roads in their scope; none rejects the map. Raises :class:`Rejection`
+    (``map_distorted``) where nothing can be made of the extract.
+    """
+    extract = along_traffic(extract)
+    network = _network(extract, frame, settings, {}, left_hand=left_hand)
+    stored = StoredMap(write_opendrive(network, marks=settings.marks), name=name)
+    gates = check_map(network, extract, stored, limits=road_converter(settings).limits)
+    return PlainMap(network, stored, gates, tags_not_followed(network, extract))
+
+
+def _network(
+    extract: OsmExtract,
+    frame: LocalFrame,
+    settings: RoadSettings,
+    hints: Mapping[int, WayHints],
+    *,
+    left_hand: bool,
+) -> RoadNetwork:
+    convert = road_converter(settings).convert
+    if not left_hand:
+        return with_kinds(convert(extract, frame, settings, hints), extract)
+    return with_kinds(mirrored_network(convert(mirrored_extract(extract, frame), frame, settings, hints)), extract)
+
+
+def tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> tuple[TagNotFollowed, ...]:
     """What contradicts other tags or cannot be read, of the ways that are roads of the map."""
+    return tuple(_tags_not_followed(network, extract))
+
+
+def _tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> Iterator[TagNotFollowed]:
     used = {way_id for road in network.roads for way_id in road.osm_way_ids}
     for way in extract.ways:
         if way.id in used:

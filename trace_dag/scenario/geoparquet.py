@@ -1,13 +1,14 @@
-"""Tables with a point per row as GeoParquet 1.1."""
+"""Tables with a geometry per row as GeoParquet 1.1."""
 
 from __future__ import annotations
 
 import io
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from numpy.typing import NDArray
 
 
 def geoparquet(table: pa.Table) -> bytes:
@@ -18,20 +19,34 @@ def geoparquet(table: pa.Table) -> bytes:
     >>> geoparquet(pa.table({"latitude_deg": [41.8], "longitude_deg": [-101.5]}))[:4]
     b'PAR1'
     """
+    import shapely
+
+    points = shapely.points(table.column("longitude_deg").to_numpy(), table.column("latitude_deg").to_numpy())
+    return geoparquet_of(table, points)
+
+
+def geoparquet_of(table: pa.Table, shapes: NDArray[Any]) -> bytes:
+    """A table with a shapely geometry per row, (n,), WGS84, longitude first, as its column ``geometry``.
+
+    >>> import pyarrow as pa
+    >>> import shapely
+    >>> geoparquet_of(pa.table({"name": ["a square"]}), shapely.box([0], [0], [1], [1]))[:4]
+    b'PAR1'
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
     import shapely
 
-    points = shapely.points(table.column("longitude_deg").to_numpy(), table.column("latitude_deg").to_numpy())
-    table = table.append_column("geometry", pa.array(shapely.to_wkb(points).tolist(), pa.binary()))
+    table = table.append_column("geometry", pa.array(shapely.to_wkb(shapes).tolist(), pa.binary()))
+    kinds = sorted({shape.geom_type + (" Z" if shape.has_z else "") for shape in shapes})
     about = {
         "version": "1.1.0",
         "primary_column": "geometry",
         "columns": {
             "geometry": {
                 "encoding": "WKB",
-                "geometry_types": ["Point"],
-                "bbox": shapely.total_bounds(points).tolist(),
+                "geometry_types": kinds,
+                "bbox": shapely.total_bounds(shapes).tolist(),
             }
         },
     }

@@ -31,6 +31,20 @@ _MARGIN_M: Final = 25.0  # half of a wide road, so that no road is missed whose 
 _STRAIGHT_M: Final = 0.004  # borders that are straight to this need no points on the way
 
 
+def window_of(network: RoadNetwork) -> Window:
+    """The window that shows a whole map.
+
+    >>> west, south, east, north = window_of(network)
+    >>> west < 0.0 < east and south < 0.0 < north
+    True
+    """
+    ends = [network.road_geometry(road.id).line.sample(np.array([0.0, road.length_m]))[:, :2] for road in network.roads]
+    inside = [(piece.x_m, piece.y_m) for road in network.roads for piece in road.plan]
+    points = np.concatenate([*ends, np.array(inside)])
+    (west, south), (east, north) = (points.min(axis=0) - _MARGIN_M).tolist(), (points.max(axis=0) + _MARGIN_M).tolist()
+    return west, south, east, north
+
+
 @dataclass(frozen=True, eq=False)
 class SeenLane:
     """A lane of a road in sight: its borders next to the reference line and away from it, shape (n, 3): x, y, z, and

@@ -6,7 +6,7 @@ eyes: ``trace_dag.kind`` is ``body``, ``person``, ``object``, ``contact`` or ``p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -16,7 +16,7 @@ from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.scenario.colours import CONTACT_COLOUR, body_colour, vehicle_colour
-from trace_dag.scenario.map_scene import MapScene, Window
+from trace_dag.scenario.map_scene import MapScene, Window, window_of
 from trace_dag.scenario.object_shapes import in_words, is_ours
 from trace_dag.scenario.solid.animals import animal_nodes, animal_places
 from trace_dag.scenario.solid.dents import LEAST_M, crush_of, dent, dent_keys
@@ -64,19 +64,11 @@ def crash_glb(
     b'glTF'
     """
     window = _window(log)
-    scene = MapScene(network, window)
     ways = [np.column_stack([each.x_m, each.y_m, each.z_m])[::_WAY_EVERY] for each in log.vehicles]
     dug = [item for item in log.objects if item.resistance is Resistance.SLOPE]
     first = log.vehicles[0]
     rest = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
-    areas = areas_of(surroundings, network.frame, window)
-    terrain = Terrain(scene, window, areas, ways, lambda: RoadsideTerrain(network, log.objects, rest), dug)
-    beside = beside_roads(surroundings, network.frame, terrain.heights, window)
-    place = Node("place", extras={"trace_dag": {"kind": "place"}})
-    place.children = [Node("roads and ground", terrain.parts)]
-    for name, parts in (("signs", signs(scene, terrain.heights, window)), ("buildings and trees", beside)):
-        if parts:
-            place.children.append(Node(name, parts))
+    place = _place(network, window, surroundings, ways, lambda: RoadsideTerrain(network, log.objects, rest), dug)
     nodes = [place, *(_object(item) for item in log.objects)]
     for vehicle in log.vehicles:
         body, colour = log.bodies[vehicle.number], body_colour(vehicle.number, log.bodies)
@@ -85,6 +77,38 @@ def crash_glb(
         nodes.append(_ghost(drive))
     nodes += [_contact(contact, k, log) for k, contact in enumerate(log.first_of_each)]
     return write_glb(nodes, title=f"Crash {key}", copyright_notice=network.attribution)
+
+
+def place_glb(network: RoadNetwork, *, surroundings: Sequence[OsmFeature] = ()) -> bytes:
+    """A road map without a crash as one GLB file.
+
+    >>> place_glb(network)[:4]
+    b'glTF'
+    """
+    return write_glb(
+        [_place(network, window_of(network), surroundings)], title="Road map", copyright_notice=network.attribution
+    )
+
+
+def _place(
+    network: RoadNetwork,
+    window: Window,
+    surroundings: Sequence[OsmFeature],
+    ways: Sequence[FloatArray] = (),
+    roadside: Callable[[], RoadsideTerrain] | None = None,
+    dug: Sequence[FixedObject] = (),
+) -> Node:
+    scene = MapScene(network, window)
+    areas = areas_of(surroundings, network.frame, window)
+    level = roadside or (lambda: RoadsideTerrain(network, (), Pose(0.0, 0.0, 0.0)))
+    terrain = Terrain(scene, window, areas, ways, level, dug)
+    beside = beside_roads(surroundings, network.frame, terrain.heights, window)
+    place = Node("place", extras={"trace_dag": {"kind": "place"}})
+    place.children = [Node("roads and ground", terrain.parts)]
+    for name, parts in (("signs", signs(scene, terrain.heights, window)), ("buildings and trees", beside)):
+        if parts:
+            place.children.append(Node(name, parts))
+    return place
 
 
 def _window(log: SimulationLog) -> Window:

@@ -1,0 +1,160 @@
+"""Road maps without crashes: from OpenStreetMap to OpenDRIVE and the forms of other tools, for Python and the command
+``map``. Nothing is kept but what is saved: no storage root, no Dagster."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from trace_dag.errors import Rejection, UserError
+from trace_dag.geometry import LocalFrame
+from trace_dag.network.http import HttpClient
+from trace_dag.osm.catalog import MapCatalog, box_around, sides_m
+from trace_dag.osm.services import OverpassSource
+from trace_dag.osm.types import BoundingBox, OsmExtract, Site
+from trace_dag.roads.build import PlainMap, build_plain_map
+from trace_dag.settings import OsmSettings, RoadSettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from trace_dag.roads.map.network import RoadNetwork
+    from trace_dag.roads.report import MapGate
+
+LONGEST_SIDE_M: Final = 10_000.0
+"""Beyond it a local frame stretches distances by more than a millimetre in a kilometre, and no tool wants one file."""
+_PICTURE_PX: Final = 1600
+_WORDS: Final = "latitude within 90, longitude within 180 degrees, west less than east, south less than north"
+
+
+@dataclass(frozen=True, eq=False)
+class MadeMap:
+    """A road map without a crash: ``extract`` is the OpenStreetMap data that it was ``made`` of."""
+
+    extract: OsmExtract
+    made: PlainMap
+
+    @property
+    def network(self) -> RoadNetwork:
+        """Roads, lanes and junctions, in the local frame of the place."""
+        return self.made.network
+
+    @property
+    def xodr(self) -> bytes:
+        """The map as OpenDRIVE 1.7."""
+        return self.made.stored.xodr
+
+    @property
+    def gates(self) -> tuple[MapGate, ...]:
+        """What was measured of the map, and whether it holds for every road."""
+        return self.made.gates
+
+    @cached_property
+    def lanes(self) -> pd.DataFrame:
+        """A row per lane with shapely shapes; see :func:`trace_dag.reading.lanes.lane_table`."""
+        from trace_dag.reading.lanes import lane_table
+
+        return lane_table(self.network)
+
+    def picture(self) -> str:
+        """The map from above, as an SVG."""
+        from trace_dag.scenario.map_scene import window_of
+        from trace_dag.scenario.maps import draw_network
+
+        return draw_network(self.network, window_of(self.network), surroundings=self.extract.surroundings)
+
+    def report(self) -> dict[str, object]:
+        """What the map is made of, its gates, and the tags that it does not follow."""
+        return {
+            "converter": self.network.converter,
+            "source": self.extract.source,
+            "data_timestamp": self.extract.data_timestamp,
+            "attribution": self.network.attribution,
+            "origin_deg": (self.network.frame.latitude_deg, self.network.frame.longitude_deg),
+            "roads": sum(road.junction_id is None for road in self.network.roads),
+            "junctions": len(self.network.junctions),
+            "gates": [asdict(gate) for gate in self.gates],
+            "tags_not_followed": [asdict(each) for each in self.made.tags_not_followed],
+        }
+
+    def save(self, folder: str | os.PathLike[str], forms: Iterable[str] = ()) -> list[Path]:
+        """Write ``map.xodr``, ``map.json`` (the report), ``map.png`` and some forms
+        (:data:`trace_dag.formats.road_maps.FORMS`) into a folder; what is written."""
+        from trace_dag.formats.road_maps import FORMS
+        from trace_dag.scenario.canvas import as_png, pixels_of
+
+        contents = {
+            "map.xodr": self.xodr,
+            "map.json": json.dumps(self.report(), indent=1, ensure_ascii=False).encode(),
+            "map.png": as_png(pixels_of(self.picture(), _PICTURE_PX)),
+        }
+        for form in forms:
+            if form not in FORMS:
+                raise UserError(f"{form}: no form of a map; there are {', '.join(FORMS)}")
+            name, make = FORMS[form]
+            contents[name] = make(self.network, self.xodr, self.extract.surroundings)
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        for name, content in contents.items():
+            (target / name).write_bytes(content)
+        return [target / name for name in contents]
+
+
+def make_map(
+    osm: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | None,
+    *,
+    at: tuple[float, float] | None,
+    radius_m: float,
+    box: tuple[float, float, float, float] | None,
+    left_hand: bool,
+) -> MadeMap:
+    """See :func:`trace_dag.road_map`."""
+    if at is not None and box is not None:
+        raise UserError("a place (at) or a box, not both")
+    files = [osm] if isinstance(osm, (str, os.PathLike)) else list(osm or ())
+    catalog = MapCatalog.open([Path(file) for file in files]) if files else None
+    wanted = _box_of(at, radius_m, box, catalog)
+    width_m, height_m = sides_m(wanted)
+    if max(width_m, height_m) > LONGEST_SIDE_M:
+        raise UserError(
+            f"{width_m / 1000:.0f} km by {height_m / 1000:.0f} km: at most {LONGEST_SIDE_M / 1000:.0f} km each "
+            "way fit a map; say which part with --at and --radius, or --box (in Python at, radius_m, box)"
+        )
+    settings = OsmSettings()
+    if catalog is not None:
+        extract = catalog.extract_box(wanted, settings)
+    else:
+        extract = OverpassSource(HttpClient(instead="give a file: --osm map.osm.pbf")).extract_box(wanted, settings)
+    middle = ((wanted.south_deg + wanted.north_deg) / 2, (wanted.west_deg + wanted.east_deg) / 2)
+    try:
+        made = build_plain_map(
+            extract, LocalFrame(*(at or middle)), RoadSettings(), name="road map", left_hand=left_hand
+        )
+    except Rejection as why:
+        raise UserError(why.detail) from why
+    return MadeMap(extract, made)
+
+
+def _box_of(
+    at: tuple[float, float] | None,
+    radius_m: float,
+    box: tuple[float, float, float, float] | None,
+    catalog: MapCatalog | None,
+) -> BoundingBox:
+    if at is not None:
+        if not (abs(at[0]) <= 90 and abs(at[1]) <= 180 and radius_m > 0):
+            raise UserError(f"{at[0]:g}, {at[1]:g}: no place; latitude comes first, and the radius is above 0")
+        return box_around(Site("", *at), radius_m)
+    if box is not None:
+        west_deg, south_deg, east_deg, north_deg = box
+        if not (-180 <= west_deg < east_deg <= 180 and -90 <= south_deg < north_deg <= 90):
+            raise UserError(f"{', '.join(f'{side:g}' for side in box)}: no box of west, south, east, north: {_WORDS}")
+        return BoundingBox(south_deg, west_deg, north_deg, east_deg)
+    if catalog is None:
+        raise UserError("which place? --at LAT,LON or --box W,S,E,N, or a whole small file: --osm FILE")
+    return catalog.bounds
