@@ -267,7 +267,7 @@ LEVELS += [way(1_000 + k, [k, k + 400], layer=str(k)) for k in range(1, 401)]
 @pytest.mark.parametrize(
     ("elements", "said"),
     [
-        (SPIRAL, "nodes of roads per square kilometre around the crash; the densest towns have less than 20000"),
+        (SPIRAL, "nodes of roads per square kilometre; the densest towns have less than 20000"),
         (GRID, "places where roads meet per square kilometre"),
         (LEVELS, "metres of road per square kilometre"),
         (STAR, "100 roads meet at node 1"),

@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import click
 import pytest
 import shapely
 from click.testing import CliRunner
 
 import trace_dag
 from trace_dag.cli.main import cli
+from trace_dag.cli.map import map_command
 from trace_dag.errors import UserError
+from trace_dag.formats.road_maps import FORMS
 from trace_dag.reading.road_map import MadeMap
 from trace_dag.roads.map.reader import read_opendrive
 
@@ -33,14 +36,17 @@ def test_a_map_reaches_as_far_as_asked_and_holds_every_gate(made: MadeMap) -> No
 
 
 def test_what_is_saved_is_the_map_its_report_and_a_picture(made: MadeMap, tmp_path: Path) -> None:
-    written = made.save(tmp_path / "town", ["geojson", "geoparquet", "commonroad", "glb"])
-    assert {path.name for path in written} == {
+    written = made.save(tmp_path / "town", ["geojson", "geoparquet", "commonroad", "scenarionet", "glb"])
+    assert {str(path.relative_to(tmp_path / "town")) for path in written} == {
         "map.xodr",
         "map.json",
         "map.png",
         "lanes.geojson",
         "lanes.parquet",
         "map.commonroad.xml",
+        f"scenarionet/sd_trace-dag_{trace_dag.__version__}_map.pkl",
+        "scenarionet/dataset_mapping.pkl",
+        "scenarionet/dataset_summary.pkl",
         "map.glb",
     }
     stored = read_opendrive((tmp_path / "town" / "map.xodr").read_bytes(), name="map.xodr")
@@ -67,7 +73,8 @@ def test_a_box_and_a_whole_file_are_maps_too() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--at", "41.9,-101.54"], "no map covers the box around (41.90000, -101.54000): the data end"),
+        # 0.0558563 degrees north of where the file ends, 111.195 km each
+        (["--at", "41.9,-101.54"], "no map covers (41.90000, -101.54000): the nearest, merrow.osm, ends 6.2 km away"),
         (["--at", "141.9,-101.54"], "no place; latitude comes first"),
         (["--at", "here"], "is not LAT,LON"),
         (["--box=-125,25,-66,49"], "at most 10 km each way fit a map"),
@@ -89,9 +96,15 @@ def test_a_file_that_is_no_map_is_named(tmp_path: Path) -> None:
         trace_dag.road_map(notes, at=MIDDLE)
 
 
+def test_the_command_offers_every_form() -> None:
+    (option,) = (each for each in map_command.params if each.name == "forms")
+    assert isinstance(option.type, click.Choice)
+    assert tuple(option.type.choices) == FORMS
+
+
 def test_the_command_says_what_it_made(tmp_path: Path) -> None:
     given = ["map", "--osm", str(TOWN), "--at", "41.8290,-101.5400", "--radius", "200", "-o", str(tmp_path / "town")]
     result = CliRunner().invoke(cli, given, catch_exceptions=False)
     assert result.exit_code == 0
-    assert "gates" in result.output
+    assert "gates hold" in result.output
     assert (tmp_path / "town" / "map.png").read_bytes()[:4] == b"\x89PNG"

@@ -9,8 +9,9 @@ import click
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import say
 from trace_dag.messages.logs import print_problem
+from trace_dag.messages.wording import counted
 
-_FORMS = ("geojson", "geoparquet", "commonroad", "sumo", "glb")
+_FORMS = ("geojson", "geoparquet", "commonroad", "scenarionet", "sumo", "glb")
 
 
 class _Numbers(click.ParamType[tuple[float, ...]]):
@@ -52,7 +53,8 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
     "forms",
     multiple=True,
     type=click.Choice(_FORMS),
-    help="Also the lanes for geographic tools, or the map for CommonRoad, SUMO (the extra sumo) or viewers of glTF.",
+    help="Also the lanes for geographic tools, or the map for CommonRoad, ScenarioNet and MetaDrive, SUMO (the extra "
+    "sumo) or viewers of glTF.",
 )
 @click.option(
     "--traffic",
@@ -91,8 +93,8 @@ def map_command(
         written = made.save(output, dict.fromkeys(forms))
     failed = [gate for gate in made.gates if gate.passed is False]
     roads = sum(road.junction_id is None for road in made.network.roads)
-    passed = f"{len(made.gates) - len(failed)} of {len(made.gates)} gates"
-    say(f"{roads} roads, {len(made.network.junctions)} junctions, {passed}")
+    holds = f"{len(made.gates) - len(failed)} of {len(made.gates)} gates hold"
+    say(f"{counted(roads, 'road')}, {counted(len(made.network.junctions), 'junction')}, {holds}")
     for gate in failed:
         where = f", road {', '.join(gate.road_ids)}" if gate.road_ids else ""
         print_problem(f"does not hold: {gate.name.replace('_', ' ')}{where}: {gate.detail or gate.value}")

@@ -1,28 +1,28 @@
-"""Road maps by themselves in the forms of other tools: lanes as GeoJSON and GeoParquet, CommonRoad, SUMO, glTF.
+"""Road maps by themselves in the forms of other tools: lanes as GeoJSON and GeoParquet, CommonRoad, ScenarioNet, SUMO,
+glTF.
 
 Lanes for geographic tools are in WGS84, longitude first; all else is in the map's local frame, as in its OpenDRIVE.
+What a form needs is loaded when it is asked for: most maps are wanted as OpenDRIVE alone.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import shapely
 
-from trace_dag.formats.commonroad import road_scenario
-from trace_dag.formats.sumo import netconvert, network_xml
+from trace_dag.errors import UserError
 from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.geoparquet import geoparquet_of
-from trace_dag.scenario.solid.scene import place_glb
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
     from trace_dag.osm.types import OsmFeature
 
+FORMS: Final = ("geojson", "geoparquet", "commonroad", "scenarionet", "sumo", "glb")
 _DIGITS: Final = 7  # of a degree: a centimetre
 
 
@@ -49,6 +49,8 @@ def lanes_geoparquet(network: RoadNetwork) -> bytes:
     b'PAR1'
     """
     import pyarrow as pa
+
+    from trace_dag.scenario.geoparquet import geoparquet_of
 
     rows, surfaces = _lanes(network)
     return geoparquet_of(pa.Table.from_pylist(rows), np.array(surfaces))
@@ -87,15 +89,34 @@ def _polygon(network: RoadNetwork, ring_m: FloatArray) -> shapely.Polygon:
     return shapely.Polygon(np.column_stack([longitudes, latitudes, ring_m[:, 2].round(2)]))
 
 
-def _sumo(network: RoadNetwork, xodr: bytes, surroundings: Sequence[OsmFeature]) -> bytes:
-    return network_xml(netconvert(), "map", xodr)
+def form_of_map(
+    form: str, network: RoadNetwork, xodr: bytes, surroundings: Sequence[OsmFeature]
+) -> Mapping[str, bytes]:
+    """The files of one of :data:`FORMS`, by path, of a map, its OpenDRIVE, and what stands beside its roads.
 
+    Raises :class:`UserError` for another form, or where a program is missing that makes it.
 
-FORMS: Final[Mapping[str, tuple[str, Callable[[RoadNetwork, bytes, Sequence[OsmFeature]], bytes]]]] = {
-    "geojson": ("lanes.geojson", lambda network, xodr, surroundings: lanes_geojson(network)),
-    "geoparquet": ("lanes.parquet", lambda network, xodr, surroundings: lanes_geoparquet(network)),
-    "commonroad": ("map.commonroad.xml", lambda network, xodr, surroundings: road_scenario(network)),
-    "sumo": ("map.net.xml", _sumo),
-    "glb": ("map.glb", lambda network, xodr, surroundings: place_glb(network, surroundings=surroundings)),
-}
-"""By form: the name of its file, and what makes it of a network, its OpenDRIVE, and what stands beside the roads."""
+    >>> sorted(form_of_map("geojson", network, xodr, ()))
+    ['lanes.geojson']
+    """
+    if form == "geojson":
+        return {"lanes.geojson": lanes_geojson(network)}
+    if form == "geoparquet":
+        return {"lanes.parquet": lanes_geoparquet(network)}
+    if form == "commonroad":
+        from trace_dag.formats.commonroad import road_scenario
+
+        return {"map.commonroad.xml": road_scenario(network)}
+    if form == "scenarionet":
+        from trace_dag.formats.scenarionet import road_description
+
+        return {f"scenarionet/{name}": content for name, content in road_description(network).items()}
+    if form == "sumo":
+        from trace_dag.formats.sumo import netconvert, network_xml
+
+        return {"map.net.xml": network_xml(netconvert(), "map", xodr)}
+    if form == "glb":
+        from trace_dag.scenario.solid.scene import place_glb
+
+        return {"map.glb": place_glb(network, surroundings=surroundings)}
+    raise UserError(f"{form}: no form of a map; there are {', '.join(FORMS)}")

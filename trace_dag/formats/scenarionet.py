@@ -4,6 +4,8 @@ The track that a driver under test takes over (``sdc_id``) is the striking vehic
 track is their course without the crash, every :data:`trace_dag.evaluation.drives.STEP_S`: others that were thrown about
 by a crash that a driver avoided would drive through the air. Frame: the crash's local frame.
 
+A road map without a crash is a scenario too: a car drives along its lanes at the limit, and may be taken over.
+
 Format: Li et al., ScenarioNet: Open-source platform for large-scale traffic scenario simulation and modeling, NeurIPS
 2023, and MetaDrive 0.4's ``ScenarioDescription``.
 """
@@ -18,15 +20,18 @@ from typing import Any, Final
 import numpy as np
 
 from trace_dag.crash.parties import party_label, party_of_body
+from trace_dag.crash.record import VehicleClass
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.drives import STEP_S, Drive, drives_of
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.formats.exporter import as_driven
 from trace_dag.geometry import FloatArray
+from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
 from trace_dag.roads.map.model import LaneRef, RoadMark
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.paths import trace_forward
 from trace_dag.scenario.driving_files import lane_id
 from trace_dag.sim.types import BodyKind
 from trace_dag.studies.cases import AgentRole, number_of
@@ -44,6 +49,10 @@ _TYPES: Final = {
     BodyKind.ANIMAL: "PEDESTRIAN",  # the format has no animals
 }
 _MOVES_M: Final = 1.0  # what MetaDrive counts as moving
+_NEAR_M: Final = 100.0  # of the middle of a map: where a car may begin its drive
+_STARTS: Final = 20  # lanes that are tried
+_WAY_M: Final = 300.0
+_CAR_M: Final = (4.8, 1.8, 1.45)
 
 
 class ScenarioNet:
@@ -58,42 +67,63 @@ class ScenarioNet:
         drives = drives_of(case)
         if not any(each.is_driven for each in drives):
             raise UserError("nobody drives in it")
-        length = len(drives[0].course)
         ego = _ego(case, drives)
         shown = [each for each in drives if each.number == ego or party_of_body(each.number) != ego]
         tracks = {party_label(each.number): _track(each) for each in shown}  # without the trailer that the ego pulls
-        metadata = {
-            "dataset": _DATASET,
-            "scenario_id": crash.key,
-            "coordinate": "metadrive",
-            "metadrive_processed": False,
-            "ts": (np.arange(length) * STEP_S).astype(np.float32),
-            "sdc_id": party_label(ego),
-            "object_summary": {name: _summary(name, track) for name, track in tracks.items()},
-            "source_file": f"trace-dag {__version__}, FARS case {crash.key}",
-            "map_attribution": case.network.attribution,
-        }
-        scenario = {
-            "id": crash.key,
-            "version": _VERSION,
-            "length": length,
-            "metadata": metadata,
-            "tracks": tracks,
-            "dynamic_map_states": {},
-            "map_features": _map_features(case.network),
-        }
-        metadata["number_summary"] = _numbers(scenario)
-        name = f"sd_{_DATASET}_{__version__}_{crash.key}.pkl"
-        self._summaries[name] = metadata
+        name, scenario = _scenario(crash.key, f"FARS case {crash.key}", case.network, tracks, party_label(ego))
+        self._summaries[name] = scenario["metadata"]
         return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL)}
 
     def beside(self) -> Mapping[str, bytes]:
         """What is in the folder: each file's metadata, and that all lie in the folder itself."""
-        ordered = dict(sorted(self._summaries.items()))
-        return {
-            "dataset_summary.pkl": pickle.dumps(ordered, _PICKLE_PROTOCOL),
-            "dataset_mapping.pkl": pickle.dumps(dict.fromkeys(ordered, ""), _PICKLE_PROTOCOL),
-        }
+        return _about(self._summaries)
+
+
+def road_description(network: RoadNetwork) -> dict[str, bytes]:
+    """A road map as a data set of one scenario: a car drives from near the middle along the lanes, at their limits.
+
+    Raises :class:`UserError` where the map has no lane of some length to drive in.
+    """
+    name, scenario = _scenario("map", "road map", network, {"car": _car(network)}, "car")
+    return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL), **_about({name: scenario["metadata"]})}
+
+
+def _scenario(
+    key: str, source: str, network: RoadNetwork, tracks: Mapping[str, Any], ego: str
+) -> tuple[str, dict[str, Any]]:
+    """The name of a scenario's file, and the scenario."""
+    length = len(tracks[ego]["state"]["valid"])
+    metadata = {
+        "dataset": _DATASET,
+        "scenario_id": key,
+        "coordinate": "metadrive",
+        "metadrive_processed": False,
+        "ts": (np.arange(length) * STEP_S).astype(np.float32),
+        "sdc_id": ego,
+        "object_summary": {name: _summary(name, track) for name, track in tracks.items()},
+        "source_file": f"trace-dag {__version__}, {source}",
+        "map_attribution": network.attribution,
+    }
+    scenario = {
+        "id": key,
+        "version": _VERSION,
+        "length": length,
+        "metadata": metadata,
+        "tracks": dict(tracks),
+        "dynamic_map_states": {},
+        "map_features": _map_features(network),
+    }
+    metadata["number_summary"] = _numbers(scenario)
+    return f"sd_{_DATASET}_{__version__}_{key}.pkl", scenario
+
+
+def _about(summaries: Mapping[str, dict[str, Any]]) -> dict[str, bytes]:
+    """The two files that make a folder a data set."""
+    ordered = dict(sorted(summaries.items()))
+    return {
+        "dataset_summary.pkl": pickle.dumps(ordered, _PICKLE_PROTOCOL),
+        "dataset_mapping.pkl": pickle.dumps(dict.fromkeys(ordered, ""), _PICKLE_PROTOCOL),
+    }
 
 
 def _ego(case: Case, drives: Sequence[Drive]) -> int:
@@ -104,26 +134,56 @@ def _ego(case: Case, drives: Sequence[Drive]) -> int:
     return min(each.number for each in drives if each.is_driven)
 
 
+def _car(network: RoadNetwork) -> dict[str, Any]:
+    """A car on the way that leads farthest of the lanes near the middle, x and y of the frame being 0 there."""
+    near = [match.lane for match in network.nearest_lanes(0.0, 0.0, _NEAR_M)]
+    starts = [each for each in near or network.drivable_lanes() if network.road_by_id[each.road_id].junction_id is None]
+    ways = [
+        trace_forward(network, each, begin_m, _WAY_M, max_paths=1)[0]
+        for each in starts[:_STARTS]
+        for geometry in [network.geometry(each)]
+        for begin_m in [geometry.begin_m if geometry.direction > 0 else geometry.end_m]
+    ]
+    if not ways:
+        raise UserError("the map has no lane to drive in")
+    way = max(ways, key=lambda each: round(each.length_m))
+    lane = network.lane(way.lanes[0])
+    road = network.road_by_id[way.lanes[0].road_id]
+    speed_mps = lane.speed_mps or road.speed_mps or road_class(road.highway).speed_mps
+    stations = np.arange(0.0, way.length_m, speed_mps * STEP_S)
+    states = [np.interp(stations, way.stations_m, column) for column in way.points.T]
+    course = np.column_stack([*states, np.full(len(stations), speed_mps)])
+    return _track_of("car", "VEHICLE", course, _CAR_M, VehicleClass.CAR)
+
+
 def _track(drive: Drive) -> dict[str, Any]:
-    body, course = drive.participant.body, drive.course
+    body = drive.participant.body
+    size_m = (body.length_m, body.width_m, body.height_m)
+    return _track_of(party_label(drive.number), _TYPES[body.kind], drive.course, size_m, body.vehicle_class)
+
+
+def _track_of(
+    name: str, kind: str, course: FloatArray, size_m: tuple[float, float, float], vehicle_class: VehicleClass
+) -> dict[str, Any]:
+    """``course``: x, y, z, heading, speed every step, shape (n, 5); ``size_m``: length, width, height."""
     heading, speed, length = course[:, 3], course[:, 4], len(course)
 
     def always(value: float) -> FloatArray:
         return np.full(length, value)
 
-    kind, name = _TYPES[body.kind], party_label(drive.number)
+    length_m, width_m, height_m = size_m
     return {
         "type": kind,
         "state": {
             "position": course[:, :3],
             "heading": heading,
             "velocity": np.column_stack([speed * np.cos(heading), speed * np.sin(heading)]),
-            "length": always(body.length_m),
-            "width": always(body.width_m),
-            "height": always(body.height_m),
+            "length": always(length_m),
+            "width": always(width_m),
+            "height": always(height_m),
             "valid": np.ones(length, bool),
         },
-        "metadata": {"type": kind, "object_id": name, "track_length": length, "vehicle_class": str(body.vehicle_class)},
+        "metadata": {"type": kind, "object_id": name, "track_length": length, "vehicle_class": str(vehicle_class)},
     }
 
 

@@ -156,20 +156,24 @@ class MapCatalog:
 
     @property
     def bounds(self) -> BoundingBox:
-        """The box of everything in the files: what they say that they cover, else their roads. Raises
-        :class:`UserError` where there are none."""
-        boxes = [
-            file.header.box or read_around(file.path, file.header, [], OsmSettings()).road_bounds for file in self.files
-        ]
-        known = [box for box in boxes if box is not None]
-        if not known:
+        """The box of everything in the files. Raises :class:`UserError` where they have no drivable way."""
+        boxes = [box for _, box in self._boxes()]
+        if not boxes:
             raise UserError(f"{', '.join(str(file.path) for file in self.files)}: no drivable way in it")
         return BoundingBox(
-            south_deg=min(box.south_deg for box in known),
-            west_deg=min(box.west_deg for box in known),
-            north_deg=max(box.north_deg for box in known),
-            east_deg=max(box.east_deg for box in known),
+            south_deg=min(box.south_deg for box in boxes),
+            west_deg=min(box.west_deg for box in boxes),
+            north_deg=max(box.north_deg for box in boxes),
+            east_deg=max(box.east_deg for box in boxes),
         )
+
+    def _boxes(self) -> list[tuple[MapFile, BoundingBox]]:
+        """Files and what they cover: as they say, else the box of their roads; without those that have none."""
+        boxes = [
+            (file, file.header.box or read_around(file.path, file.header, [], OsmSettings()).road_bounds)
+            for file in self.files
+        ]
+        return [(file, box) for file, box in boxes if box is not None]
 
     def extract_box(self, box: BoundingBox, settings: OsmSettings) -> OsmExtract:
         """The roads in a box, and what stands and lies beside them, from the file that covers it and its neighbours.
@@ -187,11 +191,14 @@ class MapCatalog:
         if parts:
             return _joined(parts)
         middle = Site("", (box.south_deg + box.north_deg) / 2, (box.west_deg + box.east_deg) / 2)
-        distance_m = _distance_m(middle, self.bounds)
+        nearest = [(_distance_m(middle, bounds), file.path.name) for file, bounds in self._boxes()]
+        distance_m, name = min(nearest, default=(math.inf, ""))
         place = f"({middle.latitude_deg:.5f}, {middle.longitude_deg:.5f})"
+        if not nearest:
+            raise UserError(f"{', '.join(str(file.path) for file in self.files)}: no drivable way in it")
         if distance_m > 0:
-            raise UserError(f"no map covers the box around {place}: the data end {distance_m / 1000:.1f} km away")
-        raise UserError(f"no drivable way in the box around {place}, which the data cover")
+            raise UserError(f"no map covers {place}: the nearest, {name}, ends {distance_m / 1000:.1f} km away")
+        raise UserError(f"{name} covers {place} but has no drivable way in the box around it")
 
     def _no_coverage(self, site: Site, nearest_m: dict[str, tuple[float, str]], settings: OsmSettings) -> Rejection:
         place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"

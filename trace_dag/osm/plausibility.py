@@ -116,6 +116,5 @@ def check_roads(extract: OsmExtract, path: Path, *, area_km2: float, length_m: f
     for (what, most), found in zip(_MAX_PER_KM2.items(), measured, strict=True):
         if found > most * area_km2:
             raise UnreadableMapError(
-                f"{path}: {found / area_km2:.0f} {what} per square kilometre around the crash; the densest towns have "
-                f"less than {most}"
+                f"{path}: {found / area_km2:.0f} {what} per square kilometre; the densest towns have less than {most}"
             )

@@ -85,7 +85,7 @@ class MadeMap:
     def save(self, folder: str | os.PathLike[str], forms: Iterable[str] = ()) -> list[Path]:
         """Write ``map.xodr``, ``map.json`` (the report), ``map.png`` and some forms
         (:data:`trace_dag.formats.road_maps.FORMS`) into a folder; what is written."""
-        from trace_dag.formats.road_maps import FORMS
+        from trace_dag.formats.road_maps import form_of_map
         from trace_dag.scenario.canvas import as_png, pixels_of
 
         contents = {
@@ -94,13 +94,10 @@ class MadeMap:
             "map.png": as_png(pixels_of(self.picture(), _PICTURE_PX)),
         }
         for form in forms:
-            if form not in FORMS:
-                raise UserError(f"{form}: no form of a map; there are {', '.join(FORMS)}")
-            name, make = FORMS[form]
-            contents[name] = make(self.network, self.xodr, self.extract.surroundings)
+            contents |= form_of_map(form, self.network, self.xodr, self.extract.surroundings)
         target = Path(folder)
-        target.mkdir(parents=True, exist_ok=True)
         for name, content in contents.items():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
             (target / name).write_bytes(content)
         return [target / name for name in contents]
 
