@@ -207,11 +207,15 @@ class SimSettings(_Section):
     reaction_s: float = Field(
         1.1,
         ge=0,
-        description="After striking a person or a graze: until a driver who was not braking brakes (mean of surprised "
-        "drivers, Fambro et al., NCHRP Report 400).",
+        description="Until a driver who was not braking brakes: from when a person comes into the lane, at the strike "
+        "at the earliest, or from a graze (median of surprised drivers: Olson and Sivak, Human Factors 28, 1986).",
     )
     braking_share: float = Field(
-        0.8, gt=0, le=1, description="And how hard, as a share of what tyres and road allow (0.6 g when dry; ibid.)."
+        0.8,
+        gt=0,
+        le=1,
+        description="And how hard, as a share of what tyres and road allow (0.6 g when dry: Fambro et al., "
+        "NCHRP Report 400).",
     )
     crash_delta_v_mps: float = Field(
         2.2,

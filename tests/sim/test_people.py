@@ -179,7 +179,7 @@ def test_a_low_front_wraps_the_person_and_a_high_one_throws_forward() -> None:
 
 
 def test_the_driver_goes_on_and_brakes_after_the_reaction() -> None:
-    log = run(*crossing(CAR, ADULT, 14.0, brakes_mps2=0.0))
+    log = run(*crossing(CAR, ADULT, 14.0, brakes_mps2=0.0, walks_rad=0.0))  # in the lane all along, and not seen
     contact, car = log.contacts[0], log.vehicle_log(1)
     struck = float(contact.time_s)
 
@@ -190,6 +190,24 @@ def test_the_driver_goes_on_and_brakes_after_the_reaction() -> None:
     assert speed(1.6) - speed(2.1) == pytest.approx(0.5 * 0.8 * 0.75 * GRAVITY_MPS2, rel=0.05)
     assert log.termination is Termination.AT_REST
     assert np.abs(car.y_m).max() < 0.3
+
+
+def test_the_reaction_begins_when_the_person_comes_into_the_lane() -> None:
+    """At 1.4 m/s from half a lane of 12 ft aside to its middle: 1.3 s, more than the reaction takes."""
+    log = run(*crossing(CAR, ADULT, 14.0, brakes_mps2=0.0, lead_s=3.0))
+    struck, car = log.contacts[0].time_s, log.vehicle_log(1)
+    early, late = np.interp([struck + 0.3, struck + 0.8], car.time_s, car.speed_mps)
+    assert early - late == pytest.approx(0.5 * 0.8 * 0.75 * GRAVITY_MPS2, rel=0.05)
+
+
+@pytest.mark.parametrize(("offset_m", "walks_rad"), [(-0.5, math.pi / 2), (0.6, math.pi)])
+def test_a_bus_drives_over_who_lies_before_its_wheel(offset_m: float, walks_rad: float) -> None:
+    """Nobody is pushed until it stands: the tyre draws the body under within half a metre. From the strike to where the
+    person comes to lie it takes no longer than to fall twice, and not much further than the bus goes meanwhile."""
+    bus = replace(CAR, vehicle_class=VehicleClass.BUS, length_m=12.0, width_m=2.55, height_m=3.1, mass_kg=13_000.0)
+    log = run(*crossing(bus, ADULT, 14.0, brakes_mps2=0.0, walks_rad=walks_rad, offset_m=offset_m))
+    assert sum(each.duration_s for each in log.contacts) < 1.5
+    assert thrown_m(log) < searle(14.0)[1]
 
 
 def test_a_driver_may_answer_otherwise() -> None:

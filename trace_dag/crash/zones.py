@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
+from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import CrashRecord, NonMotorist
 
 
@@ -54,6 +55,12 @@ _CROSSWALK: Final = 2  # PEDPOS
 def in_crosswalk(person: NonMotorist) -> bool:
     """Whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``."""
     return person.pedestrian_position_code == _CROSSWALK or person.location_code in _IN_CROSSWALK
+
+
+def may_have_crossed_in_crosswalk(person: NonMotorist) -> bool:
+    """Whether the report leaves open where on the road a person on foot was: a crosswalk, or somewhere else."""
+    told = person.pedestrian_position_code in ZONES_OF_PEDPOS or person.location_code in ZONES_OF_LOCATION
+    return person.kind is not PartyKind.CYCLIST and not told
 
 
 def reported_zones(record: CrashRecord, person: NonMotorist) -> frozenset[Zone]:

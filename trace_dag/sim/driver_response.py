@@ -3,12 +3,17 @@
 A crash ends the drive: nobody steers or brakes from then on. A contact that changes a vehicle's velocity by less than
 an event data recorder has to record (``sim.crash_delta_v_mps``, 8 km/h: 49 CFR 563.5) is none to its driver, who reacts
 as to a person that was struck: keeps the planned path, and brakes after a reaction. A motorcycle falls at any touch.
+
+The reaction to a person begins when the person comes into the vehicle's lane (reaction times are measured from when an
+obstacle comes into sight: Olson and Sivak, Human Factors 28, 1986). It ends at the strike at the earliest, since who
+brakes before does so by the plan. Whoever was in the lane all along was not seen until struck.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 
 from trace_dag.crash.parties import party_of_body
 from trace_dag.crash.record import VehicleClass
@@ -46,9 +51,11 @@ class DriverResponse:
         vehicle.crashed = True
         self._lost.add(party_of_body(vehicle.number))
 
-    def react(self, vehicle: Vehicle, since_s: float, *, beside: bool = False) -> None:
-        """The driver of a vehicle reacts to what happened at a time; pushed ``beside`` the path, stays there."""
+    def react(self, vehicle: Vehicle, since_s: float, *, seen_for_s: float = 0.0, beside: bool = False) -> None:
+        """The driver of a vehicle reacts to what happened at a time and had been in sight for ``seen_for_s``; pushed
+        ``beside`` the path, stays there."""
         reaction = self._reactions[party_of_body(vehicle.number)]
+        reaction = replace(reaction, reaction_s=max(reaction.reaction_s - seen_for_s, 0.0))
         vehicle.strike(round(since_s / self._step_s), reaction, self._step_s, beside=beside)
 
     def is_crash(self, impulse_ns: float, mass_kg: float) -> bool:

@@ -66,10 +66,11 @@ class EmbeddedSimulation:
             tuple[FixedObject, ...] | Pose, RoadsideTerrain
         ] = {}  # by the objects, else the end of a plan
 
-    def with_friction(self, friction: float) -> EmbeddedSimulation:
-        """The same with another tyre-road friction; what is known of the ground is shared."""
+    def of_draw(self, friction: float, reaction_s: float) -> EmbeddedSimulation:
+        """The same with another tyre-road friction and other drivers; what is known of the ground is shared."""
         other = copy(self)
         other._friction = friction
+        other._settings = self._settings.model_copy(update={"reaction_s": reaction_s})
         return other
 
     def run(

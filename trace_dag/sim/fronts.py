@@ -127,13 +127,23 @@ def shell(body: Body) -> list[ShellBox]:
     boxes.append(_upright(tail_m, core_at_m, low_m, max(edge_m - _INSIDE_M, low_m + 0.05), side_m))
     if roof_at_m > tail_m + 0.1:
         boxes.append(_upright(tail_m, roof_at_m, low_m, roof_m, side_m))
-    if low_m > _WHEELS_ABOVE_M:
+    if shows_wheels(body):
         tyre_m = min(0.3, side_m / 2)
         for axle_at_m in (0.35 * body.length_m, -0.35 * body.length_m):
             for sign in (-1.0, 1.0):
                 centre = (axle_at_m, sign * (side_m - tyre_m / 2), low_m / 2 + 0.03)
                 boxes.append(ShellBox(centre, (_TYRE_M, tyre_m / 2, low_m / 2)))
     return boxes
+
+
+def shows_wheels(body: Body) -> bool:
+    """Whether its body is so high off the road that of who lies there only its wheels touch.
+
+    >>> from trace_dag.sim.types import BodyKind
+    >>> [shows_wheels(Body(BodyKind.MOTOR_VEHICLE, kind, 9.0, 2.5, 3.0, 9000.0)) for kind in ("car", "bus")]
+    [False, True]
+    """
+    return front_shape(body).clearance_m > _WHEELS_ABOVE_M
 
 
 def _behind(one: tuple[float, float], two: tuple[float, float], side_m: float) -> ShellBox:

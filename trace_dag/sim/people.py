@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
+
 from trace_dag.sim.driving import BodyState
 from trace_dag.sim.figures import RIDING, Posture, root_height, walking
 from trace_dag.sim.outlines import Outline
@@ -22,6 +24,7 @@ from trace_dag.sim.types import Body, BodyKind, Participant
 _THROWN_REACH = 0.62  # of the stature, of an animal its length: how far limbs reach from the centre of mass
 REST_MPS, REST_RPS = 0.08, 0.1  # of the pelvis, and of every joint: dampers let a raised limb fall slowly
 _REST_S = 0.1
+_HALF_LANE_M = 1.8  # of a lane of 12 ft
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,17 @@ class Person:
         if k == len(self._plan) - 1:
             vx = vy = into_s = 0.0  # the plan is over: it stands
         self.x, self.y, self.vx, self.vy, self.heading = x + vx * into_s, y + vy * into_s, vx, vy, heading
+
+    def in_the_lane_s(self, vehicle: Outline, now_s: float) -> float:
+        """For how long it has been in the lane of the vehicle that strikes it now: no further aside than half a lane,
+        or half the vehicle. 0 of who was there all along.
+        """
+        now = min(int(now_s / self._step_s + 1e-9) + 1, len(self._plan))
+        x, y = self._plan.table[:now, 0], self._plan.table[:now, 1]
+        ahead_x, ahead_y = vehicle.ahead
+        aside_m = np.abs((y - vehicle.y_m) * ahead_x - (x - vehicle.x_m) * ahead_y)
+        outside = np.flatnonzero(aside_m > max(_HALF_LANE_M, vehicle.half_width_m))
+        return max(now_s - int(outside[-1]) * self._step_s, 0.0) if len(outside) else 0.0
 
     def walking_posture(self, time_s: float) -> Posture | Stance:
         """How the figure holds itself at a time before it is touched."""

@@ -109,7 +109,7 @@ def simulate_samples(
 
     def begun(drawn: SampledCrash, sample: Sample) -> CrashRun:
         parties, limit_s = drawn.participants(_COURSE_AFTER_S), LONGEST_BACK_S + _COURSE_AFTER_S
-        here = simulation.with_friction(friction * sample.friction)
+        here = simulation.of_draw(friction * sample.friction, settings.reaction_s * sample.reaction)
         return here.begin(parties, time_limit_s=limit_s, objects=drawn.objects)
 
     weighed: list[tuple[SampledContact, float]] = []

@@ -24,7 +24,7 @@ from trace_dag.errors import Failure
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.figure_state import BodyTree, FigureState
 from trace_dag.sim.figures import figure_mjcf
-from trace_dag.sim.fronts import ShellBox, shell
+from trace_dag.sim.fronts import ShellBox, shell, shows_wheels
 from trace_dag.sim.people import Person, PersonTouch
 from trace_dag.sim.rigid import RigidBodies, vehicle_bodies
 from trace_dag.sim.surface import Ground
@@ -47,6 +47,10 @@ _MOST_WHEEL_LOAD_N = 44_500.0
 658.17); of a lighter vehicle a quarter of its weight."""
 _LIES_BELOW_M = 0.3  # centre of mass above the road
 _LYING_M = 0.24  # height of a trunk that lies
+_CLIMBS_M = 0.5
+"""How far a vehicle goes on from touching who lies before its wheel until the wheel is on top: 2 sqrt(R r), of a tyre
+of R = 0.5 m and a trunk of r = 0.12 m. The tyre does not push the trunk on: it draws it under where its friction is
+above tan(nip angle / 2) = sqrt(r / R) = 0.49, as a rolling mill draws in what it rolls; rubber on clothes has more."""
 _CREEPS_MPS = 1.0
 _SEEN_M = 0.2  # so near to a vehicle a segment is seen, before it touches
 _VEHICLE_SLIDING = 0.3  # rate of the friction's reference, of the normal one
@@ -98,8 +102,10 @@ class FigureBodies(RigidBodies):
         self._pushed: dict[BodyTree, tuple[float, float, float]] = {}  # by whatever it touched in the last step, N
         self._carried: dict[BodyTree, float] = {}  # by the road in the last step: normal force, N
         self._pressed: dict[tuple[tuple[int, int], BodyTree], list[PersonTouch]] = {}  # down, by a vehicle
-        self._rolled_ns: dict[tuple[int, BodyTree], float] = {}  # how hard a vehicle has pushed who lies before it
+        self._climbed: dict[tuple[int, BodyTree], tuple[float, float]] = {}
+        """How hard (N s) and how far (m) a vehicle has pushed who lies before it."""
         self._wheel_loads_n = [min(m.body.mass_kg * GRAVITY_MPS2 / 4, _MOST_WHEEL_LOAD_N) for m in models]
+        self._wheels_touch = [shows_wheels(m.body) for m in models]
         self._shells = []
         for i, vehicle in enumerate(models):
             geoms = np.array([geom(f"v{i}_{k}") for k in range(len(shell(vehicle.body)))])
@@ -193,8 +199,7 @@ class FigureBodies(RigidBodies):
             self._note_touches()
         if self._pressed:
             self._let_up(step_s)
-        if self._rolled_ns:
-            self._roll_over()
+            self._roll_over(step_s)
         self._settle_velocities(step_s)
         return {
             pair: (sum(t.force[0] for t in touches), sum(t.force[1] for t in touches))
@@ -216,7 +221,7 @@ class FigureBodies(RigidBodies):
     def _note_touches(self) -> None:
         """Record the forces of vehicles and the road on people in this step."""
         contacts: Any = self._data.contact
-        owner, vehicles, over_s = self._owner, self._count, self._last_step_s
+        owner, vehicles = self._owner, self._count
         # Most contacts are shapes that are near each other and do not touch: only of the others more is read.
         pressing = [(k, row) for k, row in enumerate(contacts.efc_address.tolist()) if row >= 0]
         if not pressing:
@@ -251,9 +256,6 @@ class FigureBodies(RigidBodies):
             touch = PersonTouch(-distance, points[k].tolist(), normal, force)
             self.touches.setdefault(pair, []).append(touch)
             self._pressed.setdefault((pair, tree), []).append(touch)
-            if self._lies(tree):
-                rolls = (pair[0], tree)
-                self._rolled_ns[rolls] = self._rolled_ns.get(rolls, 0.0) + math.hypot(force[0], force[1]) * over_s
 
     def _push(self, tree: BodyTree, force: tuple[float, ...]) -> None:
         before = self._pushed.get(tree, (0.0, 0.0, 0.0))
@@ -284,14 +286,22 @@ class FigureBodies(RigidBodies):
                 kept = self.touches[pair]
                 kept[kept.index(touch)] = touch._replace(force=tuple((1.0 - share) * value for value in touch.force))
 
-    def _roll_over(self) -> None:
-        """Let vehicles over whom they have pushed as hard as they can while they climb: with a wheel's load, as long
-        as they take for the height of a body that lies."""
-        for (vehicle, tree), pushed_ns in list(self._rolled_ns.items()):
+    def _roll_over(self, over_s: float) -> None:
+        """Let vehicles over who lies before them once they have climbed: pushed with a wheel's load for as long as they
+        rise by the height of a body that lies, or, where it is a wheel that touches, gone on as far as the tyre needs
+        to draw the body under."""
+        for ((vehicle, _), tree), touches in self._pressed.items():
+            if not self._lies(tree):
+                continue
             speed = max(math.hypot(*self._rates[3 * vehicle : 3 * vehicle + 2].tolist()), _CREEPS_MPS)
-            if pushed_ns > self._wheel_loads_n[vehicle] * _LYING_M / speed and self._lies(tree):
+            load_n, by_wheel = self._wheel_loads_n[vehicle], self._wheels_touch[vehicle]
+            pushed_ns, gone_m = self._climbed.get((vehicle, tree), (0.0, 0.0))
+            pushed_ns += math.hypot(sum(t.force[0] for t in touches), sum(t.force[1] for t in touches)) * over_s
+            gone_m += speed * over_s
+            self._climbed[vehicle, tree] = pushed_ns, gone_m
+            if pushed_ns > load_n * _LYING_M / speed or (by_wheel and gone_m > _CLIMBS_M):
                 self._model.pair_margin[self._meetings(vehicle, tree)] = -math.inf  # they no longer meet
-                del self._rolled_ns[vehicle, tree]
+                del self._climbed[vehicle, tree]
 
     def _meetings(self, vehicle: int, tree: BodyTree) -> Any:
         """Which of the model's pairs of shapes are of a vehicle and a person: an array of truths."""

@@ -210,8 +210,9 @@ class ThrownPeople:
             by = vehicle.puller
             motion = BodyMotion(by.x, by.y, by.heading, by.vx, by.vy, by.yaw_rate)
             episode = of_combinations(episode, (Pulled(by, motion, motion), None), 0.0)
+        seen_for_s = 0.0 if person.crashed else person.in_the_lane_s(vehicle.outline(), now_s)
         person.crashed = True
-        self._run.wheels.react(vehicle, now_s)
+        self._run.wheels.react(vehicle, now_s, seen_for_s=seen_for_s)
         return episode
 
     def watch_strike(self, pair: tuple[int, int], episode: ContactEpisode, time_s: float) -> None:

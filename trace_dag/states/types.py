@@ -231,11 +231,13 @@ class PartyDraw:
 
 @dataclass(frozen=True)
 class Sample:
-    """A draw: the index of the hypothesis, the friction as a share of the planned one, and every party."""
+    """A draw: the index of the hypothesis, the friction and the drivers' reaction time as shares of the planned ones,
+    and every party."""
 
     hypothesis: int
     friction: float
     parties: tuple[PartyDraw, ...]
+    reaction: float
 
 
 @dataclass(frozen=True, eq=False)

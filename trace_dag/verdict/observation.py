@@ -28,6 +28,7 @@ from trace_dag.states.types import Hypothesis, ParticipantState
 from trace_dag.units import bearing_to_clock_h, kmh_to_mps
 from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, departed_street
 from trace_dag.verdict.directions import direction
+from trace_dag.verdict.throws import Throw, throw_of
 
 LEAST_SPEED_MPS: Final = 1.0
 """Relative errors of slower speeds are taken as if of this one."""
@@ -65,14 +66,15 @@ class ObservedVehicle:
 @dataclass(frozen=True)
 class ObservedPerson:
     """A person or an animal that is struck: heading (rad) and speed at the strike, how far outside the carriageway
-    (negative within it), for how long it had been on it, and how far it was thrown: to where it came to rest or was
-    struck again."""
+    (negative within it), for how long it had been on it, how far it was thrown, to where it came to rest or was struck
+    again, and how."""
 
     heading_rad: float
     speed_mps: float
     outside_m: float
     exposed_s: float
     thrown_m: float
+    throw: Throw
 
     @property
     def moves(self) -> bool:
@@ -217,12 +219,15 @@ class _Observer:
         speed = math.hypot(*side.velocity_mps)
         heading = math.atan2(side.velocity_mps[1], side.velocity_mps[0])
         later = [c.time_s for c in self._log.meetings if c.number_2 == side.number and c.time_s > contact.time_s]
+        thrown_m = _thrown_m(driven, side.pose.x_m, side.pose.y_m, min(later, default=None))
+        by, body = self._logs[contact.number_1], self._log.bodies[contact.number_1]
         return ObservedPerson(
             heading if speed > STANDS_MPS else side.pose.heading_rad,
             speed,
             outside_m(self._network, side.pose.x_m, side.pose.y_m),
             _exposed_s(self._network, driven, contact.time_s),
-            _thrown_m(driven, side.pose.x_m, side.pose.y_m, min(later, default=None)),
+            thrown_m,
+            throw_of(contact, by, body, driven, thrown_m),
         )
 
     def _departure(self, number: int, until_s: float, at: Contact | Pose) -> ObservedDeparture:

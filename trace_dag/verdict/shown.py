@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 from trace_dag.crash.event_sequence import OFF_THE_ROAD
 from trace_dag.crash.parties import EventKind
@@ -79,7 +80,7 @@ def _of_vehicle(each: Beside, number: int) -> Iterator[Criterion]:
 def _of_person(each: Beside) -> Iterator[Criterion]:
     person, party, event = each.seen.person, each.event.party, each.event.number
     assert person is not None
-    yield shown("throw_distance", person.thrown_m, "m", party, event)
+    yield replace(shown("throw_distance", person.thrown_m, "m", party, event), detail=person.throw.value)
     yield shown("person_speed", person.speed_mps, "mps", party, event)
     yield shown("time_on_carriageway", person.exposed_s, "s", party, event)
     yield shown("outside_carriageway", person.outside_m, "m", party, event)

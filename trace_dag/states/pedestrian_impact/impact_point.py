@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist
-from trace_dag.crash.zones import in_crosswalk
+from trace_dag.crash.zones import in_crosswalk, may_have_crossed_in_crosswalk
 from trace_dag.geometry import FloatArray
+from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.map.people import crosswalks_near
 from trace_dag.states import evidence
 from trace_dag.states.contact_points import ContactPoint, contact_points_of
@@ -32,6 +34,10 @@ _STATION_STEP_M: Final = 0.25
 _TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
 _CROSSWALK_M: Final = 8.0  # farthest from the place: on another leg of the intersection it would be another crosswalk
 _CROSSWALK_SIGMA_M: Final = 0.7  # people in a crosswalk also walk beside its lines
+_BESIDE_SHARE: Final = 0.07
+"""Share of pedestrians struck elsewhere in an intersection that has a crosswalk: 50 of 683 (PEDLOC 1, PBCWALK 1, by
+PEDPOS; the national typing of 2016)."""
+_LEAST: Final = -200.0  # log-likelihood far from every crosswalk
 _TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at least this share of its turn
 
 
@@ -66,27 +72,42 @@ def is_far_side(person: NonMotorist, option: Option) -> bool:
     return option.turn is not None and not person.at_near_side
 
 
-def crosswalk_of(scene: Scene, person: NonMotorist) -> shapely.Polygon | None:
-    """The map's crosswalk nearest to the place, if the report has the person in a crosswalk; None if map or report has
-    none.
+class Crosswalks(NamedTuple):
+    """The crosswalks near the place as one shape, and the share of people who are struck beside them: 0 where the
+    report has the person in one."""
+
+    shape: BaseGeometry
+    beside_share: float
+
+    def log_likelihood(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+        """Of a strike at some places, by how far they are beside the crosswalks (m): the arrays have one shape.
+
+        >>> stripes, x_m, y_m = shapely.box(0.0, 0.0, 3.0, 10.0), np.array([1.0, 3.7, 9.0]), np.full(3, 5.0)
+        >>> Crosswalks(stripes, 0.0).log_likelihood(x_m, y_m)[:2].round(3) + 0.0  # within, and 0.7 m beside them
+        array([ 0. , -0.5])
+        >>> Crosswalks(stripes, 0.07).log_likelihood(x_m, y_m).round(3) + 0.0  # seldom beside them
+        array([ 0.   , -0.456, -2.659])
+        """
+        off_m = shapely.distance(self.shape, shapely.points(x_m, y_m))
+        inside = (1.0 - self.beside_share) * np.exp(-0.5 * (off_m / _CROSSWALK_SIGMA_M) ** 2)
+        with np.errstate(divide="ignore"):
+            return np.maximum(np.log(inside + self.beside_share), _LEAST)
+
+
+def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
+    """The map's crosswalks near the place, if the person was in one by the report, or if it does not say where on the
+    road the person was at an intersection; else None.
     """
-    near = crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M) if in_crosswalk(person) else []
-    return shapely.Polygon(near[0].corners_m) if near else None
-
-
-def crosswalk_log_likelihood(crosswalk: shapely.Polygon, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-    """Of a strike at some places, by how far they are beside the crosswalk (m): the arrays have one shape.
-
-    >>> stripes, y_m = shapely.box(0.0, 0.0, 3.0, 10.0), np.array([5.0, 5.0])
-    >>> crosswalk_log_likelihood(stripes, np.array([1.0, 3.7]), y_m).round(3) + 0.0  # within, and 0.7 m beside it
-    array([ 0. , -0.5])
-    """
-    off_m = shapely.distance(crosswalk, shapely.points(x_m, y_m))
-    return np.asarray(-0.5 * (off_m / _CROSSWALK_SIGMA_M) ** 2)
+    told = in_crosswalk(person)
+    if not told and not (is_at_intersection(scene.record) and may_have_crossed_in_crosswalk(person)):
+        return None
+    near = crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M)
+    shape = shapely.union_all([shapely.Polygon(place.corners_m) for place in near])
+    return Crosswalks(shape, 0.0 if told else _BESIDE_SHARE) if near else None
 
 
 def placed(
-    scene: Scene, path: Path, option: Option, point: ContactPoint, far_side: bool, crosswalk: shapely.Polygon | None
+    scene: Scene, path: Path, option: Option, point: ContactPoint, far_side: bool, crosswalks: Crosswalks | None
 ) -> tuple[Path, float, float]:
     """The path, the station at the strike, and how far the turn was moved along the road to bring the strike to the
     place.
@@ -99,11 +120,11 @@ def placed(
     (True, 0.0)
     """
     if option.turn is None:
-        return path, _station(scene, path, option, point, far_side, 0.0, crosswalk)[0], 0.0
+        return path, _station(scene, path, option, point, far_side, 0.0, crosswalks)[0], 0.0
     found = []
     for slide_m in _TURN_SLIDES_M:
         turned = option.path(slide_m)
-        station_m, score = _station(scene, turned, option, point, far_side, slide_m, crosswalk)
+        station_m, score = _station(scene, turned, option, point, far_side, slide_m, crosswalks)
         score -= 0.5 * (slide_m / TURN_SLIDE_SIGMA_M) ** 2
         found.append((round(score, 6), -abs(slide_m), turned, station_m, slide_m))
     _, _, turned, station_m, slide_m = max(found, key=lambda each: each[:2])
@@ -117,7 +138,7 @@ def _station(
     point: ContactPoint,
     far_side: bool,
     slide_m: float,
-    crosswalk: shapely.Polygon | None,
+    crosswalks: Crosswalks | None,
 ) -> tuple[float, float]:
     """The station where the spot comes nearest to the place, and the log-likelihood of that. In a turn it must fit how
     far the vehicle has turned, and it must be in the crosswalk if the person was in one."""
@@ -131,8 +152,8 @@ def _station(
     contact_x = px + point.ahead_m * np.cos(heading) - point.left_m * np.sin(heading)
     contact_y = py + point.ahead_m * np.sin(heading) + point.left_m * np.cos(heading)
     score = evidence.place_log_likelihood(np.hypot(contact_x - x, contact_y - y))
-    if crosswalk is not None:
-        score = score + crosswalk_log_likelihood(crosswalk, contact_x, contact_y)
+    if crosswalks is not None:
+        score = score + crosswalks.log_likelihood(contact_x, contact_y)
     if option.turn is not None:
         start = float(path.plan(np.array([option.turn_start_m + slide_m]))[2][0])
         share = (heading - start) / option.turn.angle_rad

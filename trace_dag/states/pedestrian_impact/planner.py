@@ -13,13 +13,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-import shapely
 
 from trace_dag.crash.animals import StruckAnimal
-from trace_dag.crash.codes.events import RAN_OFF_LEFT
+from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.parties import PartyKind
-from trace_dag.crash.record import CrashRecord, NonMotorist
+from trace_dag.crash.record import NonMotorist
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.geometry import FloatArray, Pose, body_bearing_rad
 from trace_dag.roads.map.areas import Area
@@ -32,9 +31,9 @@ from trace_dag.states.manoeuvres import Option, back_up, follows_turn, keep_lane
 from trace_dag.states.path_pairs import speed_of, turning_approaches
 from trace_dag.states.paths import LateralShift, Path, shifted, straight
 from trace_dag.states.pedestrian_impact.impact_point import (
+    Crosswalks,
     contact_point_of,
-    crosswalk_log_likelihood,
-    crosswalk_of,
+    crosswalks_of,
     is_far_side,
     placed,
 )
@@ -153,11 +152,11 @@ def impact_plans(scene: Scene, strike: CrashEvent) -> list[ImpactPlan]:
     """
     who = party(scene.record, strike.vehicle)
     courses = readings(strike.person, who.turn, strike.area)
-    crosswalk = crosswalk_of(scene, strike.person)
+    crosswalks = crosswalks_of(scene, strike.person)
     found = []
     for option, speed, terms in approaches_of(scene, who):
         for reading in courses:
-            plan = _plan(scene, strike, who, option, speed, terms, reading, crosswalk)
+            plan = _plan(scene, strike, who, option, speed, terms, reading, crosswalks)
             if plan is not None:
                 found.append(plan)
     return sorted(found, key=lambda plan: (-plan.score, plan.name))
@@ -219,7 +218,7 @@ def _plan(
     speed: TravelSpeed,
     terms: dict[str, float],
     reading: CourseReading,
-    crosswalk: shapely.Polygon | None,
+    crosswalks: Crosswalks | None,
 ) -> ImpactPlan | None:
     person = strike.person
     gait = Gait.STANDING if reading.course is Course.STANDING else gait_of(person)
@@ -229,7 +228,7 @@ def _plan(
     if point is None:
         return None
     option, path = _onto_person(scene, strike, option, point)
-    path, station_m, slid_m = placed(scene, path, option, point, is_far_side(person, option), crosswalk)
+    path, station_m, slid_m = placed(scene, path, option, point, is_far_side(person, option), crosswalks)
     pose = path.pose(station_m)
     if option.backing:
         pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)
@@ -238,8 +237,8 @@ def _plan(
     contact = pose.to_world(np.array([point.ahead_m, point.left_m]))
     contact_xy_m = (float(contact[0]), float(contact[1]))
     terms = terms | {"course of the person": reading.log_prior} | _contact_terms(scene, strike, drive, contact_xy_m)
-    if crosswalk is not None:
-        terms["crosswalk"] = float(crosswalk_log_likelihood(crosswalk, np.array(contact[0]), np.array(contact[1])))
+    if crosswalks is not None:
+        terms["crosswalk"] = float(crosswalks.log_likelihood(np.array(contact[0]), np.array(contact[1])))
     if slid_m:
         terms[f"place of the turn (vehicle {who.vehicle.number})"] = -0.5 * (slid_m / TURN_SLIDE_SIGMA_M) ** 2
     return ImpactPlan(strike, drive, walk, contact_xy_m, terms)
@@ -249,10 +248,12 @@ def _plan(
 def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: ContactPoint) -> tuple[Option, Path]:
     """The vehicle's way: along its lanes, or off the carriageway if the person was not on it."""
     zones = reported_zones(scene.record, strike.person)
+    if not zones and strike.side in (DepartureSide.LEFT, DepartureSide.RIGHT):
+        zones = frozenset({Zone.BESIDE})
     zone = next((each for each in _OUTWARD if each in zones), None)
     if zone is None or Zone.CARRIAGEWAY in zones or option.turn is not None or option.backing:
         return option, option.path()
-    side = 1.0 if _leaves_left(scene.record, strike) else -1.0
+    side = 1.0 if strike.side is DepartureSide.LEFT else -1.0
     here = option.approach.path.pose(option.station_m)
     person_m = side * (edge_m(scene, here, side) + _BEYOND_EDGE_M[zone])
     off_m = person_m - point.left_m
@@ -263,11 +264,6 @@ def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: Contac
     shift = LateralShift(off_m, off_m, slope, ramp_m)
     moved = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=shift)
     return moved, moved.path()
-
-
-def _leaves_left(record: CrashRecord, strike: CrashEvent) -> bool:
-    own = [event.code for event in record.events if event.party_1 == strike.vehicle.number]
-    return RAN_OFF_LEFT in own
 
 
 def edge_m(scene: Scene, here: Pose, side: float) -> float:
