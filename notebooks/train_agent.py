@@ -29,7 +29,7 @@ from trace_dag.evaluation.registry import make_agent, resolve
 from trace_dag.gym import ENVIRONMENT
 from trace_dag.gym.acting import MANOEUVRES
 
-OUTCOMES = ("avoided", "softened", "same", "worse")
+OUTCOMES = ("conflict_avoided", "collision_avoided", "stopped", "mitigated", "unchanged", "worse")
 NUMBER = {name: number for number, (name, _, _) in enumerate(MANOEUVRES)}
 
 

@@ -62,12 +62,12 @@ def test_an_agent_takes_the_place_of_both_and_its_evaluations_enter_the_warehous
     rows = evaluate(root, "--agent", "replay", "--only", CRASHES[0])
     # Whoever drives as recorded has the recorded crash.
     assert [(row["case_id"], row["vehicle_number"], row["outcome"]) for row in rows] == [
-        (CRASHES[0], 1, "same"),
-        (CRASHES[0], 2, "same"),
+        (CRASHES[0], 1, "unchanged"),
+        (CRASHES[0], 2, "unchanged"),
     ]
     stored = asked(root, f"SELECT outcome FROM evaluations WHERE agent = 'replay' AND case_id = '{CRASHES[0]}'")
-    assert stored == [{"outcome": "same"}] * 2
-    assert asked(root, "SELECT agent, same FROM leaderboard WHERE agent = 'replay'") == [{"agent": "replay", "same": 2}]
+    assert stored == [{"outcome": "unchanged"}] * 2
+    assert asked(root, "SELECT unchanged FROM leaderboard WHERE agent = 'replay'") == [{"unchanged": 2}]
 
 
 def test_agents_drive_in_the_variations_of_a_crash(root: Path) -> None:

@@ -128,7 +128,7 @@ class Patching(Harmless):
     def reset(self, scenario: Scenario) -> None:
         from trace_dag.evaluation import evaluate, metrics
 
-        metrics.outcome_of = evaluate.outcome_of = lambda _: metrics.DriveOutcome.AVOIDED
+        metrics.outcome_of = evaluate.outcome_of = lambda _: metrics.DriveOutcome.CONFLICT_AVOIDED
         evaluate.run = evaluate.measure = lambda *_, **__: None
 
 

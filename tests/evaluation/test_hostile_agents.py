@@ -97,11 +97,11 @@ def test_an_answer_that_is_none_is_named(answer: str, said: str) -> None:
 
 
 def test_who_patches_what_measures_changes_nothing_but_itself() -> None:
-    assert driven("Patching").outcome is driven("Harmless").outcome is DriveOutcome.SAME
+    assert driven("Patching").outcome is driven("Harmless").outcome is DriveOutcome.UNCHANGED
 
 
 def test_an_agent_that_stops_its_parent_stops_nobody_who_measures() -> None:
-    assert driven("Stopping").outcome is DriveOutcome.SAME
+    assert driven("Stopping").outcome is DriveOutcome.UNCHANGED
     assert "took longer than 3 s" in driven("Stopping", then="loop").fault
 
 

@@ -65,7 +65,7 @@ def test_the_recorded_driver_has_the_recorded_crash(home):
     env = make(home, actions="discrete")
     *_, (_, _, terminated, truncated, info) = driven(env, RECORDED, seed=1)
     track = env.unwrapped.tracks[KEY]
-    assert (terminated, truncated, info["outcome"]) == (True, False, "same")
+    assert (terminated, truncated, info["outcome"]) == (True, False, "unchanged")
     same = evaluate(track.case, info["ego"], Replay(), Conditions(), track.simulation)
     assert info["metrics"]["contact_time_s"] == same.metrics.contact_time_s
     assert info["metrics"]["contact_shift_m"] == pytest.approx(0.0, abs=1e-6)
@@ -80,13 +80,23 @@ def test_environments_of_one_place_share_what_is_loaded(home):
 def test_reactive_traffic_leaves_the_recorded_crash_and_keeps_its_distance_from_who_drives_otherwise(home):
     env = make(home, actions="discrete", traffic="reactive")
     *_, (_, _, terminated, _, info) = driven(env, RECORDED, seed=1)
-    assert (terminated, info["outcome"]) == (True, "same")
+    assert (terminated, info["outcome"]) == (True, "unchanged")
     driven(env, BRAKE_HARD, seed=1)
     other = next(each for each in env.unwrapped._episode.log.vehicles if each.number != info["ego"])
     recorded = next(each for each in braked_log(home).vehicles if each.number == other.number)
     assert other.speed_mps.mean() <= recorded.speed_mps.mean() + 0.1
-    with pytest.raises(UserError, match="traffic 'none': expected recorded or reactive"):
+    with pytest.raises(UserError, match="traffic 'none': expected recorded, reactive, persistent"):
         make(home, traffic="none")
+
+
+def test_persistent_traffic_waits_for_who_is_slow(home):
+    """Half the recorded speed leads into the conflict all the same, and info says which crash that was."""
+    env = make(home, actions="continuous", traffic="persistent")
+    _, info = env.reset(seed=1)
+    assert info["key"] == info["case_id"] == KEY
+    *_, (_, _, terminated, _, told) = driven(env, np.array([-0.1, 0.0], np.float32), seed=1)
+    assert told["key"] == KEY
+    assert terminated or told["outcome"] == "stopped"
 
 
 def braked_log(home):
@@ -96,9 +106,11 @@ def braked_log(home):
     return env.unwrapped._episode.log
 
 
-def test_who_stands_still_in_time_avoids_the_crash_and_gets_nothing_for_the_way(home):
-    *steps, (_, _, terminated, truncated, info) = driven(make(home, actions="discrete"), BRAKE_HARD, seed=1)
-    assert (terminated, truncated, info["outcome"]) == (False, True, "avoided")
+def test_who_stands_still_in_time_has_stopped_and_gets_nothing_for_the_way(home):
+    *steps, (_, reward, terminated, truncated, info) = driven(make(home, actions="discrete"), BRAKE_HARD, seed=1)
+    assert (terminated, truncated, info["outcome"]) == (False, True, "stopped")
+    assert not info["metrics"]["finished"]
+    assert reward < 0.0
     driving = driven(make(home, actions="discrete"), RECORDED, seed=1)
     count = len(driving) - 2
     assert sum(step[1] for step in steps[1:][:count]) < sum(step[1] for step in driving[1:-1])
@@ -168,7 +180,7 @@ def test_all_drivers_at_once_have_the_recorded_crash(home):
     while env.agents:
         _, _, terminated, _, info = env.step(dict.fromkeys(env.agents, RECORDED))
     assert terminated == {"V1": True, "V2": True}
-    assert {each["outcome"] for each in info.values()} == {"same"}
+    assert {each["outcome"] for each in info.values()} == {"unchanged"}
 
 
 def test_pictures_show_bodies_that_move_and_pages_open_at_the_end(home, monkeypatch):

@@ -26,7 +26,14 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not instal
 
 VERIFIED, REJECTED_MAP, NO_MAP = "2023-319003", "2023-319069", "2023-319062"
 COUNTS = dict.fromkeys(OUTCOMES, 2) | {"agent": "brake", "runs": 10, "cases": 10}
-RUN = {"agent": "brake", "key": VERIFIED, "vehicle_number": 1, "role": "struck", "outcome": "avoided", "fault": None}
+RUN = {
+    "agent": "brake",
+    "key": VERIFIED,
+    "vehicle_number": 1,
+    "role": "struck",
+    "outcome": "conflict_avoided",
+    "fault": None,
+}
 
 
 def axe() -> str:

@@ -15,7 +15,7 @@ from trace_dag.crash.record import VehicleClass
 from trace_dag.errors import Failure
 from trace_dag.settings import SimSettings
 from trace_dag.sim.anthropometry import person_body
-from trace_dag.sim.driving import BodyState, Pedals
+from trace_dag.sim.driving import BodyState, Pace, Pedals
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
 from trace_dag.sim.fronts import front_shape
@@ -354,8 +354,9 @@ def test_the_same_people_make_the_same_files_and_files_give_them_back() -> None:
     assert again.bodies[1001] == CHILD
 
 
-class _NoDriver:
+class _Pedals:
     period_s = 0.1
+    has_arrived = False
 
     def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals:
         return Pedals()
@@ -371,7 +372,29 @@ def test_bodies_nobody_has_are_refused(change: dict[str, float], says: str) -> N
         run(one, replace(two, body=replace(ADULT, **change)))
 
 
-def test_people_take_no_driver() -> None:
+class _Waits:
+    """Whoever waits for two seconds, then goes on as planned."""
+
+    period_s = 0.1
+    has_arrived = False
+
+    def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pace:
+        return Pace(0.0 if time_s < 2.0 else 1.0)
+
+
+def test_people_have_no_pedals() -> None:
     simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75)
-    with pytest.raises(Failure, match="pedestrian 1001 has a driver"):
-        simulation.run(crossing(CAR, ADULT, 12.0), time_limit_s=5.0, drivers={1001: _NoDriver()})
+    with pytest.raises(Failure, match="has no pedals; expected a pace"):
+        simulation.run(crossing(CAR, ADULT, 12.0), time_limit_s=5.0, drivers={1001: _Pedals()})
+
+
+def test_who_waits_is_later_at_every_place_by_as_much() -> None:
+    simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75)
+    person = crossing(CAR, ADULT, 12.0)[1]
+    as_planned, late = (
+        simulation.run((person,), time_limit_s=5.0, drivers=drivers).vehicle_log(1001)
+        for drivers in ({}, {1001: _Waits()})
+    )
+    at_s = np.arange(2.2, 4.0, 0.2)
+    here = np.interp(at_s, late.time_s, late.y_m)
+    assert here == pytest.approx(np.interp(at_s - 2.0, as_planned.time_s, as_planned.y_m), abs=0.02)

@@ -27,7 +27,9 @@ import os, pathlib, signal
 from trace_dag.evaluation.baselines import Replay
 
 class Deadly(Replay):
-    def __init__(self, folder): self.mark = pathlib.Path(folder, "killed")
+    def __init__(self, folder):
+        super().__init__()
+        self.mark = pathlib.Path(folder, "killed")
     def reset(self, scenario):
         if not self.mark.exists():
             self.mark.touch()

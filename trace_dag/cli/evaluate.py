@@ -132,9 +132,9 @@ def evaluate(
 ) -> None:
     """Put agents into the verified crashes and see whether they avoid them.
 
-    An agent drives one vehicle; the others move as recorded until somebody touches them, or keep their distance
-    (--traffic reactive). Every evaluation enters the
-    warehouse, as tables evaluations and leaderboard.
+    An agent drives one vehicle; the others move as recorded until somebody touches them, keep their distance
+    (--traffic reactive), or come to the conflict when the agent does, however slow it is (--traffic persistent). Every
+    evaluation enters the warehouse, as tables evaluations and leaderboard.
     """
     from trace_dag.benchmark.build import publish_leaderboard
     from trace_dag.cli.problems import Problems

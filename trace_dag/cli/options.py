@@ -122,10 +122,11 @@ def execution_overrides(executor: str | None, workers: int | None) -> dict[str, 
 
 traffic_option = click.option(
     "--traffic",
-    type=click.Choice(["recorded", "reactive"]),
+    type=click.Choice(["recorded", "reactive", "persistent"]),
     default="recorded",
     show_default=True,
-    help="The others do as recorded, or keep their distance once the agent does something else.",
+    help="The others do as recorded, keep their distance once the agent does something else, or keep the conflict: "
+    "they come when it comes.",
 )
 
 agent_arguments = click.option(

@@ -86,7 +86,7 @@ def problem_of(action: object) -> str:
         given = [name for name in _OF_MOTION if getattr(action, name) is not None]
         return _problem_of_numbers(action, given) or _problem_of_motion(action)
     if isinstance(action, Recorded):
-        return ""
+        return _problem_of_numbers(action, ["pace"]) or _problem_of_pace(action.pace)
     return f"answered {type(action).__name__}; expected Pedals, Motion or Recorded"
 
 
@@ -94,11 +94,15 @@ def _problem_of_reverse(value: object) -> str:
     return "" if isinstance(value, bool | np.bool_) else f"Pedals.reverse is {type(value).__name__}; expected a bool"
 
 
+def _problem_of_pace(value: float) -> str:
+    return "" if value >= 0 else f"Recorded.pace is {value}; expected 0 or more"
+
+
 _OF_PEDALS = ("steer_rad", "throttle", "brake")
 _OF_MOTION = ("target_speed_mps", "acceleration_mps2", "steer_rad")
 
 
-def _problem_of_numbers(action: Pedals | Motion, names: Sequence[str]) -> str:
+def _problem_of_numbers(action: Pedals | Motion | Recorded, names: Sequence[str]) -> str:
     for name in names:
         value: object = getattr(action, name)
         if type(value) is float and math.isfinite(value):

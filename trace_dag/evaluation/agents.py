@@ -99,7 +99,10 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Let the vehicle do what was recorded for this time: the human driver goes on."""
+    """Let the vehicle do what was recorded for this time: the human driver goes on. At another ``pace`` than 1 it
+    drives the recorded way at so many times the recorded speed of each place (0 or more)."""
+
+    pace: float = 1.0
 
 
 Action = Pedals | Motion | Recorded

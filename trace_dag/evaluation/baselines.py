@@ -27,14 +27,24 @@ _LEAST_GAP_M = 0.1
 
 
 class Replay:
-    """Drives as was recorded. What it scores is the crash itself."""
+    """Drives as was recorded and never reacts. What it scores is the crash itself; at another ``pace``, after a while
+    in which it slows down or speeds up as drivers do, what comes of being so many times as fast."""
+
+    changes_mps2 = 3.4  # what most drivers find comfortable to brake with: AASHTO Green Book, stopping sight distance
+
+    def __init__(self, pace: str = "1") -> None:
+        self._wanted = float(pace)
 
     def reset(self, scenario: Scenario) -> None:
         """See :class:`trace_dag.evaluation.agents.Agent`."""
+        self._pace = 1.0
+        self._step_mps = self.changes_mps2 * scenario.period_s
 
     def act(self, observation: Observation) -> Action:
         """See :class:`trace_dag.evaluation.agents.Agent`."""
-        return Recorded()
+        step = self._step_mps / max(abs(observation.own.speed_mps), self._step_mps)
+        self._pace += max(-step, min(step, self._wanted - self._pace))
+        return Recorded(self._pace)
 
 
 class BrakeOnTimeToCollision:

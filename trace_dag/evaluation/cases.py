@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +24,9 @@ from trace_dag.states.types import Trajectory
 BEYOND_IMPACT_S = 5.0
 """How long after the recorded impact a scenario goes on: what was avoided by then is avoided."""
 
+MOST_TIMES = 2.0
+"""An agent that takes so many times the recorded time for its way has not finished it."""
+
 _STANDING_M = 1.0
 _STANDING_ROUTE_M = 50.0
 _SMOOTHING_M = 0.5
@@ -34,7 +38,8 @@ class Case:
     """A crash to drive in. ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it
     had not happened; ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a
     variation's. ``parked``: numbers of vehicles that nobody drives. ``departed``: the vehicle that left the road by
-    itself, to strike one of the ``objects`` or to overturn; None where somebody met somebody."""
+    itself, to strike one of the ``objects`` or to overturn; None where somebody met somebody. ``parts``: who was the
+    initiator and who the responder, by number, as far as the report tells."""
 
     case_id: str
     key: str
@@ -47,6 +52,7 @@ class Case:
     parked: frozenset[int] = frozenset()
     departed: int | None = None
     objects: tuple[FixedObject, ...] = ()
+    parts: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def contact(self) -> Contact | None:
@@ -90,19 +96,24 @@ class Case:
 
     @property
     def end_s(self) -> float:
-        """When an evaluation ends."""
+        """When the evaluation of an agent that drives at the recorded pace ends."""
         return self.impact_time_s + BEYOND_IMPACT_S
 
     @cached_property
     def going_on(self) -> tuple[Participant, ...]:
-        """All participants with plans that reach the end of an evaluation; of one that skids, as far as it was
-        planned: it slides on by itself."""
-        return tuple(
-            replace(each, trajectory=extended(each.trajectory, self.end_s + _EXTENSION_STEP_S))
-            if math.isinf(each.skids_from_s)
-            else each
-            for each in self.participants
-        )
+        """All participants with plans that reach the end of an evaluation, however slow the agent is; of one that
+        skids, as far as it was planned: it slides on by itself. Nobody loses control as a consequence of a crash that
+        need not happen."""
+        return tuple(self._going_on(each) for each in self.participants)
+
+    def _going_on(self, participant: Participant) -> Participant:
+        losses = participant.losses_of_control
+        if self.departed is None:
+            losses = tuple(loss for loss in losses if loss.from_s < self.impact_time_s)
+        trajectory = participant.trajectory
+        if math.isinf(participant.skids_from_s):
+            trajectory = extended(trajectory, MOST_TIMES * self.end_s + _EXTENSION_STEP_S)
+        return replace(participant, trajectory=trajectory, losses_of_control=losses)
 
     @cached_property
     def _ways(self) -> dict[int, tuple[Route, Path]]:

@@ -11,6 +11,8 @@ from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.loop import AgentDriver
 from trace_dag.evaluation.metrics import DriveOutcome, Metrics, measure, outcome_of
 from trace_dag.evaluation.observation import Sensing, Sensor
+from trace_dag.evaluation.persistent import persistent_drivers
+from trace_dag.evaluation.progress import Arrival, RecordedWay
 from trace_dag.evaluation.traffic import Traffic, reactive_drivers
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.types import Simulation, SimulationLog
@@ -61,7 +63,7 @@ class Conditions:
 class Evaluation:
     """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty.
     ``role``: of the two that collided first, ``striking`` closed in faster, the other is ``struck``; ``departing`` left
-    the road by itself."""
+    the road by itself. ``part`` is initiator or responder, None where the report does not tell."""
 
     case_id: str
     key: str
@@ -70,6 +72,7 @@ class Evaluation:
     outcome: DriveOutcome
     metrics: Metrics | None = None
     fault: str = ""
+    part: str | None = None
 
 
 def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulation: Simulation) -> Evaluation:
@@ -81,12 +84,21 @@ def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulat
         return faulty(case, ego, str(fault))
     metrics = measure(case, ego, log)
     outcome = outcome_of(metrics, departed=case.departed is not None)
-    return Evaluation(case.case_id, case.key, ego, case.role(ego), outcome, metrics)
+    return Evaluation(case.case_id, case.key, ego, case.role(ego), outcome, metrics, part=case.parts.get(ego))
 
 
 def faulty(case: Case, ego: int, fault: str) -> Evaluation:
     """The result of an agent that broke its side of the interface."""
-    return Evaluation(case.case_id, case.key, ego, case.role(ego), DriveOutcome.FAULTY, fault=fault)
+    return Evaluation(
+        case.case_id, case.key, ego, case.role(ego), DriveOutcome.FAULTY, fault=fault, part=case.parts.get(ego)
+    )
+
+
+def others_of(case: Case, ego: int, traffic: Traffic, *, period_s: float, seed: int) -> dict[int, Driver]:
+    """Drivers for everybody but the agent who does not just do as recorded, by number."""
+    if traffic is Traffic.REACTIVE:
+        return reactive_drivers(case, ego, period_s=period_s, seed=seed)
+    return persistent_drivers(case, ego, period_s=period_s) if traffic is Traffic.PERSISTENT else {}
 
 
 def run(
@@ -102,12 +114,13 @@ def run(
     :class:`AgentFault`."""
     seed = zlib.crc32(f"{conditions.seed}:{case.case_id}:{ego}".encode())
     scenario = case.scenario(ego, period_s=1 / conditions.rate_hz, seed=seed)
-    drivers: dict[int, Driver] = {ego: AgentDriver(agent, scenario, Sensor(ego, case.bodies, conditions.sensing, seed))}
-    if conditions.traffic is Traffic.REACTIVE:
-        drivers |= reactive_drivers(case, ego, period_s=scenario.period_s, seed=seed)
+    way = RecordedWay(case, ego)
+    sensor = Sensor(ego, case.bodies, conditions.sensing, seed)
+    drivers = others_of(case, ego, conditions.traffic, period_s=scenario.period_s, seed=seed)
+    drivers[ego] = AgentDriver(agent, scenario, sensor, Arrival(case, ego, way))
     return simulation.run(
         case.going_on,
-        time_limit_s=case.end_s,
+        time_limit_s=way.limit_s,
         drivers=drivers,
         after_contact_s=after_contact_s,
         objects=case.objects,

@@ -8,7 +8,8 @@ from trace_dag.evaluation.agent_protocol import described, problem_of
 from trace_dag.evaluation.agents import Agent, AgentFault, Recorded, Scenario
 from trace_dag.evaluation.control import MotionController
 from trace_dag.evaluation.observation import Sensor
-from trace_dag.sim.driving import BodyState, Pedals
+from trace_dag.evaluation.progress import Arrival
+from trace_dag.sim.driving import BodyState, Pace, Pedals
 
 
 class AgentDriver:
@@ -18,7 +19,8 @@ class AgentDriver:
     an :class:`trace_dag.evaluation.agent_process.AgentProcess`; one that is called here is trusted with this process.
     """
 
-    def __init__(self, agent: Agent, scenario: Scenario, sensor: Sensor) -> None:
+    def __init__(self, agent: Agent, scenario: Scenario, sensor: Sensor, arrival: Arrival | None = None) -> None:
+        self._arrival = arrival
         self.period_s = scenario.period_s
         self._agent = agent
         self._sensor = sensor
@@ -30,8 +32,15 @@ class AgentDriver:
         except (Exception, SystemExit) as error:
             raise AgentFault(f"reset: {described(error)}") from error
 
-    def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | None:
+    @property
+    def has_arrived(self) -> bool:
+        """See :class:`trace_dag.sim.driving.Driver`."""
+        return self._arrival is None or self._arrival.reached
+
+    def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | Pace | None:
         """See :class:`trace_dag.sim.driving.Driver`. Raises :class:`AgentFault`."""
+        if self._arrival is not None:
+            self._arrival.look(time_s, states)
         observation = self._sensor.observe(time_s, states)
         try:
             action = self._agent.act(observation)
@@ -43,7 +52,7 @@ class AgentDriver:
         if problem:
             raise AgentFault(f"act at {time_s:.2f} s: {problem}")
         if isinstance(action, Recorded):
-            return None
+            return Pace(action.pace)
         if isinstance(action, Pedals):
             return action
         try:

@@ -11,6 +11,8 @@ import numpy as np
 from trace_dag.crash.parties import party_of_body
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.conflicts import post_encroachment_time_s, time_to_contact_s
+from trace_dag.evaluation.injury_risk import risk_of_contact
+from trace_dag.evaluation.progress import RecordedWay
 from trace_dag.evaluation.rules import measure_rules
 from trace_dag.sim.outlines import Outline
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, overturned_at
@@ -19,17 +21,30 @@ _TTC_STEP_S = 0.1
 _SMOOTHED_S = 0.2  # accelerations are means over so long
 OFF_ROAD_S = 0.5
 """Who is off the road for longer has left it."""
-_SAME_REL, _SAME_MPS = 0.1, 0.5
+_SAME_REL = 0.1
+_STANDS_MPS, _SHORT_OF_M = 0.3, 1.0
 
 
 class DriveOutcome(StrEnum):
-    """What became of the crash. Severity is the larger delta-v of the two that collide first."""
+    """What became of the crash, as studies of agents in reconstructed crashes have it (Scanlon et al., Waymo, 2021).
 
-    AVOIDED = "avoided"  # nobody touched anybody
-    SOFTENED = "softened"  # a delta-v lower by more than a tenth (and by more than 0.5 m/s)
-    SAME = "same"
+    A conflict is entered when two are at most :data:`ENTERED_TTC_S` from touching if they keep their velocities.
+    """
+
+    CONFLICT_AVOIDED = "conflict_avoided"  # never entered
+    COLLISION_AVOIDED = "collision_avoided"  # entered, and nobody touched anybody
+    STOPPED = "stopped"  # never entered: the agent stands before it, and never drives on
+    MITIGATED = "mitigated"  # a risk of serious injury lower by more than a tenth of the recorded one
+    UNCHANGED = "unchanged"
     WORSE = "worse"  # higher by as much
     FAULTY = "faulty"  # the agent broke its side of the interface
+
+
+AVOIDED = frozenset({DriveOutcome.CONFLICT_AVOIDED, DriveOutcome.COLLISION_AVOIDED})
+"""Nobody touched anybody, and not because the agent stood still before the conflict."""
+ENTERED_TTC_S = 1.5
+"""The time to collision of a serious conflict: Van der Horst and Hogema, Time-to-collision and collision avoidance
+systems, ICTCT 1993."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +54,10 @@ class Metrics:
     ``delta_v_mps`` is the larger one of the first contact's two bodies, ``own_delta_v_mps`` the agent's own.
     ``contact_shift_s`` and ``contact_shift_m`` say how far its first contact is from the recorded one. ``min_ttc_s``
     takes bodies to keep their velocity; it and the post-encroachment time are 0 for those that touch. The comfort
-    measures are of the time before any contact.
+    measures are of the time before any contact. ``serious_injury_risk`` is the larger one of the first contact's two
+    (:mod:`trace_dag.evaluation.injury_risk`). ``finished``: nobody touched anybody, and the agent came 50 m beyond the
+    conflict, or to the end of its recorded way, within twice the recorded time; ``stopped_short``: it stands before the
+    conflict in the end.
     """
 
     collided: bool
@@ -62,6 +80,10 @@ class Metrics:
     max_jerk_mps3: float
     overturned: bool = False
     recorded_overturned: bool = False
+    serious_injury_risk: float = 0.0
+    recorded_serious_injury_risk: float = 0.0
+    finished: bool = False
+    stopped_short: bool = False
 
 
 def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
@@ -69,24 +91,26 @@ def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
     if departed:
         return _of_departure(metrics)
     if not metrics.collided:
-        return DriveOutcome.AVOIDED
-    more_mps = metrics.delta_v_mps - metrics.recorded_delta_v_mps
-    if abs(more_mps) <= max(_SAME_MPS, _SAME_REL * metrics.recorded_delta_v_mps):
-        return DriveOutcome.SAME
-    return DriveOutcome.WORSE if more_mps > 0 else DriveOutcome.SOFTENED
+        if metrics.min_ttc_s is not None and metrics.min_ttc_s <= ENTERED_TTC_S:
+            return DriveOutcome.COLLISION_AVOIDED
+        return DriveOutcome.STOPPED if metrics.stopped_short else DriveOutcome.CONFLICT_AVOIDED
+    more = metrics.serious_injury_risk - metrics.recorded_serious_injury_risk
+    if abs(more) <= _SAME_REL * metrics.recorded_serious_injury_risk:
+        return DriveOutcome.UNCHANGED
+    return DriveOutcome.WORSE if more > 0 else DriveOutcome.MITIGATED
 
 
 def _of_departure(metrics: Metrics) -> DriveOutcome:
-    """Avoided by who stays on it, strikes nothing and does not
-    overturn. Overturning weighs more than delta-v; to leave the road without either is softer than the crash."""
+    """Avoided by who stays on it, strikes nothing and does not overturn. Overturning weighs more than the risk of a
+    contact; to leave the road without either mitigates the crash."""
     if metrics.overturned != metrics.recorded_overturned:
         harmless = not metrics.overturned and not metrics.collided
         if harmless and metrics.off_road_s <= OFF_ROAD_S:
-            return DriveOutcome.AVOIDED
-        return DriveOutcome.WORSE if metrics.overturned else DriveOutcome.SOFTENED
+            return DriveOutcome.CONFLICT_AVOIDED
+        return DriveOutcome.WORSE if metrics.overturned else DriveOutcome.MITIGATED
     if metrics.collided or metrics.overturned:
         return outcome_of(replace(metrics, collided=True))
-    return DriveOutcome.SOFTENED if metrics.off_road_s > OFF_ROAD_S else DriveOutcome.AVOIDED
+    return DriveOutcome.MITIGATED if metrics.off_road_s > OFF_ROAD_S else DriveOutcome.CONFLICT_AVOIDED
 
 
 def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
@@ -101,6 +125,7 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
         shift_s = contact.time_s - recorded.time_s
         shift_m = math.hypot(contact.x_m - recorded.x_m, contact.y_m - recorded.y_m)
     least_ttc_s, least_pet_s = (0.0, 0.0) if contact else _nearest_miss(own, others, log.bodies)
+    way = RecordedWay(case, ego)
     return Metrics(
         collided=contact is not None,
         overturned=overturned_at(own) is not None,
@@ -119,8 +144,20 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
         wrong_way_s=rules.wrong_way_s,
         over_limit_mps=rules.over_limit_mps,
         stop_signs_passed=rules.stop_signs_passed,
+        serious_injury_risk=risk_of_contact(contact, log.bodies),
+        recorded_serious_injury_risk=risk_of_contact(recorded, case.recorded.bodies),
+        finished=contact is None and way.is_finished(own),
+        stopped_short=contact is None and _stands_short(way, own),
         **_comfort(own, until_s),
     )
+
+
+def _stands_short(way: RecordedWay, own: VehicleLog) -> bool:
+    """Whether a vehicle stands before the conflict in the end, of which it was recorded to drive into it."""
+    follower = way.follower()
+    if follower is None or abs(float(own.speed_mps[-1])) > _STANDS_MPS:
+        return False
+    return follower.locate(float(own.x_m[-1]), float(own.y_m[-1]))[0] < way.conflict_m - _SHORT_OF_M
 
 
 def _delta_v_mps(contact: Contact) -> tuple[float, float]:

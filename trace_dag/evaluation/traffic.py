@@ -1,4 +1,5 @@
-"""The traffic around an agent: as it was recorded, or keeping its distance once the agent does something else.
+"""The traffic around an agent: as it was recorded, keeping its distance once the agent does something else, or keeping
+the conflict (:mod:`trace_dag.evaluation.persistent`).
 
 Reactive traffic is the recorded one for as long as the agent's vehicle is where it was recorded to be: whoever drives
 as recorded has the recorded crash. From the moment it is elsewhere, every other driver goes on along the recorded
@@ -23,7 +24,7 @@ from trace_dag.evaluation.lane_map import path_through
 from trace_dag.evaluation.loop import AgentDriver
 from trace_dag.evaluation.observation import Sensing, Sensor
 from trace_dag.geometry import FloatArray, arc_lengths
-from trace_dag.sim.driving import BodyState, Driver, Pedals
+from trace_dag.sim.driving import BodyState, Driver, Pace, Pedals
 from trace_dag.sim.types import Participant
 
 _ELSEWHERE_M = 0.5
@@ -37,6 +38,7 @@ class Traffic(StrEnum):
 
     RECORDED = "recorded"
     REACTIVE = "reactive"
+    PERSISTENT = "persistent"
 
 
 class CourseKeeper(IdmLaneKeeper):
@@ -53,17 +55,18 @@ class CourseKeeper(IdmLaneKeeper):
 class ReactiveDriver:
     """A recorded driver who sees where the agent is: a :class:`trace_dag.sim.driving.Driver`."""
 
-    def __init__(self, watched: _Recording, driver: AgentDriver) -> None:
+    def __init__(self, watched: Recording, driver: AgentDriver) -> None:
         self.period_s = driver.period_s
         self._watched = watched
         self._driver = driver
+        self.has_arrived = True
 
-    def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | None:
+    def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | Pace | None:
         """See :class:`trace_dag.sim.driving.Driver`."""
         return self._driver.drive(time_s, states) if self._watched.is_left(time_s, states) else None
 
 
-class _Recording:
+class Recording:
     """Where the agent's vehicle was recorded, and whether it has left that."""
 
     def __init__(self, case: Case, ego: int) -> None:
@@ -82,7 +85,7 @@ class _Recording:
 
 def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dict[int, Driver]:
     """Drivers for everybody but the agent, by number, who react to it."""
-    watched = _Recording(case, ego)
+    watched = Recording(case, ego)
     drivers: dict[int, Driver] = {}
     for each in case.going_on:
         if each.number == ego or each.body.is_figure or each.number in case.parked:

@@ -16,10 +16,11 @@ from greenlet import GreenletExit, getcurrent, greenlet
 from trace_dag.evaluation.agents import Motion, Observation, Recorded, Scenario
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.control import MotionController
-from trace_dag.evaluation.evaluate import LEAST_RATE_HZ
+from trace_dag.evaluation.evaluate import LEAST_RATE_HZ, others_of
 from trace_dag.evaluation.observation import Sensing, Sensor
-from trace_dag.evaluation.traffic import Traffic, reactive_drivers
-from trace_dag.sim.driving import BodyState, Driver, Pedals
+from trace_dag.evaluation.progress import Arrival, RecordedWay
+from trace_dag.evaluation.traffic import Traffic
+from trace_dag.sim.driving import BodyState, Driver, Pace, Pedals
 from trace_dag.sim.types import Simulation, SimulationLog
 
 AFTER_CONTACT_S = 0.5
@@ -48,12 +49,19 @@ class _Seat:
         self._number = number
         self._controller = MotionController(scenario)
         self.seen: tuple[float, Observation] | None = None
+        self._arrival = Arrival(episode.case, number, RecordedWay(episode.case, number))
 
-    def drive(self, time_s: float, states: States) -> Pedals | None:
+    @property
+    def has_arrived(self) -> bool:
         """See :class:`trace_dag.sim.driving.Driver`."""
+        return self._arrival.reached
+
+    def drive(self, time_s: float, states: States) -> Pedals | Pace | None:
+        """See :class:`trace_dag.sim.driving.Driver`."""
+        self._arrival.look(time_s, states)
         act = self._episode.asked(EpisodeMoment(time_s, dict(states)))[self._number]
         if isinstance(act, Recorded):
-            return None
+            return Pace(act.pace)
         return self._controller.pedals(act, self.observe(EpisodeMoment(time_s, states)).own)
 
     def observe(self, moment: EpisodeMoment) -> Observation:
@@ -66,8 +74,10 @@ class _Seat:
 class Episode:
     """A case with some of its vehicles, ``egos``, driven from outside every ``period_s``. ``seed`` is the sensors'.
 
-    With reactive ``traffic`` the others keep their distance from the one ego, as in an evaluation, and look
-    :data:`trace_dag.evaluation.evaluate.LEAST_RATE_HZ` times a second however seldom the ego acts.
+    With reactive ``traffic`` the others keep their distance from the one ego, with persistent one they keep its
+    conflict, as in an evaluation, and look :data:`trace_dag.evaluation.evaluate.LEAST_RATE_HZ` times a second however
+    seldom the ego acts. A run without a contact ends once every ego has arrived, at the latest after twice the
+    recorded time.
     """
 
     def __init__(
@@ -96,9 +106,9 @@ class Episode:
             for number in egos
         }
         self._others: Mapping[int, Driver] = {}
-        if traffic is Traffic.REACTIVE:
+        if traffic is not Traffic.RECORDED:
             (ego,) = egos
-            self._others = reactive_drivers(case, ego, period_s=1 / LEAST_RATE_HZ, seed=seed)
+            self._others = others_of(case, ego, traffic, period_s=1 / LEAST_RATE_HZ, seed=seed)
         self._running = greenlet(self._simulate)
         self._resume()
 
@@ -145,7 +155,7 @@ class Episode:
     def _simulate(self) -> None:
         self.log = self._simulation.run(
             self.case.going_on,
-            time_limit_s=self.case.end_s,
+            time_limit_s=max(RecordedWay(self.case, number).limit_s for number in self._seats),
             drivers={**self._seats, **self._others},
             after_contact_s=AFTER_CONTACT_S,
         )

@@ -16,7 +16,7 @@ from trace_dag.gym.episode import Episode
 from trace_dag.gym.observing import Seen, observation_space
 from trace_dag.gym.pool import Place, tracks
 from trace_dag.gym.rewards import Reward
-from trace_dag.gym.single import EpisodeDriver, OneEpisode, chosen, drivers_of, period_of
+from trace_dag.gym.single import EpisodeDriver, OneEpisode, about, chosen, drivers_of, period_of
 
 _SEEDS = 2**31
 
@@ -92,8 +92,8 @@ class ParallelCrashEnv(OneEpisode, ParallelEnv[str, Seen, Any]):  # type: ignore
             for number in numbers
         }
         self.agents = list(self._drivers)
-        about = {agent: {"case_id": track.case_id, "ego": driver.ego} for agent, driver in self._drivers.items()}
-        return {agent: driver.look() for agent, driver in self._drivers.items()}, about
+        infos = {agent: about(track.case, driver.ego) for agent, driver in self._drivers.items()}
+        return {agent: driver.look() for agent, driver in self._drivers.items()}, infos
 
     def step(
         self, actions: Mapping[str, Any]

@@ -16,7 +16,8 @@ class Reward:
     """Weights of the reward.
 
     While it drives an agent gets ``progress`` for driving as far as was recorded, in parts, and never more than that:
-    who stands still gets none. In the end it gets ``avoided`` if nobody touched anybody; else it loses ``contact``
+    who stands still gets none. In the end it gets ``avoided`` if nobody touched anybody and it finished its way in
+    twice the recorded time (:mod:`trace_dag.evaluation.progress`), nothing if it did not; who touches loses ``contact``
     times the larger delta-v of the contact over that of the recorded crash (2 at most). It loses ``off_road`` and
     ``wrong_way`` for each second of these (1 at most of each), and ``comfort`` times its hardest braking in g.
     """
@@ -33,17 +34,20 @@ class Reward:
 
         >>> from dataclasses import replace
         >>> driven = Metrics(False, None, None, None, None, 0.0, 0.0, 8.0, 8.0, None, None, 0.0, 0.0, 0.0, 0, 0.0, 0, 0)
+        >>> driven = replace(driven, finished=True)
         >>> Reward().in_the_end(driven)
         1.0
         >>> Reward().in_the_end(replace(driven, collided=True, delta_v_mps=4.0, off_road_s=2.0))
         -0.9
+        >>> Reward().in_the_end(replace(driven, finished=False, stopped_short=True))
+        0.0
         """
         if metrics.collided:
             worth = -self.contact * min(
                 metrics.delta_v_mps / max(metrics.recorded_delta_v_mps, _LEAST_DELTA_V_MPS), _WORST
             )
         else:
-            worth = self.avoided
+            worth = self.avoided if metrics.finished else 0.0
         worth -= min(self.off_road * metrics.off_road_s, 1.0) + min(self.wrong_way * metrics.wrong_way_s, 1.0)
         return worth - self.comfort * metrics.max_deceleration_mps2 / GRAVITY_MPS2
 

@@ -56,6 +56,11 @@ class EpisodeDriver:
         return reward + self._reward.in_the_end(metrics), told(metrics)
 
 
+def about(case: Case, ego: int) -> dict[str, Any]:
+    """What ``info`` says at any time: the crash's ``key``, the ``case_id`` (a variation's where it is one), ``ego``."""
+    return {"key": case.key, "case_id": case.case_id, "ego": ego}
+
+
 def told(metrics: Metrics) -> dict[str, Any]:
     """What ``info`` says at the end: ``outcome``, and every measure."""
     return {"outcome": str(outcome_of(metrics)), "metrics": asdict(metrics)}
@@ -98,7 +103,7 @@ def period_of(rate_hz: float) -> float:
 
 class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     """Somebody else at the wheel of one vehicle of a verified crash; the others do as was recorded until they are hit,
-    or keep their distance (``traffic="reactive"``).
+    keep their distance (``traffic="reactive"``), or come when it comes (``traffic="persistent"``).
 
     Args:
         home: a storage root, a package or a release, or what ``trace_dag.open`` gave; by default as it does.
@@ -114,9 +119,10 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
 
     ``reset(seed=..., options={"key": ..., "variation": ...})`` chooses crash and variation; without options the seed
     draws one of all. The same seed, options and actions give the same bits. An episode is terminated by the first
-    contact of anybody with anybody, and truncated five seconds after the recorded impact. ``info`` has ``case_id`` and
-    ``ego``, and in the end ``outcome`` and ``metrics``. Raises :class:`trace_dag.errors.UserError` for what is not
-    there.
+    contact of anybody with anybody, and truncated when the agent has arrived 50 m beyond the conflict or at the end of
+    its recorded way, not before five seconds after the recorded impact, or has taken twice the recorded time. ``info``
+    has ``key``, ``case_id`` and ``ego``, and in the end ``outcome`` and ``metrics``. Raises
+    :class:`trace_dag.errors.UserError` for what is not there.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012 - as its base
@@ -131,13 +137,13 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         actions: ActionKind = "continuous",
         rate_hz: float = 10.0,
         sensing: Sensing | None = None,
-        traffic: Literal["recorded", "reactive"] = "recorded",
+        traffic: Literal["recorded", "reactive", "persistent"] = "recorded",
         reward: Reward | None = None,
         render_mode: RenderMode | None = None,
     ) -> None:
         self._period_s = period_of(rate_hz)
         if traffic not in list(Traffic):
-            raise UserError(f"traffic {traffic!r}: expected {' or '.join(Traffic)}")
+            raise UserError(f"traffic {traffic!r}: expected {', '.join(Traffic)}")
         self.tracks = tracks(home, [key] if isinstance(key, str) else list(key), variations=variations)
         self.observation_space = observation_space()
         self.action_space = action_space(actions)
@@ -167,14 +173,14 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
             traffic=self._traffic,
         )
         self._driver = EpisodeDriver(self._episode, ego, track.lanes, self._actions, self._reward)
-        return self._driver.look(), {"case_id": track.case_id, "ego": ego}
+        return self._driver.look(), about(track.case, ego)
 
     def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """See :meth:`gymnasium.Env.step`."""
         episode, driver = self._unfinished(), self._driver
         episode.step({driver.ego: driver.hands.act(action)})
         reward, info = driver.rewarded()
-        info |= {"case_id": episode.case.case_id, "ego": driver.ego}
+        info |= about(episode.case, driver.ego)
         touched = episode.log is not None and episode.log.first_contact is not None
         if episode.log is not None and self.render_mode == "human":
             show_page(self._track, episode.log)

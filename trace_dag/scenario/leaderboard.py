@@ -10,7 +10,7 @@ from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
 
-OUTCOMES = ("avoided", "softened", "same", "worse", "faulty")
+OUTCOMES = ("conflict_avoided", "collision_avoided", "stopped", "mitigated", "unchanged", "worse", "faulty")
 
 
 def write_leaderboard(leaderboard: Sequence[Row], by_class: Sequence[Row], runs: Sequence[Row]) -> bytes:

@@ -19,7 +19,7 @@ from trace_dag.sim.carla_actors import CarlaActor
 from trace_dag.sim.carla_contacts import CarlaContact
 from trace_dag.sim.carla_frame import location_to_carla
 from trace_dag.sim.carla_walkers import CarlaWalker
-from trace_dag.sim.driving import Driver, Pedals
+from trace_dag.sim.driving import Driver, Pace, Pedals
 from trace_dag.sim.plan import check_participants
 from trace_dag.sim.types import AfterStriking, BodyKind, Participant, SimulationLog, Termination
 from trace_dag.states.objects import FixedObject
@@ -197,6 +197,9 @@ class CarlaSimulation:
                 actor.observe()
             self._note_contacts(collisions, by_id, contacts, first_frame)
             _release_touching(actors)
+            if not contacts and drivers and all(driver.has_arrived for driver in drivers.values()):
+                termination, reason = Termination.NO_CONTACT, "no contact: whoever is driven had arrived"
+                break
             if not contacts and tick > last_plan_tick:
                 termination, reason = Termination.NO_CONTACT, "no contact: all plans ended without a collision"
                 break
@@ -232,7 +235,10 @@ class CarlaSimulation:
             driver = drivers.get(actor.number)
             if driver is not None and not actor.crashed and tick % max(1, round(driver.period_s / self._step_s)) == 0:
                 states = {other.number: other.body_state() for other in actors}
-                wanted[actor.number] = driver.drive(tick * self._step_s, states)
+                command = driver.drive(tick * self._step_s, states)
+                if isinstance(command, Pace) and command.pace != 1.0:
+                    raise UserError("the CARLA back-end follows plans at their own pace; use sim.backend = 'embedded'")
+                wanted[actor.number] = None if isinstance(command, Pace) else command
 
     def _note_contacts(
         self,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from trace_dag.sim.driving import Pedals
+from trace_dag.sim.driving import Pace, Pedals, PlanClock
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.plan import SampledTrajectory
 from trace_dag.sim.types import Participant
@@ -23,10 +23,10 @@ _LEAST_GRIP = 0.1  # share of the grip that is left sideways, however hard a tyr
 
 
 class CommandedVehicle(Vehicle):
-    """Follows its plan like any other vehicle while it has no command, and otherwise does what the last command
-    says."""
+    """Follows its plan like any other vehicle while it has no command, or at the pace that was last commanded; with
+    pedals it does what they say."""
 
-    __slots__ = ("_brake", "_step_s", "_throttle", "_wanted")
+    __slots__ = ("_brake", "_clock", "_step_s", "_throttle", "_wanted")
 
     def __init__(
         self,
@@ -42,22 +42,37 @@ class CommandedVehicle(Vehicle):
         self._step_s = step_s
         self._throttle = self._brake = 0.0
         self._wanted: Pedals | None = None
+        self._clock = PlanClock()
 
     @property
     def follows_plan(self) -> bool:
-        """Whether it has no command."""
-        return self._wanted is None
+        """Whether it is where the plan has it at this time: it has no command."""
+        return self._wanted is None and self._clock.is_as_planned
 
-    def command(self, wanted: Pedals | None) -> None:
-        """Set the command from now on; None follows the plan."""
+    def command(self, wanted: Pedals | Pace | None, time_s: float) -> None:
+        """Set the command from now on; None follows the plan at its own pace."""
         if self._wanted is None:
             self._throttle, self._brake = self.pedals  # taken over where they are
-        self._wanted = wanted
+        self._wanted = wanted if isinstance(wanted, Pedals) else None
+        self._clock.set_pace(time_s, wanted.pace if isinstance(wanted, Pace) else 1.0)
 
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
-        if self.crashed or self._wanted is None:
+        if self.crashed or step >= self.lost_from_step or self.follows_plan:
             return super()._tyre_force(step)
-        return self._commanded(self._wanted)
+        if self._wanted is not None:
+            return self._commanded(self._wanted)
+        return self._paced(step * self._step_s)
+
+    def _paced(self, time_s: float) -> tuple[float, float, float]:
+        """Follow the plan where its clock is: the same way, at as many times the speed as the clock is fast."""
+        at, pace = self._clock.at(time_s) / self._step_s, self._clock.pace
+        if at >= len(self._plan) - 1:
+            return self._free(1.0) if self.plan_end_s > 0 else super()._tyre_force(0)
+        k = int(at)
+        before, after, share = self._plan.row(k), self._plan.row(k + 1), at - k
+        row = [one + share * (two - one) for one, two in zip(before, after, strict=True)]
+        row[2:7] = pace * row[2], pace * row[3], pace**2 * row[4], pace**2 * row[5], pace * row[6]
+        return self._driven(row)
 
     def _commanded(self, wanted: Pedals) -> tuple[float, float, float]:
         model, limit = self.model, self._limit_n

@@ -75,7 +75,8 @@ class CrashRun:
         self._bodies_of = {p.number: p.body for p in participants}
         self.vehicles: list[Vehicle] = []
         lost = {p.number: p.losses_of_control for p in participants}
-        self._driven: list[tuple[CommandedVehicle, Driver, int]] = []  # and the steps from one command to the next
+        # and the steps from one command to the next
+        self._driven: list[tuple[CommandedVehicle | Person, Driver, int]] = []
         self.wheels = DriverResponse(participants, settings, friction, led_by=drivers)
         for participant in participants:
             if participant.body.is_figure:
@@ -92,13 +93,18 @@ class CrashRun:
                 continue
             vehicle = CommandedVehicle(participant, model, plan, **common, step_s=settings.step_s)
             self.vehicles.append(vehicle)
-            self._driven.append((vehicle, driver, max(1, round(driver.period_s / settings.step_s))))
+            self._driven.append((vehicle, driver, self._steps_of(driver)))
         for each in self.vehicles:
             if losses := lost[each.number]:
                 each.lose_control([(math.ceil(loss.from_s / settings.step_s), loss) for loss in losses])
         self.hitches = couple(self.vehicles, participants, friction)
         self._bodies_of |= {each.number: each.model.body for each in self.vehicles if isinstance(each, Towed)}
-        self.people = people_of(participants, drivers, settings.step_s, time_limit_s)
+        self.people = people_of(participants, settings.step_s, time_limit_s)
+        self._driven += [
+            (person, drivers[person.number], self._steps_of(drivers[person.number]))
+            for person in self.people
+            if person.number in drivers
+        ]
         self._movers: Sequence[Vehicle | Person] = [*self.vehicles, *self.people]
         models = [vehicle.model for vehicle in self.vehicles]
         self.thrown = ThrownPeople(self) if self.people else None
@@ -113,6 +119,10 @@ class CrashRun:
         self.before: BodyStates | None = None  # the state a part of a step ago, while steps are taken in parts
         self.pairs = VehiclePairs(self.vehicles, self.hitches, settings)
         self.roadside = None if beyond is None else Roadside(self, objects, beyond)
+
+    def _steps_of(self, driver: Driver) -> int:
+        """Steps from one command of a driver to the next."""
+        return max(1, round(driver.period_s / self.step_s))
 
     def log(
         self,
@@ -212,7 +222,7 @@ class CrashRun:
             for driven, driver, every in self._driven:
                 if step % every == 0 and not driven.crashed:
                     states = {mover.number: mover.body_state() for mover in self._movers}
-                    driven.command(driver.drive(step * self.step_s, states))
+                    driven.command(driver.drive(step * self.step_s, states), step * self.step_s)
             self._advance(step, [vehicle.road_force(step) for vehicle in self.vehicles])
             self._step = step + 1
 
@@ -281,6 +291,8 @@ class CrashRun:
                 return Termination.DIVERGED, f"{who} left all bounds at {now_s:.2f} s: {state}"
         first_s, planned = self._first_contact_s, self._step <= self._last_plan_step
         if first_s is None:
+            if self._driven and all(driver.has_arrived for _, driver, _ in self._driven):
+                return Termination.NO_CONTACT, f"no contact: whoever is driven had arrived after {now_s:.2f} s"
             if planned and now_s <= until_s:
                 return None
             slides = any(vehicle.crashed and not vehicle.at_rest for vehicle in self.vehicles)

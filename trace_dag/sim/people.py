@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trace_dag.sim.driving import BodyState
+from trace_dag.errors import Failure
+from trace_dag.sim.driving import BodyState, Pace, Pedals, PlanClock
 from trace_dag.sim.figures import RIDING, Posture, root_height, walking
 from trace_dag.sim.outlines import Outline
 from trace_dag.sim.plan import SampledTrajectory
@@ -67,6 +68,7 @@ class Person:
         self.posture: tuple[float, ...] = ()
         """Height of the centre above the road (m), pitch and roll (rad), landmarks (m), as of the last look."""
         self._plan = plan
+        self._clock = PlanClock()
         self._step_s = step_s
         self._travelled = _travelled(plan)
         self._still_since_s = math.inf
@@ -81,15 +83,23 @@ class Person:
             return self.model.thrown_reach_m * math.sqrt(2)
         return math.hypot(body.length_m / 2, body.width_m / 2)
 
+    def command(self, wanted: Pedals | Pace | None, time_s: float) -> None:
+        """Walk on at a pace; None walks as planned. Raises :class:`Failure` for pedals."""
+        if isinstance(wanted, Pedals):
+            raise Failure(f"participant {self.number} is a person or an animal and has no pedals; expected a pace")
+        self._clock.set_pace(time_s, wanted.pace if wanted else 1.0)
+
     def walk(self, time_s: float) -> None:
         """Move along the plan to a time."""
-        at = time_s / self._step_s
+        at = self._clock.at(time_s) / self._step_s
         k = min(int(at + 1e-9), len(self._plan) - 1)
         x, y, vx, vy, _, _, _, _, heading, _ = self._plan.row(k)
         into_s = (at - k) * self._step_s
         if k == len(self._plan) - 1:
             vx = vy = into_s = 0.0  # the plan is over: it stands
-        self.x, self.y, self.vx, self.vy, self.heading = x + vx * into_s, y + vy * into_s, vx, vy, heading
+        pace = self._clock.pace
+        self.x, self.y, self.heading = x + vx * into_s, y + vy * into_s, heading
+        self.vx, self.vy = pace * vx, pace * vy
 
     def in_the_lane_s(self, vehicle: Outline, now_s: float) -> float:
         """For how long it has been in the lane of the vehicle that strikes it now: no further aside than half a lane,
@@ -109,7 +119,7 @@ class Person:
             return RIDING
         if body.kind is BodyKind.CONVEYANCE:
             return Posture()
-        k = min(int(time_s / self._step_s + 1e-9), len(self._plan) - 1)
+        k = min(int(self._clock.at(time_s) / self._step_s + 1e-9), len(self._plan) - 1)
         gait = trotting if body.kind is BodyKind.ANIMAL else walking
         return gait(body.height_m, math.hypot(self.vx, self.vy), self._travelled[k])
 

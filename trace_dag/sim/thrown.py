@@ -8,10 +8,9 @@ velocity by as much as makes an event data recorder wake up: that is a crash for
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from itertools import product
 
-from trace_dag.errors import Failure
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import separation
 from trace_dag.sim.people import Person
@@ -20,7 +19,7 @@ from trace_dag.sim.recorder import BodyMotion, ContactEpisode, Pulled, begin_str
 from trace_dag.sim.run_state import RunState
 from trace_dag.sim.scene import FigureBodies
 from trace_dag.sim.towing import Towed
-from trace_dag.sim.types import Participant, party_name
+from trace_dag.sim.types import Participant
 from trace_dag.sim.vehicle_pairs import BOUND, BOUND_MPS, same_level
 
 _STRIKE_STEP_S = 0.00125
@@ -31,17 +30,12 @@ _PUSHED_MPS = 3.0  # of the pelvis against the vehicle: who moves faster is stru
 _NEAR_M = 0.1  # a figure's hands and feet may reach so far out of its outline
 
 
-def people_of(
-    participants: Sequence[Participant], drivers: Collection[int], step_s: float, time_limit_s: float
-) -> list[Person]:
-    """The people and animals among the participants. Raises :class:`Failure` for one who has a driver."""
+def people_of(participants: Sequence[Participant], step_s: float, time_limit_s: float) -> list[Person]:
+    """The people and animals among the participants."""
     people = []
     for participant in participants:
         if not participant.body.is_figure:
             continue
-        if participant.number in drivers:
-            who = party_name(participant.body, participant.number)
-            raise Failure(f"{who} has a driver; only motor vehicles are driven, people move along their trajectory")
         plan = resample(participant.trajectory, step_s, time_limit_s, 0.0)
         people.append(Person(participant, plan, step_s))
     return people

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from trace_dag.crash.event_sequence import OFF_THE_ROAD, sequence_of
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.crash_parts import part_of
 from trace_dag.evaluation.splits import Split, splits_of
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT, XODR, CrashArtefacts
 from trace_dag.flow.contract import CrashFiles
@@ -82,6 +83,7 @@ def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
 def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: SimulationLog, friction: float) -> Case:
     from trace_dag.sim.run import participants
 
+    record = crash.load(RECORD)
     return Case(
         case_id=case_id,
         key=crash.key,
@@ -91,9 +93,10 @@ def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: Simu
         participants=participants(hypothesis),
         impact_time_s=hypothesis.impact_time_s,
         recorded=log,
-        parked=frozenset(each.number for each in crash.load(RECORD).vehicles if not each.in_transport),
+        parked=frozenset(each.number for each in record.vehicles if not each.in_transport),
         departed=None if somebody_met(crash) else hypothesis.participants[0].vehicle_number,
         objects=hypothesis.objects,
+        parts={each.number: part for each in record.vehicles if (part := part_of(record, each.number)) is not None},
     )
 
 

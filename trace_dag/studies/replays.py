@@ -101,6 +101,13 @@ def replay_with(
     )
 
 
+_NOBODY_TOUCHED = {
+    DriveOutcome.CONFLICT_AVOIDED: "conflict avoided, nobody touches anybody",
+    DriveOutcome.COLLISION_AVOIDED: "collision avoided in the conflict, nobody touches anybody",
+    DriveOutcome.STOPPED: "stopped before the conflict",
+}
+
+
 def _driven(
     case: Case, ego: int, agent: str, traffic: Traffic, simulation: Simulation
 ) -> tuple[AgentDrive, SimulationLog]:
@@ -118,9 +125,9 @@ def _outcome(case: Case, ego: int, log: SimulationLog) -> str:
     """The outcome of a drive, in words."""
     metrics = measure(case, ego, log)
     outcome = outcome_of(metrics, departed=case.departed is not None)
-    if outcome is DriveOutcome.AVOIDED and case.departed is not None:
+    if case.departed is not None and outcome is DriveOutcome.CONFLICT_AVOIDED:
         return "avoided, the vehicle stays on the road"
-    if outcome is DriveOutcome.AVOIDED:
-        return "avoided, nobody touches anybody"
+    if outcome in _NOBODY_TOUCHED:
+        return _NOBODY_TOUCHED[outcome]
     new, old = (mps_to_mph(each) for each in (metrics.delta_v_mps, metrics.recorded_delta_v_mps))
     return f"{outcome}, delta-v {new:.0f} mph where {old:.0f} mph was recorded"

@@ -37,6 +37,7 @@ _PYTHON: Final[Mapping[ColumnType, tuple[type, ...]]] = {
     ColumnType.BOOLEAN: (bool,),
 }
 _SAME_MPS: Final = 1e-3
+_SAME_RISK: Final = 1e-4
 _AGAIN: Final = "evaluate the agent again on the crashes as they are now"
 
 
@@ -153,8 +154,12 @@ def _check_run(where: str, row: Row, recorded: Metrics) -> None:
     if missing:
         raise UserError(f"{where}: no {missing[0]}, which every run has")
     metrics = Metrics(**{each.name: row[each.name] for each in fields(Metrics)})
-    for what in ("recorded_delta_v_mps", "recorded_own_delta_v_mps"):
-        if abs(getattr(metrics, what) - getattr(recorded, what)) > _SAME_MPS:
+    for what, tolerance in (
+        ("recorded_delta_v_mps", _SAME_MPS),
+        ("recorded_own_delta_v_mps", _SAME_MPS),
+        ("recorded_serious_injury_risk", _SAME_RISK),
+    ):
+        if abs(getattr(metrics, what) - getattr(recorded, what)) > tolerance:
             raise UserError(f"{where}: {what} is {row[what]:g}, of the crash itself {getattr(recorded, what):g}")
     if metrics.collided != (metrics.contact_time_s is not None):
         raise UserError(f"{where}: collided is {metrics.collided}, the time of its contact {metrics.contact_time_s}")

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
+from trace_dag.evaluation.metrics import AVOIDED, OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
 from trace_dag.messages.wording import percent
 from trace_dag.scenario.share_chart import Share
@@ -131,10 +131,12 @@ def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimen
     for (agent, group), members in sorted(groups.items(), key=lambda item: (order[item[0][0]], item[0][1] != "all")):
         counts = Counter(row["outcome"] for row in members)
         off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
-        lines.append((agent, group.replace("_", " "), len(members), *(counts[each] for each in DriveOutcome), off_road))
-    names = ["agent", dimension.replace("_", " "), "runs", *DriveOutcome, "off road"]
-    avoided = names.index(DriveOutcome.AVOIDED)
-    shares = [Share(line[0], line[avoided], line[2]) for line in lines if line[1] == "all"]
+        unfinished = sum(not (row.get("collided") or row.get("finished")) for row in members)
+        counted_outcomes = (counts[each] for each in DriveOutcome)
+        lines.append((agent, group.replace("_", " "), len(members), *counted_outcomes, off_road, unfinished))
+    names = ["agent", dimension.replace("_", " "), "runs", *DriveOutcome, "off road", "unfinished"]
+    avoided = [names.index(each) for each in AVOIDED]
+    shares = [Share(line[0], sum(line[at] for at in avoided), line[2]) for line in lines if line[1] == "all"]
     return StudyTable(names, lines, shares, "Crashes avoided")
 
 

@@ -10,9 +10,11 @@ SELECT
     dimension,
     class,
     count(*) AS runs,
-    count(*) FILTER (outcome = 'avoided') AS avoided,
-    count(*) FILTER (outcome = 'softened') AS softened,
-    count(*) FILTER (outcome = 'same') AS same,
+    count(*) FILTER (outcome = 'conflict_avoided') AS conflict_avoided,
+    count(*) FILTER (outcome = 'collision_avoided') AS collision_avoided,
+    count(*) FILTER (outcome = 'stopped') AS stopped,
+    count(*) FILTER (outcome = 'mitigated') AS mitigated,
+    count(*) FILTER (outcome = 'unchanged') AS unchanged,
     count(*) FILTER (outcome = 'worse') AS worse,
     count(*) FILTER (outcome = 'faulty') AS faulty
 FROM evaluations
@@ -26,8 +28,10 @@ COMMENT ON COLUMN leaderboard_by_class.agent IS 'Name of the agent, and of condi
 COMMENT ON COLUMN leaderboard_by_class.dimension IS 'kind, collision_type, road_topology or vehicle_trajectory';
 COMMENT ON COLUMN leaderboard_by_class.class IS 'Class of the dimension';
 COMMENT ON COLUMN leaderboard_by_class.runs IS 'Evaluations: crashes times places it took';
-COMMENT ON COLUMN leaderboard_by_class.avoided IS 'Runs in which nobody touched anybody';
-COMMENT ON COLUMN leaderboard_by_class.softened IS 'Runs with a lower delta-v than the crash';
-COMMENT ON COLUMN leaderboard_by_class.same IS 'Runs with the crash''s delta-v, within a tenth or 0.5 m/s';
-COMMENT ON COLUMN leaderboard_by_class.worse IS 'Runs with a higher delta-v than the crash';
+COMMENT ON COLUMN leaderboard_by_class.conflict_avoided IS 'Runs in which nobody came within 1.5 s of touching anybody';
+COMMENT ON COLUMN leaderboard_by_class.collision_avoided IS 'Runs in which somebody did, and nobody touched anybody';
+COMMENT ON COLUMN leaderboard_by_class.stopped IS 'Runs in which it stands before the conflict in the end';
+COMMENT ON COLUMN leaderboard_by_class.mitigated IS 'Runs with a risk of serious injury lower by more than a tenth';
+COMMENT ON COLUMN leaderboard_by_class.unchanged IS 'Runs with the crash''s risk of serious injury, within a tenth';
+COMMENT ON COLUMN leaderboard_by_class.worse IS 'Runs with a risk higher by more than a tenth';
 COMMENT ON COLUMN leaderboard_by_class.faulty IS 'Runs in which the agent broke its side of the interface';
