@@ -159,7 +159,7 @@ def package_input() -> PackageInput:
     made = made_of("record")
     return PackageInput(
         record=record_of("record"),
-        report_xml=report_of("record"),
+        report=("report.xml", report_of("record")),
         osm_xml=b"<osm/>",
         map_xodr=made.xodr,
         provenance={},

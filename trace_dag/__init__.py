@@ -1,4 +1,4 @@
-"""From police-reported fatal crashes to runnable, judged crash scenarios on the real road."""
+"""From police-reported crashes to runnable, judged crash scenarios on the real road."""
 
 from __future__ import annotations
 

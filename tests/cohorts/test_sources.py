@@ -15,6 +15,7 @@ from trace_dag.benchmark.removal import delete_artefacts
 from trace_dag.cohorts.choice import Choice
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.cohorts.registry import Registry
+from trace_dag.cohorts.sources import TableSource
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.cohorts import CohortFilter
 from trace_dag.errors import UserError
@@ -53,8 +54,8 @@ def test_a_zip_registers_what_its_folder_does(tmp_path, storage):
     with zipfile.ZipFile(archive, "w") as file:
         for path in folder.iterdir():
             file.write(path, f"inside/{path.name}")
-    first = ingest(storage, "folder", tables=[("fars-csv", str(folder))])
-    second = ingest(Storage.open(tmp_path / "other"), "zip", tables=[("fars-csv", str(archive))])
+    first = ingest(storage, "folder", tables=[TableSource.of_plugin("fars-csv", str(folder))])
+    second = ingest(Storage.open(tmp_path / "other"), "zip", tables=[TableSource.of_plugin("fars-csv", str(archive))])
     assert len(first.registration.added) == 30
     assert first.registration == second.registration
 
@@ -135,7 +136,7 @@ def test_thousands_of_crashes_are_registered_and_become_partitions(tmp_path, sto
     from dagster import DagsterInstance
 
     folder = fars_folder(tmp_path / "csv", 4_000)
-    report = ingest(storage, "year", tables=[("fars-csv", str(folder))])
+    report = ingest(storage, "year", tables=[TableSource.of_plugin("fars-csv", str(folder))])
     with DagsterInstance.ephemeral() as instance:
         assert add_partitions(instance, report.registration.added) == 4_000
         keys = Registry(storage).keys("year")

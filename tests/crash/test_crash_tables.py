@@ -20,7 +20,7 @@ from trace_dag.crash.tables import CRASH_RECORD, SCHEMA_VERSION, record_from_par
 from trace_dag.errors import Failure
 from trace_dag.settings import CrashSettings
 
-DERIVED = {CrashRecord: ["kind", "schema_version"], EventRecord: ["kind"], NonMotorist: ["party", "kind"]}
+DERIVED = {CrashRecord: ["kind", "severity", "schema_version"], EventRecord: ["kind"], NonMotorist: ["party", "kind"]}
 """Columns that follow from others, for those who read the table alone."""
 finite = st.floats(allow_nan=False, allow_infinity=False)
 int32 = st.integers(-(2**31), 2**31 - 1)

@@ -9,6 +9,7 @@ import pytest
 
 from trace_dag.cohorts.choice import Choice
 from trace_dag.cohorts.ingest import ingest
+from trace_dag.cohorts.sources import TableSource
 from trace_dag.flow.artefacts import ESTIMATE
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.stages import FLOW
@@ -39,7 +40,7 @@ def workspace(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Wo
     ingest(
         opened.storage,
         "tempe",
-        tables=[("fars-csv", str(shared_data / "fars-csv"))],
+        tables=[TableSource.of_plugin("fars-csv", str(shared_data / "fars-csv"))],
         maps=[shared_data / "osm" / "tempe-az.osm.pbf"],
         choice=Choice(cases=frozenset(DIRECTIONS)),
     )

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from trace_dag.cohorts.ingest import ingest
+from trace_dag.cohorts.sources import TableSource
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
@@ -59,7 +60,7 @@ def root(tmp_path_factory: pytest.TempPathFactory, folders: tuple[Path, Path]) -
     root = tmp_path_factory.mktemp("kinds")
     workspace = Workspace.open(str(root), FLOW, {"execution": {"executor": "in_process"}})
     ingest(workspace.storage, "va-2023", reports=[folders[0]])
-    ingest(workspace.storage, "fars", tables=[("fars-csv", str(folders[1]))])
+    ingest(workspace.storage, "fars", tables=[TableSource.of_plugin("fars-csv", str(folders[1]))])
     keys = workspace.registry.keys()
     list(run_stages(workspace, keys[1:], [Stage.RAW_REPORT, Stage.CRASH_RECORD], run_id="kinds"))
     build_warehouse(workspace.storage, root)

@@ -19,6 +19,7 @@ from lxml import html
 from trace_dag.benchmark.build import build_benchmark
 from trace_dag.cohorts.choice import Choice
 from trace_dag.cohorts.ingest import ingest
+from trace_dag.cohorts.sources import TableSource
 from trace_dag.crash.cohorts import CohortFilter
 from trace_dag.errors import Reason
 from trace_dag.flow.batch import run_stages
@@ -51,7 +52,7 @@ def root(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         ingest(
             workspace.storage,
             "fars",
-            tables=[("fars-csv", str(shared_data / "fars-csv"))],
+            tables=[TableSource.of_plugin("fars-csv", str(shared_data / "fars-csv"))],
             maps=[arizona],
             choice=MARICOPA,
         )

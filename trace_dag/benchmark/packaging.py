@@ -8,6 +8,7 @@ like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.
 from __future__ import annotations
 
 from importlib import resources
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from trace_dag.flow.artefacts import (
@@ -16,11 +17,11 @@ from trace_dag.flow.artefacts import (
     LOGS,
     MAP_REPORT,
     RECORD,
-    REPORT_XML,
     ROAD_MAP,
     SAMPLED,
     VERDICT,
     XODR,
+    report_file,
     surroundings_of,
 )
 from trace_dag.flow.contract import CrashFiles
@@ -42,7 +43,7 @@ def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[s
     return package_files(
         PackageInput(
             record=files.load(RECORD),
-            report_xml=files.load(REPORT_XML),
+            report=report_file(files),
             osm_xml=write_osm(files.load(EXTRACT)),
             map_xodr=files.load(XODR),
             provenance={
@@ -79,10 +80,11 @@ def published_files(files: CrashFiles) -> dict[str, bytes]:
     from trace_dag.scenario.published_layout import write_published
 
     case = files.key.partition("-")[2]
+    report, data = report_file(files)
     hypothesis = files.load(VERDICT).hypothesis
     simulation = write_published(files.load(ESTIMATE).hypotheses[hypothesis], files.load(LOGS)[hypothesis])
     return {
-        f"reports/crash_{case}.xml": files.load(REPORT_XML),
+        f"reports/crash_{case}{PurePosixPath(report).suffix}": data,
         f"summary/summary_{case}.txt": (files.load(RECORD).summary + "\n").encode(),
         f"maps/map_{case}.xodr": files.load(XODR),
         f"simulations/simulation_{case}.json": simulation,

@@ -29,10 +29,24 @@ _NAMED = 10
         "trace-dag ingest --states Virginia --years 2023",
         "trace-dag ingest --reports reports/ --maps virginia.osm.pbf --cohort virginia",
         "trace-dag ingest --fars-csv FARS2023NationalCSV.zip --maps overpass --states VA --sample 100",
+        "trace-dag ingest --register my_state.toml crashes.csv --check",
     ),
 )
 @click.option("--reports", multiple=True, metavar="PATH", help="Folders or files of CrashAPI XML reports.")
 @click.option("--fars-csv", multiple=True, metavar="PATH", help="FARS national CSV files: folders or zips.")
+@click.option(
+    "--register",
+    nargs=2,
+    multiple=True,
+    metavar="NAME TABLE",
+    help="A table of another register than FARS, as CSV: the name of one whose mapping is part of the package (tempe, "
+    "montgomery), or a mapping file of yours (my_state.toml).",
+)
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Say what of the tables of --register would be read, kind by kind, and register nothing.",
+)
 @click.option(
     "--source",
     nargs=2,
@@ -69,6 +83,8 @@ def ingest(
     /,
     reports: tuple[str, ...],
     fars_csv: tuple[str, ...],
+    register: tuple[tuple[str, str], ...],
+    check: bool,
     source: tuple[tuple[str, str], ...],
     crashapi: bool,
     maps: tuple[str, ...],
@@ -83,9 +99,10 @@ def ingest(
     With --states and --years, or --cases, alone: says which files of NHTSA and Geofabrik that needs and where they are
     published; takes them where they lie in this folder or in Downloads; fetches those that are missing with --download.
 
-    Sources are folders of reports, the national CSV files and the CrashAPI, one or several. Filters and samples choose
-    among the crashes they hold; a crash whose source does not say what a filter asks for is not chosen. For filters
-    on more than state, year, county name and vehicles, the CrashAPI is asked for every report in question.
+    Sources are folders of reports, the national CSV files, tables of other registers and the CrashAPI, one or several.
+    Filters and samples choose among the crashes they hold; a crash whose source does not say what a filter asks for is
+    not chosen. For filters on more than state, year, county name and vehicles, the CrashAPI is asked for every report
+    in question.
 
     Each crash finds the map that covers it. Ingesting again adds what is new and changes nothing else; maps can be
     added later by themselves.
@@ -93,12 +110,23 @@ def ingest(
     from trace_dag.cohorts.ingest import ingest as ingest_into
     from trace_dag.cohorts.public_files import name_of
     from trace_dag.cohorts.services import crash_api
+    from trace_dag.cohorts.sources import TableSource
+    from trace_dag.crash.registers.check import check_table
+    from trace_dag.crash.registers.table import RegisterTable
     from trace_dag.flow.workspace import Workspace
     from trace_dag.plugins import PluginKind, offered
     from trace_dag.storage.files import Storage
 
     choice = choice_of(options)
-    if not (reports or maps or fars_csv or source or crashapi):
+    registers = [RegisterTable.open(name, Path(table)) for name, table in register]
+    if check:
+        if not registers:
+            raise UserError("ingest: --check needs --register, the tables to look at")
+        for table in registers:
+            for line in check_table(table, Workspace.open(root).settings.crash):
+                say(line)
+        return
+    if not (reports or maps or fars_csv or register or source or crashapi):
         cohort = cohort or name_of(choice)
         found = _public_files(root, choice, download=download)
         fars_csv = tuple(str(path) for path in found if path.suffix == ".zip")
@@ -119,7 +147,10 @@ def ingest(
             cohort,
             reports=[Path(path) for path in reports],
             maps=[Path(path) for path in maps if path not in services],
-            tables=[*(("fars-csv", path) for path in fars_csv), *source],
+            tables=[
+                *(TableSource.of_plugin(*each) for each in (*(("fars-csv", path) for path in fars_csv), *source)),
+                *(TableSource(f"register {table.mapping.register_name}", table) for table in registers),
+            ],
             crash_api=crash_api(workspace.settings.services, workspace.storage, refresh=refresh) if crashapi else None,
             choice=choice,
             map_service=services[0] if services else None,

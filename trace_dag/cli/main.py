@@ -57,7 +57,7 @@ EXIT_USAGE = 2
 )
 @click.pass_context
 def cli(context: click.Context, root: str | None) -> None:
-    """From police-reported fatal crashes to runnable, judged crash scenarios on the real road.
+    """From police-reported crashes to runnable, judged crash scenarios on the real road.
 
     Register crashes with ingest, run them, and see where each stands with status. Everything is kept below one
     storage root.

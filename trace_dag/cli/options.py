@@ -54,7 +54,7 @@ class ManyValuesCommand(click.Command):
         many = {
             name
             for parameter in self.params
-            if isinstance(parameter, click.Option) and parameter.multiple
+            if isinstance(parameter, click.Option) and parameter.multiple and parameter.nargs == 1
             for name in parameter.opts
         }
         spread: list[str] = []

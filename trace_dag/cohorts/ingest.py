@@ -53,7 +53,7 @@ def ingest(
     *,
     reports: Sequence[Path] = (),
     maps: Sequence[Path] = (),
-    tables: Sequence[tuple[str, str]] = (),
+    tables: Sequence[TableSource] = (),
     crash_api: CrashApiClient | None = None,
     case_lists: CrashApiClient | None = None,
     choice: Choice = Choice(),  # noqa: B008 - immutable
@@ -64,8 +64,7 @@ def ingest(
     """Register what is found and chosen. A crash that several sources hold comes from the first of them.
 
     With ``watch``, the folders of reports may hold none yet and are looked at from then on, and the cohort follows
-    what the CrashAPI releases. ``tables`` are names of report sources, each with its location. ``case_lists`` is
-    asked for the lists of cases where that is not ``crash_api``.
+    what the CrashAPI releases. ``case_lists`` is asked for the lists of cases where that is not ``crash_api``.
 
     Raises :class:`UserError` for folders without reports, files that are not OSM data, a choice that leaves nothing and
     the like, and what the CrashAPI's client raises; nothing is registered then.
@@ -78,8 +77,7 @@ def ingest(
             "expected CrashAPI GetCaseDetails responses in XML"
         )
     sources: list[Source] = [FolderSource(scanned.reports)] if scanned.reports else []
-    of_tables = [TableSource(plugin, location) for plugin, location in tables]
-    sources += of_tables
+    sources += tables
     if crash_api is not None:
         sources.append(CrashApiSource(crash_api, progress, case_lists))
     offers, chosen = _chosen(storage, sources, choice)
@@ -102,7 +100,7 @@ def ingest(
         scanned.unrecognised,
         offers,
         len(found_maps),
-        tuple(note for source in of_tables for note in source.notes),
+        tuple(note for source in tables for note in source.notes),
     )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from trace_dag.crash.codes.crash import STATES
-from trace_dag.crash.keys import parse_key, state_of
+from trace_dag.crash.keys import fars_case, state_of
 from trace_dag.errors import UserError
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def files_of(choice: Choice) -> list[PublicFile]:
     >>> [each.name for each in files_of(Choice(cases=frozenset({"2023-510179"})))]
     ['FARS2023NationalCSV.zip', 'virginia-latest.osm.pbf']
     """
-    named = [parse_key(key) for key in choice.cases]
+    named = [fars_case(key) for key in choice.cases]
     years = choice.wanted.years or {year for year, _ in named}
     states = choice.wanted.states or {state_of(case) for _, case in named}
     if not years or not states:

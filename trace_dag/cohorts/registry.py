@@ -119,12 +119,13 @@ _COHORTS = TypeAdapter(Cohort)
 
 
 def in_order(keys: Iterable[str]) -> list[str]:
-    """Keys by year, then by state case as a number, each once: the order in which they are registered.
+    """Keys of FARS by year, then by state case as a number, then each other register's; each once: the order in which
+    they are registered.
 
-    >>> in_order(["2023-510010", "2023-40002", "2015-390503", "2023-510010"])
-    ['2015-390503', '2023-40002', '2023-510010']
+    >>> in_order(["2023-510010", "tempe-7", "2023-40002", "2015-390503", "2023-510010"])
+    ['2015-390503', '2023-40002', '2023-510010', 'tempe-7']
     """
-    return sorted(set(keys), key=parse_key)
+    return sorted(set(keys), key=lambda key: parse_key(key).order)
 
 
 class Registry:

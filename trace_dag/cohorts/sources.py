@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Protocol
 from trace_dag.cohorts.choice import Choice
 from trace_dag.cohorts.registry import ReportSource
 from trace_dag.crash.folder import FoundReport
-from trace_dag.crash.keys import parse_key
+from trace_dag.crash.keys import fars_case
 from trace_dag.crash.listing import CrashListing, list_report
+from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.reported_record import reported_to_json
 from trace_dag.errors import Rejection, UserError
 from trace_dag.messages.progress import OnProgress
 from trace_dag.plugins import PluginKind, load
@@ -85,32 +87,41 @@ class ReportTables(Protocol):
         """One line per crash there."""
         ...
 
-    def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes]]:
-        """Key and CrashAPI-shaped XML of the crashes asked for."""
+    def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes | CrashRecord]]:
+        """Key and report of the crashes asked for: the record as read, or XML as the CrashAPI serves it."""
         ...
 
 
 class TableSource:
-    """A source of reports that a package offers under a name, such as ``fars-csv``: the national CSV files."""
+    """A source that reads whole tables: the register of a mapping, or what a package offers under a name, such as
+    ``fars-csv``, the national CSV files."""
 
-    def __init__(self, plugin: str, location: str) -> None:
-        self.name = f"{plugin} {Path(location).name}"
-        self._tables: ReportTables = load(PluginKind.REPORT_SOURCE, plugin).open(location)
-        self.notes = tuple(self._tables.notes())
+    def __init__(self, name: str, tables: ReportTables) -> None:
+        self.name = name
+        self._tables = tables
+        self.notes = tuple(tables.notes())
+
+    @classmethod
+    def of_plugin(cls, plugin: str, location: str) -> TableSource:
+        """The source that a package offers under a name, opened at a location."""
+        return cls(f"{plugin} {Path(location).name}", load(PluginKind.REPORT_SOURCE, plugin).open(location))
 
     def offers(self, choice: Choice) -> list[CrashListing]:
         """See :class:`Source`."""
         return choice.admitted(self._tables.listings())
 
     def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
-        """See :class:`Source`. Each crash is kept below the root as the report the service would give."""
+        """See :class:`Source`. Each report is kept below the root."""
         taken = {}
         present = storage.list("reports")
-        for key, xml in self._tables.reports(keys):
-            name = _stored_name(key)
-            if name not in present or storage.read(name) != xml:
-                storage.write(name, xml)
-            taken[key] = ReportSource("stored", name, hashlib.sha256(xml).hexdigest())
+        for key, report in self._tables.reports(keys):
+            if isinstance(report, bytes):
+                data, name = report, _stored_name(key)
+            else:
+                data, name = reported_to_json(report), _stored_name(key, "json")
+            if name not in present or storage.read(name) != data:
+                storage.write(name, data)
+            taken[key] = ReportSource("stored", name, hashlib.sha256(data).hexdigest())
         return taken
 
 
@@ -158,8 +169,7 @@ class CrashApiSource:
 
 
 def _bare(key: str) -> CrashListing:
-    year, state_case = parse_key(key)
-    return CrashListing(key, year, state_case)
+    return CrashListing(key, *fars_case(key))
 
 
 def _listed(key: str, data: bytes) -> CrashListing:
@@ -169,5 +179,5 @@ def _listed(key: str, data: bytes) -> CrashListing:
         return _bare(key)
 
 
-def _stored_name(key: str) -> str:
-    return f"reports/{key}.xml"
+def _stored_name(key: str, extension: str = "xml") -> str:
+    return f"reports/{key}.{extension}"

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from trace_dag.crash.codes.crash import STATES
 from trace_dag.crash.folder import identify
-from trace_dag.crash.keys import crash_key, parse_key, state_of
+from trace_dag.crash.keys import crash_key, fars_case, state_of
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import Failure, Rejection, UserError
 from trace_dag.network.http import HttpClient
@@ -58,7 +58,7 @@ class CrashApiClient:
 
         Raises UserError for a malformed key, TransientFailure or Failure as :class:`HttpClient` does.
         """
-        year, state_case = parse_key(key)
+        year, state_case = fars_case(key)
         params = {
             "stateCase": str(state_case),
             "caseYear": str(year),

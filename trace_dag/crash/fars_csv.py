@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.fars_files import TABLES, FarsRelease, find_releases
-from trace_dag.crash.keys import crash_key, parse_key, state_of
+from trace_dag.crash.keys import crash_key, fars_case, state_of
 from trace_dag.crash.kind import kind_of_codes
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
@@ -104,7 +104,7 @@ class FarsCsvSource:
 
         Raises UserError for a malformed key.
         """
-        wanted = None if keys is None else {parse_key(key) for key in keys}
+        wanted = None if keys is None else {fars_case(key) for key in keys}
         done: set[tuple[int, int]] = set()
         for release in self._releases:
             cases = [

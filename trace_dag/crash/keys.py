@@ -1,28 +1,54 @@
-"""The key of a crash, ``<caseYear>-<stateCase>``: made and read in one place.
+"""The key of a crash: made and read in one place, so that nothing a report says can become a path.
 
-A ``stateCase`` is unique only within its year. A key is put together from two checked integers, so that nothing a
-report says can become a path.
+FARS' keys are ``<caseYear>-<stateCase>``: a ``stateCase`` is unique only within its year. Those of other registers are
+``<register>-<id>``. A register's name begins with a letter, so that the two cannot be mixed up; an id holds letters,
+digits, ``-`` and ``_`` alone, so that a key is safe as the name of a file, as a partition and in a URL.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import Final
 
 from trace_dag.errors import UserError
 
-_KEY: Final = re.compile(r"(?P<year>[12][0-9]{3})-(?P<case>[1-9][0-9]{4,5})")
+FARS: Final = "fars"
+"""The name of NHTSA's register of fatal crashes."""
+REGISTER_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,31}")
+_FARS_KEY: Final = re.compile(r"(?P<year>[12][0-9]{3})-(?P<case>[1-9][0-9]{4,5})")
+_KEY: Final = re.compile(rf"(?P<register>{REGISTER_NAME.pattern})-(?P<id>[A-Za-z0-9_][A-Za-z0-9_-]{{0,149}})")
 _SHOWN: Final = 40  # characters of what is none
 
 
+@dataclass(frozen=True, slots=True)
+class CrashKey:
+    """A key taken apart: the register, and the number of the crash there (FARS: ``stateCase``, of ``case_year``)."""
+
+    register: str
+    id: str
+    case_year: int | None = None
+
+    @property
+    def state_case(self) -> int | None:
+        """FARS' ``stateCase``; None of other registers."""
+        return None if self.case_year is None else int(self.id)
+
+    @property
+    def order(self) -> tuple[object, ...]:
+        """Sorts keys: FARS by year and number, then each register by itself, numbers by their size."""
+        number = int(self.id) if self.id.isascii() and self.id.isdigit() else -1
+        return (self.register != FARS, self.register, self.case_year or 0, number, self.id)
+
+
 def crash_key(case_year: int, state_case: int) -> str:
-    """The key of a crash. Raises ValueError for numbers that FARS does not use.
+    """The key of a crash of FARS. Raises ValueError for numbers that FARS does not use.
 
     >>> crash_key(2023, 510179)
     '2023-510179'
     """
     key = f"{case_year:d}-{state_case:d}"
-    if not _KEY.fullmatch(key):
+    if not _FARS_KEY.fullmatch(key):
         raise ValueError(
             f"case year {case_year} and state case {state_case} make no key; expected a four-digit year and a "
             "five or six digit case number (state * 10000 + number)"
@@ -30,17 +56,50 @@ def crash_key(case_year: int, state_case: int) -> str:
     return key
 
 
-def parse_key(key: str) -> tuple[int, int]:
-    """Case year and state case of a key. Raises UserError for anything that is not one.
+def register_key(register: str, crash_id: str) -> str:
+    """The key of a crash of another register. Raises ValueError for an id with other characters than a key may have.
 
-    >>> parse_key('2023-510179')
+    >>> register_key("tempe", "2579417")
+    'tempe-2579417'
+    """
+    key = f"{register}-{crash_id}"
+    if register == FARS or not _KEY.fullmatch(key):
+        raise ValueError(
+            f"register {register!r} and id {crash_id[:_SHOWN]!r} make no key; expected lower-case letters, digits and "
+            "_ in the one, letters, digits, - and _ in the other"
+        )
+    return key
+
+
+def parse_key(key: str) -> CrashKey:
+    """A key taken apart. Raises UserError for anything that is not one.
+
+    >>> parse_key("2023-510179").state_case, parse_key("tempe-2579417").register
+    (510179, 'tempe')
+    """
+    of_fars = _FARS_KEY.fullmatch(key)
+    if of_fars is not None:
+        return CrashKey(FARS, of_fars["case"], int(of_fars["year"]))
+    match = _KEY.fullmatch(key)
+    if match is None or match["register"] == FARS:
+        shown = f"{key[:_SHOWN]!r}{'...' if len(key) > _SHOWN else ''}"
+        raise UserError(
+            f"{shown} is not a crash key; expected <caseYear>-<stateCase>, such as 2023-510179, or <register>-<id>, "
+            "such as tempe-2579417"
+        )
+    return CrashKey(match["register"], match["id"])
+
+
+def fars_case(key: str) -> tuple[int, int]:
+    """Case year and state case of a key of FARS. Raises UserError for one of another register.
+
+    >>> fars_case("2023-510179")
     (2023, 510179)
     """
-    match = _KEY.fullmatch(key)
-    if match is None:
-        shown = f"{key[:_SHOWN]!r}{'...' if len(key) > _SHOWN else ''}"
-        raise UserError(f"{shown} is not a crash key; expected <caseYear>-<stateCase>, such as 2023-510179")
-    return int(match["year"]), int(match["case"])
+    parsed = parse_key(key)
+    if parsed.case_year is None or parsed.state_case is None:
+        raise UserError(f"{key} is a crash of register {parsed.register}; expected one of FARS, such as 2023-510179")
+    return parsed.case_year, parsed.state_case
 
 
 def state_of(state_case: int) -> int:

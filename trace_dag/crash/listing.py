@@ -12,6 +12,7 @@ from trace_dag.crash.fields import Fields
 from trace_dag.crash.keys import state_of
 from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.parse import case_of, crash_element
+from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.xml_input import parse_untrusted
 
 
@@ -25,7 +26,7 @@ class CrashListing:
 
     key: str
     case_year: int
-    state_case: int
+    state_case: int | None
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     county_code: int | None = None  # COUNTY
@@ -40,11 +41,12 @@ class CrashListing:
     intersection_type_code: int | None = None  # TYP_INT
     junction_relation_code: int | None = None  # RELJCT2
     crash_types: tuple[int | None, ...] = ()  # ACC_TYPE
+    register_state_code: int | None = None  # STATE, where no state case says it
 
     @property
-    def state_code(self) -> int:
+    def state_code(self) -> int | None:
         """``STATE``."""
-        return state_of(self.state_case)
+        return self.register_state_code if self.state_case is None else state_of(self.state_case)
 
     @property
     def collision_type(self) -> CollisionType:
@@ -60,6 +62,32 @@ class CrashListing:
     def vehicle_trajectory(self) -> VehicleTrajectory:
         """Coverage class of the vehicles' crash types."""
         return vehicle_trajectory(self.crash_types)
+
+
+def list_record(record: CrashRecord) -> CrashListing:
+    """The line of a crash whose source has read its record.
+
+    >>> list_record(record).manner_of_collision_code  # MAN_COLL 6: angle
+    6
+    """
+    return CrashListing(
+        key=record.key,
+        case_year=record.case_year,
+        state_case=record.state_case,
+        latitude_deg=record.latitude_deg,
+        longitude_deg=record.longitude_deg,
+        county_name=record.county_name,
+        city_name=record.city_name,
+        route_code=record.route_code,
+        function_class_code=record.function_class_code,
+        vehicles=record.moving_vehicles,
+        kind=record.kind,
+        manner_of_collision_code=record.manner_of_collision_code,
+        intersection_type_code=record.intersection_type_code,
+        junction_relation_code=record.junction_relation_code,
+        crash_types=tuple(vehicle.crash_type_code for vehicle in record.vehicles),
+        register_state_code=record.state_code,
+    )
 
 
 def list_report(data: bytes, *, name: str) -> CrashListing:

@@ -13,25 +13,16 @@ from typing import Final
 
 from lxml import etree
 
-from trace_dag.crash.classes import RoadTopology, collision_type, road_topology
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes.table import FIRST_YEAR, UnknownCodeError
-from trace_dag.crash.contradictions import contradictions_of
-from trace_dag.crash.crash_types import vehicle_trajectory
-from trace_dag.crash.derive import (
-    UNSAID_MOVEMENTS,
-    implied_movement,
-    with_crash_types,
-    with_impacts,
-)
+from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.event_parties import with_event_parties
 from trace_dag.crash.fields import Fields, local_name, malformed
 from trace_dag.crash.keys import crash_key, state_of
 from trace_dag.crash.persons import read_non_motorists
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.crash.sequence import known_by_events_alone, read_sequence, struck_standing_only
-from trace_dag.crash.summary import summarise
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
 from trace_dag.errors import Reason, Rejection
@@ -72,8 +63,7 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
         ) from error
     if expected_key is not None and record.key != expected_key:
         raise malformed(f"{name} is the report of crash {record.key}; expected crash {expected_key}")
-    record = replace(record, repaired=repaired)
-    return replace(record, summary=summarise(record))
+    return complete_record(replace(record, repaired=repaired))
 
 
 def crash_element(root: etree._Element, *, name: str) -> etree._Element:
@@ -112,27 +102,15 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
     sequence = read_sequence(fields, vehicles)
     persons = read_non_motorists(fields, vehicles)
     struck = with_event_parties(sequence.events, persons.non_motorists, order_known=sequence.order_known)
-    events = struck.events
-    man_coll = fields.code(crash_codes.MAN_COLL)
-    vehicles = with_impacts(with_crash_types(vehicles, events), events, man_coll)
-    vehicles = tuple(_with_movement(vehicle) for vehicle in vehicles)
-    typ_int = fields.code(crash_codes.TYP_INT)
-    junction = fields.known_code(crash_codes.RELJCT2)
-    topology = road_topology(typ_int, junction)
-    topology_implied = crash_codes.TYP_INT.known(typ_int) is None and topology is RoadTopology.NOT_AN_INTERSECTION
     function_class, land_use, class_implied = _function_class(fields)
-
-    record = CrashRecord(
+    return CrashRecord(
         key=key,
         case_year=case_year,
         state_case=state_case,
         latitude_deg=latitude_deg,
         longitude_deg=longitude_deg,
         vehicles=vehicles,
-        events=events,
-        collision_type=collision_type(man_coll),
-        road_topology=topology,
-        vehicle_trajectory=vehicle_trajectory(()),
+        events=struck.events,
         state_code=state_of(state_case),
         state_name=crash_codes.STATES.get(state_of(state_case), ""),
         county_name=_place_name(fields.text("COUNTYNAME")),
@@ -147,10 +125,10 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
         route_code=fields.known_code(crash_codes.ROUTE),
         function_class_code=function_class,
         rural_urban_code=land_use,
-        manner_of_collision_code=man_coll,
+        manner_of_collision_code=fields.code(crash_codes.MAN_COLL),
         first_harmful_event_code=fields.known_code(event_codes.HARM_EV),
-        intersection_type_code=typ_int,
-        junction_relation_code=junction,
+        intersection_type_code=fields.code(crash_codes.TYP_INT),
+        junction_relation_code=fields.known_code(crash_codes.RELJCT2),
         road_relation_code=fields.known_code(crash_codes.REL_ROAD),
         light_code=fields.known_code(crash_codes.LGT_COND),
         weather_code=_weather(fields),
@@ -161,13 +139,10 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
         implied=(
             *sequence.implied,
             *struck.implied,
-            *(("road_topology",) if topology_implied else ()),
             *(("function_class_code",) if class_implied else ()),
         ),
+        contradictions=(*sequence.contradictions, *persons.contradictions, *struck.contradictions),
     )
-    record = replace(record, vehicle_trajectory=vehicle_trajectory(_crash_types(record)))
-    in_tables = (*sequence.contradictions, *persons.contradictions, *struck.contradictions)
-    return replace(record, contradictions=(*in_tables, *contradictions_of(record)))
 
 
 def case_of(crash: Fields) -> tuple[int, int, str]:
@@ -266,15 +241,6 @@ def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterat
         yield read_parked_vehicle(element, crash)
 
 
-def _with_movement(vehicle: VehicleRecord) -> VehicleRecord:
-    if vehicle.movement not in UNSAID_MOVEMENTS:
-        return vehicle
-    implied = implied_movement(vehicle) if vehicle.in_transport else None
-    if implied is None:
-        return vehicle
-    return replace(vehicle, movement=implied, implied=(*vehicle.implied, "movement"))
-
-
 def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
     """``FUNC_SYS`` and ``RUR_URB``, from ``ROAD_FNC`` where a report of an older year has only that."""
     function_class, land_use = fields.known_code(crash_codes.FUNC_SYS), fields.known_code(crash_codes.RUR_URB)
@@ -297,11 +263,6 @@ def _weather(fields: Fields) -> int | None:
     )
     own = (fields.known_code(crash_codes.WEATHER, name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
     return next((code for code in (*own, *listed) if code), None)
-
-
-def _crash_types(record: CrashRecord) -> list[int | None]:
-    vehicles = record.colliding_vehicles or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
-    return [vehicle.crash_type_code for vehicle in vehicles]
 
 
 def _within(value: int | None, low: int, high: int) -> int | None:

@@ -1,13 +1,14 @@
 """The crash record: one crash, its vehicles and its events, typed, in the project's units, unknown as None.
 
 FARS codes are kept beside what they mean here, so that nothing has to be guessed back. Names in capitals in the
-docstrings are FARS elements (FARS Analytical User's Manual).
+docstrings are FARS elements (FARS Analytical User's Manual); other registers are read into the same codes.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum, StrEnum
 from typing import Final
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.keys import FARS
 from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.parties import (
     EventKind,
@@ -91,6 +93,83 @@ class ImpactArea:
     half_width_rad: float
 
 
+class Octant(StrEnum):
+    """A direction of the compass, as many registers report it."""
+
+    NORTH = "north"
+    NORTH_EAST = "north_east"
+    EAST = "east"
+    SOUTH_EAST = "south_east"
+    SOUTH = "south"
+    SOUTH_WEST = "south_west"
+    WEST = "west"
+    NORTH_WEST = "north_west"
+
+    @property
+    def heading_rad(self) -> float:
+        """Its middle, counter-clockwise from east.
+
+        >>> round(Octant.NORTH_WEST.heading_rad / math.pi, 2)  # 135 degrees
+        0.75
+        """
+        return math.remainder(math.pi / 2 - list(Octant).index(self) * math.pi / 4, math.tau)
+
+
+class Moment(StrEnum):
+    """When a party that turned was headed as reported."""
+
+    BEFORE = "before"
+    AFTER = "after"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Heading:
+    """The reported direction of travel of a party; ``moment`` matters of one that turned alone."""
+
+    octant: Octant
+    moment: Moment = Moment.BEFORE
+
+
+class Severity(StrEnum):
+    """The KABCO scale of injuries (MMUCC), the worst first."""
+
+    KILLED = "K"
+    SERIOUS = "A"
+    MINOR = "B"
+    POSSIBLE = "C"
+    NONE = "O"
+
+
+_SEVERITY_OF_INJ_SEV: Final = {
+    4: Severity.KILLED,
+    3: Severity.SERIOUS,
+    2: Severity.MINOR,
+    1: Severity.POSSIBLE,
+    0: Severity.NONE,
+}
+
+
+def severity_of(injury_code: int | None) -> Severity | None:
+    """The letter of an ``INJ_SEV``; None for those that give none (injured, how badly is not known; died before).
+
+    >>> severity_of(3).value, severity_of(5)
+    ('A', None)
+    """
+    return None if injury_code is None else _SEVERITY_OF_INJ_SEV.get(injury_code)
+
+
+@dataclass(frozen=True)
+class Occupant:
+    """A person in a motor vehicle. ``None`` means that the report does not say."""
+
+    number: int  # PER_NO, of the vehicle's occupants
+    role_code: int  # PER_TYP: 1 driver, 2 passenger
+    injury_code: int | None = None  # INJ_SEV
+    age_years: int | None = None  # AGE
+    restraint_code: int | None = None  # REST_USE
+
+
 @dataclass(frozen=True)
 class VehicleRecord:
     """One motor vehicle. ``None`` means the report does not say. ``implied`` names the fields derived from others."""
@@ -134,6 +213,8 @@ class VehicleRecord:
     avoidance_manoeuvres: tuple[int, ...] = ()  # MANEUVER
     rollover_code: int | None = None  # ROLLOVER
     hit_and_run: bool | None = None  # HIT_RUN
+    heading: Heading | None = None  # of registers other than FARS
+    occupants: tuple[Occupant, ...] = ()
     implied: tuple[str, ...] = ()
 
     @property
@@ -237,6 +318,8 @@ class NonMotorist:
     reflective_clothing_code: int | None = None  # NMREFCLO
     lights_code: int | None = None  # NMLIGHT
     other_prevention_code: int | None = None  # NMOTHPRE
+    injury_code: int | None = None  # INJ_SEV
+    heading: Heading | None = None  # of registers other than FARS
 
     @property
     def party(self) -> int:
@@ -263,18 +346,25 @@ class NonMotorist:
 
 @dataclass(frozen=True)
 class CrashRecord:
-    """One crash as read. ``key`` is ``<caseYear>-<stateCase>``."""
+    """One crash as read. ``key`` is ``<caseYear>-<stateCase>``, of other registers than FARS ``<register>-<id>``.
+
+    ``register_lacks`` names the fields that its register has of no crash, such as ``impact``.
+    """
 
     key: str
-    case_year: int
-    state_case: int
+    case_year: int  # of other registers than FARS: the year of the crash
+    state_case: int | None
     latitude_deg: float
     longitude_deg: float
     vehicles: tuple[VehicleRecord, ...]
     events: tuple[EventRecord, ...]
-    collision_type: CollisionType
-    road_topology: RoadTopology
-    vehicle_trajectory: VehicleTrajectory
+    collision_type: CollisionType = CollisionType.OTHERS
+    road_topology: RoadTopology = RoadTopology.OTHERS
+    vehicle_trajectory: VehicleTrajectory = VehicleTrajectory.OTHERS
+    register: str = FARS
+    register_lacks: tuple[str, ...] = ()
+    position_accuracy_m: float | None = None  # how far the reported point usually is from the crash
+    attribution: str = ""  # whom a report of another register than FARS is to be attributed to, and its licence
     state_code: int | None = None
     state_name: str = ""
     county_name: str = ""
@@ -297,6 +387,7 @@ class CrashRecord:
     light_code: int | None = None  # LGT_COND
     weather_code: int | None = None  # WEATHER
     fatalities: int | None = None  # FATALS
+    injury_code: int | None = None  # INJ_SEV of who was hurt worst, where the report has it of the crash
     vehicles_in_transport: int | None = None  # VE_FORMS, which may be more than the report lists
     non_motorists: tuple[NonMotorist, ...] = ()
     implied: tuple[str, ...] = ()
@@ -304,6 +395,20 @@ class CrashRecord:
     ambiguities: tuple[str, ...] = ()  # what the events and persons leave open, as sentences
     repaired: bool = False
     summary: str = ""
+
+    @property
+    def severity(self) -> Severity | None:
+        """How badly anybody was hurt: the worst that the report has of a person or of the crash; None if it has none.
+
+        >>> record.severity.value  # FATALS 1
+        'K'
+        """
+        of_occupants = (each.injury_code for vehicle in self.vehicles for each in vehicle.occupants)
+        of_others = (each.injury_code for each in self.non_motorists)
+        found = {severity_of(code) for code in (self.injury_code, *of_occupants, *of_others)}
+        if self.fatalities:
+            found.add(Severity.KILLED)
+        return next((severity for severity in Severity if severity in found), None)
 
     @property
     def moving_vehicles(self) -> int:
@@ -362,3 +467,32 @@ def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
         if event.code == MOTOR_VEHICLE_IN_TRANSPORT:
             return None
     return None
+
+
+class Origin(StrEnum):
+    """Where a field of a record comes from."""
+
+    REPORTED = "reported"
+    IMPLIED = "implied"
+    MISSING = "missing"
+
+
+_NOT_REPORTED: Final = (None, "", (), PreCrashMovement.UNKNOWN)
+_OF_NO_SOURCE: Final = frozenset(
+    {"implied", "vehicles", "events", "non_motorists", "contradictions", "ambiguities", "repaired", "summary"}
+    | {"key", "register", "register_lacks", "attribution"}
+)
+
+
+def origins(part: CrashRecord | VehicleRecord | EventRecord | NonMotorist) -> dict[str, Origin]:
+    """Where each field of a crash or a part of it comes from: its report, its other fields, or nowhere.
+
+    >>> origins(record.vehicles[0])["travel_speed_mps"].value, origins(tree_record)["trafficway_2"].value
+    ('reported', 'missing')
+    """
+    implied: tuple[str, ...] = getattr(part, "implied", ())
+    found = {}
+    for name in (each.name for each in fields(part) if each.name not in _OF_NO_SOURCE):
+        missing = getattr(part, name) in _NOT_REPORTED
+        found[name] = Origin.IMPLIED if name in implied else Origin.MISSING if missing else Origin.REPORTED
+    return found

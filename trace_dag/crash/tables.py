@@ -21,7 +21,7 @@ from trace_dag.schemas import Column, ColumnType, TableSchema, table_from_parque
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SCHEMA_VERSION: Final = 1
+SCHEMA_VERSION: Final = 2
 """Of :data:`CRASH_RECORD`, in every file: raised when a column comes, goes or changes its meaning."""
 _INTEGER, _REAL, _TEXT, _BOOLEAN = ColumnType.INTEGER, ColumnType.REAL, ColumnType.TEXT, ColumnType.BOOLEAN
 
@@ -37,6 +37,17 @@ def _area(name: str, meaning: str, source: str) -> Column:
     return Column(name, None, meaning, source=source, fields=_AREA_FIELDS)
 
 
+_HEADING_FIELDS: Final = (
+    Column("octant", _TEXT, "Direction of the compass", required=True),
+    Column("moment", _TEXT, "Of one that turned: before it did, after, or unknown", required=True),
+)
+_OCCUPANT_FIELDS: Final = (
+    Column("number", _INTEGER, "Number of the person in the vehicle", source="PER_NO", required=True),
+    Column("role_code", _INTEGER, "Driver or passenger", source="PER_TYP", required=True),
+    Column("injury_code", _INTEGER, "How badly the person was hurt", source="INJ_SEV"),
+    Column("age_years", _INTEGER, "Age", "a", "AGE"),
+    Column("restraint_code", _INTEGER, "Belt or other restraint", source="REST_USE"),
+)
 _TRAILER_FIELDS: Final = (
     Column("length_m", _REAL, "Length without a drawbar", "m", required=True),
     Column("width_m", _REAL, "Width", "m", required=True),
@@ -88,6 +99,8 @@ VEHICLE_COLUMNS: Final = (
     Column("avoidance_manoeuvres", _INTEGER, "What the driver avoided", source="MDRMANAV, MANEUVER", repeated=True),
     Column("rollover_code", _INTEGER, "Rollover", source="ROLLOVER"),
     Column("hit_and_run", _BOOLEAN, "Left the scene", source="HIT_RUN"),
+    Column("heading", None, "Reported direction of travel, of registers other than FARS", fields=_HEADING_FIELDS),
+    Column("occupants", None, "The persons in the vehicle", repeated=True, fields=_OCCUPANT_FIELDS),
     Column("implied", _TEXT, "Fields derived from others", repeated=True),
 )
 
@@ -136,6 +149,8 @@ NON_MOTORIST_COLUMNS: Final = (
     Column("reflective_clothing_code", _INTEGER, "Reflective clothing used", source="NMREFCLO"),
     Column("lights_code", _INTEGER, "Lights used", source="NMLIGHT"),
     Column("other_prevention_code", _INTEGER, "Other preventive equipment used", source="NMOTHPRE"),
+    Column("injury_code", _INTEGER, "How badly the person was hurt", source="INJ_SEV"),
+    Column("heading", None, "Reported direction of travel, of registers other than FARS", fields=_HEADING_FIELDS),
     Column("party", _INTEGER, "Number as a party, 1000 + its number", source="PER_NO", required=True),
     Column("kind", _TEXT, "Kind of party", source="PER_TYP, PBPTYPE", required=True),
 )
@@ -144,9 +159,9 @@ CRASH_RECORD: Final = TableSchema(
     "crash_record",
     "One crash as read from its report",
     (
-        Column("key", _TEXT, "Key of the crash, <caseYear>-<stateCase>", required=True),
+        Column("key", _TEXT, "Key of the crash, <caseYear>-<stateCase> or <register>-<id>", required=True),
         Column("case_year", _INTEGER, "Year of the case file", "a", "CaseYear, YEAR", required=True),
-        Column("state_case", _INTEGER, "Case number, unique in its year", source="ST_CASE", required=True),
+        Column("state_case", _INTEGER, "Case number of FARS, unique in its year", source="ST_CASE"),
         Column("latitude_deg", _REAL, "Reported latitude, WGS84", "deg", "LATITUDE", required=True),
         Column("longitude_deg", _REAL, "Reported longitude, WGS84", "deg", "LONGITUD", required=True),
         Column("vehicles", None, "The motor vehicles", required=True, repeated=True, fields=VEHICLE_COLUMNS),
@@ -154,6 +169,10 @@ CRASH_RECORD: Final = TableSchema(
         Column("collision_type", _TEXT, "Coverage class of the manner of collision", source="MAN_COLL", required=True),
         Column("road_topology", _TEXT, "Coverage class of the intersection", source="TYP_INT", required=True),
         Column("vehicle_trajectory", _TEXT, "Coverage class of the crash type", source="ACC_TYPE", required=True),
+        Column("register", _TEXT, "The register the crash is of: fars, or the name of another", required=True),
+        Column("register_lacks", _TEXT, "Fields that the register has of no crash", repeated=True),
+        Column("position_accuracy_m", _REAL, "How far reported points usually are from the crash", "m"),
+        Column("attribution", _TEXT, "Whom a report of another register than FARS is to be attributed to"),
         Column("state_code", _INTEGER, "State", source="STATE"),
         Column("state_name", _TEXT, "Name of the state", source="STATE"),
         Column("county_name", _TEXT, "County as labelled", source="COUNTYNAME"),
@@ -176,6 +195,7 @@ CRASH_RECORD: Final = TableSchema(
         Column("light_code", _INTEGER, "Light", source="LGT_COND"),
         Column("weather_code", _INTEGER, "Weather", source="WEATHER"),
         Column("fatalities", _INTEGER, "Persons killed", source="FATALS"),
+        Column("injury_code", _INTEGER, "How badly who was hurt worst was, as reported of the crash", source="INJ_SEV"),
         Column("vehicles_in_transport", _INTEGER, "Motor vehicles in transport, as stated", source="VE_FORMS"),
         Column("non_motorists", None, "Persons outside motor vehicles", repeated=True, fields=NON_MOTORIST_COLUMNS),
         Column("implied", _TEXT, "Fields of the crash derived from others", repeated=True),
@@ -184,6 +204,7 @@ CRASH_RECORD: Final = TableSchema(
         Column("repaired", _BOOLEAN, "The report was not well-formed and was repaired", required=True),
         Column("summary", _TEXT, "The crash in words"),
         Column("kind", _TEXT, "Kind of crash", source="HARM_EV, VE_FORMS, SOE", required=True),
+        Column("severity", _TEXT, "How badly anybody was hurt: K, A, B, C or O", source="INJ_SEV, FATALS"),
         Column("schema_version", _INTEGER, "Version of these columns", required=True),
     ),
 )
@@ -222,7 +243,12 @@ def _row(record: CrashRecord) -> dict[str, Any]:
         {**stored, "party": person.party, "kind": person.kind.value}
         for stored, person in zip(row["non_motorists"], record.non_motorists, strict=True)
     ]
-    derived = {"schema_version": SCHEMA_VERSION, "kind": record.kind.value}
+    severity = record.severity
+    derived = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": record.kind.value,
+        "severity": None if severity is None else severity.value,
+    }
     return {**row, **derived, "events": events, "non_motorists": persons}
 
 

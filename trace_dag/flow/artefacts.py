@@ -56,6 +56,7 @@ class CrashArtefacts(Protocol):
 
 
 REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml",))
+REPORT_JSON: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("json",))
 RECORD: Final[Artefact[CrashRecord]] = Artefact(
     Stage.CRASH_RECORD, ("parquet",), "trace_dag.crash.tables:record_from_parquet"
 )
@@ -89,6 +90,7 @@ VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json",))
 
 ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
     "report_xml": REPORT_XML,
+    "report_json": REPORT_JSON,
     "record": RECORD,
     "extract": EXTRACT,
     "xodr": XODR,
@@ -98,6 +100,12 @@ ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
     "logs": LOGS,
 }
 """The artefacts that stages are made from, by the name of the parameter that asks for them."""
+
+
+def report_file(crash: CrashArtefacts) -> tuple[str, bytes]:
+    """The report of a crash with the name it has in packages: CrashAPI's XML, or what another register says as JSON."""
+    artefact = REPORT_XML if crash.has(REPORT_XML) else REPORT_JSON
+    return f"report.{artefact.extensions[0]}", crash.load(artefact)
 
 
 def surroundings_of(crash: CrashArtefacts) -> tuple[OsmFeature, ...]:

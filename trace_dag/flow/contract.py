@@ -5,7 +5,8 @@ Belongs here: the contract between the runner and the stage functions. The funct
 
 A stage is a function that is given what its parameters ask for, by name:
 
-* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.flow.artefacts`): its inputs;
+* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.flow.artefacts`): its inputs; one annotated
+  ``| None`` is None where that stage has made none;
 * ``report``, ``maps``, ``map_service``: where the report and the maps come from;
 * ``settings``: the section of the settings that its annotation names;
 * ``key``: the crash; ``services``: what may be asked of the world outside.
@@ -298,10 +299,16 @@ class Flow:
             "services": crash.services,
             "settings": definition.section(crash.settings),
         }
-        return {
-            each.name: crash.load(self.artefacts[each.name]) if each.name in self.artefacts else at_hand[each.name]
-            for each in signature_of(definition.function).parameters
-        }
+        given = {}
+        for each in signature_of(definition.function).parameters:
+            artefact = self.artefacts.get(each.name)
+            if artefact is None:
+                given[each.name] = at_hand[each.name]
+            elif each.annotation.endswith("| None") and not crash.has(artefact):
+                given[each.name] = None
+            else:
+                given[each.name] = crash.load(artefact)
+        return given
 
     def segments(self, stages: Sequence[Stage]) -> list[tuple[StageDefinition, ...]]:
         """Selected stages cut into runs that a worker does for one crash at a time, those for several by themselves."""

@@ -56,7 +56,7 @@ def valid_records(records: Records) -> Records:
         if record is None or record.outcome is Outcome.STARTED:
             break
         inputs = record.provenance.inputs.items()
-        if any(made.get(name) != digest for name, digest in inputs if name.partition(".")[0] in _STAGE_NAMES):
+        if any(made.get(name, "") != digest for name, digest in inputs if name.partition(".")[0] in _STAGE_NAMES):
             break
         valid[stage] = record
         if record.outcome is not Outcome.ACCEPTED:

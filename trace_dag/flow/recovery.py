@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import PurePosixPath
+
 from trace_dag.cohorts.registry import Registry, ReportSource
-from trace_dag.flow.artefacts import REPORT_XML
+from trace_dag.flow.artefacts import REPORT_JSON, REPORT_XML
 from trace_dag.flow.records import read_records
 from trace_dag.messages.logs import print_problem
 from trace_dag.provenance import crash_of
@@ -29,11 +31,12 @@ def register_again(storage: Storage) -> None:
             continue
         source = ReportSource("crashapi")
         if record.figures.get("source") != "crashapi":
-            kept = record.artefact(REPORT_XML.extensions[0])
+            extensions = (*REPORT_XML.extensions, *REPORT_JSON.extensions)
+            kept = next((file for each in extensions if (file := record.artefact(each)) is not None), None)
             if kept is None:
                 left_out.append(key)
                 continue
-            source = ReportSource("stored", f"reports/{key}.xml", kept.sha256)
+            source = ReportSource("stored", f"reports/{PurePosixPath(kept.name).name}", kept.sha256)
             if not storage.exists(source.location):
                 storage.write(source.location, storage.read_whole(kept))
         maps = extract.provenance.inputs.get("maps", "") if extract is not None else ""

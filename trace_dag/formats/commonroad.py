@@ -69,7 +69,7 @@ class CommonRoad:
         if not drivers:
             raise UserError("nobody drives in it")
         road = _Lanelets(case.network)
-        source = f"trace-dag {__version__}, FARS case {record.key}, {case.network.attribution}"
+        source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
         return {f"{crash.key}_V{own.number}.xml": _scenario(record, road, own, drives, source) for own in drivers}
 
     def beside(self) -> Mapping[str, bytes]:

@@ -70,7 +70,7 @@ class ScenarioNet:
         ego = _ego(case, drives)
         shown = [each for each in drives if each.number == ego or party_of_body(each.number) != ego]
         tracks = {party_label(each.number): _track(each) for each in shown}  # without the trailer that the ego pulls
-        name, scenario = _scenario(crash.key, f"FARS case {crash.key}", case.network, tracks, party_label(ego))
+        name, scenario = _scenario(crash.key, f"crash {crash.key}", case.network, tracks, party_label(ego))
         self._summaries[name] = scenario["metadata"]
         return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL)}
 

@@ -13,6 +13,7 @@ from trace_dag.flow.artefacts import (
     ESTIMATE,
     MAP_REPORT,
     RECORD,
+    REPORT_JSON,
     REPORT_XML,
     ROAD_MAP,
     SAMPLED,
@@ -82,7 +83,7 @@ class Crash:
 
     @property
     def key(self) -> str:
-        """The crash's key, ``<caseYear>-<stateCase>``."""
+        """The crash's key, ``<caseYear>-<stateCase>`` or ``<register>-<id>``."""
         return self._stored.key
 
     @property
@@ -96,12 +97,12 @@ class Crash:
             return self._stored.shown_log() is not None
         if part not in _PARTS:
             raise UserError(f"a crash has no part {part!r}; expected {', '.join(_PARTS)} or log")
-        return self._stored.has(_PARTS[part])
+        return any(self._stored.has(artefact) for artefact in _PARTS[part])
 
     @property
     def report(self) -> bytes:
-        """The report: XML as NHTSA's CrashAPI serves it."""
-        return self._load(REPORT_XML, "report")
+        """The report: XML as NHTSA's CrashAPI serves it; of another register, what its table says, as JSON."""
+        return self._load(REPORT_XML if self._stored.has(REPORT_XML) else REPORT_JSON, "report")
 
     @property
     def record(self) -> CrashRecord:
@@ -316,10 +317,10 @@ class Crash:
         return UserError(f"crash {self.key} has no {part.replace('_', ' ')}: it got no further; home.crashes says why")
 
 
-_PARTS: dict[str, Artefact[Any]] = {
-    "report": REPORT_XML,
-    "record": RECORD,
-    "road_map": ROAD_MAP,
-    "estimate": ESTIMATE,
-    "verdict": VERDICT,
+_PARTS: dict[str, tuple[Artefact[Any], ...]] = {
+    "report": (REPORT_XML, REPORT_JSON),
+    "record": (RECORD,),
+    "road_map": (ROAD_MAP,),
+    "estimate": (ESTIMATE,),
+    "verdict": (VERDICT,),
 }

@@ -20,6 +20,7 @@ from trace_dag.flow.artefacts import (
     EXTRACT,
     MAP_REPORT,
     RECORD,
+    REPORT_JSON,
     REPORT_XML,
     ROAD_MAP,
     SAMPLED,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     import duckdb
     import pandas as pd
 
+    from trace_dag.crash.record import CrashRecord
     from trace_dag.sim.types import SimulationLog
 
 T = TypeVar("T")
@@ -47,7 +49,7 @@ _SAID = 200  # characters of what a library says
 _ZIP = b"PK\x03\x04"
 _FILES = {
     REPORT_XML: "report.xml",
-    RECORD: "report.xml",
+    REPORT_JSON: "report.json",
     EXTRACT: "map.osm",
     XODR: "map.xodr",
     ROAD_MAP: "map.xodr",
@@ -58,7 +60,9 @@ _FILES = {
     VERDICT_JSON: "verdict.json",
 }
 """Which file of a package holds an artefact."""
+_REPORTS = ("report.json", "report.xml")
 _OF_THE_RECORD = (
+    "register",
     "case_year",
     "state_case",
     "latitude_deg",
@@ -71,6 +75,7 @@ _OF_THE_RECORD = (
     "road_topology",
     "vehicle_trajectory",
     "fatalities",
+    "severity",
     "trafficway_1",
     "trafficway_2",
 )
@@ -196,25 +201,27 @@ class PackedCrash:
 
     def has(self, artefact: Artefact[Any]) -> bool:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`."""
-        return _FILES.get(artefact) in self._manifest.files
+        return self._name(artefact) in self._manifest.files
+
+    def _name(self, artefact: Artefact[Any]) -> str:
+        """The file that holds an artefact: of the record the report that it was read from."""
+        if artefact is RECORD:
+            return next(name for name in _REPORTS if name in self._manifest.files or name == _REPORTS[-1])
+        return _FILES.get(artefact, "")
 
     def load(self, artefact: Artefact[T]) -> T:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`. Raises :class:`DamagedFile`."""
         from trace_dag.references import referred
 
-        name = _FILES[artefact]
         if not artefact.reader:
-            return self._read(name)  # type: ignore[return-value] # an artefact without a reader is one of bytes
+            return self._read(self._name(artefact))  # type: ignore[return-value] # an artefact without a reader is one of bytes
         found: T = self._once(artefact.reader, lambda: self._parse(artefact, referred(artefact.reader)))
         return found
 
     def _parse(self, artefact: Artefact[T], reader: Any) -> T:
-        name = _FILES[artefact]
-        if artefact is RECORD:  # a package has the report it was read from
-            from trace_dag.crash.parse import read_report
-            from trace_dag.settings import CrashSettings
-
-            return read_report(self._read(name), name=self._place(name), settings=CrashSettings())  # type: ignore[return-value]
+        name = self._name(artefact)
+        if artefact is RECORD:
+            return self._record(name)  # type: ignore[return-value]
         if artefact is EXTRACT:  # as OSM XML, and nothing beside the roads
             from trace_dag.osm.xml import read_osm
 
@@ -226,6 +233,17 @@ class PackedCrash:
         except (ValueError, Failure) as error:
             raise DamagedFile(self._place(name), f"not what a package holds ({_said(error)})", GET_AGAIN) from error
         return parsed
+
+    def _record(self, name: str) -> CrashRecord:
+        from trace_dag.crash.completed_record import complete_record
+        from trace_dag.crash.parse import read_report
+        from trace_dag.crash.reported_record import reported_from_json
+        from trace_dag.settings import CrashSettings
+
+        data, place = self._read(name), self._place(name)
+        if name == _REPORTS[0]:
+            return complete_record(reported_from_json(data, name=place, expected_key=self.key))
+        return read_report(data, name=place, settings=CrashSettings())
 
     def shown_log(self) -> SimulationLog:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`; a package has one. Raises :class:`DamagedFile`."""

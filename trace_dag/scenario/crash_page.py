@@ -68,6 +68,7 @@ def write_crash_page(page: CrashPage) -> bytes:
     return template.render(
         page=page,
         rights=page.rights,
+        reports=[report_rights(page.crash)],
         sentence=in_one_sentence(page.record) if page.record else "",
         grade=accepted.grade if accepted else None,
         numbers=numbers_of(page.verdict, page.map_report.placement if page.map_report else None)
@@ -139,6 +140,8 @@ def _facts(crash: Row) -> list[tuple[str, str]]:
         "Vehicle trajectory": words(crash.get("vehicle_trajectory")),
         "Vehicles": crash.get("vehicles"),
         "Persons killed": crash.get("fatalities"),
+        "Severity (KABCO)": crash.get("severity"),
+        "Same crash as": crash.get("same_as"),
         "Cohort": crash.get("cohort"),
     }
     return [(label, str(value)) for label, value in facts.items() if value not in (None, "")]
@@ -217,6 +220,15 @@ def _band(found: Interval, scale: Sequence[float]) -> Band:
         for value in (found.low, found.middle, found.high, found.best)
     )
     return Band(what + whose, best + unit, f"{low} to {high}{unit}", begin, round(end - begin, 1), middle, best_at)
+
+
+def report_rights(crash: Row) -> str:
+    """Whom the report of a row of ``crashes`` is from, and what may be done with it.
+
+    >>> report_rights({"attribution": None})
+    'NHTSA FARS, public domain'
+    """
+    return crash.get("attribution") or "NHTSA FARS, public domain"
 
 
 def _elsewhere(crash: Row) -> list[tuple[str, str]]:

@@ -139,7 +139,7 @@ def _header(record: CrashRecord, flavour: Flavour) -> Element:
     return element(
         "FileHeader",
         None if flavour.carla else element("License", **_LICENCE),  # which 1.0 does not have
-        description=f"Fatal crash {record.key}, reconstructed{free}",
+        description=f"Crash {record.key}, reconstructed{free}",
         author=AUTHOR,
         revMajor=1,
         revMinor=0 if flavour.carla else 2,

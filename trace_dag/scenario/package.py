@@ -15,6 +15,7 @@ from io import BytesIO
 from typing import Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
+from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.evaluation.drives import Drive
@@ -54,14 +55,15 @@ _ZIP_DATE: Final = (1980, 1, 1, 0, 0, 0)  # the format's first: a fixed one keep
 class PackageInput:
     """One crash's artefacts. ``log`` is of the hypothesis that ``verdict`` names.
 
-    ``report_xml``, ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as read, ``surroundings`` lie
-    behind its roads. ``sampled`` is what the draws of the estimate came to. ``drives`` are what everybody was going to
-    do. ``picture`` is the crash from above as PNG, ``replay`` what its replay shows; they are made where they are not
-    at hand. ``variation`` says what was changed, as JSON, where this is not the crash itself.
+    ``report`` (its file's name and content), ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as
+    read, ``surroundings`` lie behind its roads. ``sampled`` is what the draws of the estimate came to. ``drives`` are
+    what everybody was going to do. ``picture`` is the crash from above as PNG, ``replay`` what its replay shows; they
+    are made where they are not at hand. ``variation`` says what was changed, as JSON, where this is not the crash
+    itself.
     """
 
     record: CrashRecord
-    report_xml: bytes
+    report: tuple[str, bytes]
     osm_xml: bytes
     map_xodr: bytes
     provenance: Mapping[str, object]
@@ -100,7 +102,13 @@ def package_files(crash: PackageInput) -> dict[str, bytes]:
             "LICENSES.md",
             _CC0,
             "what may be done with it",
-            render_document("licenses.md.jinja", rights=crash.rights, inferred=crash.map_report.inferred_roads),
+            render_document(
+                "licenses.md.jinja",
+                rights=crash.rights,
+                inferred=crash.map_report.inferred_roads,
+                registers=[crash.record.attribution] if crash.record.attribution else [],
+                fars=crash.record.register == FARS,
+            ),
         ),
     ]
     readme = _File("README.md", _CC0, "this", _readme(crash, files))
@@ -148,11 +156,13 @@ def _sources(crash: PackageInput) -> list[_File]:
     crossable = with_objects(crash.map_xodr, beside)
     stand = f", with the {names(objects)} of the report" if objects else ": any may be crossed"
     rights = crash.rights
-    report = (
-        _File("report.xml", rights.licence, "a fictional report as NHTSA's CrashAPI would serve it", crash.report_xml)
-        if rights.fictional
-        else _File("report.xml", _PUBLIC, "the report as NHTSA's CrashAPI serves it", crash.report_xml)
-    )
+    name, data = crash.report
+    if crash.record.attribution:
+        report = _File(name, crash.record.attribution, "what its register says of the crash", data)
+    elif rights.fictional:
+        report = _File(name, rights.licence, "a fictional report as NHTSA's CrashAPI would serve it", data)
+    else:
+        report = _File(name, _PUBLIC, "the report as NHTSA's CrashAPI serves it", data)
     return [
         report,
         _File("summary.txt", _CC0, "the report in words", (crash.record.summary + "\n").encode()),

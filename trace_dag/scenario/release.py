@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.keys import FARS
 from trace_dag.crash.kind import CrashKind
 from trace_dag.errors import Reason
 from trace_dag.evaluation.splits import SITE_M, Split
@@ -44,12 +45,13 @@ RELEASE_INDEX = TableSchema(
     "release_index",
     "One row per scenario package of a release",
     (
-        Column("key", _T.TEXT, "Key of the crash, <caseYear>-<stateCase>", required=True),
+        Column("key", _T.TEXT, "Key of the crash, <caseYear>-<stateCase> or <register>-<id>", required=True),
         Column("split", _T.TEXT, "Part it belongs to: train, validation or test; no site is in two", required=True),
         Column("package", _T.TEXT, "Its package, a path in the release", required=True),
         Column("package_bytes", _T.INTEGER, "Size of the package", required=True),
         Column("package_sha256", _T.TEXT, "SHA-256 of the package, hexadecimal", required=True),
         Column("cohort", _T.TEXT, "Cohort it was run in"),
+        Column("register", _T.TEXT, "Register that the report is of: fars, or the name of another"),
         Column("case_year", _T.INTEGER, "Year of the case file", source="CaseYear"),
         Column("state_case", _T.INTEGER, "Case number, unique in its year", source="ST_CASE"),
         Column("state_name", _T.TEXT, "State"),
@@ -66,6 +68,8 @@ RELEASE_INDEX = TableSchema(
         Column("vehicle_classes", _T.TEXT, "Bodies of the vehicles in transport, by their numbers"),
         Column("speeds_reported", _T.INTEGER, "Vehicles in transport with a reported speed", source="TRAV_SP"),
         Column("fatalities", _T.INTEGER, "People who died", source="FATALS"),
+        Column("severity", _T.TEXT, "How badly anybody was hurt: K, A, B, C or O", source="INJ_SEV, FATALS"),
+        Column("attribution", _T.TEXT, "Whom the report is to be attributed to; null of FARS, public domain"),
         Column("trafficway_1", _T.TEXT, "Road of the crash", source="TWAY_ID"),
         Column("trafficway_2", _T.TEXT, "Crossing road", source="TWAY_ID2"),
         Column("map_attribution", _T.TEXT, "Whom the map is to be attributed to, and its licence"),
@@ -158,7 +162,12 @@ def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
         "PROTOCOL.md": _rendered("release_protocol.md.jinja", release),
         "DATASHEET.md": _rendered("release_datasheet.md.jinja", release),
         "CITATION.cff": _rendered("release_citation.cff.jinja", release),
-        "LICENSES.md": render_document("licenses.md.jinja", rights=release.rights, inferred=True),
+        "LICENSES.md": render_document(
+            "licenses.md.jinja",
+            rights=release.rights,
+            inferred=True,
+            **_registers(release),
+        ),
         "index.json": _index_json(release),
         "index.parquet": index,
         "croissant.json": croissant(
@@ -168,11 +177,19 @@ def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
             NAME,
             release.version,
             release.made_on,
-            f"{NAME}: fatal crashes reconstructed from police reports, as scenarios",
+            f"{NAME}: crashes reconstructed from police reports, as scenarios",
             _about(release),
             release.rights,
             _box_deg(release),
         ),
+    }
+
+
+def _registers(release: BenchmarkRelease) -> dict[str, Any]:
+    """Where the reports are from, for the documents: whether FARS is among the registers, and the others."""
+    return {
+        "registers": sorted({row["attribution"] for row in release.packages if row.get("attribution")}),
+        "fars": any(row.get("register") in (None, FARS) for row in release.packages),
     }
 
 
@@ -245,7 +262,7 @@ def _card(release: BenchmarkRelease) -> bytes:
 
 
 def _about(release: BenchmarkRelease) -> str:
-    what = "fictional" if release.rights.fictional else "police-reported fatal"
+    what = "fictional" if release.rights.fictional else "police-reported"
     crashes = counted(len(release.packages), f"{what} crash", f"{what} crashes")
     return (
         f"{crashes}, each with its report, an OpenDRIVE map of the road, the simulated "
@@ -286,6 +303,7 @@ def _rendered(template: str, release: BenchmarkRelease) -> bytes:
         rights=release.rights,
         name=NAME,
         made_by=f"trace-dag {__version__}",
+        **_registers(release),
         columns=RELEASE_INDEX.dictionary(),
         classes={name: _by_class(release, name, values) for name, values in _CLASSES.items()},
         kinds=_kinds(release),

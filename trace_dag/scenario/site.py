@@ -14,6 +14,7 @@ from typing import Any
 
 from trace_dag.crash.summary import TOPOLOGIES
 from trace_dag.osm.rights import Rights
+from trace_dag.scenario.crash_page import report_rights
 from trace_dag.scenario.page_templates import read, templates
 from trace_dag.scenario.replay_library import LIBRARY, site_files
 from trace_dag.version import __version__
@@ -46,7 +47,8 @@ def write_index(rows: IndexRows, rights: Rights) -> bytes:
         .render(
             version=__version__,
             rights=rights,
-            kind="fictional" if rights.fictional else "fatal",
+            kind="fictional " if rights.fictional else "",
+            reports=sorted({report_rights(crash) for crash in crashes}),
             total=len(crashes),
             crashes_json=_json_for_script(_columns_of(crashes)),
             columns=_TABLE_COLUMNS,

@@ -15,7 +15,7 @@ from trace_dag.cohorts.registry import RegisteredMap
 from trace_dag.crash.event_sequence import first_event_kind
 from trace_dag.crash.parties import EventKind
 from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
-from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
+from trace_dag.flow.artefacts import EXTRACT, RECORD, REPORT_XML, VERDICT
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState
@@ -115,8 +115,8 @@ def perturbed_controls(
 
 
 def _is_verified(crash: CrashFiles) -> bool:
-    """Whether the crash is verified and of a kind whose reports are changed here."""
-    return crash.has(VERDICT) and crash.load(VERDICT).accepted and _begins(crash) in PERTURBED
+    """Whether the crash is verified, of a kind whose reports are changed here, and reported in CrashAPI's XML."""
+    return crash.has(REPORT_XML) and crash.has(VERDICT) and crash.load(VERDICT).accepted and _begins(crash) in PERTURBED
 
 
 def _begins(crash: CrashFiles) -> EventKind | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from trace_dag.errors import Failure
 from trace_dag.evaluation.table import rows_to_parquet
-from trace_dag.flow.artefacts import ESTIMATE, EXTRACT, MAP_REPORT, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
+from trace_dag.flow.artefacts import ESTIMATE, EXTRACT, MAP_REPORT, RECORD, ROAD_MAP, VERDICT, XODR, report_file
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.manifests import list_files, sound_manifest
 from trace_dag.flow.pool import Lost
@@ -207,7 +207,7 @@ def package_of(stored: StoredCase) -> Mapping[str, bytes]:
     return package_files(
         PackageInput(
             record=record,
-            report_xml=files.load(REPORT_XML),
+            report=report_file(files),
             osm_xml=write_osm(files.load(EXTRACT)),
             map_xodr=files.load(XODR),
             provenance={"variation": {"code": varied.about.code_version, "request": asdict(varied.about.request)}},

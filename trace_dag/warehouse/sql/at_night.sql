@@ -28,7 +28,7 @@ WHERE light_code IN (2, 3, 6)
 ORDER BY key;
 
 COMMENT ON VIEW at_night IS 'Crashes in the dark, with street lights or without (LGT_COND 2, 3, 6)';
-COMMENT ON COLUMN at_night.key IS 'Key of the crash, <caseYear>-<stateCase>';
+COMMENT ON COLUMN at_night.key IS 'Key of the crash, <caseYear>-<stateCase> or <register>-<id>';
 COMMENT ON COLUMN at_night.state_name IS 'Name of the state';
 COMMENT ON COLUMN at_night.place IS 'City, county and state as labelled';
 COMMENT ON COLUMN at_night.trafficway_1 IS 'Road of the crash (TWAY_ID)';

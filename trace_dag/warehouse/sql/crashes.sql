@@ -1,10 +1,39 @@
 -- Every registered crash, in exactly one final state. What the report says is null where it could not be read; of a
 -- report that no stage has read yet, place and classes are those its source gives.
 CREATE TABLE crashes AS
+WITH named AS (
+    SELECT key, if(key[1] BETWEEN '1' AND '9', 'fars', split_part(key, '-', 1)) AS register FROM standing
+),
+
+moments AS (
+    SELECT named.key, named.register, record.latitude_deg, record.longitude_deg, record.year, record.month, record.day,
+        60 * record.hour + record.minute AS minutes
+    FROM named
+    JOIN crash_record AS record USING (key)
+),
+
+-- Two registers have one crash: on one day, no more than 10 minutes and 150 m apart.
+same AS (
+    SELECT later.key, min(earlier.key) AS same_as
+    FROM moments AS later
+    JOIN moments AS earlier
+        ON (earlier.register = 'fars' OR earlier.register < later.register)
+        AND earlier.register <> later.register
+        AND later.register <> 'fars'
+        AND earlier.year = later.year AND earlier.month = later.month AND earlier.day = later.day
+        AND abs(earlier.minutes - later.minutes) <= 10
+        AND 111195 * sqrt(
+            (earlier.latitude_deg - later.latitude_deg) ** 2
+            + ((earlier.longitude_deg - later.longitude_deg) * cos(radians(later.latitude_deg))) ** 2
+        ) <= 150
+    GROUP BY later.key
+)
+
 SELECT
     standing.key,
-    CAST(split_part(standing.key, '-', 1) AS INTEGER) AS case_year,
-    CAST(split_part(standing.key, '-', 2) AS INTEGER) AS state_case,
+    CASE WHEN named.register = 'fars' THEN CAST(split_part(standing.key, '-', 1) AS INTEGER) ELSE record.case_year END
+        AS case_year,
+    CASE WHEN named.register = 'fars' THEN CAST(split_part(standing.key, '-', 2) AS INTEGER) END AS state_case,
     standing.cohort,
     coalesce(record.latitude_deg, listing.latitude_deg) AS latitude_deg,
     coalesce(record.longitude_deg, listing.longitude_deg) AS longitude_deg,
@@ -18,7 +47,10 @@ SELECT
     standing.detail,
     standing.outdated,
     standing.outdated_because,
-    CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000 AS state_code,
+    CASE
+        WHEN named.register = 'fars' THEN CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000
+        ELSE record.state_code
+    END AS state_code,
     state.name AS state_name,
     nullif(
         concat_ws(', ', nullif(record.city_name, ''), nullif(record.county_name, ''), nullif(record.state_name, '')), ''
@@ -50,20 +82,30 @@ SELECT
     nullif(record.trafficway_2, '') AS trafficway_2,
     coalesce(len(record.vehicles), listing.vehicles) AS vehicles,
     record.fatalities,
+    named.register,
+    coalesce(record.severity, CASE WHEN named.register = 'fars' THEN 'K' END) AS severity,
+    nullif(record.attribution, '') AS attribution,
+    same.same_as,
     record.repaired,
     record.implied,
     len(record.contradictions) AS contradictions,
     len(record.ambiguities) AS ambiguities,
     record.summary
 FROM standing
+JOIN named USING (key)
 LEFT JOIN crash_record AS record USING (key)
 LEFT JOIN listing USING (key)
-LEFT JOIN state ON state.code = CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000
-ORDER BY case_year, state_case;
+LEFT JOIN same USING (key)
+LEFT JOIN state ON state.code = CASE
+    WHEN named.register = 'fars' THEN CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000
+    ELSE record.state_code
+END
+ORDER BY named.register <> 'fars', named.register, case_year, state_case, standing.key;
 
 COMMENT ON TABLE crashes IS 'Every registered crash, once, with where it stands';
-COMMENT ON COLUMN crashes.key IS 'Key of the crash, <caseYear>-<stateCase>';
-COMMENT ON COLUMN crashes.case_year IS 'Year of the case file';
+COMMENT ON COLUMN crashes.key IS 'Key of the crash, <caseYear>-<stateCase> or <register>-<id>';
+COMMENT ON COLUMN crashes.register IS 'Register that the report is of: fars, or the name of another';
+COMMENT ON COLUMN crashes.case_year IS 'Year of the case file; of other registers than FARS the year of the crash';
 COMMENT ON COLUMN crashes.state_case IS 'Case number, unique in its year (ST_CASE)';
 COMMENT ON COLUMN crashes.cohort IS 'Cohort that registered it';
 COMMENT ON COLUMN crashes.latitude_deg IS 'Reported latitude, WGS84, degrees';
@@ -108,6 +150,9 @@ COMMENT ON COLUMN crashes.trafficway_1 IS 'Road of the crash (TWAY_ID)';
 COMMENT ON COLUMN crashes.trafficway_2 IS 'Crossing road (TWAY_ID2)';
 COMMENT ON COLUMN crashes.vehicles IS 'Motor vehicles in the report';
 COMMENT ON COLUMN crashes.fatalities IS 'Persons killed (FATALS)';
+COMMENT ON COLUMN crashes.severity IS 'How badly anybody was hurt, on the KABCO scale: K killed, A, B, C, O not at all';
+COMMENT ON COLUMN crashes.attribution IS 'Whom the report is to be attributed to, and its licence; null of FARS, public domain';
+COMMENT ON COLUMN crashes.same_as IS 'Key of the same crash in another register, FARS first; null where it is counted here';
 COMMENT ON COLUMN crashes.repaired IS 'The report was not well-formed and was repaired to be read';
 COMMENT ON COLUMN crashes.implied IS 'What the report does not say itself and other fields imply, such as function_class_code';
 COMMENT ON COLUMN crashes.contradictions IS 'Number of contradictions found in the report';

@@ -1,5 +1,5 @@
--- Verified crashes of vehicles beside what their simulated violence can do. Every crash of FARS killed somebody; where the
--- change of velocity says harmless, what killed is not in the simulation: a later event, an overturn, age, no belt. The
+-- Verified crashes of vehicles that killed somebody, beside what their simulated violence can do. Where the change of
+-- velocity says harmless, what killed is not in the simulation: a later event, an overturn, age, no belt. The
 -- risk is Joksch's rule of thumb for occupants of cars, (delta-v / 71 mph) to the fourth (Joksch, Velocity Change and
 -- Fatality Risk in a Crash, Accident Analysis and Prevention 25, 1993); below 8 km/h no recorder records (49 CFR 563.5).
 CREATE VIEW fatality_plausibility AS
@@ -51,10 +51,10 @@ JOIN crashes USING (key)
 LEFT JOIN reported USING (key)
 LEFT JOIN drawn USING (key)
 LEFT JOIN fragile USING (key)
-WHERE crashes.kind IN ('two_vehicles', 'multi_vehicle', 'parked', 'fixed_object', 'lying_object', 'overturn')
+WHERE crashes.severity = 'K' AND crashes.kind IN ('two_vehicles', 'multi_vehicle', 'parked', 'fixed_object', 'lying_object', 'overturn')
 ORDER BY delta_v_mps, key;
 
-COMMENT ON VIEW fatality_plausibility IS 'Verified crashes of vehicles, and whether their simulated change of velocity can have killed';
+COMMENT ON VIEW fatality_plausibility IS 'Verified crashes of vehicles that killed somebody, and whether their simulated change of velocity can have killed';
 COMMENT ON COLUMN fatality_plausibility.key IS 'Key of the crash';
 COMMENT ON COLUMN fatality_plausibility.kind IS 'Kind of crash';
 COMMENT ON COLUMN fatality_plausibility.delta_v_mps IS 'Largest change of velocity of any vehicle in any simulated contact, m/s';

@@ -28,7 +28,7 @@ WHERE collision_type = 'front_to_front'
 ORDER BY key;
 
 COMMENT ON VIEW head_on IS 'Crashes in which vehicles met front to front';
-COMMENT ON COLUMN head_on.key IS 'Key of the crash, <caseYear>-<stateCase>';
+COMMENT ON COLUMN head_on.key IS 'Key of the crash, <caseYear>-<stateCase> or <register>-<id>';
 COMMENT ON COLUMN head_on.state_name IS 'Name of the state';
 COMMENT ON COLUMN head_on.place IS 'City, county and state as labelled';
 COMMENT ON COLUMN head_on.trafficway_1 IS 'Road of the crash (TWAY_ID)';

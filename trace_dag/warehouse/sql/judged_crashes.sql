@@ -21,7 +21,11 @@ COMMENT ON COLUMN judged_crashes.delta_v_max_mph IS 'Change of velocity, the lar
 COMMENT ON COLUMN judged_crashes.events_reported IS 'Harmful events of the report';
 COMMENT ON COLUMN judged_crashes.events_happened IS 'Harmful events that happen in the simulation';
 COMMENT ON COLUMN judged_crashes.speed_limit_mph IS 'Speed limit, the highest of the vehicles, mph';
-COMMENT ON COLUMN judged_crashes.key IS 'Key of the crash, <caseYear>-<stateCase>';
+COMMENT ON COLUMN judged_crashes.register IS 'Register that the report is of: fars, or the name of another';
+COMMENT ON COLUMN judged_crashes.severity IS 'How badly anybody was hurt, on the KABCO scale: K killed, A, B, C, O not at all';
+COMMENT ON COLUMN judged_crashes.attribution IS 'Whom the report is to be attributed to, and its licence; null of FARS, public domain';
+COMMENT ON COLUMN judged_crashes.same_as IS 'Key of the same crash in another register, FARS first; null where it is counted here';
+COMMENT ON COLUMN judged_crashes.key IS 'Key of the crash, <caseYear>-<stateCase> or <register>-<id>';
 COMMENT ON COLUMN judged_crashes.case_year IS 'Year of the case file';
 COMMENT ON COLUMN judged_crashes.state_case IS 'Case number, unique in its year (ST_CASE)';
 COMMENT ON COLUMN judged_crashes.cohort IS 'Cohort that registered it';

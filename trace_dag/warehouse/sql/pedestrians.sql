@@ -37,7 +37,7 @@ WHERE person.kind = 'pedestrian'
 ORDER BY judged_crashes.key, person.person_number;
 
 COMMENT ON VIEW pedestrians IS 'Pedestrians, each with the crash and the vehicle that struck them';
-COMMENT ON COLUMN pedestrians.key IS 'Key of the crash, <caseYear>-<stateCase>';
+COMMENT ON COLUMN pedestrians.key IS 'Key of the crash, <caseYear>-<stateCase> or <register>-<id>';
 COMMENT ON COLUMN pedestrians.state_name IS 'Name of the state';
 COMMENT ON COLUMN pedestrians.place IS 'City, county and state as labelled';
 COMMENT ON COLUMN pedestrians.year IS 'Year of the crash';

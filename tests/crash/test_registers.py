@@ -1,0 +1,254 @@
+"""Tables of other registers than FARS, read by mappings: small ones of our own making, in each layout."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+
+from trace_dag.crash.completed_record import complete_record
+from trace_dag.crash.keys import parse_key, register_key
+from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.record import Heading, Moment, Octant, Origin, PreCrashMovement, Severity, origins
+from trace_dag.crash.registers.mapping import read_mapping, shipped
+from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.crash.reported_record import reported_from_json, reported_to_json
+from trace_dag.errors import Rejection, UserError
+
+TEMPE = {
+    "Incidentid": "1001", "DateTime": "3/4/15 17:05 ", "Year": "2015", "StreetName": "First St",
+    "CrossStreet": "Oak Ave", "Distance": "-20.0", "JunctionRelation": "Intersection Non Interchange",
+    "Totalinjuries": "1", "Totalfatalities": "0", "Injuryseverity": "Possible Injury", "Collisionmanner": "Left Turn",
+    "Lightcondition": "Daylight", "Weather": "Clear", "SurfaceCondition": "Dry",
+    "Unittype_One": "Driver", "Traveldirection_One": "East", "Unitaction_One": "Making Left Turn",
+    "Unittype_Two": "Driver", "Traveldirection_Two": "West", "Unitaction_Two": "Going Straight Ahead",
+    "Latitude": "33.4", "Longitude": "-111.9",
+}  # fmt: skip
+"""A crash in the layout of Tempe's table; it never happened."""
+MONTGOMERY = {
+    "Report Number": "XX100", "Crash Date/Time": "05/27/2021 07:40:00 PM", "Route Type": "County",
+    "Road Name": "ELM ST", "Cross-Street Name": "OAK ST", "Municipality": "N/A", "Related Non-Motorist": "",
+    "Collision Type": "SAME DIR REAR END", "Weather": "CLEAR", "Surface Condition": "DRY", "Light": "DAYLIGHT",
+    "Traffic Control": "STOP SIGN", "Injury Severity": "SUSPECTED MINOR INJURY",
+    "Vehicle First Impact Location": "TWELVE OCLOCK", "Vehicle Body Type": "PICKUP TRUCK",
+    "Vehicle Movement": "MOVING CONSTANT SPEED", "Vehicle Going Dir": "North", "Speed Limit": "35",
+    "Parked Vehicle": "No", "Vehicle Year": "2015", "Vehicle Make": "FORD", "Vehicle Model": "F150",
+    "Latitude": "39.1", "Longitude": "-77.2", "Driver Home": "SOMEWHERE",
+}  # fmt: skip
+"""A driver in the layout of Montgomery County's table; it never happened."""
+
+
+def table(folder: Path, register: str, *rows: dict[str, str]) -> RegisterTable:
+    path = folder / f"{Path(register).stem}.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    return RegisterTable.open(register, path)
+
+
+def test_a_row_of_tempe_is_a_crash_with_headings(tmp_path):
+    (record,) = table(tmp_path, "tempe", TEMPE).records()
+    assert (record.key, record.register, record.year, record.hour, record.minute) == (
+        "tempe-1001",
+        "tempe",
+        2015,
+        17,
+        5,
+    )
+    assert record.kind is CrashKind.TWO_VEHICLES
+    assert (record.manner_of_collision_code, record.junction_relation_code) == (6, 2)  # angle, in an intersection
+    turner, other = record.vehicles
+    assert turner.movement is PreCrashMovement.TURNING_LEFT
+    assert turner.heading == Heading(Octant.EAST, Moment.UNKNOWN)  # it turned: before or after is not said
+    assert other.heading == Heading(Octant.WEST, Moment.BEFORE)
+    assert record.severity is Severity.POSSIBLE
+    assert record.fatalities == 0
+
+
+def test_rows_of_montgomery_with_one_id_are_a_crash(tmp_path):
+    stopped = {**MONTGOMERY, "Vehicle Movement": "STOPPED IN TRAFFIC LANE",
+               "Vehicle First Impact Location": "SIX OCLOCK",
+               "Injury Severity": "NO APPARENT INJURY", "Vehicle Body Type": "PASSENGER CAR"}  # fmt: skip
+    (record,) = table(tmp_path, "montgomery", MONTGOMERY, stopped).records()
+    record = complete_record(record)
+    striking, struck = record.vehicles
+    assert [vehicle.impact.code for vehicle in record.vehicles] == [12, 6]
+    assert (striking.body_type_code, struck.body_type_code) == (39, 9)
+    assert math.isclose(striking.speed_limit_mps, 35 * 0.44704)
+    assert striking.traffic_control_code == 20
+    assert [person.injury_code for person in striking.occupants] == [2]
+    assert record.severity is Severity.MINOR
+    assert record.city_name == ""  # N/A is a word for not known
+
+
+def test_a_driver_alone_tells_that_another_is_missing(tmp_path):
+    (record,) = table(tmp_path, "montgomery", MONTGOMERY).records()
+    assert record.moving_vehicles == 2
+    assert origins(record)["vehicles_in_transport"] is Origin.IMPLIED
+
+
+@pytest.mark.parametrize(
+    ("unit", "action", "kind", "code"),
+    [
+        ("Pedestrian", "Crossing Road", CrashKind.PEDESTRIAN, 8),
+        ("Pedalcyclist", "Crossing Road", CrashKind.CYCLIST, 9),
+        ("Driver", "Properly Parked", CrashKind.PARKED, 14),
+    ],
+)
+def test_what_a_second_unit_is_decides_the_first_event(tmp_path, unit, action, kind, code):
+    row = {**TEMPE, "Collisionmanner": "Other", "Unittype_Two": unit, "Unitaction_Two": action}
+    (record,) = table(tmp_path, "tempe", row).records()
+    assert record.kind is kind
+    assert [event.code for event in record.events] == [code]
+    assert origins(record)["first_harmful_event_code"] is Origin.IMPLIED
+    assert origins(record)["light_code"] is Origin.REPORTED
+
+
+def test_a_person_may_be_the_first_unit(tmp_path):
+    row = {**TEMPE, "Collisionmanner": "Other", "Unittype_One": "Pedestrian", "Unitaction_One": "Crossing Road"}
+    (record,) = table(tmp_path, "tempe", row).records()
+    (event,) = record.events
+    assert (event.party_1, event.party_2) == (2, 1001)  # the vehicle strikes the person
+    assert record.non_motorists[0].heading == Heading(Octant.EAST)
+
+
+def test_values_that_are_not_mapped_are_counted_and_not_known(tmp_path):
+    rows = [{**TEMPE, "Incidentid": str(number), "Weather": "Locusts"} for number in (1, 2)]
+    read = table(tmp_path, "tempe", *rows)
+    assert "not mapped, so not known: Weather: Locusts (2)" in read.notes()
+    assert {record.weather_code for record in read.records()} == {None}
+
+
+def test_columns_that_are_not_mapped_are_named_and_not_stored(tmp_path):
+    read = table(tmp_path, "montgomery", MONTGOMERY)
+    assert any(note.endswith("not stored: Driver Home") for note in read.notes())
+    assert b"SOMEWHERE" not in reported_to_json(read.records()[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"Latitude": ""}, "no latitude and longitude"),
+        ({"Latitude": "0", "Longitude": "0"}, "no latitude and longitude"),
+        ({"DateTime": "yesterday"}, "no date and time in the format of the mapping"),
+        ({"Incidentid": "../../etc"}, "an id with other characters than letters, digits, - and _"),
+    ],
+)
+def test_rows_that_make_no_crash_are_counted(tmp_path, change, why):
+    read = table(tmp_path, "tempe", {**TEMPE, **change}, {**TEMPE, "Incidentid": "2"})
+    assert f"1 crash left out: {why}" in read.notes()
+    assert [record.key for record in read.records()] == ["tempe-2"]
+
+
+def test_an_id_twice_is_an_error_where_a_row_is_a_crash(tmp_path):
+    with pytest.raises(UserError, match="id '1001' has 2 rows"):
+        table(tmp_path, "tempe", TEMPE, TEMPE).records()
+
+
+def test_a_column_that_is_not_there_is_an_error(tmp_path):
+    row = {name: value for name, value in TEMPE.items() if name != "Weather"}
+    with pytest.raises(UserError, match="no column 'Weather'"):
+        table(tmp_path, "tempe", row).notes()
+
+
+def test_a_reported_record_comes_back_from_its_document(tmp_path):
+    for register, row in (("tempe", TEMPE), ("montgomery", MONTGOMERY)):
+        (record,) = table(tmp_path, register, row).records()
+        assert reported_from_json(reported_to_json(record), name="a report", expected_key=record.key) == record
+
+
+def test_the_document_of_another_crash_is_malformed(tmp_path):
+    (record,) = table(tmp_path, "tempe", TEMPE).records()
+    with pytest.raises(Rejection, match="expected crash tempe-7"):
+        reported_from_json(reported_to_json(record), name="a report", expected_key="tempe-7")
+    with pytest.raises(Rejection, match="malformed_report"):
+        reported_from_json(b'{"key": 3}', name="a report")
+
+
+MINE = """
+register = "mine"
+name = "Crashes"
+source = "https://example.org"
+licence = "CC0"
+attribution = "Nobody"
+rows = "unit"
+point_accuracy_m = 10
+[crash]
+id = "id"
+time = { column = "when", format = "%Y-%m-%d %H:%M" }
+latitude_deg = "lat"
+longitude_deg = "lon"
+MAN_COLL = { column = "manner" }
+[unit]
+TRAV_SP = { column = "kmh", unit = "km/h" }
+"""
+
+
+def test_a_mapping_of_ones_own_reads_codes_and_units(tmp_path):
+    (tmp_path / "mine.toml").write_text(MINE)
+    row = {"id": "A-1", "when": "2020-01-02 03:04", "lat": "52.0", "lon": "0.1", "manner": "2", "kmh": "36"}
+    (record,) = table(tmp_path, str(tmp_path / "mine.toml"), row, row).records()
+    assert record.key == "mine-A-1"
+    assert record.manner_of_collision_code == 2
+    assert [vehicle.travel_speed_mps for vehicle in record.vehicles] == pytest.approx([10.0, 10.0])
+    assert record.register_lacks == ("impact", "crash_type_code")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"mine"', '"fars"', "fars is taken"),
+        ('"mine"', '"My State"', "expected lower-case letters"),
+        ('unit = "km/h"', 'unit = "knots"', "expected one of"),
+        ("MAN_COLL =", "MAN_CALL =", "MAN_CALL is not an element of a record"),
+        ('{ column = "manner" }', '{ column = "manner", values = { x = 3 } }', "MAN_COLL has no code 3"),
+        ('rows = "unit"', 'rows = "crash"', "units are named where"),
+        ("point_accuracy_m = 10", "", "point_accuracy_m: Field required"),
+        ("point_accuracy_m = 10", "point_accuracy_m = 10\nexpression = 'a + b'", "Extra inputs are not permitted"),
+        ("[crash]", "[crash", "cannot be read as TOML"),
+    ],
+)
+def test_what_is_wrong_in_a_mapping_is_said(tmp_path, old, new, said):
+    path = tmp_path / "mine.toml"
+    path.write_text(MINE.replace(old, new, 1))
+    with pytest.raises(UserError, match=said):
+        read_mapping(str(path))
+
+
+def test_a_mapping_that_is_not_there_names_those_that_are():
+    with pytest.raises(UserError, match="montgomery, tempe"):
+        read_mapping("atlantis")
+
+
+def test_shipped_mappings_say_where_their_tables_are_from():
+    for name in shipped():
+        mapping = read_mapping(name)
+        assert mapping.register_name == name
+        assert mapping.source.startswith("https://")
+        assert mapping.licence
+        assert mapping.attribution
+
+
+def test_keys_of_registers_are_safe_and_sort_after_those_of_fars():
+    assert register_key("tempe", "42") == "tempe-42"
+    for crash_id in ("a/b", "a.b", "", "a b", "é", "-a", "x" * 151):
+        with pytest.raises(ValueError, match="make no key"):
+            register_key("tempe", crash_id)
+    for key in ("tempe", "Tempe-1", "fars-1", "tempe-../x", "tempe-1\n", "2023-5101790"):
+        with pytest.raises(UserError, match="is not a crash key"):
+            parse_key(key)
+    keys = ["tempe-10", "montgomery-A1", "2023-510179", "tempe-9", "2016-40002"]
+    in_order = sorted(keys, key=lambda key: parse_key(key).order)
+    assert in_order == ["2016-40002", "2023-510179", "montgomery-A1", "tempe-9", "tempe-10"]
+
+
+def test_the_whole_of_the_real_tables_is_read(shared_data):
+    folder = shared_data / "registers"
+    tempe = RegisterTable.open("tempe", folder / "tempe-2012-2016.csv.gz")
+    assert len(tempe.records()) == 21_912
+    assert sum(record.severity is Severity.KILLED for record in tempe.records()) == 47
+    montgomery = RegisterTable.open("montgomery", folder / "montgomery-md.csv.gz")
+    assert sum(len(record.vehicles) for record in montgomery.records()) == 1_348

@@ -1,0 +1,55 @@
+"""A record as its source read it, completed by what its fields imply of each other, whatever register it is of.
+
+Belongs here: the order in which that is done. The rules are those of :mod:`trace_dag.crash.derive`; every implied value
+is marked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from trace_dag.crash.classes import RoadTopology, collision_type, road_topology
+from trace_dag.crash.codes.crash import TYP_INT
+from trace_dag.crash.contradictions import contradictions_of
+from trace_dag.crash.crash_types import vehicle_trajectory
+from trace_dag.crash.derive import UNSAID_MOVEMENTS, implied_movement, with_crash_types, with_impacts
+from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.crash.summary import summarise
+
+
+def complete_record(record: CrashRecord) -> CrashRecord:
+    """Add crash types, areas of impact and movements that are implied, the coverage classes, what disagrees, and the
+    crash in words.
+
+    >>> silent = [replace(vehicle, movement=PreCrashMovement.UNKNOWN) for vehicle in record.vehicles]
+    >>> complete_record(replace(record, vehicles=tuple(silent))).vehicles[0].movement.name  # by ACC_TYPE 68
+    'TURNING_LEFT'
+    """
+    man_coll, typ_int = record.manner_of_collision_code, record.intersection_type_code
+    vehicles = with_impacts(with_crash_types(record.vehicles, record.events), record.events, man_coll)
+    topology = road_topology(typ_int, record.junction_relation_code)
+    topology_implied = TYP_INT.known(typ_int) is None and topology is RoadTopology.NOT_AN_INTERSECTION
+    completed = replace(
+        record,
+        vehicles=tuple(map(_with_movement, vehicles)),
+        collision_type=collision_type(man_coll),
+        road_topology=topology,
+        implied=(*record.implied, "road_topology") if topology_implied else record.implied,
+    )
+    completed = replace(completed, vehicle_trajectory=vehicle_trajectory(_crash_types(completed)))
+    completed = replace(completed, contradictions=(*record.contradictions, *contradictions_of(completed)))
+    return replace(completed, summary=summarise(completed))
+
+
+def _with_movement(vehicle: VehicleRecord) -> VehicleRecord:
+    if vehicle.movement not in UNSAID_MOVEMENTS:
+        return vehicle
+    implied = implied_movement(vehicle) if vehicle.in_transport else None
+    if implied is None:
+        return vehicle
+    return replace(vehicle, movement=implied, implied=(*vehicle.implied, "movement"))
+
+
+def _crash_types(record: CrashRecord) -> list[int | None]:
+    vehicles = record.colliding_vehicles or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
+    return [vehicle.crash_type_code for vehicle in vehicles]

@@ -1,0 +1,49 @@
+"""What of a register's table would be read, before anything is registered: for whoever writes its mapping."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from trace_dag.crash.completed_record import complete_record
+from trace_dag.crash.completeness import check
+from trace_dag.crash.record import CrashRecord, NonMotorist, Origin, VehicleRecord, origins
+from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.errors import Rejection
+from trace_dag.settings import CrashSettings
+
+
+def check_table(table: RegisterTable, settings: CrashSettings) -> Iterator[str]:
+    """The notes of a table; then, for each kind of crash, how many there are, how many say enough to be reconstructed,
+    and what the others lack; then in how many crashes each field is reported."""
+    yield from table.notes()
+    records = [complete_record(record) for record in table.records()]
+    total: Counter[str] = Counter()
+    lacking: dict[str, Counter[str]] = {}
+    for record in records:
+        total[record.kind] += 1
+        try:
+            check(record, settings)
+        except Rejection as rejection:
+            lacking.setdefault(record.kind, Counter())[rejection.reason] += 1
+    for kind, count in total.most_common():
+        reasons = lacking.get(kind, Counter())
+        why = "".join(f", {number} {reason}" for reason, number in reasons.most_common())
+        yield f"{kind}: {count} crashes, {count - reasons.total()} that say enough{why}"
+    yield f"fields reported, in how many of {len(records)} crashes: {_reported(records)}"
+
+
+def _reported(records: list[CrashRecord]) -> str:
+    found: Counter[str] = Counter()
+    for record in records:
+        parts: list[CrashRecord | VehicleRecord | NonMotorist] = [record, *record.vehicles, *record.non_motorists]
+        found.update({name for part in parts for name, origin in origins(part).items() if origin is Origin.REPORTED})
+    return ", ".join(f"{name} {count}" for name, count in found.most_common() if name not in _OF_EVERY_RECORD)
+
+
+_OF_EVERY_RECORD = frozenset(
+    {"case_year", "number", "in_transport", "travel_speed_is_lower_bound", "person_type_code"}
+) | {
+    *("length_m", "width_m", "height_m", "mass_kg", "vehicle_class"),
+    *("collision_type", "road_topology", "vehicle_trajectory", "position_accuracy_m"),
+}

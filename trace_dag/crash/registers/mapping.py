@@ -1,0 +1,265 @@
+"""What a mapping of a register can say: which columns of its table are which fields, and what their values mean.
+
+Columns are named after the FARS elements whose codes they are translated into (``MAN_COLL``, ``P_CRASH1``): any element
+that a record has of a crash, a vehicle or a person, so that no field needs code of its own. There is no expression
+language: a value is looked up, a number has a unit, a time a format.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.table import code_table
+from trace_dag.crash.keys import FARS, REGISTER_NAME
+from trace_dag.crash.record import Moment, Octant
+from trace_dag.crash.tables import CRASH_RECORD, NON_MOTORIST_COLUMNS, VEHICLE_COLUMNS
+from trace_dag.errors import UserError
+from trace_dag.schemas import Column, ColumnType
+from trace_dag.units import KG_PER_LB, METRES_PER_FOOT, MPS_PER_KMH, MPS_PER_MPH
+
+PARKED: Final = "parked"
+"""What ``P_CRASH1`` can be beside its codes: the unit was parked, not in transport."""
+UNIT_KINDS: Final = ("vehicle", PARKED, "none")
+"""What a unit can be beside a ``PER_TYP`` of a person outside vehicles; ``none``: there is no such unit."""
+_UNITS: Final[Mapping[str, float]] = {
+    "m": 1.0,
+    "ft": METRES_PER_FOOT,
+    "km/h": MPS_PER_KMH,
+    "mph": MPS_PER_MPH,
+    "m/s": 1.0,
+    "kg": 1.0,
+    "lb": KG_PER_LB,
+}
+_TEXTS: Final = ("trafficway_1", "trafficway_2", "county_name", "city_name")
+_NOT_MAPPED: Final = frozenset(
+    {"STATE", "CaseYear", "YEAR", "MONTH", "DAY", "HOUR", "MINUTE", "ST_CASE", "PER_NO", "VEH_NO", "UNITTYPE"}
+    | {"TRAV_SP", "VSPD_LIM", "MOD_YEAR", "PER_TYP", "PBPTYPE", "STR_VEH"}
+)
+"""Elements of records that a mapping says in another way, or that only FARS has."""
+
+
+def _register_name(name: str) -> str:
+    if name == FARS or not REGISTER_NAME.fullmatch(name):
+        raise ValueError("expected lower-case letters, digits and _, beginning with a letter; fars is taken")
+    return name
+
+
+def _unit_name(name: str) -> str:
+    if name not in _UNITS:
+        raise ValueError(f"expected one of {', '.join(_UNITS)}")
+    return name
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class CodedColumn(_Part):
+    """A column whose values are looked up; without ``values`` they are codes already."""
+
+    column: str
+    values: Mapping[str, int | str] = Field(default_factory=dict)
+
+
+class NumberColumn(_Part):
+    """A column of numbers in a unit."""
+
+    column: str
+    unit: Annotated[str, AfterValidator(_unit_name)]
+
+    @property
+    def factor(self) -> float:
+        """What its numbers are multiplied with to be in metres, m/s or kilograms."""
+        return _UNITS[self.unit]
+
+
+class TimeColumn(_Part):
+    """A column of dates with times, as ``strftime`` writes them: ``%m/%d/%Y %H:%M``."""
+
+    column: str
+    format: str
+
+
+class HeadingColumn(_Part):
+    """A column of directions of travel; ``turning``: whether those of units that turned are from before or after."""
+
+    column: str
+    values: Mapping[str, Octant]
+    turning: Moment = Moment.UNKNOWN
+
+
+class _Columns(BaseModel):
+    """Columns with further ones named after FARS elements."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+    @cached_property
+    def coded(self) -> dict[str, CodedColumn]:
+        """The columns of FARS elements, by element."""
+        return {name: CodedColumn.model_validate(value) for name, value in (self.model_extra or {}).items()}
+
+
+class CrashColumns(_Columns):
+    """What is of the crash as a whole: the same in all rows of one crash."""
+
+    id: str
+    time: TimeColumn
+    latitude_deg: str
+    longitude_deg: str
+    trafficway_1: str | None = None
+    trafficway_2: str | None = None
+    county_name: str | None = None
+    city_name: str | None = None
+
+
+class UnitColumns(_Columns):
+    """What is of one unit, a vehicle or a person outside vehicles. ``{unit}`` in the name of a column stands for the
+    unit where one row has several. ``AGE``, ``INJ_SEV`` and ``REST_USE`` are the driver's or the person's."""
+
+    kind: CodedColumn | None = None  # vehicle, parked, none, or a PER_TYP; a vehicle where there is no such column
+    heading: HeadingColumn | None = None
+    make: str | None = None
+    model: str | None = None
+    MOD_YEAR: str | None = None
+    TRAV_SP: NumberColumn | None = None
+    VSPD_LIM: NumberColumn | None = None
+
+
+class RegisterMapping(_Part):
+    """A register: what it is, whose, how good, and how its table is read.
+
+    ``rows``: whether a row is a crash, with ``units`` of it beside each other, or a unit. ``unknown``: what stands for
+    "not known" in any column, beside blanks.
+    """
+
+    register_name: Annotated[str, AfterValidator(_register_name)] = Field(alias="register")
+    name: str
+    source: str
+    licence: str
+    attribution: str
+    state: int | None = None  # FARS STATE
+    rows: Literal["crash", "unit"]
+    units: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+    point_accuracy_m: float = Field(gt=0)
+    crash: CrashColumns
+    unit: UnitColumns
+
+    @model_validator(mode="after")
+    def _can_be_read(self) -> RegisterMapping:
+        if (self.rows == "crash") != bool(self.units):
+            raise ValueError('units are named where rows = "crash", and only there')
+        if self.state is not None and self.state not in STATES:
+            raise ValueError(f"state {self.state} is no FARS code of a state")
+        of_unit = {*VEHICLE_FIELDS, *PERSON_FIELDS, *OCCUPANT_FIELDS}
+        for columns, known in ((self.crash, {*CRASH_FIELDS, "PER_TYP"}), (self.unit, of_unit)):
+            for element, column in columns.coded.items():
+                if element not in known:
+                    raise ValueError(f"{element} is not an element of a record; there are {', '.join(sorted(known))}")
+                _check_codes(element, column.values.values())
+        if self.unit.kind is not None:
+            persons = [value for value in self.unit.kind.values.values() if value not in UNIT_KINDS]
+            _check_codes("PER_TYP", persons)
+        return self
+
+    @property
+    def credit(self) -> str:
+        """Whom its reports are to be attributed to, and their licence."""
+        return f"{self.attribution}: {self.name} ({self.source}); licence: {self.licence}"
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """The fields of vehicles that decide how a crash is judged and that no column says."""
+        asked = {"impact": "IMPACT1", "crash_type_code": "ACC_TYPE"}
+        return tuple(field for field, element in asked.items() if element not in self.unit.coded)
+
+    def columns(self) -> Iterator[str]:
+        """Every column of the table that is read."""
+        crash, unit = self.crash, self.unit
+        yield from (crash.id, crash.time.column, crash.latitude_deg, crash.longitude_deg)
+        yield from (name for text in _TEXTS if (name := getattr(crash, text)) is not None)
+        yield from (column.column for column in crash.coded.values())
+        of_unit: list[str | None] = [unit.make, unit.model, unit.MOD_YEAR]
+        of_unit += [each.column for each in (unit.kind, unit.heading, unit.TRAV_SP, unit.VSPD_LIM) if each is not None]
+        of_unit += [column.column for column in unit.coded.values()]
+        for name in of_unit:
+            if name is not None:
+                yield from (self.column_of(name, each) for each in self.units or ("",))
+
+    def column_of(self, name: str, unit: str) -> str:
+        """A column of a unit."""
+        return name.replace("{unit}", unit)
+
+
+def shipped() -> list[str]:
+    """Names of the registers whose mappings are part of the package.
+
+    >>> shipped()
+    ['montgomery', 'tempe']
+    """
+    folder = resources.files("trace_dag.crash.registers")
+    return sorted(each.name.removesuffix(".toml") for each in folder.iterdir() if each.name.endswith(".toml"))
+
+
+def read_mapping(name: str) -> RegisterMapping:
+    """The mapping of a register: one of the package by its name, or a file. Raises UserError with what is wrong in it.
+
+    >>> read_mapping("tempe").crash.id
+    'Incidentid'
+    """
+    try:
+        if name in shipped():
+            data = resources.files("trace_dag.crash.registers").joinpath(f"{name}.toml").read_bytes()
+        else:
+            data = Path(name).read_bytes()
+        return RegisterMapping.model_validate(tomllib.loads(data.decode()))
+    except FileNotFoundError as error:
+        raise UserError(
+            f"{name}: neither a register of the package ({', '.join(shipped())}) nor a mapping file"
+        ) from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise UserError(f"{name} cannot be read as TOML: {error}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise UserError(
+            f"{name}: {where}{': ' if where else ''}{first['msg'].removeprefix('Value error, ')}"
+        ) from error
+
+
+def _of_elements(columns: Iterable[Column]) -> dict[str, Column]:
+    """The columns of records that hold a code, a count or a yes of a FARS element, by element."""
+    coded = [each for each in columns if each.type in (ColumnType.INTEGER, ColumnType.BOOLEAN)]
+    return {
+        element: each for each in coded for element in each.source.split(", ") if element and element not in _NOT_MAPPED
+    }
+
+
+CRASH_FIELDS: Final[Mapping[str, Column]] = _of_elements(CRASH_RECORD.columns)
+VEHICLE_FIELDS: Final[Mapping[str, Column]] = _of_elements(VEHICLE_COLUMNS)
+PERSON_FIELDS: Final[Mapping[str, Column]] = _of_elements(NON_MOTORIST_COLUMNS)
+"""What a mapping can have of a crash, a vehicle and a person outside vehicles: columns of their records by element."""
+OCCUPANT_FIELDS: Final = {"INJ_SEV": "injury_code", "AGE": "age_years", "REST_USE": "restraint_code"}
+NUMBERS: Final = frozenset({"AGE", "VE_FORMS", "FATALS"})
+"""Elements that count, and have no codes."""
+
+
+def _check_codes(element: str, values: Iterable[int | str]) -> None:
+    words = {PARKED} if element == "P_CRASH1" else set()
+    if element in NUMBERS:
+        return
+    try:
+        known = code_table(element).meanings
+    except KeyError:  # REST_USE, of which no code is interpreted here
+        return
+    for value in values:
+        if value not in words and value not in known:
+            raise ValueError(f"{element} has no code {value!r}")

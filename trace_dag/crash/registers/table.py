@@ -1,0 +1,406 @@
+"""A register's table, read by its mapping into crash records.
+
+Only mapped columns are read. Values that the mapping does not know count as not reported, and are listed with how often
+they occur. Nothing is guessed: who met whom follows from the manner of collision and the units that the table has.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from trace_dag.crash.codes import events as event_codes
+from trace_dag.crash.codes.bodies import BodyEvidence, body_of
+from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.table import code_table
+from trace_dag.crash.crash_types import turn_of
+from trace_dag.crash.derive import impact_area
+from trace_dag.crash.keys import register_key
+from trace_dag.crash.listing import CrashListing, list_record
+from trace_dag.crash.parse import reported_position
+from trace_dag.crash.record import (
+    CrashRecord,
+    EventRecord,
+    Heading,
+    Moment,
+    NonMotorist,
+    Occupant,
+    PreCrashMovement,
+    VehicleRecord,
+)
+from trace_dag.crash.registers.mapping import (
+    CRASH_FIELDS,
+    NUMBERS,
+    OCCUPANT_FIELDS,
+    PARKED,
+    PERSON_FIELDS,
+    VEHICLE_FIELDS,
+    CodedColumn,
+    NumberColumn,
+    RegisterMapping,
+    read_mapping,
+)
+from trace_dag.errors import Rejection, UserError
+from trace_dag.messages.wording import counted
+from trace_dag.schemas import Column, ColumnType
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Row = Mapping[str, Any]
+"""One row: texts by column, and under :data:`_TIME` when it was."""
+
+_TIME: Final = "time as read"
+_OF_TWO_VEHICLES: Final = frozenset({1, 2, 6, 7, 8, 9, 10})  # MAN_COLL
+_STRUCK: Final = {5: event_codes.PEDESTRIAN, 6: event_codes.CYCLIST, 7: event_codes.CYCLIST}
+_CROSSING: Final = 3  # NMACTION
+_ON_ROADWAY: Final = 1  # REL_ROAD
+_DRIVER: Final = 1  # PER_TYP
+_SHOWN: Final = 12
+
+
+class RegisterTable:
+    """The crashes of a register's table: a source of reports (:class:`trace_dag.cohorts.sources.ReportTables`)."""
+
+    def __init__(self, mapping: RegisterMapping, path: Path) -> None:
+        self.mapping = mapping
+        self._path = path
+
+    @classmethod
+    def open(cls, register: str, path: Path) -> RegisterTable:
+        """A table read by the mapping of that name, or in that file. Raises UserError for what cannot be read."""
+        return cls(read_mapping(register), path)
+
+    def notes(self) -> list[str]:
+        """How much of the table is read, and what is not."""
+        reader = self._read
+        notes = [
+            f"{self.mapping.attribution}, {self.mapping.name}: {counted(len(reader.records), 'crash', 'crashes')} in "
+            f"{counted(len(self._rows), 'row')}; licence: {self.mapping.licence}"
+        ]
+        notes += [f"{counted(count, 'crash', 'crashes')} left out: {why}" for why, count in reader.left_out.items()]
+        notes += [
+            f"not mapped, so not known: {column}: {_listed(values)}"
+            for column, values in sorted(reader.not_mapped.items())
+        ]
+        named = set(self.mapping.columns())
+        if ignored := [name for name in self._columns if name not in named]:
+            notes.append(f"columns that are not mapped, and not stored: {', '.join(ignored)}")
+        return notes
+
+    def records(self) -> list[CrashRecord]:
+        """Every crash as read, in the table's order."""
+        return list(self._read.records.values())
+
+    def listings(self) -> list[CrashListing]:
+        """One line per crash."""
+        return [list_record(record) for record in self.records()]
+
+    def reports(self, keys: Collection[str]) -> Iterator[tuple[str, CrashRecord]]:
+        """Key and record of the crashes asked for."""
+        return ((record.key, record) for record in self.records() if record.key in keys)
+
+    @cached_property
+    def _columns(self) -> list[str]:
+        return list(self._frame(nrows=0).columns)
+
+    @cached_property
+    def _rows(self) -> list[Row]:
+        import pandas as pd
+
+        wanted = list(dict.fromkeys(self.mapping.columns()))
+        if missing := [name for name in wanted if name not in self._columns]:
+            raise UserError(
+                f"{self._path}: no column {missing[0]!r}, which the mapping of {self.mapping.register_name} names; "
+                f"there are {', '.join(self._columns)}"
+            )
+        frame = self._frame(usecols=wanted)
+        for name in wanted:
+            frame[name] = frame[name].str.split().str.join(" ")
+        time = self.mapping.crash.time
+        frame[_TIME] = pd.to_datetime(frame[time.column], format=time.format, errors="coerce")
+        columns = list(frame.columns)
+        return [dict(zip(columns, row, strict=True)) for row in frame.itertuples(index=False, name=None)]
+
+    def _frame(self, **options: Any) -> pd.DataFrame:
+        import pandas as pd
+
+        try:
+            found: pd.DataFrame = pd.read_csv(
+                self._path, dtype=str, keep_default_na=False, encoding_errors="replace", **options
+            )
+        except (OSError, ValueError) as error:
+            raise UserError(f"{self._path} cannot be read as a CSV table: {error}") from error
+        return found
+
+    @cached_property
+    def _read(self) -> _Reader:
+        together: dict[str, list[Row]] = {}
+        for row in self._rows:
+            together.setdefault(row[self.mapping.crash.id], []).append(row)
+        reader = _Reader(self.mapping)
+        for crash_id, rows in together.items():
+            if self.mapping.rows == "crash" and len(rows) > 1:
+                raise UserError(f"{self._path}: id {crash_id!r} has {len(rows)} rows; the mapping says one per crash")
+            reader.add(crash_id, rows)
+        return reader
+
+
+def _listed(values: Counter[str]) -> str:
+    said = [f"{value or '(blank)'} ({count})" for value, count in values.most_common(_SHOWN)]
+    return ", ".join(said) + (f" and {len(values) - _SHOWN} more values" if len(values) > _SHOWN else "")
+
+
+@dataclass
+class _Reader:
+    """Makes records of rows, and counts what it cannot read: values that are not mapped, and crashes left out."""
+
+    mapping: RegisterMapping
+    records: dict[str, CrashRecord] = field(default_factory=dict)
+    not_mapped: dict[str, Counter[str]] = field(default_factory=dict)
+    left_out: Counter[str] = field(default_factory=Counter)
+
+    def add(self, crash_id: str, rows: Sequence[Row]) -> None:
+        """Read the rows of one crash."""
+        mapping, row = self.mapping, rows[0]
+        moment = row[_TIME]
+        try:
+            key = register_key(mapping.register_name, crash_id)
+            latitude_deg, longitude_deg = reported_position(
+                _number(row[mapping.crash.latitude_deg]), _number(row[mapping.crash.longitude_deg])
+            )
+        except ValueError:
+            self.left_out["an id with other characters than letters, digits, - and _"] += 1
+            return
+        except Rejection:
+            self.left_out["no latitude and longitude"] += 1
+            return
+        if moment != moment:  # pandas' not-a-time
+            self.left_out["no date and time in the format of the mapping"] += 1
+            return
+        coded = {name: self._code(row, name, column) for name, column in mapping.crash.coded.items()}
+        vehicles, persons = self._units(rows)
+        if isinstance(further := coded.pop("PER_TYP", None), int):
+            persons.append(NonMotorist(len(persons) + 1, further))
+        record = CrashRecord(
+            key=key,
+            case_year=moment.year,
+            state_case=None,
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            vehicles=tuple(vehicles),
+            events=(),
+            register=mapping.register_name,
+            register_lacks=mapping.lacks,
+            position_accuracy_m=mapping.point_accuracy_m,
+            attribution=mapping.credit,
+            state_code=mapping.state,
+            state_name=STATES.get(mapping.state or 0, ""),
+            county_name=self._text(row, mapping.crash.county_name),
+            city_name=self._text(row, mapping.crash.city_name),
+            year=moment.year,
+            month=moment.month,
+            day=moment.day,
+            hour=moment.hour,
+            minute=moment.minute,
+            trafficway_1=self._text(row, mapping.crash.trafficway_1),
+            trafficway_2=self._text(row, mapping.crash.trafficway_2),
+            non_motorists=tuple(persons),
+            **_fields(CRASH_FIELDS, coded),
+        )
+        self.records[key] = _with_first_event(record)
+
+    def _units(self, rows: Sequence[Row]) -> tuple[list[VehicleRecord], list[NonMotorist]]:
+        vehicles: list[VehicleRecord] = []
+        persons: list[NonMotorist] = []
+        units = (
+            [(row, "") for row in rows] if self.mapping.rows == "unit" else [(rows[0], u) for u in self.mapping.units]
+        )
+        for number, (row, unit) in enumerate(units, 1):
+            kind = self._kind(row, unit)
+            if kind in ("vehicle", PARKED):
+                vehicles.append(self._vehicle(row, unit, number, parked=kind == PARKED))
+            elif isinstance(kind, int):
+                persons.append(self._person(row, unit, number, kind))
+        return vehicles, persons
+
+    def _kind(self, row: Row, unit: str) -> int | str:
+        """``vehicle``, ``parked``, ``none`` or a ``PER_TYP``; a blank beside other units of the row is none."""
+        column = self.mapping.unit.kind
+        if column is None:
+            return "vehicle"
+        name = self.mapping.column_of(column.column, unit)
+        if unit and not row[name]:
+            return "none"
+        kind = self._looked_up(name, row[name], column.values)
+        return "vehicle" if kind is None else kind
+
+    def _vehicle(self, row: Row, unit: str, number: int, *, parked: bool) -> VehicleRecord:
+        columns = self.mapping.unit
+        coded = self._codes_of_unit(row, unit, VEHICLE_FIELDS)
+        movement = coded.pop("P_CRASH1", None)
+        moves = not parked and movement != PARKED
+        initial, body_type = coded.get("IMPACT1"), coded.get("BODY_TYP")
+        body, body_implied = body_of(BodyEvidence(body_type=body_type))
+        named = (self._text(row, columns.make, unit), self._text(row, columns.model, unit))
+        driver = self._codes_of_unit(row, unit, OCCUPANT_FIELDS) if moves else {}
+        vehicle = VehicleRecord(
+            number=number,
+            vehicle_class=body.vehicle_class,
+            length_m=body.length_m,
+            width_m=body.width_m,
+            height_m=body.height_m,
+            mass_kg=body.mass_kg,
+            make_model=" ".join(filter(None, named)),
+            model_year=self._year(row, unit),
+            in_transport=moves,
+            travel_speed_mps=self._measured(row, columns.TRAV_SP, unit) if moves else 0.0,
+            speed_limit_mps=self._measured(row, columns.VSPD_LIM, unit) or None,  # 0 stands for none
+            movement=PreCrashMovement(movement) if isinstance(movement, int) else PreCrashMovement.UNKNOWN,
+            impact=None if moves else impact_area(initial),
+            occupants=(Occupant(1, _DRIVER, **{OCCUPANT_FIELDS[name]: code for name, code in driver.items()}),)
+            if any(code is not None for code in driver.values())
+            else (),
+            implied=(*(("vehicle_class",) if body_implied else ()), *(() if moves else ("travel_speed_mps",))),
+            **_fields(VEHICLE_FIELDS, coded),
+        )
+        turns = turn_of(vehicle) is not None
+        return replace(vehicle, heading=self._heading(row, unit, turns=turns) if moves else None)
+
+    def _person(self, row: Row, unit: str, number: int, person_type: int) -> NonMotorist:
+        coded = self._codes_of_unit(row, unit, PERSON_FIELDS)
+        heading = self._heading(row, unit, turns=False)
+        return NonMotorist(number, person_type, heading=heading, **_fields(PERSON_FIELDS, coded))
+
+    def _codes_of_unit(self, row: Row, unit: str, wanted: Collection[str]) -> dict[str, Any]:
+        return {
+            name: self._code(row, name, column, unit)
+            for name, column in self.mapping.unit.coded.items()
+            if name in wanted
+        }
+
+    def _heading(self, row: Row, unit: str, *, turns: bool) -> Heading | None:
+        column = self.mapping.unit.heading
+        if column is None:
+            return None
+        name = self.mapping.column_of(column.column, unit)
+        octant = self._looked_up(name, row[name], column.values)
+        return None if octant is None else Heading(octant, column.turning if turns else Moment.BEFORE)
+
+    def _code(self, row: Row, element: str, column: CodedColumn, unit: str = "") -> Any:
+        """A code, None where it is not known; a number as it stands where the mapping lists no values."""
+        name = self.mapping.column_of(column.column, unit)
+        value = row[name]
+        if column.values:
+            found = self._looked_up(name, value, column.values)
+        elif self._is_unknown(value):
+            found = None
+        elif element in NUMBERS:
+            found = self._whole(name, value)
+        else:
+            found = self._whole(name, value)
+            if found is not None and found not in code_table(element).meanings:
+                found = self._count(name, value)
+        return code_table(element).known(found) if isinstance(found, int) and element in _CODED else found
+
+    def _measured(self, row: Row, column: NumberColumn | None, unit: str) -> float | None:
+        if column is None:
+            return None
+        name = self.mapping.column_of(column.column, unit)
+        if self._is_unknown(row[name]):
+            return None
+        number = _number(row[name])
+        return self._count(name, row[name]) if number is None or number < 0 else number * column.factor
+
+    def _year(self, row: Row, unit: str) -> int | None:
+        text = self._text(row, self.mapping.unit.MOD_YEAR, unit)
+        return int(text) if text.isascii() and text.isdigit() and 1900 <= int(text) <= 2100 else None
+
+    def _text(self, row: Row, column: str | None, unit: str = "") -> str:
+        value = "" if column is None else str(row[self.mapping.column_of(column, unit)])
+        return "" if self._is_unknown(value) else value
+
+    def _is_unknown(self, value: str) -> bool:
+        return not value or value.casefold() in self._unknown
+
+    @cached_property
+    def _unknown(self) -> frozenset[str]:
+        return frozenset(word.casefold() for word in self.mapping.unknown)
+
+    def _looked_up(self, name: str, value: str, values: Mapping[str, Any]) -> Any:
+        if self._is_unknown(value):
+            return None
+        found = values.get(value)
+        if found is None:
+            found = next((code for known, code in values.items() if known.casefold() == value.casefold()), None)
+        return self._count(name, value) if found is None else found
+
+    def _whole(self, name: str, value: str) -> int | None:
+        number = _number(value)
+        return self._count(name, value) if number is None or number != int(number) else int(number)
+
+    def _count(self, name: str, value: str) -> Any:
+        """Count a value that the mapping does not know; None, what it counts as."""
+        self.not_mapped.setdefault(name, Counter())[value] += 1
+        return None
+
+
+_CODED: Final = frozenset({*CRASH_FIELDS, *VEHICLE_FIELDS, *PERSON_FIELDS, "PER_TYP"}) - NUMBERS
+
+
+def _fields(columns: Mapping[str, Column], coded: Mapping[str, Any]) -> dict[str, Any]:
+    """Codes by element as fields of a record: several elements of one field give it the first that is known."""
+    found: dict[str, Any] = {}
+    for element, code in coded.items():
+        if code is None or element not in columns:
+            continue
+        column = columns[element]
+        value = bool(code) if column.type is ColumnType.BOOLEAN else code
+        found.setdefault(column.name, (value,) if column.repeated else value)
+    return found
+
+
+def _number(text: str) -> float | None:
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if abs(number) < 1e9 else None
+
+
+# --- what the units and the manner of collision say of the first harmful event ---------------------------------------
+def _with_first_event(record: CrashRecord) -> CrashRecord:
+    """The record with the event that it implies, if the register does not say what the first harmful event was."""
+    moving = [vehicle.number for vehicle in record.vehicles if vehicle.in_transport]
+    standing = [vehicle.number for vehicle in record.vehicles if not vehicle.in_transport]
+    of_two = record.manner_of_collision_code in _OF_TWO_VEHICLES
+    if of_two and len(moving) + len(standing) == 1:  # the table has not all of them
+        record = replace(
+            record, vehicles_in_transport=len(moving) + 1, implied=(*record.implied, "vehicles_in_transport")
+        )
+    code, second = record.first_harmful_event_code, None
+    if record.non_motorists:
+        code = code or _STRUCK.get(record.non_motorists[0].person_type_code)
+        second = record.non_motorists[0].party if len(record.non_motorists) == 1 else None
+    elif len(moving) > 1 or (of_two and not standing):
+        code = code or event_codes.MOTOR_VEHICLE_IN_TRANSPORT
+        second = moving[1] if len(moving) == 2 else None
+    elif moving and standing:
+        code = code or event_codes.PARKED_MOTOR_VEHICLE
+        second = standing[0] if len(standing) == 1 else None
+    if code is None:
+        return record
+    first = moving[0] if moving and (len(moving) == 1 or second in moving) else None
+    event = EventRecord(1, code, first, None, second, None, ("code", "party_1", "party_2"))
+    implied = [*record.implied, "events"]
+    if record.first_harmful_event_code is None:
+        implied.append("first_harmful_event_code")
+    crosses = any(_CROSSING in person.actions for person in record.non_motorists)
+    if crosses and record.road_relation_code is None:
+        record = replace(record, road_relation_code=_ON_ROADWAY)
+        implied.append("road_relation_code")
+    return replace(record, events=(event,), first_harmful_event_code=code, implied=tuple(implied))
