@@ -5,8 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.evaluation.cases import BACKEND, RIGHT_M, crossing, drive, rear_end
-from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, CautiousLaneKeeper, IdmLaneKeeper, Replay
+from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, rear_end
+from tests.sim.motions import driven, participant, straight
+from tests.verdict.crashes import STREET
+from trace_dag.evaluation.baselines import (
+    BrakeOnTimeToCollision,
+    CarefulHuman,
+    CautiousLaneKeeper,
+    IdmLaneKeeper,
+    Replay,
+)
+from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import AVOIDED, DriveOutcome
 
@@ -52,3 +61,32 @@ def test_the_cautious_one_gives_way_at_a_crossing_where_the_lane_keeper_does_not
     assert drive(crossing(), CautiousLaneKeeper()).outcome in AVOIDED
     lane_keeper = drive(crossing(), IdmLaneKeeper())
     assert lane_keeper.outcome not in AVOIDED
+
+
+def test_the_careful_human_reacts_after_perception_and_delay() -> None:
+    """At 30 m/s it sees the risk 2 s before a standing car and brakes 1.15 s later, 25.5 m before it. The brakes rise
+    for 0.58 s, over 17 m and to 27.9 m/s; after another 0.32 s with 7.36 m/s2 it is there with 25.5 m/s, at 4.05 s."""
+    found = drive(rear_end(30.0), CarefulHuman())
+    assert found.outcome is DriveOutcome.MITIGATED
+    assert found.metrics is not None
+    assert found.metrics.contact_time_s == pytest.approx(4.05, abs=0.05)
+    assert found.metrics.closing_speed_mps == pytest.approx(25.5, abs=1.0)
+
+
+def braking_leader(braking_mps2: float) -> Case:
+    """Number 2, 30 m ahead, both at 20 m/s, brakes from the first second on until it stands."""
+    speed = lambda time_s: max(20.0 - braking_mps2 * max(time_s - 1.0, 0.0), 0.0)  # noqa: E731
+    return case(
+        STREET,
+        participant(1, straight(-34.7, RIGHT_M, 0.0, 20.0, until_s=8.0)),
+        participant(2, driven(0.0, RIGHT_M, 0.0, speed, lambda _: 0.0, until_s=8.0)),
+        impact_time_s=4.2,
+    )
+
+
+def test_the_careful_human_follows_whoever_brakes_ahead() -> None:
+    """Both at 20 m/s, 30 m apart; the one ahead brakes with 6 m/s2. Reacting after 1.15 s with 7.36 m/s2 it stands in
+    23 + 27.2 m and some for the rise, the other in 33.3 m: 63.3 m are enough."""
+    found = drive(braking_leader(6.0), CarefulHuman())
+    assert not found.metrics.collided
+    assert drive(braking_leader(6.0), Replay()).metrics.collided

@@ -67,6 +67,70 @@ class BrakeOnTimeToCollision:
         return Motion(acceleration_mps2=-GRAVITY_MPS2, path_m=self._path)
 
 
+class CarefulHuman:
+    """The careful and competent human driver of UN Regulation No. 157 (annex 3, performance model 1), at the wheel of
+    whoever was recorded.
+
+    It perceives a risk where somebody ahead is 2 s from touching, both keeping their velocities, or in its way slows
+    down harder than 5 m/s2 or is nearer than 2 m. Perceiving takes 0.4 s; 0.75 s later it brakes, up to 0.774 g with
+    12.65 m/s3, less hard only where the road gives no more. Once it has reacted it is attentive: without delay. When
+    the risk is over it goes on. The model is made for cut-ins, cut-outs and braking ahead on motorways; for crossing
+    ways and people it is an extrapolation.
+    """
+
+    risk_s = 2.0
+    leader_brakes_mps2 = 5.0
+    least_gap_m = 2.0
+    perceives_s, delay_s = 0.4, 0.75
+    most_braking_g = 0.774
+    braking_rises_mps3 = 12.65
+    goes_on_mps2 = 1.5
+
+    def reset(self, scenario: Scenario) -> None:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+        self._scenario = scenario
+        self._most_mps2 = min(self.most_braking_g, scenario.friction) * GRAVITY_MPS2
+        self._route = PathFollower(scenario.recorded_path)
+        self._speeds_mps: dict[int, float] = {}
+        self._risk_since_s: float | None = None
+        self._has_reacted = False
+        self._braking_mps2 = 0.0
+        self._pace = 1.0
+
+    def act(self, observation: Observation) -> Action:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+        if not self._at_risk(observation):
+            self._risk_since_s = None
+        elif self._risk_since_s is None:
+            self._risk_since_s = observation.time_s
+        waits_s = 0.0 if self._has_reacted else self.perceives_s + self.delay_s
+        step_s, speed_mps = self._scenario.period_s, abs(observation.own.speed_mps)
+        if self._risk_since_s is not None and observation.time_s - self._risk_since_s >= waits_s - step_s / 2:
+            self._has_reacted = True
+            self._braking_mps2 = min(self._braking_mps2 + self.braking_rises_mps3 * step_s, self._most_mps2)
+            lost_mps = self._braking_mps2 * step_s
+            self._pace *= max(0.0, 1.0 - lost_mps / max(speed_mps, lost_mps))
+        else:
+            self._braking_mps2 = 0.0
+            self._pace = min(1.0, self._pace + self.goes_on_mps2 * step_s / max(speed_mps, _LEAST_LIMIT_MPS))
+        return Recorded(self._pace)
+
+    def _at_risk(self, observation: Observation) -> bool:
+        own, body = observation.own, self._scenario.body
+        before, self._speeds_mps = self._speeds_mps, {}
+        risk = time_to_collision_ahead_s(observation, self._scenario) <= self.risk_s
+        at_m, _ = self._route.locate(own.x_m, own.y_m)
+        for other in observation.others:
+            speed_mps = math.hypot(other.velocity_x_mps, other.velocity_y_mps)
+            self._speeds_mps[other.number] = speed_mps
+            braking_mps2 = (before.get(other.number, speed_mps) - speed_mps) / self._scenario.period_s
+            s_m, offset_m, _ = self._route.locate_many(np.array([[other.x_m, other.y_m]]))
+            gap_m = float(s_m[0]) - at_m - (body.length_m + other.length_m) / 2
+            if abs(float(offset_m[0])) < (body.width_m + other.width_m) / 2 and gap_m > -body.length_m / 2:
+                risk |= braking_mps2 > self.leader_brakes_mps2 or gap_m < self.least_gap_m
+        return risk
+
+
 class IdmLaneKeeper:
     """Keeps to the lanes of its route at the speed limit and its distance from whoever is in its way ahead.
 

@@ -18,7 +18,7 @@ from trace_dag.evaluation.agents import Agent, AgentFault
 from trace_dag.plugins import PluginKind
 from trace_dag.plugins import offered as offered_plugins
 
-BASELINES = ("replay", "brake", "idm", "cautious")
+BASELINES = ("replay", "brake", "idm", "cautious", "r157")
 
 _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]+")
 _REFERENCE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
