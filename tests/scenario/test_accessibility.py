@@ -25,12 +25,13 @@ from trace_dag.studies.replays import replay_with
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 
 VERIFIED, REJECTED_MAP, NO_MAP = "2023-319003", "2023-319069", "2023-319062"
-COUNTS = dict.fromkeys(OUTCOMES, 2) | {"agent": "brake", "runs": 10, "cases": 10}
+COUNTS = dict.fromkeys(OUTCOMES, 2) | {"agent": "brake", "runs": 10, "cases": 10, "crashes": 5, "crashes_asked": 5}
 RUN = {
     "agent": "brake",
     "key": VERIFIED,
     "vehicle_number": 1,
     "role": "struck",
+    "part": "responder",
     "outcome": "conflict_avoided",
     "fault": None,
 }
@@ -53,6 +54,10 @@ def pages() -> dict[str, Path]:
     row = COUNTS | {
         "delta_v_saved_rel": 0.4,
         "off_road": 0,
+        "unfinished": 1,
+        "split": "test",
+        "traffic": "persistent",
+        "handed_in": True,
         "wrong_way": 0,
         "max_deceleration_median_mps2": 7.5,
         "dimension": "kind",

@@ -21,14 +21,16 @@ def connection() -> duckdb.DuckDBPyConnection:
     connection.execute(
         "CREATE TABLE evaluations (agent TEXT, key TEXT, case_id TEXT, vehicle_number INTEGER, role TEXT, outcome TEXT,"
         " off_road_s DOUBLE, wrong_way_s DOUBLE, recorded_delta_v_mps DOUBLE, delta_v_mps DOUBLE,"
-        " max_deceleration_mps2 DOUBLE, max_jerk_mps3 DOUBLE, collided BOOLEAN, finished BOOLEAN,"
+        " max_deceleration_mps2 DOUBLE, max_jerk_mps3 DOUBLE, traffic TEXT, split TEXT,"
+        " handed_in BOOLEAN, collided BOOLEAN, finished BOOLEAN,"
         " recorded_serious_injury_risk DOUBLE, serious_injury_risk DOUBLE)"
     )
     for agent, outcomes in OUTCOMES.items():
         for number, outcome in enumerate(outcomes.split()):
             key = f"2023-{1 + number // 2}"
             connection.execute(
-                "INSERT INTO evaluations VALUES (?, ?, ?, ?, NULL, ?, 0, 0, 10, 5, 4, 9, FALSE, TRUE, 0.5, 0.25)",
+                "INSERT INTO evaluations VALUES (?, ?, ?, ?, NULL, ?, 0, 0, 10, 5, 4, 9, 'recorded', NULL, FALSE,"
+                " FALSE, TRUE, 0.5, 0.25)",
                 [agent, key, key, 1 + number % 2, outcome],
             )
     execute_sql(connection, "leaderboard")

@@ -185,6 +185,7 @@ def evaluate(
             roles,
             Conditions(rate_hz, Sensing(range_m, noise_m, occlusion), seed, Traffic(traffic)),
             limits,
+            split=part,
             isolation=around,
             on_progress=lambda row: on_progress(f"{row['agent']} in {row['case_id']}"),
             on_problem=problems.add,

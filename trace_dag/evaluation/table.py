@@ -63,6 +63,10 @@ EVALUATIONS = TableSchema(
         Column("occlusion", _BOOL, "Whether bodies hid others from it", required=True),
         Column("traffic", _TEXT, "How the others moved: recorded, reactive or persistent"),
         Column("seed", _INT, "Seed of the noise", required=True),
+        Column(
+            "split", _TEXT, "The part of the benchmark that was asked for: train, validation or test; empty for all"
+        ),
+        Column("handed_in", _BOOL, "Whether the run was handed in as a file, not driven here"),
         Column("agent_code", _TEXT, "Digest of the agent's own code"),
         Column("code_version", _TEXT, "Code that evaluated it", required=True),
         Column("verdict_fingerprint", _TEXT, "Of the crash as it was evaluated", required=True),
@@ -77,6 +81,7 @@ def row(
     evaluation: Evaluation,
     conditions: Conditions,
     *,
+    split: str | None,
     agent_code: str,
     code_version: str,
     verdict_fingerprint: str,
@@ -99,6 +104,8 @@ def row(
         "occlusion": sensing.occlusion,
         "traffic": conditions.traffic.value,
         "seed": conditions.seed,
+        "split": split,
+        "handed_in": False,
         "agent_code": agent_code,
         "code_version": code_version,
         "verdict_fingerprint": verdict_fingerprint,

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from trace_dag.evaluation.crash_parts import CrashPart
+from trace_dag.evaluation.shares import share_avoided
 from trace_dag.scenario.page_templates import templates
 from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
 
+_PARTS = ("all", *CrashPart)
 OUTCOMES = ("conflict_avoided", "collision_avoided", "stopped", "mitigated", "unchanged", "worse", "faulty")
 
 
@@ -20,15 +23,30 @@ def write_leaderboard(leaderboard: Sequence[Row], by_class: Sequence[Row], runs:
     >>> write_leaderboard([], [], [])[:15]
     b'<!doctype html>'
     """
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in leaderboard:
+        groups.setdefault((row["split"] or "", row["traffic"] or ""), []).append(row)
     dimensions: dict[str, dict[str, dict[str, Row]]] = {}
     for row in by_class:
         dimensions.setdefault(row["dimension"], {}).setdefault(row["class"], {})[row["agent"]] = row
     runs_of: dict[str, list[Row]] = {}
     for row in runs:
         runs_of.setdefault(row["agent"], []).append(row)
+    avoided = {
+        agent: {part: share_avoided(run for run in of_agent if part in ("all", run["part"])) for part in _PARTS}
+        for agent, of_agent in runs_of.items()
+    }
     page = (
         templates()
         .get_template("site_leaderboard.html.jinja")
-        .render(version=__version__, leaderboard=leaderboard, runs_of=runs_of, dimensions=dimensions, outcomes=OUTCOMES)
+        .render(
+            version=__version__,
+            leaderboard=leaderboard,
+            groups=groups,
+            avoided=avoided,
+            runs_of=runs_of,
+            dimensions=dimensions,
+            outcomes=OUTCOMES,
+        )
     )
     return page.encode()

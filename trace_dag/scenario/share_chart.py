@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import html
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 from urllib.parse import quote
 
+from trace_dag.evaluation.shares import wilson_interval
+
 _ROW_PX, _BAR_PX, _COUNT_PX = 22, 240, 90
 _SIGN_PX = 7  # a sign of a label is hardly ever wider
-_Z_95 = 1.959964  # of the normal distribution, two-sided 95 %
 
 
 class Share(NamedTuple):
@@ -19,20 +19,6 @@ class Share(NamedTuple):
     label: str
     part: int
     of: int
-
-
-def wilson_interval(part: int, of: int) -> tuple[float, float]:
-    """The 95 % interval of a share that was seen in ``part`` of ``of`` cases (Wilson, JASA 22, 1927).
-
-    >>> [round(bound, 3) for bound in wilson_interval(5, 10)]
-    [0.237, 0.763]
-    """
-    if of == 0:
-        return 0.0, 1.0
-    share, z2 = part / of, _Z_95**2
-    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
-    half = _Z_95 * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2)) / (1 + z2 / of)
-    return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
 def data_url(svg: str) -> str:

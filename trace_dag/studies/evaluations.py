@@ -18,6 +18,7 @@ from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.evaluate import Conditions, faulty
 from trace_dag.evaluation.isolation import Isolation
 from trace_dag.evaluation.registry import label, resolve
+from trace_dag.evaluation.splits import Split
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
 from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
 from trace_dag.flow.pool import Lost, Task
@@ -42,14 +43,16 @@ def evaluate_agents(
     conditions: Conditions,
     limits: AgentLimits,
     *,
+    split: Split | None = None,
     isolation: Isolation | None = None,
     on_progress: Callable[[Row], None] = lambda _: None,
     on_problem: OnProblem = raised,
 ) -> list[Row]:
     """Every agent in every role of every case, as rows in a fixed order, stored under the root.
 
-    ``on_progress`` hears of each evaluation as it is done, ``on_problem`` of every step of a crash that cannot be
-    loaded. Raises :class:`UserError` for agents that are not there.
+    ``split`` is the part that the cases are, None where they are no part. ``on_progress`` hears of each evaluation as
+    it is done, ``on_problem`` of every step of a crash that cannot be loaded. Raises :class:`UserError` for agents that
+    are not there.
     """
     references = {name: resolve(name) for name in agents}
     by_id = {case.case_id: case for case in cases}
@@ -73,6 +76,7 @@ def evaluate_agents(
                 results.labels[answer.step.name],
                 found,
                 conditions,
+                split=split,
                 agent_code=digests[answer.step.name],
                 code_version=code,
                 verdict_fingerprint=stored.fingerprint,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Final
 
@@ -48,7 +48,9 @@ def results_file(rows: Sequence[Row], split: Split, cohort: str | None) -> bytes
         "made_by": f"trace-dag {__version__}",
         "split": split.value,
         "cohort": cohort,
-        "runs": [{column.name: row.get(column.name) for column in EVALUATIONS.columns} for row in rows],
+        "runs": [
+            {column.name: row.get(column.name) for column in EVALUATIONS.columns} | {"handed_in": True} for row in rows
+        ],
     }
     return with_checksum(json.dumps(document).encode())
 
@@ -56,13 +58,13 @@ def results_file(rows: Sequence[Row], split: Split, cohort: str | None) -> bytes
 def check(workspace: Workspace, data: bytes, name: str, *, on_problem: OnProblem = raised) -> dict[str, list[Row]]:
     """The runs of a file by agent. Raises :class:`UserError` saying why a file is refused."""
     split, cohort, by_agent = _read(data, name)
+    _check_names(name, by_agent, agents_of(workspace.storage))
     cases = verified_cases(workspace, cohort, (), split=split, on_problem=on_problem)
     code = evaluating_code(workspace.settings.sim)
-    taken = agents_of(workspace.storage)
+    if not {row["key"] for rows in by_agent.values() for row in rows} & {case.key for case in cases}:
+        raise UserError(f"{name}: none of its crashes is among the {len(cases)} of the part {split} of this root")
     for agent, rows in by_agent.items():
-        if agent in taken or agent in BASELINES or agent != label(agent):
-            raise UserError(f"{name}: there is an agent {agent} here already, or it cannot be a name; hand in another")
-        _check_conditions(name, agent, rows, code)
+        _check_conditions(name, agent, rows, split, code)
     for case in cases:
         _check_case(name, case, by_agent)
     expected = {case.key for case in cases}
@@ -71,6 +73,18 @@ def check(workspace: Workspace, data: bytes, name: str, *, on_problem: OnProblem
         if unknown:
             raise UserError(f"{name}: {agent} has runs of {unknown[0]}, which is not in the part {split} of this root")
     return by_agent
+
+
+def _check_names(name: str, agents: Collection[str], taken: Collection[str]) -> None:
+    for agent in agents:
+        if agent.partition("-")[0] in BASELINES:
+            raise UserError(f"{name}: {agent} is the name of a baseline, which trace-dag evaluate drives here itself")
+        if agent != label(agent):
+            raise UserError(f"{name}: {agent!r} cannot be the name of an agent; evaluate names it {label(agent)}")
+        if agent in taken:
+            raise UserError(
+                f"{name}: evaluations of {agent} are stored here already; evaluate --remove {agent} deletes them"
+            )
 
 
 def _read(data: bytes, name: str) -> tuple[Split, str | None, dict[str, list[Row]]]:
@@ -105,7 +119,7 @@ def _checked_row(run: Row, name: str) -> Row:
     return run
 
 
-def _check_conditions(name: str, agent: str, rows: Sequence[Row], code: str) -> None:
+def _check_conditions(name: str, agent: str, rows: Sequence[Row], split: Split, code: str) -> None:
     usual = Conditions()
     asked = {
         "rate_hz": usual.rate_hz,
@@ -120,6 +134,8 @@ def _check_conditions(name: str, agent: str, rows: Sequence[Row], code: str) -> 
                 raise UserError(f"{name}: {agent} has {condition} {row[condition]!r}; the protocol has {value!r}")
         if row["traffic"] not in list(Traffic) or row["traffic"] != rows[0]["traffic"]:
             raise UserError(f"{name}: {agent} has traffic {row['traffic']!r}; expected one kind for all runs")
+        if row["split"] != split or not row["handed_in"]:
+            raise UserError(f"{name}: {agent} has runs that evaluate --split {split} --results did not write")
         if row["code_version"] != code:
             raise UserError(
                 f"{name}: stale, its runs were measured by code {row['code_version']}, not {code}; {_AGAIN}"

@@ -6,7 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from trace_dag.evaluation.crash_parts import CrashPart
 from trace_dag.evaluation.metrics import AVOIDED, OFF_ROAD_S, DriveOutcome
+from trace_dag.evaluation.shares import share_avoided
 from trace_dag.evaluation.table import Row
 from trace_dag.messages.wording import percent
 from trace_dag.scenario.share_chart import Share
@@ -120,10 +122,14 @@ def _accepted_share(estimator: str, rows: Sequence[EstimatorRow]) -> Share:
 
 
 def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> StudyTable:
-    """How often each agent did what, in all and by class of crash."""
+    """How often each agent did what, in all, as initiator and responder, and by class of crash."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["agent"], "all"), []).append(row)
+    for part in CrashPart:
+        for row in rows:
+            if row.get("part") == part:
+                groups.setdefault((row["agent"], part), []).append(row)
     for row in sorted(rows, key=class_of):
         groups.setdefault((row["agent"], class_of(row)), []).append(row)
     order = {name: index for index, name in enumerate(dict.fromkeys(row["agent"] for row in rows))}
@@ -132,10 +138,29 @@ def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimen
         counts = Counter(row["outcome"] for row in members)
         off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
         unfinished = sum(not (row.get("collided") or row.get("finished")) for row in members)
-        counted_outcomes = (counts[each] for each in DriveOutcome)
-        lines.append((agent, group.replace("_", " "), len(members), *counted_outcomes, off_road, unfinished))
-    names = ["agent", dimension.replace("_", " "), "runs", *DriveOutcome, "off road", "unfinished"]
-    avoided = [names.index(each) for each in AVOIDED]
+        share = share_avoided(members)
+        avoided_in = f"{percent(share.part / share.of)} ({100 * share.low:.0f} to {100 * share.high:.0f})"
+        shown = (
+            len(members),
+            share.crashes,
+            avoided_in,
+            *(counts[each] for each in DriveOutcome),
+            off_road,
+            unfinished,
+        )
+        lines.append((agent, group.replace("_", " "), *shown))
+    outcomes = [each.replace("_", " ") for each in DriveOutcome]
+    names = [
+        "agent",
+        dimension.replace("_", " "),
+        "runs",
+        "crashes",
+        "avoided (95 %)",
+        *outcomes,
+        "off road",
+        "unfinished",
+    ]
+    avoided = [names.index(each.replace("_", " ")) for each in AVOIDED]
     shares = [Share(line[0], sum(line[at] for at in avoided), line[2]) for line in lines if line[1] == "all"]
     return StudyTable(names, lines, shares, "Crashes avoided")
 

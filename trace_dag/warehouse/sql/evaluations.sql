@@ -47,6 +47,8 @@ COMMENT ON COLUMN evaluations.noise_m IS 'Noise of the positions it saw, standar
 COMMENT ON COLUMN evaluations.occlusion IS 'Whether bodies hid others from it';
 COMMENT ON COLUMN evaluations.traffic IS 'How the others moved: recorded, reactive or persistent';
 COMMENT ON COLUMN evaluations.seed IS 'Seed of the noise';
+COMMENT ON COLUMN evaluations.split IS 'The part of the benchmark that was asked for: train, validation or test; empty for all';
+COMMENT ON COLUMN evaluations.handed_in IS 'Whether the run was handed in as a file, not driven here';
 COMMENT ON COLUMN evaluations.agent_code IS 'Digest of the agent''s own code';
 COMMENT ON COLUMN evaluations.code_version IS 'Code that evaluated it';
 COMMENT ON COLUMN evaluations.verdict_fingerprint IS 'Of the crash as it was evaluated';

@@ -1,11 +1,21 @@
 -- Agents side by side, over all verified crashes they drove in (not their variations), best first: those that drove in
 -- every case that any of them did, then those that did not, whose figures are of other cases.
 CREATE VIEW leaderboard AS
-WITH asked AS (SELECT count(DISTINCT (key, vehicle_number)) AS cases FROM evaluations WHERE case_id = key AND role IS DISTINCT FROM 'departing')
+WITH asked AS (
+    SELECT count(DISTINCT (key, vehicle_number)) AS cases, count(DISTINCT key) AS crashes_asked
+    FROM evaluations
+    WHERE case_id = key AND role IS DISTINCT FROM 'departing'
+)
+
 SELECT
     agent,
     count(*) AS runs,
     asked.cases,
+    count(DISTINCT key) AS crashes,
+    asked.crashes_asked,
+    any_value(traffic) AS traffic,
+    CASE WHEN count(DISTINCT coalesce(split, 'all')) = 1 THEN any_value(split) END AS split,
+    bool_or(coalesce(handed_in, FALSE)) AS handed_in,
     count(*) FILTER (outcome = 'conflict_avoided') AS conflict_avoided,
     count(*) FILTER (outcome = 'collision_avoided') AS collision_avoided,
     count(*) FILTER (outcome = 'stopped') AS stopped,
@@ -22,13 +32,18 @@ SELECT
     median(max_jerk_mps3) AS max_jerk_median_mps3
 FROM evaluations, asked
 WHERE case_id = key AND role IS DISTINCT FROM 'departing'
-GROUP BY agent, asked.cases
+GROUP BY agent, asked.cases, asked.crashes_asked
 ORDER BY runs < asked.cases, (conflict_avoided + collision_avoided) / runs DESC, delta_v_saved_rel DESC, agent;
 
 COMMENT ON VIEW leaderboard IS 'Agents side by side, over the verified crashes they drove in';
 COMMENT ON COLUMN leaderboard.agent IS 'Name of the agent, and of conditions other than the usual';
 COMMENT ON COLUMN leaderboard.runs IS 'Evaluations: crashes times places it took';
 COMMENT ON COLUMN leaderboard.cases IS 'Crashes times places that any agent took: agents with fewer runs stand below the others';
+COMMENT ON COLUMN leaderboard.crashes IS 'Crashes it drove in';
+COMMENT ON COLUMN leaderboard.crashes_asked IS 'Crashes that any agent drove in';
+COMMENT ON COLUMN leaderboard.traffic IS 'How the others moved: recorded, reactive or persistent';
+COMMENT ON COLUMN leaderboard.split IS 'The part of the benchmark it was evaluated on; NULL where on no part as a whole';
+COMMENT ON COLUMN leaderboard.handed_in IS 'Whether its runs were handed in as a file';
 COMMENT ON COLUMN leaderboard.conflict_avoided IS 'Runs in which nobody came within 1.5 s of touching anybody';
 COMMENT ON COLUMN leaderboard.collision_avoided IS 'Runs in which somebody did, and nobody touched anybody';
 COMMENT ON COLUMN leaderboard.stopped IS 'Runs in which it stands before the conflict in the end';

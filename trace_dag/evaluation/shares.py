@@ -1,0 +1,76 @@
+"""Shares of runs with the interval that the number of crashes leaves open: both drivers of a crash count once."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trace_dag.evaluation.metrics import AVOIDED
+
+_RESAMPLES, _SEED = 2000, 157
+_Z_95 = 1.959964  # of the normal distribution, two-sided 95 %
+
+
+class ClusteredShare(NamedTuple):
+    """``part`` of ``of`` runs in ``crashes`` crashes, and the 95 % interval of the share."""
+
+    part: int
+    of: int
+    crashes: int
+    low: float
+    high: float
+
+
+def wilson_interval(part: int, of: int) -> tuple[float, float]:
+    """The 95 % interval of a share that was seen in ``part`` of ``of`` cases (Wilson, JASA 22, 1927).
+
+    >>> [round(bound, 3) for bound in wilson_interval(5, 10)]
+    [0.237, 0.763]
+    """
+    if of == 0:
+        return 0.0, 1.0
+    share, z2 = part / of, _Z_95**2
+    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
+    half = _Z_95 * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2)) / (1 + z2 / of)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
+    """How many of some runs (rows of the table of evaluations) avoided the crash, the crash as the unit.
+
+    >>> share = share_avoided([{"key": "2023-1", "outcome": "conflict_avoided"}] * 2)
+    >>> share.part, share.of, share.crashes, round(share.low, 2)  # one crash says as much as one, whoever drove in it
+    (2, 2, 1, 0.21)
+    """
+    return clustered_share((run["key"], run["outcome"] in AVOIDED) for run in runs)
+
+
+def clustered_share(found: Iterable[tuple[str, bool]]) -> ClusteredShare:
+    """The share of what holds, given with the crash of each: percentiles of bootstrapped crashes, Wilson's interval
+    of as many crashes where it holds always or never, which a bootstrap cannot tell from certainty."""
+    parts: Counter[str] = Counter()
+    runs: Counter[str] = Counter()
+    for key, holds in found:
+        parts[key] += holds
+        runs[key] += 1
+    part, of = parts.total(), runs.total()
+    if part in (0, of):
+        low, high = wilson_interval(len(runs) if part else 0, len(runs))
+        return ClusteredShare(part, of, len(runs), low, high)
+    from scipy.stats import bootstrap
+
+    keys = sorted(runs)
+    data = np.array([parts[key] for key in keys]), np.array([runs[key] for key in keys])
+    interval = bootstrap(
+        data,
+        lambda part, of, axis: part.sum(axis) / of.sum(axis),
+        paired=True,
+        n_resamples=_RESAMPLES,
+        method="percentile",
+        rng=np.random.default_rng(_SEED),
+    ).confidence_interval
+    return ClusteredShare(part, of, len(runs), float(interval.low), float(interval.high))
