@@ -61,6 +61,8 @@ def clustered_share(found: Iterable[tuple[str, bool]]) -> ClusteredShare:
     if part in (0, of):
         low, high = wilson_interval(len(runs) if part else 0, len(runs))
         return ClusteredShare(part, of, len(runs), low, high)
+    if len(runs) == 1:
+        return ClusteredShare(part, of, 1, 0.0, 1.0)  # one crash, in which it holds for one and not for the other
     from scipy.stats import bootstrap
 
     keys = sorted(runs)
