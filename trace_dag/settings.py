@@ -111,6 +111,9 @@ class StateSettings(_Section):
     # Bodies overlap for some 30 ms: 10 ms short of a whole second, whoever plays it in equal steps sees them do so.
     lead_time_s: float = Field(4.99, gt=0, description="Time before the impact at which the reconstruction starts.")
     max_hypotheses: int = Field(3, ge=1, description="Hypotheses kept, simulated and judged, in order.")
+    reported_headings: bool = Field(
+        True, description="Take reported directions of travel as evidence; FARS has none, many states have."
+    )
     samples: int = Field(
         8,
         ge=0,
@@ -241,6 +244,9 @@ class VerdictSettings(_Section):
     )
     max_direction_error_deg: float = Field(
         45.0, ge=0, le=180, description="Each turn, and the angle between the approaches, against the reported ones."
+    )
+    reported_headings: bool = Field(
+        True, description="Ask that vehicles and people go in the directions that the report gives, where it does."
     )
     max_zone_error_m: float = Field(1.0, ge=0, description="Of a person, outside the reported zone of the road.")
     max_speed_error_rel: float = Field(0.1, ge=0, description='Against reported speeds; rejects only under "strict".')

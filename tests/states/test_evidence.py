@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import pytest
 
-from trace_dag.states.evidence import CrossingVehicle, crossing_terms, driveway_speed_terms, street_terms
+from trace_dag.crash.record import Heading, Moment, Octant
+from trace_dag.states.evidence import (
+    WRONG_HEADING,
+    CrossingVehicle,
+    crossing_terms,
+    driveway_speed_terms,
+    heading_log_likelihood,
+    street_terms,
+)
 
 STOP_SIGN, SIGNAL = 20, 3
 
@@ -58,3 +67,36 @@ def test_a_street_of_the_name_the_report_gives_is_the_other_street_whatever_the_
     assert terms("Desert Shores Drive") == {}
     assert sum(terms("Ocean Drive").values()) < 0
     assert sum(terms().values()) < 0
+
+
+def test_a_reported_direction_is_wrong_as_often_as_two_in_a_rear_end_are_reported_to_go_two_ways():
+    assert pytest.approx(0.975) == (1 - WRONG_HEADING) ** 2
+    east = Heading(Octant.EAST)
+    assert heading_log_likelihood(east, 0.0) == pytest.approx(0.0)
+    # The wrong way round it is one of seven wrong octants, and no worse than any other of them.
+    against = heading_log_likelihood(east, math.pi)
+    assert against == pytest.approx(math.log(WRONG_HEADING / 7 / (1 - WRONG_HEADING + WRONG_HEADING / 7)), abs=1e-6)
+    assert heading_log_likelihood(east, math.radians(100)) == pytest.approx(against, abs=0.1)
+    assert heading_log_likelihood(east, math.radians(10)) > -0.2  # police name the compass by the street
+
+
+@pytest.mark.parametrize(
+    ("moment", "fits"),
+    [
+        (Moment.BEFORE, {Octant.EAST}),
+        (Moment.AFTER, {Octant.NORTH}),
+        (Moment.UNKNOWN, {Octant.EAST, Octant.NORTH_EAST, Octant.NORTH}),
+    ],
+)
+def test_of_one_that_turns_left_off_an_eastbound_street_the_moment_says_which_directions_fit(moment, fits):
+    found = {octant: heading_log_likelihood(Heading(octant, moment), 0.0, math.pi / 2) for octant in Octant}
+    assert {octant for octant, value in found.items() if value > -1.5} == fits
+    assert all(found[octant] < -4.0 for octant in (Octant.WEST, Octant.SOUTH, Octant.SOUTH_WEST))
+
+
+def test_octants_are_headings_counter_clockwise_from_east():
+    degrees = {octant.value: round(math.degrees(octant.heading_rad)) % 360 for octant in Octant}
+    assert degrees == {
+        "east": 0, "north_east": 45, "north": 90, "north_west": 135, "west": 180, "south_west": 225, "south": 270,
+        "south_east": 315,
+    }  # fmt: skip

@@ -13,7 +13,8 @@ from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.contradictions import contradictions_of
 from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, implied_movement, with_crash_types, with_impacts
-from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.crash.implied_types import with_implied_types
+from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.summary import summarise
 
 
@@ -26,7 +27,10 @@ def complete_record(record: CrashRecord) -> CrashRecord:
     'TURNING_LEFT'
     """
     man_coll, typ_int = record.manner_of_collision_code, record.intersection_type_code
-    vehicles = with_impacts(with_crash_types(record.vehicles, record.events), record.events, man_coll)
+    vehicles = record.vehicles
+    if "crash_type_code" in record.register_lacks:
+        vehicles = with_implied_types(vehicles, record.events, man_coll)
+    vehicles = with_impacts(with_crash_types(vehicles, record.events), record.events, man_coll)
     topology = road_topology(typ_int, record.junction_relation_code)
     topology_implied = TYP_INT.known(typ_int) is None and topology is RoadTopology.NOT_AN_INTERSECTION
     completed = replace(
@@ -39,6 +43,39 @@ def complete_record(record: CrashRecord) -> CrashRecord:
     completed = replace(completed, vehicle_trajectory=vehicle_trajectory(_crash_types(completed)))
     completed = replace(completed, contradictions=(*record.contradictions, *contradictions_of(completed)))
     return replace(completed, summary=summarise(completed))
+
+
+def without_headings(record: CrashRecord) -> CrashRecord:
+    """The record as it would be had its register no directions of travel: without them and all that they imply.
+
+    >>> without_headings(record) == record  # FARS has none
+    True
+    """
+    headings = [vehicle.heading for vehicle in record.vehicles] + [person.heading for person in record.non_motorists]
+    if not any(headings):
+        return record
+    return complete_record(
+        replace(
+            record,
+            vehicles=tuple(map(_as_reported, record.vehicles)),
+            non_motorists=tuple(replace(person, heading=None) for person in record.non_motorists),
+            implied=tuple(name for name in record.implied if name != "road_topology"),
+            contradictions=(),
+        )
+    )
+
+
+def _as_reported(vehicle: VehicleRecord) -> VehicleRecord:
+    """The vehicle before it was completed, without its heading."""
+    found = replace(vehicle, heading=None, implied=tuple(name for name in vehicle.implied if name not in _COMPLETED))
+    if "crash_type_code" in vehicle.implied:
+        found = replace(found, crash_type_code=None)
+    if "movement" in vehicle.implied:
+        found = replace(found, movement=PreCrashMovement.UNKNOWN)
+    return replace(found, impact=None) if vehicle.in_transport else found
+
+
+_COMPLETED = frozenset({"crash_type_code", "movement", "impact"})
 
 
 def _with_movement(vehicle: VehicleRecord) -> VehicleRecord:

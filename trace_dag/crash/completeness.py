@@ -274,7 +274,10 @@ def _movement(movement: PreCrashMovement) -> str:
 
 def _impact(record: CrashRecord) -> str | None:
     """A verdict needs an area of impact on a side of a body (not the top, not the undercarriage): without one,
-    anything simulated would agree with the report. A departure from the road is judged by its place, too."""
+    anything simulated would agree with the report. A departure from the road is judged by its place, too. A crash of a
+    register that has no areas at all is judged without, and is never corroborated."""
+    if "impact" in record.register_lacks:
+        return None
     sequence = event_sequence(record)
     if isinstance(sequence, Missing) or sequence.first.kind in OFF_THE_ROAD:
         return None

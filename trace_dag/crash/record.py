@@ -399,6 +399,7 @@ class CrashRecord:
     @property
     def severity(self) -> Severity | None:
         """How badly anybody was hurt: the worst that the report has of a person or of the crash; None if it has none.
+        FARS has crashes that killed somebody alone.
 
         >>> record.severity.value  # FATALS 1
         'K'
@@ -406,7 +407,7 @@ class CrashRecord:
         of_occupants = (each.injury_code for vehicle in self.vehicles for each in vehicle.occupants)
         of_others = (each.injury_code for each in self.non_motorists)
         found = {severity_of(code) for code in (self.injury_code, *of_occupants, *of_others)}
-        if self.fatalities:
+        if self.fatalities or self.register == FARS:
             found.add(Severity.KILLED)
         return next((severity for severity in Severity if severity in found), None)
 

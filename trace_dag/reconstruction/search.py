@@ -17,6 +17,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from trace_dag.crash.completed_record import without_headings
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence, sequence_of
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord
@@ -70,6 +71,9 @@ def estimate_by_record(
     ``first_planner`` plans the first event; another one may ask somebody how it came about. Raises :class:`Rejection`:
     ``no_feasible_state`` where none lets happen what is reported, ``map_too_small`` where the map ends too near.
     """
+
+    if not settings.reported_headings:
+        record = without_headings(record)
 
     def made_with(lead_s: float) -> StateEstimate:
         wanted = settings.model_copy(update={"lead_time_s": lead_s})

@@ -84,6 +84,7 @@ def _judged(scene: Scene, scenario: PreCrashScenario, pair: PathPair) -> Candida
             **evidence.lane_terms(party.vehicle, approach, party.turn),
             **evidence.speed_terms(party.vehicle, approach, party.turn),
             **evidence.driveway_speed_terms(approach, speed_mps),
+            **evidence.heading_terms(party.vehicle, option),
             **option.costs,
         }.items():
             terms[f"{name} (vehicle {number})"] = value

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from trace_dag.crash.completed_record import without_headings
 from trace_dag.crash.event_sequence import EventSequence, sequence_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure, Reason
@@ -47,6 +48,8 @@ def judge(
             f"{record.key}: {counted(len(logs), 'simulation log')} for "
             f"{counted(len(estimate.hypotheses), 'hypothesis', 'hypotheses')}; simulate again"
         )
+    if not settings.reported_headings:
+        record = without_headings(record)
     sequence = sequence_of(record)
     observed = [observe_crash(network, *each) for each in zip(estimate.hypotheses, logs, strict=True)]
     judged = [
@@ -91,7 +94,7 @@ def judge_observed(
     found = criteria(beside)
     if report is not None:
         found += (_mapped_ground(record, observed, report),)
-    result = judgement(found, required_reasons(told))
+    result = judgement(found, required_reasons(told, record))
     found += (*shown_measures(beside), *articulation_shown(record, observed.log))
     detail = result.detail
     if observed.first is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, VehicleRecord
+from trace_dag.crash.record import CrashRecord, ImpactArea, Moment, PreCrashMovement, VehicleRecord
 from trace_dag.units import clock_difference_h, wrap_angle
 from trace_dag.verdict.directions import relation_error_deg, reported_relations_deg, reported_turns_deg, turn_error_deg
 from trace_dag.verdict.observation import LEAST_SPEED_MPS, ObservedVehicle
@@ -50,6 +50,24 @@ def turn_error(seen: ObservedVehicle, reported: VehicleRecord, topology: RoadTop
     if topology is RoadTopology.L:
         allowed |= {0.0}
     return turn_error_deg(seen.turn_deg, allowed, seen.offered_turns_deg)
+
+
+def heading_error(seen: ObservedVehicle, reported: VehicleRecord) -> float | None:
+    """How far a vehicle was headed from the reported direction of travel (degrees, 0 to 180); None if none is reported
+    and of one that backed. One that turned is headed as before or as after its turn where the report does not say when.
+
+    >>> heading_error(first_contact.vehicles[1], record.vehicles[0]) is None  # FARS gives none
+    True
+    """
+    heading = reported.heading
+    if heading is None or reported.movement is PreCrashMovement.BACKING:
+        return None
+    ways = []
+    if heading.moment is not Moment.AFTER:
+        ways.append(seen.approach_rad)
+    if heading.moment is not Moment.BEFORE:
+        ways.append(seen.approach_rad + math.radians(seen.turn_deg))
+    return min(abs(math.degrees(wrap_angle(way - heading.octant.heading_rad))) for way in ways)
 
 
 def clock_error_positions(clock_h: float, area: ImpactArea | None) -> float | None:

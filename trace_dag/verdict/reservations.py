@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.record import CrashRecord, Severity
 from trace_dag.crash.summary import event_in_words, event_named
 from trace_dag.roads.crash_site.contradicted_road import has_name_of_another
 from trace_dag.roads.map.network import RoadNetwork
@@ -35,7 +35,8 @@ def reservations_about(
     found = (
         _other_street(record, observed.network, report),
         *_missed(record, events),
-        _harmless(observed),
+        _harmless(record, observed),
+        _no_areas(record),
         _ambiguous(unsure),
     )
     return tuple(each for each in found if each is not None)
@@ -63,10 +64,22 @@ def _missed(record: CrashRecord, events: Sequence[EventOutcome]) -> Iterator[Res
             yield Reservation(Doubt.EVENT_MISSED, detail)
 
 
-def _harmless(observed: ObservedCrash) -> Reservation | None:
-    """No vehicle changes its velocity by what an event data recorder records, none overturns, and nobody outside a
-    vehicle is struck."""
-    if not observed.events or any(event.overturn or event.person for event in observed.events):
+def _no_areas(record: CrashRecord) -> Reservation | None:
+    """Its register has no areas of impact: at which parts the bodies meet is asked of no simulation."""
+    if "impact" not in record.register_lacks:
+        return None
+    detail = "the register has no areas of impact: that the bodies meet at other parts would not be noticed"
+    return Reservation(Doubt.NO_AREAS, detail)
+
+
+def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | None:
+    """Somebody was killed, and no vehicle changes its velocity by what an event data recorder records, none overturns,
+    and nobody outside a vehicle is struck."""
+    if (
+        record.severity is not Severity.KILLED
+        or not observed.events
+        or any(event.overturn or event.person for event in observed.events)
+    ):
         return None
     changes = [side.delta_v_mps for event in observed.events for side in event.sides.values()]
     change_mps = max(changes, default=0.0)

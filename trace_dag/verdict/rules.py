@@ -32,8 +32,15 @@ from trace_dag.roads.crash_site.street_names import SAME_STREET
 from trace_dag.roads.map.roadside import RoadZone
 from trace_dag.settings import RuleSetName, VerdictSettings
 from trace_dag.sim.matching import Happening, Matching, expected_of, happenings_of, match
+from trace_dag.units import wrap_angle
 from trace_dag.verdict.departed_street import street_likeness
-from trace_dag.verdict.metrics import clock_error_positions, relation_error, speed_error_rel, turn_error
+from trace_dag.verdict.metrics import (
+    clock_error_positions,
+    heading_error,
+    relation_error,
+    speed_error_rel,
+    turn_error,
+)
 from trace_dag.verdict.observation import LEAST_RECORDED_MPS, ObservedCrash, ObservedEvent, ObservedVehicle, StruckSide
 from trace_dag.verdict.people import compass_error_deg, course_error_deg, zone_error_m
 from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone, roadside_error_m
@@ -83,14 +90,17 @@ _REQUIRED: Final[Mapping[EventKind, tuple[Reason, ...]]] = {
 }
 
 
-def required_reasons(sequence: EventSequence) -> tuple[Reason, ...]:
-    """Reasons of which something has to have been evaluated, by the first event and who takes part in it.
+def required_reasons(sequence: EventSequence, record: CrashRecord) -> tuple[Reason, ...]:
+    """Reasons of which something has to have been evaluated, by the first event and who takes part in it; no area of
+    impact of a register that has none.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> [reason.value for reason in required_reasons(sequence_of(tree_record))]
+    >>> [reason.value for reason in required_reasons(sequence_of(tree_record), tree_record)]
     ['no_collision', 'no_departure', 'wrong_side', 'wrong_location']
     """
     found = _REQUIRED[sequence.first.kind]
+    if "impact" in record.register_lacks:
+        found = tuple(reason for reason in found if reason is not Reason.WRONG_IMPACT)
     if sequence.first.kind is EventKind.VEHICLE_CONTACT and (sequence.first.parked or len(sequence.contacts) > 1):
         return tuple(reason for reason in found if reason is not Reason.WRONG_DIRECTION)  # who stood made no turn
     return found
@@ -304,6 +314,19 @@ def _compass_errors(each: Beside) -> Values:
     yield person.party, compass_error_deg(heading_rad, person.pedestrian_direction_code)
 
 
+def _heading_errors(each: Beside) -> Values:
+    """Of the vehicles and the person whose direction of travel the report gives."""
+    for vehicle in each.event.vehicles:
+        went = each.seen.vehicles.get(vehicle.number)
+        if went is not None and vehicle.heading is not None:
+            yield vehicle.number, heading_error(went, vehicle)
+    walked = each.seen.person
+    if walked is not None and each.event.person.heading is not None:
+        octant_rad = each.event.person.heading.octant.heading_rad
+        apart_deg = abs(math.degrees(wrap_angle(walked.heading_rad - octant_rad)))
+        yield each.event.person.party, apart_deg if walked.moves else None
+
+
 def _speed_errors(each: Beside) -> Values:
     """Of the vehicles that take part for the first time."""
     begun = each.of.sequence.events[: each.of.sequence.events.index(each.event)]
@@ -368,6 +391,14 @@ RULES: Final[Sequence[Rule]] = (
         "compass_error",
         lambda e: e.first and e.event.kind is EventKind.PERSON_STRUCK,
         _compass_errors,
+        "deg",
+        lambda s: s.max_direction_error_deg,
+        Reason.WRONG_DIRECTION,
+    ),
+    Rule(
+        "headed_as_reported",
+        lambda e: e.first and e.event.is_contact,
+        _heading_errors,
         "deg",
         lambda s: s.max_direction_error_deg,
         Reason.WRONG_DIRECTION,

@@ -126,6 +126,7 @@ class Doubt(StrEnum):
     EVENT_MISSED = "event_missed"
     HARMLESS = "harmless"
     AMBIGUOUS = "ambiguous"
+    NO_AREAS = "no_areas"  # of impact, in a register that has none
 
 
 @dataclass(frozen=True)

@@ -205,6 +205,7 @@ def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> d
         **evidence.lane_terms(who.vehicle, approach, who.turn),
         **evidence.speed_terms(who.vehicle, approach, who.turn),
         **evidence.driveway_speed_terms(approach, speed.speed_mps),
+        **evidence.heading_terms(who.vehicle, option),
         **option.costs,
     }
     return {f"{name} (vehicle {number})": value for name, value in terms.items()}
@@ -237,6 +238,9 @@ def _plan(
     contact = pose.to_world(np.array([point.ahead_m, point.left_m]))
     contact_xy_m = (float(contact[0]), float(contact[1]))
     terms = terms | {"course of the person": reading.log_prior} | _contact_terms(scene, strike, drive, contact_xy_m)
+    if person.heading is not None and reading.course is not Course.STANDING:
+        walked = evidence.heading_log_likelihood(person.heading, walk.pose.heading_rad)
+        terms["reported direction of the person"] = walked
     if crosswalks is not None:
         terms["crosswalk"] = float(crosswalks.log_likelihood(np.array(contact[0]), np.array(contact[1])))
     if slid_m:

@@ -1,0 +1,75 @@
+"""Crash types (``ACC_TYPE``) that follow from the manner of collision, the movements and the reported directions.
+
+FARS codes them; a register that has none has what they are coded from. They are set where one configuration alone fits,
+whether a turning vehicle's direction was from before its turn or after it; elsewhere the directions are evidence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from trace_dag.crash.crash_types import Turn, turn_of
+from trace_dag.crash.record import EventRecord, PreCrashMovement, VehicleRecord, first_vehicle_contact
+from trace_dag.units import wrap_angle
+
+_REAR_END, _ANGLE = 1, 6  # MAN_COLL
+_STRUCK_WHILE: Final = {PreCrashMovement.STOPPED: 20, PreCrashMovement.DECELERATING: 28}
+"""The type of the vehicle that strikes from behind, by what the one ahead did."""
+_TURNING: Final = 24
+_STEP_OF_TURN: Final = {Turn.LEFT: 2, Turn.RIGHT: 3}
+_STRAIGHT_ON: Final = frozenset({PreCrashMovement.GOING_STRAIGHT, PreCrashMovement.DECELERATING})
+_CROSSED_STRAIGHT: Final = 91
+_TURNED_LEFT_FROM_RIGHT: Final = 82  # into the opposite direction of the one that came straight on (83)
+
+
+def with_implied_types(
+    vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
+) -> tuple[VehicleRecord, ...]:
+    """The vehicles, the two of the first contact with the types that are implied, marked.
+
+    >>> ahead = replace(queue_record.vehicles[1], crash_type_code=None)  # P_CRASH1 5: stopped
+    >>> behind = replace(queue_record.vehicles[0], crash_type_code=None)
+    >>> [each.crash_type_code for each in with_implied_types([behind, ahead], queue_record.events, 1)]
+    [20, 21]
+    """
+    contact = first_vehicle_contact(events)
+    by_number = {vehicle.number: vehicle for vehicle in vehicles if vehicle.in_transport}
+    if contact is None or contact.party_1 not in by_number or contact.party_2 not in by_number:
+        return tuple(vehicles)
+    one, two = by_number[contact.party_1], by_number[contact.party_2]
+    types = _types(man_coll, one, two) or _types(man_coll, two, one)
+    return tuple(
+        replace(vehicle, crash_type_code=types[vehicle.number], implied=(*vehicle.implied, "crash_type_code"))
+        if vehicle.number in types
+        else vehicle
+        for vehicle in vehicles
+    )
+
+
+def _types(man_coll: int | None, one: VehicleRecord, two: VehicleRecord) -> dict[int, int]:
+    """The types of both, by number, where ``one`` strikes ``two`` from behind, or turns; nothing where it does not."""
+    if man_coll == _REAR_END:
+        return _rear_end(one, two)
+    if man_coll != _ANGLE or one.heading is None or two.heading is None:
+        return {}
+    apart_rad = wrap_angle(one.heading.octant.heading_rad - two.heading.octant.heading_rad)
+    across = math.isclose(abs(apart_rad), math.pi / 2)
+    if across and {one.movement, two.movement} <= _STRAIGHT_ON:
+        return {one.number: _CROSSED_STRAIGHT, two.number: _CROSSED_STRAIGHT}
+    if across and apart_rad > 0 and turn_of(one) is Turn.LEFT and two.movement in _STRAIGHT_ON:
+        # Of who turns left across or into the other's path from any other side no direction, before or after the turn,
+        # is to the left of the other's.
+        return {one.number: _TURNED_LEFT_FROM_RIGHT, two.number: _TURNED_LEFT_FROM_RIGHT + 1}
+    return {}
+
+
+def _rear_end(behind: VehicleRecord, ahead: VehicleRecord) -> dict[int, int]:
+    base, step = _STRUCK_WHILE.get(ahead.movement), 1
+    turn = turn_of(ahead)
+    if turn in _STEP_OF_TURN:
+        base, step = _TURNING, _STEP_OF_TURN[turn]
+    slower = behind.movement in _STRUCK_WHILE or turn_of(behind) is not None
+    return {} if base is None or slower else {behind.number: base, ahead.number: base + step}
