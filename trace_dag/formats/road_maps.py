@@ -8,7 +8,7 @@ What a form needs is loaded when it is asked for: most maps are wanted as OpenDR
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -90,13 +90,13 @@ def _polygon(network: RoadNetwork, ring_m: FloatArray) -> shapely.Polygon:
 
 
 def form_of_map(
-    form: str, network: RoadNetwork, xodr: bytes, surroundings: Sequence[OsmFeature]
+    form: str, network: RoadNetwork, xodr: bytes, surroundings: Callable[[], Sequence[OsmFeature]]
 ) -> Mapping[str, bytes]:
-    """The files of one of :data:`FORMS`, by path, of a map, its OpenDRIVE, and what stands beside its roads.
+    """The files of one of :data:`FORMS`, by path, of a map, its OpenDRIVE, and what gives what stands beside its roads.
 
     Raises :class:`UserError` for another form, or where a program is missing that makes it.
 
-    >>> sorted(form_of_map("geojson", network, xodr, ()))
+    >>> sorted(form_of_map("geojson", network, xodr, tuple))
     ['lanes.geojson']
     """
     if form == "geojson":
@@ -118,5 +118,5 @@ def form_of_map(
     if form == "glb":
         from trace_dag.scenario.solid.scene import place_glb
 
-        return {"map.glb": place_glb(network, surroundings=surroundings)}
+        return {"map.glb": place_glb(network, surroundings=surroundings())}
     raise UserError(f"{form}: no form of a map; there are {', '.join(FORMS)}")

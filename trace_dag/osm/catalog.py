@@ -175,15 +175,17 @@ class MapCatalog:
         ]
         return [(file, box) for file, box in boxes if box is not None]
 
-    def extract_box(self, box: BoundingBox, settings: OsmSettings) -> OsmExtract:
-        """The roads in a box, and what stands and lies beside them, from the file that covers it and its neighbours.
+    def extract_box(self, box: BoundingBox, settings: OsmSettings, *, surroundings: bool) -> OsmExtract:
+        """The roads in a box, from the file that covers it and its neighbours; with ``surroundings`` also what stands
+        and lies beside them.
 
         Raises :class:`UserError` where no file has a drivable way there, with the distance to the nearest data.
         """
         parts = []
         for file in self.files:
             if may_cover(file.header, box):
-                found = read_around(file.path, file.header, [Around("", box, box)], settings)
+                around = [Around("", box, box)]
+                found = read_around(file.path, file.header, around, settings, surroundings=surroundings)
                 part = _Part(file, found, 0, box)
                 check_roads(part.extract, file.path, area_km2=area_km2(box), length_m=part.length_m)
                 if part.extract.ways:

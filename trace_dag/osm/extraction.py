@@ -142,8 +142,12 @@ def _attribution(path: Path) -> str:
     return read_attribution({str(name): str(value) for name, value in root.attrib.items()})
 
 
-def read_around(path: Path, header: FileHeader, sites: Sequence[Around], settings: OsmSettings) -> FilePass:
+def read_around(
+    path: Path, header: FileHeader, sites: Sequence[Around], settings: OsmSettings, *, surroundings: bool = True
+) -> FilePass:
     """Everything a road map around each of some sites needs, and what stands and lies beside the roads there.
+
+    Without ``surroundings`` there are roads and walkways alone: two of three ways in a town are buildings.
 
     Raises :class:`UnreadableMapError` if the file cannot be read to its end as OSM data, :class:`UserError` if the
     locations of its nodes find no room on the disk.
@@ -156,7 +160,13 @@ def read_around(path: Path, header: FileHeader, sites: Sequence[Around], setting
         _node_locations(path, settings) as located,
         gc_paused(),
     ):
-        finder = _Finder(path.name, sites, measure_bounds=header.box is None, service_roads=settings.service_roads)
+        finder = _Finder(
+            path.name,
+            sites,
+            measure_bounds=header.box is None,
+            service_roads=settings.service_roads,
+            surroundings=surroundings,
+        )
         finder.look_at(plain, osmium.osm.ALL, located)
         if finder.incomplete and (finder.unsorted or not header.sorted_by_type):
             finder.forget_ways()  # they are read again, now that every node of the file is located
@@ -164,14 +174,14 @@ def read_around(path: Path, header: FileHeader, sites: Sequence[Around], setting
         return finder.found()
 
 
-def _filters() -> Iterator[Any]:
+def _filters(*, surroundings: bool) -> Iterator[Any]:
     """What drops objects that have none of the keys asked for."""
     import osmium
 
     node, way, relation = osmium.osm.NODE, osmium.osm.WAY, osmium.osm.RELATION
     for kind, keys in (
-        (way, ("highway", *WAY_KEYS)),
-        (node, {*ROAD_NODE_KEYS, *NODE_KEYS}),
+        (way, ("highway", *(WAY_KEYS if surroundings else ()))),
+        (node, {*ROAD_NODE_KEYS, *(NODE_KEYS if surroundings else ())}),
         (relation, ("restriction",)),
     ):
         only = osmium.filter.KeyFilter(*keys)
@@ -240,14 +250,22 @@ class _Finder:
     is no farther than that from it; others need no closer look.
     """
 
-    def __init__(self, name: str, sites: Sequence[Around], *, measure_bounds: bool, service_roads: bool) -> None:
+    def __init__(
+        self,
+        name: str,
+        sites: Sequence[Around],
+        *,
+        measure_bounds: bool,
+        service_roads: bool,
+        surroundings: bool,
+    ) -> None:
         from osmium import InvalidLocationError
         from osmium.geom import WKBFactory, haversine_distance, use_nodes
 
         self.incomplete = False  # some way near a site has a node that was not located
         self.unsorted = False  # a node came after a way
         self._name, self._sites, self._service_roads = name, sites, service_roads
-        self._measure_bounds = measure_bounds
+        self._measure_bounds, self._surroundings = measure_bounds, surroundings
         self._length_m, self._not_located = haversine_distance, InvalidLocationError
         self._wkb, self._all_nodes = WKBFactory(), use_nodes.ALL
         self._boxes = _tree_of([each.box for each in sites])
@@ -271,7 +289,7 @@ class _Finder:
         import osmium
 
         processor = osmium.FileProcessor(str(path), kinds, thread_pool=_threads(os.getpid()))
-        for each in (located, *_filters()):
+        for each in (located, *_filters(surroundings=self._surroundings)):
             processor.with_filter(each)
         for each in processor:
             self._take(each)
@@ -314,7 +332,7 @@ class _Finder:
         tags = dict(node.tags)
         if not ROAD_NODE_KEYS.isdisjoint(tags):
             self._road_tags[node.id] = tags
-        if is_thing(tags, way=False):
+        if self._surroundings and is_thing(tags, way=False):
             for site in near_things:
                 self._points[site].append(feature_of_node(node.id, place.x, place.y, tags))
 

@@ -61,9 +61,13 @@ class OverpassSource:
         """
         return {site.key: _extract(site, settings, self._download, "Overpass") for site in sites}
 
-    def extract_box(self, box: BoundingBox, settings: OsmSettings) -> OsmExtract:
-        """The roads in a box, from one request. Raises :class:`UserError` where there is none."""
-        found = _extract_box(box, box, settings, self._download, "Overpass")
+    def extract_box(self, box: BoundingBox, settings: OsmSettings, *, surroundings: bool) -> OsmExtract:
+        """The roads in a box, from one request, and with ``surroundings`` what stands and lies beside them.
+
+        Raises :class:`UserError` where there is none.
+        """
+        beside = box if surroundings else BoundingBox(box.south_deg, box.west_deg, box.south_deg, box.west_deg)
+        found = _extract_box(box, beside, settings, self._download, "Overpass")
         if not found.ways:
             raise UserError("Overpass has no drivable way in this box")
         return found

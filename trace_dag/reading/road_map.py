@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from trace_dag.errors import Rejection, UserError
+from trace_dag.gc_pause import gc_paused
 from trace_dag.geometry import LocalFrame
 from trace_dag.network.http import HttpClient
 from trace_dag.osm.catalog import MapCatalog, box_around, sides_m
@@ -23,26 +24,29 @@ from trace_dag.settings import OsmSettings, RoadSettings
 if TYPE_CHECKING:
     import pandas as pd
 
+    from trace_dag.osm.types import OsmFeature
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapGate
 
 LONGEST_SIDE_M: Final = 10_000.0
 """Beyond it a local frame stretches distances by more than a millimetre in a kilometre, and no tool wants one file."""
-_PICTURE_PX: Final = 1600
+_PICTURE_PX: Final = 1200
 _WORDS: Final = "latitude within 90, longitude within 180 degrees, west less than east, south less than north"
 
 
 @dataclass(frozen=True, eq=False)
 class MadeMap:
-    """A road map without a crash: ``extract`` is the OpenStreetMap data that it was ``made`` of."""
+    """A road map without a crash: ``extract`` is the OpenStreetMap data that it was ``made`` of, ``source`` where that
+    came from."""
 
     extract: OsmExtract
     made: PlainMap
+    source: MapCatalog | OverpassSource
 
     @property
     def network(self) -> RoadNetwork:
-        """Roads, lanes and junctions, in the local frame of the place."""
-        return self.made.network
+        """Roads, lanes and junctions as the file has them, in the local frame of the place."""
+        return self.made.stored.network
 
     @property
     def xodr(self) -> bytes:
@@ -61,12 +65,17 @@ class MadeMap:
 
         return lane_table(self.network)
 
+    @cached_property
+    def surroundings(self) -> tuple[OsmFeature, ...]:
+        """What stands and lies beside the roads, such as buildings and trees, read when first asked for."""
+        return self.source.extract_box(self.extract.box, OsmSettings(), surroundings=True).surroundings
+
     def picture(self) -> str:
         """The map from above, as an SVG."""
         from trace_dag.scenario.map_scene import window_of
         from trace_dag.scenario.maps import draw_network
 
-        return draw_network(self.network, window_of(self.network), surroundings=self.extract.surroundings)
+        return draw_network(self.network, window_of(self.network))
 
     def report(self) -> dict[str, object]:
         """What the map is made of, its gates, and the tags that it does not follow."""
@@ -82,6 +91,7 @@ class MadeMap:
             "tags_not_followed": [asdict(each) for each in self.made.tags_not_followed],
         }
 
+    @gc_paused()
     def save(self, folder: str | os.PathLike[str], forms: Iterable[str] = ()) -> list[Path]:
         """Write ``map.xodr``, ``map.json`` (the report), ``map.png`` and some forms
         (:data:`trace_dag.formats.road_maps.FORMS`) into a folder; what is written."""
@@ -94,7 +104,7 @@ class MadeMap:
             "map.png": as_png(pixels_of(self.picture(), _PICTURE_PX)),
         }
         for form in forms:
-            contents |= form_of_map(form, self.network, self.xodr, self.extract.surroundings)
+            contents |= form_of_map(form, self.network, self.xodr, lambda: self.surroundings)
         target = Path(folder)
         for name, content in contents.items():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
@@ -102,6 +112,7 @@ class MadeMap:
         return [target / name for name in contents]
 
 
+@gc_paused()
 def make_map(
     osm: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | None,
     *,
@@ -122,11 +133,8 @@ def make_map(
             f"{width_m / 1000:.0f} km by {height_m / 1000:.0f} km: at most {LONGEST_SIDE_M / 1000:.0f} km each "
             "way fit a map; say which part with --at and --radius, or --box (in Python at, radius_m, box)"
         )
-    settings = OsmSettings()
-    if catalog is not None:
-        extract = catalog.extract_box(wanted, settings)
-    else:
-        extract = OverpassSource(HttpClient(instead="give a file: --osm map.osm.pbf")).extract_box(wanted, settings)
+    source = catalog or OverpassSource(HttpClient(instead="give a file: --osm map.osm.pbf"))
+    extract = source.extract_box(wanted, OsmSettings(), surroundings=False)
     middle = ((wanted.south_deg + wanted.north_deg) / 2, (wanted.west_deg + wanted.east_deg) / 2)
     try:
         made = build_plain_map(
@@ -134,7 +142,7 @@ def make_map(
         )
     except Rejection as why:
         raise UserError(why.detail) from why
-    return MadeMap(extract, made)
+    return MadeMap(extract, made, source)
 
 
 def _box_of(

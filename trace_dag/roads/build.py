@@ -54,9 +54,8 @@ class RoadMap:
 
 @dataclass(frozen=True)
 class PlainMap:
-    """A road map without a crash, as converted and as written, its gates, and the tags that it does not follow."""
+    """A road map without a crash, its gates, and the tags that it does not follow."""
 
-    network: RoadNetwork
     stored: StoredMap
     gates: tuple[MapGate, ...]
     tags_not_followed: tuple[TagNotFollowed, ...]
@@ -161,7 +160,7 @@ def build_plain_map(
     network = _network(extract, frame, settings, {}, left_hand=left_hand)
     stored = StoredMap(write_opendrive(network, marks=settings.marks), name=name)
     gates = check_map(network, extract, stored, limits=road_converter(settings).limits)
-    return PlainMap(network, stored, gates, tags_not_followed(network, extract))
+    return PlainMap(stored, gates, tags_not_followed(network, extract))
 
 
 def _network(

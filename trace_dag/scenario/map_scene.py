@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import shapely
 
+from trace_dag.roads.map.lane_geometry import sample_lanes
 from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.sampling import Stations, sample_reference_lines
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
@@ -38,9 +40,10 @@ def window_of(network: RoadNetwork) -> Window:
     >>> west < 0.0 < east and south < 0.0 < north
     True
     """
-    ends = [network.road_geometry(road.id).line.sample(np.array([0.0, road.length_m]))[:, :2] for road in network.roads]
-    inside = [(piece.x_m, piece.y_m) for road in network.roads for piece in road.plan]
-    points = np.concatenate([*ends, np.array(inside)])
+    lines = [network.road_geometry(road.id).line for road in network.roads]
+    ends_m = np.array([line.length_m for line in lines])
+    ends = sample_reference_lines(lines, Stations(ends_m, np.arange(len(lines)), np.arange(len(lines))))[:, :2]
+    points = np.concatenate([ends, [(piece.x_m, piece.y_m) for road in network.roads for piece in road.plan]])
     (west, south), (east, north) = (points.min(axis=0) - _MARGIN_M).tolist(), (points.max(axis=0) + _MARGIN_M).tolist()
     return west, south, east, north
 
@@ -102,7 +105,15 @@ class _Stretch(NamedTuple):
 
 
 def _seen(network: RoadNetwork, window: Window) -> Iterator[_Stretch]:
-    for road in network.roads_within(window):
+    roads = network.roads_within(window)
+    sample_lanes(
+        network.geometry(LaneRef(road.id, index, lane.id))
+        for road in roads
+        for index, section in enumerate(road.lane_sections)
+        for lane in section.lanes
+        if lane.id != 0
+    )
+    for road in roads:
         geometry = network.road_geometry(road.id)
         for index in range(len(road.lane_sections)):
             line = geometry.section_line(*geometry.section_span(index))

@@ -91,7 +91,6 @@ def draw_network(
     legal_marks: bool = True,
     names: bool = True,
     heights: bool = False,
-    surroundings: Sequence[OsmFeature] = (),
 ) -> str:
     """One window of a map as an SVG; options as of :class:`MapDrawing`.
 
@@ -99,6 +98,5 @@ def draw_network(
     '<svg'
     """
     canvas = Canvas(window_m, width_pt)
-    drawing = MapDrawing(network, window_m, legal_marks=legal_marks, heights=heights, surroundings=surroundings)
-    drawing.draw(canvas, names=names)
+    MapDrawing(network, window_m, legal_marks=legal_marks, heights=heights).draw(canvas, names=names)
     return canvas.svg()
