@@ -1,6 +1,6 @@
 """The readers of each form, as judges: run by ``benchmarks/formats.py``, each in an environment with its reader alone.
 
-    python benchmarks/format_judges.py FORMAT FOLDER
+    python benchmarks/format_judges.py JUDGES FOLDER
 
 Prints a line of JSON per judge: who, which version, over how many files, how many it took, and what it says besides.
 Nothing of trace-dag is imported: what these say rests on the files alone.
@@ -16,6 +16,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+_STOP_SIGN = "R1-1"
+
 
 class Verdict(NamedTuple):
     """What a judge says of a form: ``taken`` of ``files`` had nothing wrong; ``says`` is more, in words."""
@@ -27,22 +29,44 @@ class Verdict(NamedTuple):
 
 
 def commonroad(folder: Path) -> Iterator[Verdict]:
-    """The reader of commonroad-io, and the schema that comes with it."""
+    """The reader of commonroad-io, what it finds in the networks, and the schema that comes with it."""
     import commonroad.common.file_reader as reading
+    from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
+    from commonroad.scenario.traffic_sign_interpreter import TrafficSignInterpreter
     from lxml import etree
 
     files = sorted(folder.glob("*.xml"))
-    lanelets = problems = read = 0
+    lanelets = problems = read = on_a_lanelet = signs = lights = stop_lines = limits = 0
     for file in files:
         scenario, planning = reading.CommonRoadFileReader(str(file)).open()
-        lanelets += len(scenario.lanelet_network.lanelets)
-        problems += len(planning.planning_problem_dict)
-        read += len(planning.planning_problem_dict) == 1
+        network = scenario.lanelet_network
+        lanelets, signs = lanelets + len(network.lanelets), signs + len(network.traffic_signs)
+        lights += len(network.traffic_lights)
+        stop_lines += sum(each.stop_line is not None for each in network.lanelets)
+        limit_of = TrafficSignInterpreter(SupportedTrafficSignCountry.USA, network).speed_limit
+        limits += sum(limit_of(frozenset([each.lanelet_id])) is not None for each in network.lanelets)
+        found = list(planning.planning_problem_dict.values())
+        problems, read = problems + len(found), read + (len(found) == 1)
+        on_a_lanelet += all(network.find_lanelet_by_position([each.initial_state.position])[0] for each in found)
     who = f"commonroad-io {version('commonroad-io')}"
-    yield Verdict(f"{who}, reader", len(files), read, f"{lanelets} lanelets, {problems} planning problems")
+    says = (
+        f"{lanelets} lanelets, {limits} of them with a limit; {signs} signs, {lights} lights, {stop_lines} stop lines, "
+        f"{problems} planning problems"
+    )
+    yield Verdict(f"{who}, reader", len(files), read, says)
+    yield Verdict(f"{who}, drivers begin on a lanelet", len(files), on_a_lanelet)
     (path,) = Path(reading.__file__).parents[1].rglob("XML_commonRoad_XSD.xsd")
     schema = etree.XMLSchema(etree.parse(str(path)))
-    yield Verdict(f"{who}, schema 2020a", len(files), sum(schema.validate(etree.parse(str(file))) for file in files))
+    valid = american = 0
+    for file in files:
+        schema.validate(document := etree.parse(str(file)))
+        wrong = [error for error in schema.error_log if f"value '{_STOP_SIGN}'" not in error.message]
+        valid += not wrong
+        american += f">{_STOP_SIGN}<" in etree.tostring(document, encoding="unicode")
+    says = (
+        f"but for {_STOP_SIGN}, the American stop sign, in {american} files: the reader knows it, the schema does not"
+    )
+    yield Verdict(f"{who}, schema 2020a", len(files), valid, says)
 
 
 def scenarionet(folder: Path) -> Iterator[Verdict]:
@@ -158,6 +182,50 @@ def osi(folder: Path) -> Iterator[Verdict]:
     yield Verdict(f"betterosi {version('betterosi')}", len(files), good, says)
 
 
+def omega(folder: Path) -> Iterator[Verdict]:
+    """omega-prime, which reads everybody's motion and the lanes of traces of OSI."""
+    import warnings
+
+    import omega_prime
+
+    warnings.simplefilter("ignore")  # traces are in the frame of their map already
+    files = sorted(folder.glob("*.osi"))
+    opened = valid = rows = lanes = 0
+    for file in files:
+        recording = omega_prime.Recording.from_file(str(file), parse_map=True)
+        opened += len(recording.df) > 0 and len(recording.map.lanes) > 0
+        rows, lanes = rows + len(recording.df), lanes + len(recording.map.lanes)
+        try:
+            omega_prime.Recording.from_file(str(file), validate=True)
+            valid += 1
+        except Exception as error:
+            print(f"{file.name}: {' '.join(str(error).split())[:500]}", file=sys.stderr)
+    says = f"{rows} states, {lanes} lanes; {valid} valid by its own schema too"
+    yield Verdict(f"omega-prime {version('omega-prime')}", len(files), opened, says)
+
+
+def designer(folder: Path) -> Iterator[Verdict]:
+    """CommonRoad's designer, which makes lanelets of OpenDRIVE."""
+    import logging
+    import warnings
+
+    from crdesigner.map_conversion.map_conversion_interface import opendrive_to_commonroad
+
+    warnings.simplefilter("ignore")
+    logging.disable(logging.CRITICAL)
+    files = sorted(folder.rglob("map.xodr"))
+    made = lanelets = 0
+    for file in files:
+        try:
+            found = len(opendrive_to_commonroad(file).lanelet_network.lanelets)
+        except Exception as error:
+            print(f"{file}: {type(error).__name__}: {error}", file=sys.stderr)
+            continue
+        made, lanelets = made + (found > 0), lanelets + found
+    who = f"commonroad-scenario-designer {version('commonroad-scenario-designer')}, opendrive_to_commonroad"
+    yield Verdict(who, len(files), made, f"{lanelets} lanelets")
+
+
 def openlabel(folder: Path) -> Iterator[Verdict]:
     """ASAM's schema and the checks of openlabel-checker."""
     files = sorted(folder.glob("*.json"))
@@ -187,7 +255,8 @@ def points(folder: Path) -> Iterator[Verdict]:
 
 def main() -> None:
     """Print what the judges of one form say of a folder."""
-    judges: dict[str, Any] = {each.__name__: each for each in (commonroad, scenarionet, sumo, osi, openlabel, points)}
+    all_judges = (commonroad, scenarionet, sumo, osi, omega, openlabel, points, designer)
+    judges: dict[str, Any] = {each.__name__: each for each in all_judges}
     for verdict in judges[sys.argv[1]](Path(sys.argv[2])):
         print(json.dumps(verdict._asdict()), flush=True)
 

@@ -22,8 +22,10 @@ from tests.roads import judges
 from trace_dag.benchmark.export import export
 from trace_dag.errors import UserError
 from trace_dag.evaluation.drives import STEP_S
+from trace_dag.flow.artefacts import ROAD_MAP
 from trace_dag.formats import scenarionet
 from trace_dag.formats.sumo import floating_car_data
+from trace_dag.roads.map.lane_shapes import lane_shapes
 
 KEY = "2023-319003"
 GPX = "{http://www.topografix.com/GPX/1/1}"
@@ -96,6 +98,45 @@ def test_lanelets_meet_and_refer_to_what_is_there(commonroad):
             assert np.hypot(*(points(after.find("leftBound"))[0] - left[-1])) < 0.6
             links += 1
     assert links > len(lanelets) / 2
+
+
+def test_lanelets_have_the_limits_signs_and_lights_of_the_map(commonroad, home):
+    root, network = commonroad[f"{KEY}_V1"], home[KEY].stored.load(ROAD_MAP)
+    signs = {each.get("id"): each.findtext("trafficSignElement/trafficSignID") for each in root.iterfind("trafficSign")}
+    limits = {
+        each.get("id"): number(each, "trafficSignElement/additionalValue")
+        for each in root.iterfind("trafficSign")
+        if signs[each.get("id")] == "R2-1"
+    }
+    said = [limits[ref.get("ref")] for ref in root.iterfind("lanelet/trafficSignRef") if ref.get("ref") in limits]
+    posted = [shape.speed_mps for shape in lane_shapes(network, drivable_only=True) if shape.speed_mps is not None]
+    assert sorted(said) == pytest.approx(sorted(posted), abs=1e-3), "metres a second, as CommonRoad has limits"
+    on_the_map = [signal for road in network.roads for signal in road.signals]
+    stops = [sign for sign in signs.values() if sign == "R1-1"]
+    assert len(stops) == sum(signal.type == "206" for signal in on_the_map) > 0
+    assert len(root.findall("trafficLight")) == sum(signal.type == "1000001" for signal in on_the_map) > 0
+    referred = {ref.get("ref") for name in ("Sign", "Light") for ref in root.iterfind(f"lanelet/traffic{name}Ref")}
+    assert referred == {each.get("id") for name in ("Sign", "Light") for each in root.iterfind(f"traffic{name}")}
+
+
+def test_who_passes_a_light_or_a_stop_sign_has_a_line_across_the_lane_to_stop_at(commonroad):
+    root = commonroad[f"{KEY}_V1"]
+    stops = {each.get("id") for each in root.iterfind("trafficSign") if each.findtext(".//trafficSignID") == "R1-1"}
+    lines = 0
+    for lanelet in root.iterfind("lanelet"):
+        held = lanelet.find("trafficLightRef") is not None
+        held |= any(ref.get("ref") in stops for ref in lanelet.iterfind("trafficSignRef"))
+        line = lanelet.find("stopLine")
+        assert (line is not None) == held
+        if line is not None:
+            lane = shapely.Polygon(
+                np.concatenate([points(lanelet.find("leftBound")), points(lanelet.find("rightBound"))[::-1]])
+            )
+            across = shapely.LineString(points(line))
+            assert lane.buffer(0.05).contains(across)
+            assert across.length > 2.0
+            lines += 1
+    assert lines
 
 
 def test_a_scenario_description_has_everybody_and_the_lanes_they_drive_on(home, tmp_path):

@@ -5,16 +5,23 @@ without the crash (:class:`trace_dag.evaluation.drives.Goal`); everybody else is
 without the crash: what agents are evaluated in. Times are steps of :data:`trace_dag.evaluation.drives.STEP_S`, places
 are in the crash's local frame, as in its OpenDRIVE map.
 
+A limit is a sign of the lanelets where it holds; stop signs and lights have a stop line. What a light shows is not
+known.
+
 Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
 documentation of the XML format 2020a.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date
-from typing import Final
+from itertools import count
+from typing import Final, NamedTuple
 
+import numpy as np
 from lxml import etree
 
 from trace_dag.crash.parties import party_of_body
@@ -33,7 +40,7 @@ from trace_dag.flow.contract import CrashFiles
 from trace_dag.formats.exporter import as_driven
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
-from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.model import LaneRef, Road, Signal
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import Body, BodyKind
 from trace_dag.version import __version__
@@ -52,6 +59,9 @@ _FIGURES: Final = {
     BodyKind.CONVEYANCE: "pedestrian",
     BodyKind.ANIMAL: "unknown",  # the format has no animals
 }
+_LIGHT, _STOP, _LIMIT = "1000001", "206", "274"  # types of signals of the map
+_SIGNS_USA: Final = {_STOP: "R1-1", _LIMIT: "R2-1"}  # of the MUTCD; commonroad-io has no American yield sign
+_SIGNS_ZAM: Final = {"205": "205", _STOP: "206", _LIMIT: "274"}  # Zamunda, for no country in particular: Germany's
 _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoNames entry
 
 
@@ -68,7 +78,7 @@ class CommonRoad:
         drivers = [each for each in drives if each.is_driven]
         if not drivers:
             raise UserError("nobody drives in it")
-        road = _Lanelets(case.network)
+        road = _Lanelets(case.network, _SIGNS_USA)
         source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
         return {f"{crash.key}_V{own.number}.xml": _scenario(record, road, own, drives, source) for own in drivers}
 
@@ -82,22 +92,94 @@ def road_scenario(network: RoadNetwork) -> bytes:
     root = _root("ZAM_Map-1_1_T-1", f"trace-dag {__version__}, {network.attribution}", date.today())
     _add_location(root, network.frame.latitude_deg, network.frame.longitude_deg)
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "urban")
-    _Lanelets(network).write_into(root)
+    _Lanelets(network, _SIGNS_ZAM).write_into(root)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
-class _Lanelets:
-    """The drivable lanes as lanelets; ids from 1 on."""
+class _Post(NamedTuple):
+    """A sign or light, and the lanes whose traffic passes it."""
 
-    def __init__(self, network: RoadNetwork) -> None:
+    signal: Signal
+    lanes: tuple[LaneRef, ...]
+
+
+class _Limit(NamedTuple):
+    """A limit, and the lanes of a road where it holds; ``sign`` is None where none stands there."""
+
+    speed_mps: float
+    lanes: tuple[LaneRef, ...]
+    sign: Signal | None
+
+
+class _Lanelets:
+    """The drivable lanes as lanelets, and the signs, limits and lights of their roads; ids from 1 on."""
+
+    def __init__(self, network: RoadNetwork, signs: Mapping[str, str]) -> None:
+        """``signs``: what the country's signs are called, by their type on the map."""
+        self._network, self._sign_ids = network, signs
         self._shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
         self._ids = {shape.ref: number for number, shape in enumerate(self._shapes, 1)}
+        posts = [post for road in network.roads for post in self._posts(road)]
+        self._limits = self._limits_of({post.lanes: post.signal for post in posts if post.signal.type == _LIMIT})
+        self._signs = [post for post in posts if post.signal.type != _LIMIT and post.signal.type in signs]
+        self._lights = [post for post in posts if post.signal.type == _LIGHT]
+        self._signs_of: dict[LaneRef, list[int]] = defaultdict(list)
+        self._lights_of: dict[LaneRef, list[int]] = defaultdict(list)
         self.next_id = len(self._shapes) + 1
+        for ids_of, rows in (
+            (self._signs_of, [*(limit.lanes for limit in self._limits), *(sign.lanes for sign in self._signs)]),
+            (self._lights_of, [light.lanes for light in self._lights]),
+        ):
+            for lanes in rows:
+                for ref in lanes:
+                    ids_of[ref].append(self.next_id)
+                self.next_id += 1
+        stops = [post for post in (*self._lights, *self._signs) if post.signal.type in (_LIGHT, _STOP)]
+        self._stops_at = {ref: post.signal.s_m for post in stops for ref in post.lanes}
+
+    def _posts(self, road: Road) -> Iterator[_Post]:
+        lanes = [ref for ref in self._network.drivable_lanes_of(road) if ref in self._ids]
+        for signal in road.signals:
+            direction = -1 if signal.orientation == "-" else 1
+            passed = [
+                ref
+                for ref in lanes
+                for begin_m, end_m in [self._network.lane_span(ref)]
+                if self._network.direction(ref) == direction and begin_m <= signal.s_m <= end_m
+            ]
+            if passed:
+                yield _Post(signal, tuple(passed))
+
+    def _limits_of(self, signs: Mapping[tuple[LaneRef, ...], Signal]) -> list[_Limit]:
+        """The limits of each road and direction; a sign that stands on the road is the one that says so."""
+        by_limit: dict[tuple[str, int, float], list[LaneRef]] = defaultdict(list)
+        for shape in self._shapes:
+            if shape.speed_mps is not None:
+                key = (shape.ref.road_id, self._network.direction(shape.ref), shape.speed_mps)
+                by_limit[key].append(shape.ref)
+        sign_of = {ref: signal for lanes, signal in signs.items() for ref in lanes}
+        return [
+            _Limit(speed_mps, tuple(refs), next((sign_of[ref] for ref in refs if ref in sign_of), None))
+            for (_, _, speed_mps), refs in by_limit.items()
+        ]
 
     def write_into(self, root: etree._Element) -> None:
-        """Add an element for each lanelet."""
+        """Add an element for each lanelet, sign and light."""
         for shape in self._shapes:
             self._write(root, shape)
+        numbers = count(len(self._shapes) + 1)
+        for limit in self._limits:
+            place = self._place(limit.lanes[0].road_id, limit.sign) if limit.sign is not None else None
+            _add_sign(root, next(numbers), self._sign_ids[_LIMIT], place, _number(limit.speed_mps))
+        for sign in self._signs:
+            place = self._place(sign.lanes[0].road_id, sign.signal)
+            _add_sign(root, next(numbers), self._sign_ids[sign.signal.type], place)
+        for light in self._lights:
+            _add_light(root, next(numbers), self._place(light.lanes[0].road_id, light.signal))
+
+    def _place(self, road_id: str, signal: Signal) -> FloatArray:
+        x, y, heading, _ = self._network.road_geometry(road_id).line.at(signal.s_m)
+        return np.array([x - signal.t_m * math.sin(heading), y + signal.t_m * math.cos(heading)])
 
     def _write(self, root: etree._Element, shape: LaneShape) -> None:
         lanelet = etree.SubElement(root, "lanelet", id=str(self._ids[shape.ref]))
@@ -114,11 +196,48 @@ class _Lanelets:
         ):
             for other in self._known([beside] if beside else []):
                 etree.SubElement(lanelet, name, ref=str(other), drivingDir="same" if same_way else "opposite")
+        if shape.ref in self._stops_at:
+            self._add_stop_line(lanelet, shape.ref)
         _add(lanelet, "laneletType", "intersection" if shape.junction_id is not None else "urban")
         _add(lanelet, "userOneWay", "vehicle")
+        for sign in self._signs_of[shape.ref]:
+            etree.SubElement(lanelet, "trafficSignRef", ref=str(sign))
+        for light in self._lights_of[shape.ref]:
+            etree.SubElement(lanelet, "trafficLightRef", ref=str(light))
+
+    def _add_stop_line(self, lanelet: etree._Element, ref: LaneRef) -> None:
+        s_m, half_m = self._stops_at[ref], self._network.width_m(ref, self._stops_at[ref]) / 2
+        line = etree.SubElement(lanelet, "stopLine")
+        for offset_m in (half_m, -half_m):
+            pose = self._network.pose(ref, s_m, offset_m)
+            _add_point(line, np.array([pose.x_m, pose.y_m]))
+        _add(line, "lineMarking", "solid")
 
     def _known(self, refs: Iterable[LaneRef]) -> list[int]:
         return [self._ids[ref] for ref in refs if ref in self._ids]
+
+
+def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | None, value: str = "") -> None:
+    """A sign; without a place it is one that nobody has put up: the limit holds all the same."""
+    element = etree.SubElement(root, "trafficSign", id=str(number))
+    about = etree.SubElement(element, "trafficSignElement")
+    _add(about, "trafficSignID", sign)
+    if value:
+        _add(about, "additionalValue", value)
+    if place is not None:
+        _add_point(etree.SubElement(element, "position"), place)
+    _add(element, "virtual", "true" if place is None else "false")
+
+
+def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
+    """A light; what it shows when is not known, so it is one that is off."""
+    light = etree.SubElement(root, "trafficLight", id=str(number))
+    shows = etree.SubElement(etree.SubElement(light, "cycle"), "cycleElement")
+    _add(shows, "duration", "1")
+    _add(shows, "color", "inactive")
+    _add_point(etree.SubElement(light, "position"), place)
+    _add(light, "direction", "all")
+    _add(light, "active", "false")
 
 
 def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, drives: Sequence[Drive], source: str) -> bytes:

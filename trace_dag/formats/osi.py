@@ -23,6 +23,7 @@ from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import Body, BodyKind, SimulationLog, VehicleLog
+from trace_dag.units import wrap_angle
 
 if TYPE_CHECKING:
     from osi3.osi_groundtruth_pb2 import GroundTruth
@@ -119,7 +120,7 @@ def _add_moving(message: GroundTruth, body: Body, number: int, state: FloatArray
     _set(base.position, x=x, y=y, z=z)
     _set(base.velocity, x=vx, y=vy, z=0.0)
     _set(base.acceleration, x=ax, y=ay, z=0.0)
-    _set(base.orientation, roll=roll, pitch=pitch, yaw=float(np.remainder(yaw + np.pi, 2 * np.pi) - np.pi))
+    _set(base.orientation, roll=wrap_angle(roll), pitch=wrap_angle(pitch), yaw=wrap_angle(yaw))
     _set(base.orientation_rate, yaw=rate)
     _set(base.dimension, length=body.length_m, width=body.width_m, height=body.height_m)
     on_foot = {BodyKind.PEDESTRIAN: MovingObject.TYPE_PEDESTRIAN, BodyKind.ANIMAL: MovingObject.TYPE_ANIMAL}
