@@ -7,6 +7,7 @@ Tables and lists are held to be shown as such.
 
 from __future__ import annotations
 
+import csv
 import os
 import re
 import shlex
@@ -24,6 +25,8 @@ import pytest
 import sample_runs
 import yaml
 from command_lines import taken_by
+
+from tests.crash.test_registers import TEMPE
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES = [REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
@@ -72,6 +75,10 @@ def folder(tmp_path: Path) -> Path:
     sample_runs.reports_of(tmp_path / "inbox", ("2023-319005",))
     for maps in ("maps", "more-maps"):
         (tmp_path / maps).symlink_to(sample_runs.SAMPLE / "osm")
+    with (tmp_path / "crashes.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, fieldnames=list(TEMPE))
+        table.writeheader()
+        table.writerow(TEMPE)
     for block in BLOCKS[REPOSITORY / "docs" / "tutorials" / "driving-stack.md"]:
         if "class CarefulFollower" in block.text:
             (tmp_path / "careful.py").write_text(block.text)

@@ -62,3 +62,10 @@ def test_maps_first_gets_all_crashes_to_their_extract_in_one_run():
         (tuple(KEYS[:2]), Stage.ROAD_MAP, Stage.VERDICT),
         (tuple(KEYS[2:4]), Stage.ROAD_MAP, Stage.VERDICT),
     ]
+
+
+def test_a_run_is_of_one_register():
+    partitions = ["2023-510010", "2023-510011", "montgomery-A1", "tempe-1", "tempe-2"]
+    selection = Selection(tuple(partitions), dict.fromkeys(partitions, Stage.ROAD_MAP))
+    batches = [batch.keys for batch in plan(partitions, selection, size=10)]
+    assert batches == [("2023-510010", "2023-510011"), ("montgomery-A1",), ("tempe-1", "tempe-2")]

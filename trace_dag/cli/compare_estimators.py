@@ -66,7 +66,7 @@ def compare_estimators(
     from trace_dag.studies.summaries import estimators_table
 
     workspace = Workspace.open(root, overrides={"execution": execution_overrides(executor, workers)})
-    chosen = cohort or _only_cohort(list(workspace.registry.cohorts()), root)
+    chosen = cohort or only_cohort(list(workspace.registry.cohorts()), root)
     names = [name.strip() for name in (estimators or "").split(",") if name.strip()]
     names = names or usual_estimators(workspace.settings.states)
     with progress_bar("crashes") as on_progress:
@@ -85,7 +85,8 @@ def compare_estimators(
     sys.exit(problems.print_all())
 
 
-def _only_cohort(names: list[str], root: str) -> str:
+def only_cohort(names: list[str], root: str) -> str:
+    """The one cohort of a root. Raises UserError where there are several, or none."""
     from trace_dag.errors import UserError
 
     if not names:

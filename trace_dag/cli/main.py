@@ -8,6 +8,7 @@ import sys
 import click
 
 from trace_dag.cli.cohort import cohort
+from trace_dag.cli.compare_directions import compare_directions
 from trace_dag.cli.compare_estimators import compare_estimators
 from trace_dag.cli.compare_published import compare_published
 from trace_dag.cli.controls import controls
@@ -74,6 +75,7 @@ cli.add_under(
     controls,
     compare_published,
     compare_estimators,
+    compare_directions,
     score_truth,
     national_coverage,
     validate_simulator,

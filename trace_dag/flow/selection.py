@@ -1,8 +1,8 @@
 """Which crashes to run and from which stage, and how that work is cut into Dagster runs.
 
-A run covers one contiguous range of partition keys in the order they were added. Crashes between two stale ones may
-be taken along (they cost a look and are reported unchanged) where the caller asked for them too; others split the
-range.
+A run covers one contiguous range of partition keys in the order they were added, all of one register. Crashes between
+two stale ones may be taken along (they cost a look and are reported unchanged) where the caller asked for them too;
+others split the range.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from trace_dag.cohorts.registry import in_order
+from trace_dag.crash.keys import parse_key
 from trace_dag.errors import Reason, UserError
 from trace_dag.flow.batch import first_stale
 from trace_dag.flow.crash_status import FinalState, crash_statuses
@@ -153,6 +154,10 @@ def plan(partitions: Sequence[str], selection: Selection, *, size: int) -> list[
         if not (stale or (current and not selection.exact and key in asked)):
             close()
             continue
+        if current and parse_key(key).register != parse_key(current[-1]).register:
+            close()
+            if not stale:
+                continue
         if current and (len(current) >= size or (selection.exact and start[key] is not start[current[-1]])):
             close()
             if not stale:

@@ -145,8 +145,8 @@ def heading_log_likelihood(heading: Heading, heading_rad: float, turned_rad: flo
 
     >>> from trace_dag.crash.record import Octant
     >>> north = Heading(Octant.NORTH)
-    >>> round(heading_log_likelihood(north, math.radians(90)), 1), round(heading_log_likelihood(north, math.radians(-90)), 1)
-    (0.0, -6.3)
+    >>> [round(heading_log_likelihood(north, math.radians(degrees)), 1) for degrees in (90, -90)]
+    [0.0, -6.3]
     """
     shares = _TURNED_SHARES[heading.moment] if turned_rad is not None else _TURNED_SHARES[Moment.BEFORE]
     likelihood = sum(
