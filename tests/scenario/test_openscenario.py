@@ -164,6 +164,15 @@ def test_a_vehicle_that_stood_until_it_was_struck_stands_where_the_other_is_free
     assert rows[-1, 1:3] == pytest.approx(rows[0, 1:3], abs=0.01)
 
 
+def test_whoever_goes_evenly_is_at_the_contact_where_the_other_is_free(crossing: SimulationLog) -> None:
+    """Two vertices are enough for an even motion, and neither need be at the touch."""
+    whole, contact = crossing.vehicle_log(2), crossing.first_contact
+    rows = Scenario(OpenScenarios(RECORD, CROSSROADS, crossing).write(Flavour(carla=True, free=1))).vertices["V2"]
+    assert rows[-1, 0] == pytest.approx(contact.time_s, abs=1e-5)
+    assert rows[-1, 1] == pytest.approx(np.interp(contact.time_s, whole.time_s, whole.x_m), abs=0.05)
+    assert rows[-1, 2] == pytest.approx(np.interp(contact.time_s, whole.time_s, whole.y_m), abs=0.05)
+
+
 def test_a_near_miss_is_a_scenario_too() -> None:
     """Nothing to follow only up to, and no contact to end after."""
     settings = SimSettings()

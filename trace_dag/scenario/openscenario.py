@@ -118,9 +118,10 @@ class OpenScenarios:
         whole = self._driven[place]
         until_s = _followed_until_s(self._log, vehicle.number, flavour.free)
         count = sum(time_s <= until_s + SAME_TIME_S for time_s in whole.time_s)
-        if count == 1 < len(whole.time_s):  # it stood until then, and one vertex is not a trajectory
-            return _Driven([whole.time_s[0], round(until_s, 6)], [whole.poses[0]] * 2)
-        return _Driven(whole.time_s[:count], whole.poses[:count])
+        cut = _Driven(whole.time_s[:count], whole.poses[:count])
+        if count == len(whole.time_s) or until_s - cut.time_s[-1] <= SAME_TIME_S:
+            return cut
+        return _Driven([*cut.time_s, round(until_s, 6)], [*cut.poses, whole.pose_at(until_s)])
 
 
 _Pose = tuple[float, ...]  # x, y, z (m), heading, pitch, roll (rad), as they are written
@@ -131,6 +132,11 @@ class _Driven(NamedTuple):
 
     time_s: list[float]
     poses: list[_Pose]
+
+    def pose_at(self, time_s: float) -> _Pose:
+        """Where it is at a time; its headings run on."""
+        columns = np.array(self.poses).T
+        return tuple(round(float(np.interp(time_s, self.time_s, values)), 6) + 0.0 for values in columns)
 
 
 def _header(record: CrashRecord, flavour: Flavour) -> Element:
