@@ -152,9 +152,10 @@ class StateSettings(_Section):
         3, ge=1, description="Requests for one answer, if the provider fails.", json_schema_extra=_NOT_IN_PROVENANCE
     )
     llm_question_time_s: float = Field(
-        300.0,
+        140.0,
         gt=0,
-        description="Longest time for one answer, all of those together.",
+        description="Longest time for one answer, all of those together. A crash whose answers took as long is not "
+        "asked about again: twice this is less than execution.stage_time_limit_s.",
         json_schema_extra=_NOT_IN_PROVENANCE,
     )
     llm_budget_usd: float | None = Field(

@@ -7,11 +7,12 @@ import json
 
 import pytest
 from cases import SETTINGS, Case, sample_case
-from llm_asking import HEAD_ON, asking
-from model_server import KEY, altered, choices_of, completion, in_turn, right_answer
+from llm_asking import HEAD_ON, asking, by_model
+from model_server import KEY, altered, choices_of, completion, in_turn, llm_settings, right_answer
 
 from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.states.estimate import estimate
+from trace_dag.states.llm.store import StoredAnswer
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +93,23 @@ def test_what_is_no_answer_is_an_attempt_and_then_the_fallback(monkeypatch, case
     with pytest.raises(Rejection, match="no usable answer in 2 attempts") as caught:
         asking(monkeypatch, case, in_turn(answer), llm_max_attempts=2, llm_fallback="reject")
     assert caught.value.reason is Reason.NO_FEASIBLE_STATE
+
+
+def test_a_slow_model_is_not_asked_again_once_its_time_is_over(case):
+    """Else the stage's own limit ends the crash, and there is no fallback."""
+
+    class Slow:
+        asked = 0
+
+        def ask(self, messages, *, prompt, schema):
+            self.asked += 1
+            return StoredAnswer("I do not know.", "stop", "a-model", 900, 5, 0.0, 80.0)
+
+    slow = Slow()
+    made = by_model(case, llm_settings(llm_max_attempts=5, llm_question_time_s=140.0), slow)
+    assert slow.asked == 2
+    assert made.run.fallback_from == "llm"
+    assert "no usable answer in 2 attempts, 160 s" in made.run.fallback_reason
 
 
 def test_vehicles_that_cannot_meet_are_sent_back(monkeypatch, case):

@@ -63,7 +63,7 @@ class LlmClient:
     model: str
     timeout_s: float = 120.0
     attempts: int = 3
-    question_time_s: float = 300.0
+    question_time_s: float = 140.0
     max_output_tokens: int | None = None
     store: AnswerStore = field(default_factory=AnswerStore)
     ledger: SpendingLedger = field(default_factory=SpendingLedger)

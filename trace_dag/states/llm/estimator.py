@@ -102,7 +102,8 @@ class _Tally:
 def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, client: LlmClient) -> StateEstimate:
     """The contact of two vehicles with the approaches a language model chose.
 
-    A wrong answer is a counted attempt; after ``llm_max_attempts`` of them the fallback of the settings follows.
+    A wrong answer is a counted attempt; after ``llm_max_attempts`` of them, or once they have taken
+    ``llm_question_time_s``, the fallback of the settings follows.
 
     Raises:
         Rejection: ``no_feasible_state``: no approach lets the vehicles meet, or no answer was usable and the fallback
@@ -132,7 +133,7 @@ def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, clien
     schema = form(prompt.kind).model_json_schema()
     messages = prompt.messages(record, choices, lead_time_s=settings.lead_time_s)
     tally = _Tally()
-    for _ in range(settings.llm_max_attempts):
+    while len(tally.answers) < settings.llm_max_attempts and tally.latency_s < settings.llm_question_time_s:
         answer = client.ask(messages, prompt=f"{prompt.version}:{prompt.digest}", schema=schema)
         try:
             decision = _decision(answer, prompt, choices, record, numbers, settings)
@@ -145,7 +146,8 @@ def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, clien
         return StateEstimate(record.key, hypotheses, tally.run(settings), ambiguity)
     last = "; ".join(str(each) for each in _complaints(tally))
     tries = counted(len(tally.answers), "attempt")
-    why = f"{settings.llm_model} gave no usable answer in {tries}; the last: {last}"
+    slow = f", {tally.latency_s:.0f} s" if len(tally.answers) < settings.llm_max_attempts else ""
+    why = f"{settings.llm_model} gave no usable answer in {tries}{slow}; the last: {last}"
     asked = tally.run(settings)
     if settings.llm_fallback == "reject":
         raise UnusableAnswers(why, asked, threshold=settings.llm_max_attempts)
