@@ -8,6 +8,7 @@ import json
 import pytest
 from cases import SETTINGS, Case, sample_case
 from llm_asking import HEAD_ON, asking, by_model
+from loopback import Answer
 from model_server import KEY, altered, choices_of, completion, in_turn, llm_settings, right_answer
 
 from trace_dag.errors import Reason, Rejection, UserError
@@ -93,6 +94,15 @@ def test_what_is_no_answer_is_an_attempt_and_then_the_fallback(monkeypatch, case
     with pytest.raises(Rejection, match="no usable answer in 2 attempts") as caught:
         asking(monkeypatch, case, in_turn(answer), llm_max_attempts=2, llm_fallback="reject")
     assert caught.value.reason is Reason.NO_FEASIBLE_STATE
+
+
+def test_a_question_that_the_context_does_not_hold_is_an_attempt(monkeypatch, case):
+    """As llama.cpp's server says it."""
+    error = {"code": 400, "message": "request (8251 tokens) exceeds the available context size (8192 tokens)"}
+    body = json.dumps({"error": error | {"type": "exceed_context_size_error", "n_ctx": 8192}})
+    asked = asking(monkeypatch, case, in_turn(Answer(body.encode(), status=400)), llm_max_attempts=2)
+    assert asked.estimate is not None
+    assert "longer than the model's context" in (asked.estimate.run.fallback_reason or "")
 
 
 def test_a_slow_model_is_not_asked_again_once_its_time_is_over(case):

@@ -29,6 +29,7 @@ from trace_dag.states.llm.prompt import Message
 from trace_dag.states.llm.store import AnswerStore, StoredAnswer, question_key
 
 REFUSED = "refused"
+TOO_LONG = "too long"
 _BACK_OFF = wait_exponential(multiplier=2.0)  # seconds: 2, 4, 8, ...
 _PASSING_STATUS = frozenset({408, 425, 429})  # and every 5xx
 _SECRET_NAME = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL)", re.IGNORECASE)
@@ -83,7 +84,8 @@ class LlmClient:
     def ask(self, messages: list[Message], *, prompt: str, schema: Mapping[str, Any]) -> StoredAnswer:
         """The answer to a question, from the store if it was asked before. ``prompt``: version and digest.
 
-        A refusal comes back as an answer with the finish reason :data:`REFUSED`.
+        A refusal comes back as an answer with the finish reason :data:`REFUSED`, a question that the model's context
+        does not hold as one with :data:`TOO_LONG`.
 
         Raises:
             TransientFailure: the provider did not answer (429, 5xx, time-out, unreachable) after several tries.
@@ -160,6 +162,8 @@ class LlmClient:
             raise _NoAnswer(f"{self.model}: Timeout: no whole answer within {timeout_s:.1f} s", None) from None
         except litellm.exceptions.ContentPolicyViolationError as error:
             return StoredAnswer(without_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
+        except litellm.exceptions.ContextWindowExceededError as error:  # with the answers so far it became too long
+            return StoredAnswer(without_secrets(str(error))[:500], TOO_LONG, self.model, 0, 0, 0.0, 0.0)
         except Exception as error:  # errors of litellm, of its HTTP clients, and others that it lets through
             said = without_secrets(str(error)).partition(_ITS_TRACEBACK)[0]
             what = f"{self.model}: {type(error).__name__}: {' '.join(said.split())[:_LONGEST_MESSAGE]}"

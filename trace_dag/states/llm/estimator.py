@@ -17,7 +17,7 @@ from trace_dag.states.candidates import candidates
 from trace_dag.states.estimate import UnusableAnswers
 from trace_dag.states.llm.answer import Decision, WrongAnswer, decide, form, parse
 from trace_dag.states.llm.choices import Choices
-from trace_dag.states.llm.client import REFUSED, LlmClient
+from trace_dag.states.llm.client import REFUSED, TOO_LONG, LlmClient
 from trace_dag.states.llm.ledger import SharedFiles, SpendingLedger
 from trace_dag.states.llm.prompt import Prompt, ask_again
 from trace_dag.states.llm.store import AnswerFiles, AnswerStore, StoredAnswer
@@ -173,6 +173,8 @@ def _decision(
 ) -> Decision:
     if answer.finish_reason == REFUSED:
         raise WrongAnswer(["The model refused to answer. This is traffic safety research on a public police report."])
+    if answer.finish_reason == TOO_LONG:
+        raise WrongAnswer(["The question is longer than the model's context."])
     if answer.finish_reason == _TRUNCATED:
         raise WrongAnswer(["The answer was cut off before its end. Keep the reasoning shorter."])
     parsed = parse(answer.text, prompt.kind)
