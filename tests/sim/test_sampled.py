@@ -54,6 +54,7 @@ def as_planned(states: StateEstimate, ahead_m: float = 0.0) -> Sample:
             )
             for state in states.best.participants
         ),
+        reaction=1.0,
     )
 
 

@@ -57,7 +57,7 @@ def pace_to_meet(left_s: float, agent_left_s: float, most_per_s: float) -> float
     It changes its pace evenly from now on, by ``most_per_s`` each second at most, and comes to the conflict at its
     recorded pace, or as near to it as can be.
 
-    >>> pace_to_meet(4.0, 4.0, 0.2), pace_to_meet(4.0, 5.0, 0.2)
+    >>> pace_to_meet(4.0, 4.0, 0.2), round(pace_to_meet(4.0, 5.0, 0.2), 6)
     (1.0, 0.6)
     """
     mean = left_s / agent_left_s
