@@ -4,8 +4,8 @@
 
 Converts every site and measures it: time, gates (loading in CARLA's library is one), deviation from the OSM ways, the
 tightest turn and the shortest element, ASAM's checker at version 1.7, lanes as SUMO's netconvert reads them back. Some
-are walked in CARLA's library in steps of 1 m, and Osm2Odr and netconvert convert some for comparison. Without the
-judges' environment or the ``carla`` extra, what they would have said is left out.
+are walked in CARLA's library in steps of 1 m. Without the judges' environment or the ``carla`` extra, what they would
+have said is left out. ``benchmarks/map_converters.py`` sets other converters beside ours.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import math
 import os
 import random
 import re
-import subprocess
 import sys
 import tempfile
 import time
@@ -33,19 +32,17 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.roads import judges
-from trace_dag.errors import Failure, Rejection, UserError
+from trace_dag.errors import Rejection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
-from trace_dag.osm.xml import read_osm, write_osm
+from trace_dag.osm.xml import read_osm
 from trace_dag.roads.from_osm.convert import convert
-from trace_dag.roads.from_osm.osm2odr import convert_with_osm2odr, with_way_tags
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.against_osm import MapComparison
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.settings import OsmSettings, RoadSettings
@@ -223,62 +220,12 @@ def judged(judge: Callable[[], Result]) -> Result | None:
         return None
 
 
-def measure_others(places: Places, folder: Path) -> None:
-    """Time and deviation of Osm2Odr and netconvert on the same extracts."""
-    for name, converter in (("Osm2Odr", _osm2odr), ("netconvert", _netconvert)):
-        times_s, deviations, broken = [], [], 0
-        for extract, frame in places.values():
-            start = time.perf_counter()
-            try:
-                network = converter(extract, frame, folder)
-            except (Failure, Rejection, subprocess.CalledProcessError):
-                broken += 1
-                continue
-            except (UserError, pytest.skip.Exception):
-                break
-            times_s.append(time.perf_counter() - start)
-            deviations.append(MapComparison(network, extract).way_deviation())
-        length = sum(d.length_m for d in deviations)
-        if length:
-            mean = sum(d.mean_m * d.length_m for d in deviations) / length
-            within = sum(d.share_within_1m * d.length_m for d in deviations) / length
-            print(
-                f"{name}: {len(times_s)} converted, {broken} broken, {1e3 * np.mean(times_s):.0f} ms each (with its "
-                f"process), centre lines mean {mean:.2f} m, {within:.1%} within 1 m"
-            )
-
-
-def _osm2odr(extract: OsmExtract, frame: LocalFrame, folder: Path) -> RoadNetwork:
-    return convert_with_osm2odr(extract, frame)
-
-
-def _netconvert(extract: OsmExtract, frame: LocalFrame, folder: Path) -> RoadNetwork:
-    source, target = folder / "net.osm", folder / "net.xodr"
-    source.write_bytes(write_osm(extract))
-    subprocess.run(
-        [
-            *(judges.judges_environment() / "netconvert", "--osm-files", source, "--opendrive-output", target),
-            *("--proj", frame.proj, "--offset.disable-normalization", "true"),
-        ],
-        check=True,
-        capture_output=True,
-        timeout=300,
-    )
-    data = target.read_bytes()
-    if b"lat_0" not in data:
-        data = data.replace(b"</header>", f"<geoReference>{frame.proj}</geoReference></header>".encode(), 1)
-    return with_way_tags(read_opendrive(data, name="netconvert's map"), extract)
-
-
 def main() -> int:
     """Measure the three cohorts one after the other."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path)
     parser.add_argument("--random", type=int, default=200, help="sites drawn at random (default 200)")
     parser.add_argument("--every", type=int, default=1, help="measure every n-th site only")
-    parser.add_argument(
-        "--others", type=int, default=10, help="every n-th measured site also by Osm2Odr and netconvert"
-    )
     parser.add_argument("--walk", type=int, default=1, help="every n-th measured site walked in carla.Map")
     arguments = parser.parse_args()
     data: Path = arguments.data
@@ -292,7 +239,6 @@ def main() -> int:
         print(f"\n{name}: {len(chosen)} sites")
         with tempfile.TemporaryDirectory() as folder:
             measure_ours(chosen, Path(folder), arguments.walk)
-            measure_others(dict(list(chosen.items())[:: arguments.others]), Path(folder))
     return 0
 
 
