@@ -25,7 +25,7 @@ from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import Body, BodyKind, Participant, SimulationLog
 from trace_dag.states.types import Trajectory
-from trace_dag.units import GRAVITY_MPS2
+from trace_dag.verdict.throws import throw_bounds_m
 
 CAR = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.7, 1.85, 1.45, 1500.0)
 VEHICLES = {
@@ -67,8 +67,8 @@ def main() -> None:
         contact = log.contacts[0]
         person = next(each for each in log.vehicles if each.number == 1001)
         thrown_m = math.hypot(person.x_m[-1] - contact.pose_2.x_m, person.y_m[-1] - contact.pose_2.y_m)
-        least_m = math.hypot(*contact.velocity_1_mps) ** 2 / (2 * FRICTION * GRAVITY_MPS2)
-        within = least_m <= thrown_m <= least_m * (1 + FRICTION**2)
+        least_m, most_m = throw_bounds_m(math.hypot(*contact.velocity_1_mps), FRICTION)
+        within = least_m <= thrown_m <= most_m
         inside.setdefault(vehicle, []).append(within)
         if tells and not within:
             print(f"{vehicle} {speed_mps:.0f} m/s {who} {degrees} deg {offset_m:+.1f} m: {thrown_m / least_m:.2f}")

@@ -32,14 +32,14 @@ class Throw(StrEnum):
     RUN_OVER = "run over"
 
 
-def throw_bounds_m(speed_mps: float) -> tuple[float, float]:
-    """The least and the greatest distance to rest of who is launched at a speed.
+def throw_bounds_m(speed_mps: float, friction: float = _FRICTION) -> tuple[float, float]:
+    """The least and the greatest distance to rest of who is launched at a speed, of people on pavement by default.
 
     >>> [round(bound_m, 1) for bound_m in throw_bounds_m(15.0)]
     [17.4, 25.0]
     """
-    least_m = speed_mps**2 / (2 * _FRICTION * GRAVITY_MPS2)
-    return least_m, least_m * (1 + _FRICTION**2)
+    least_m = speed_mps**2 / (2 * friction * GRAVITY_MPS2)
+    return least_m, least_m * (1 + friction**2)
 
 
 def throw_of(contact: Contact, vehicle: VehicleLog, body: Body, person: VehicleLog, thrown_m: float) -> Throw:

@@ -21,6 +21,7 @@ from trace_dag.states.objects import KINDS, FixedObject
 from trace_dag.states.types import Trajectory
 from trace_dag.studies.validation.placing import straight_on
 from trace_dag.units import GRAVITY_MPS2
+from trace_dag.verdict.throws import throw_bounds_m
 
 _CAR: Final = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.7, 1.85, 1.45, 1500.0)
 _PICKUP: Final = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.PICKUP, 5.6, 2.0, 1.9, 2500.0)
@@ -116,11 +117,8 @@ def _throw(settings: SimSettings) -> ClosedForm:
     log = _run(settings, car, path)
     start, person = log.contacts[0].pose_2, log.vehicles[1]
     thrown = math.hypot(float(person.x_m[-1]) - start.x_m, float(person.y_m[-1]) - start.y_m)
-    mu = settings.person_friction
-    least = speed**2 / (2 * mu * GRAVITY_MPS2)
-    return ClosedForm(
-        "throw of an adult struck at 15 m/s", least, least * (1 + mu**2), thrown, "m", "Searle, SAE 831622"
-    )
+    bounds = throw_bounds_m(speed, settings.person_friction)
+    return ClosedForm("throw of an adult struck at 15 m/s", *bounds, thrown, "m", "Searle, SAE 831622")
 
 
 def _tripping(settings: SimSettings) -> ClosedForm:
