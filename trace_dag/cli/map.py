@@ -8,10 +8,9 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import say
+from trace_dag.formats import MAP_FORMS
 from trace_dag.messages.logs import print_problem
 from trace_dag.messages.wording import counted
-
-_FORMS = ("geojson", "geoparquet", "commonroad", "scenarionet", "sumo", "glb")
 
 
 class _Numbers(click.ParamType[tuple[float, ...]]):
@@ -52,7 +51,7 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
     "--format",
     "forms",
     multiple=True,
-    type=click.Choice(_FORMS),
+    type=click.Choice(MAP_FORMS),
     help="Also the lanes for geographic tools, or the map for CommonRoad, ScenarioNet and MetaDrive, SUMO (the extra "
     "sumo) or viewers of glTF.",
 )

@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from trace_dag.errors import UserError
+from trace_dag.formats import MAP_FORMS
 from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
     from trace_dag.osm.types import OsmFeature
 
-FORMS: Final = ("geojson", "geoparquet", "commonroad", "scenarionet", "sumo", "glb")
 _DIGITS: Final = 7  # of a degree: a centimetre
 
 
@@ -92,7 +92,8 @@ def _polygon(network: RoadNetwork, ring_m: FloatArray) -> shapely.Polygon:
 def form_of_map(
     form: str, network: RoadNetwork, xodr: bytes, surroundings: Callable[[], Sequence[OsmFeature]]
 ) -> Mapping[str, bytes]:
-    """The files of one of :data:`FORMS`, by path, of a map, its OpenDRIVE, and what gives what stands beside its roads.
+    """The files of one of :data:`trace_dag.formats.MAP_FORMS`, by path, of a map, its OpenDRIVE, and what gives what
+    stands beside its roads.
 
     Raises :class:`UserError` for another form, or where a program is missing that makes it.
 
@@ -119,4 +120,4 @@ def form_of_map(
         from trace_dag.scenario.solid.scene import place_glb
 
         return {"map.glb": place_glb(network, surroundings=surroundings())}
-    raise UserError(f"{form}: no form of a map; there are {', '.join(FORMS)}")
+    raise UserError(f"{form}: no form of a map; there are {', '.join(MAP_FORMS)}")

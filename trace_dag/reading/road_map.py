@@ -94,7 +94,7 @@ class MadeMap:
     @gc_paused()
     def save(self, folder: str | os.PathLike[str], forms: Iterable[str] = ()) -> list[Path]:
         """Write ``map.xodr``, ``map.json`` (the report), ``map.png`` and some forms
-        (:data:`trace_dag.formats.road_maps.FORMS`) into a folder; what is written."""
+        (:data:`trace_dag.formats.MAP_FORMS`) into a folder; what is written."""
         from trace_dag.formats.road_maps import form_of_map
         from trace_dag.scenario.canvas import as_png, pixels_of
 
