@@ -55,3 +55,13 @@ def drive(of: Case, agent: Agent, ego: int = 1, conditions: Conditions | None = 
     """An evaluation in the embedded back-end."""
     simulation = BACKEND.load(of.network, of.xodr, friction=of.friction)
     return evaluate(of, ego, agent, conditions or Conditions(), simulation)
+
+
+def followed() -> Case:
+    """Number 1 ahead at 10 m/s, number 2 behind it at 20 m/s: the recorded rear-end crash after four seconds."""
+    gap_m = 4.0 * 10.0 + 4.7
+    return case(
+        STREET,
+        participant(1, straight(0.0, RIGHT_M, 0.0, 10.0, until_s=7.0)),
+        participant(2, straight(-gap_m, RIGHT_M, 0.0, 20.0, until_s=7.0)),
+    )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, rear_end
+from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, followed, rear_end
 from tests.sim.motions import participant, straight
 from tests.verdict.crashes import STREET
 from trace_dag.evaluation.agents import Action, Motion, Observation, Recorded, Scenario
@@ -37,16 +37,6 @@ class StopsLate:
 
     def act(self, observation: Observation) -> Action:
         return Recorded() if observation.own.x_m < -18.0 else Motion(acceleration_mps2=-9.0)
-
-
-def followed() -> Case:
-    """Number 1 ahead at 10 m/s, number 2 behind it at 20 m/s."""
-    gap_m = 4.0 * 10.0 + 4.7
-    return case(
-        STREET,
-        participant(1, straight(0.0, RIGHT_M, 0.0, 10.0, until_s=7.0)),
-        participant(2, straight(-gap_m, RIGHT_M, 0.0, 20.0, until_s=7.0)),
-    )
 
 
 def walker() -> Case:

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, rear_end
-from tests.sim.motions import participant, straight
-from tests.verdict.crashes import STREET
+from tests.evaluation.cases import BACKEND, crossing, drive, followed, rear_end
 from trace_dag.evaluation.agents import Action, Motion, Observation, Scenario
 from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, Replay
-from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.traffic import Traffic
@@ -23,16 +20,6 @@ class BrakesAtOnce:
 
     def act(self, observation: Observation) -> Action:
         return Motion(acceleration_mps2=-4.0)
-
-
-def followed() -> Case:
-    """Number 1 ahead at 10 m/s, number 2 behind it at 20 m/s: the recorded rear-end crash after four seconds."""
-    gap_m = 4.0 * 10.0 + 4.7
-    return case(
-        STREET,
-        participant(1, straight(0.0, RIGHT_M, 0.0, 10.0, until_s=7.0)),
-        participant(2, straight(-gap_m, RIGHT_M, 0.0, 20.0, until_s=7.0)),
-    )
 
 
 @pytest.mark.parametrize("ego", [1, 2])
