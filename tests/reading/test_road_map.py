@@ -14,7 +14,7 @@ import trace_dag
 from trace_dag.cli.main import cli
 from trace_dag.cli.map import map_command
 from trace_dag.errors import UserError
-from trace_dag.formats.road_maps import FORMS
+from trace_dag.formats import MAP_FORMS
 from trace_dag.reading.road_map import MadeMap
 from trace_dag.roads.map.reader import read_opendrive
 
@@ -99,7 +99,7 @@ def test_a_file_that_is_no_map_is_named(tmp_path: Path) -> None:
 def test_the_command_offers_every_form() -> None:
     (option,) = (each for each in map_command.params if each.name == "forms")
     assert isinstance(option.type, click.Choice)
-    assert tuple(option.type.choices) == FORMS
+    assert tuple(option.type.choices) == MAP_FORMS
 
 
 def test_the_command_says_what_it_made(tmp_path: Path) -> None:
