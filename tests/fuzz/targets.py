@@ -39,7 +39,7 @@ from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.settings import OsmSettings
 from trace_dag.settings_sources import load_settings
 from trace_dag.sim.driving import Pedals
-from trace_dag.states.llm.answer import WrongAnswer, decide, parse
+from trace_dag.states.llm.answer import WrongAnswer, decide, form, parse
 
 Read = Callable[[bytes, Path], object]
 _CRASH = "2023-319003"
@@ -140,7 +140,7 @@ def _model_answer(data: bytes, _: Path) -> None:
     numbers = tuple(vehicle.number for vehicle in case.record.vehicles[:2])
     for kind in ("segments", "coordinates"):
         with suppress(WrongAnswer):
-            answer = parse(text, kind)
+            answer = parse(text, form(kind))
             decide(answer, _choices(), case.record, (numbers[0], numbers[1]), lead_time_s=5.0)
 
 

@@ -22,7 +22,7 @@ from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.settings import OsmSettings
 from trace_dag.settings_sources import load_settings
-from trace_dag.states.llm.answer import WrongAnswer, parse
+from trace_dag.states.llm.answer import SegmentsAnswer, WrongAnswer, parse
 
 
 def test_a_number_of_thousands_of_digits_is_no_setting() -> None:
@@ -33,7 +33,7 @@ def test_a_number_of_thousands_of_digits_is_no_setting() -> None:
 @pytest.mark.parametrize("text", [2000 * "[", 2000 * "[" + json.dumps({"vehicles": []})])
 def test_an_answer_nested_without_end_is_no_answer(text: str) -> None:
     with pytest.raises(WrongAnswer):
-        parse(text, "segments")
+        parse(text, SegmentsAnswer)
 
 
 def test_an_agent_that_fails_and_says_nothing_is_said_to_have_failed() -> None:

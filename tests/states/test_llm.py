@@ -42,6 +42,21 @@ def test_a_good_answer_becomes_the_states_of_the_same_solver(monkeypatch, case):
     assert body["response_format"]["type"] == "json_schema"
 
 
+def test_a_candidate_is_asked_for_as_one_of_those_offered(monkeypatch, case):
+    """So that a server which keeps to a schema can make up none."""
+    asked = asking(monkeypatch, case, in_turn(completion(right_answer(case))))
+    schema = json.loads(asked.server.requests[0].body)["response_format"]["json_schema"]["schema"]
+    offered = schema["$defs"]["SegmentChoice"]["properties"]["candidate"]["enum"]
+    assert offered == [each.id for each in choices_of(case).offered]
+
+
+def test_a_model_that_is_named_by_the_path_of_its_file_leaves_no_path(monkeypatch, case):
+    body = json.loads(completion(right_answer(case)).body)
+    for said in ("/home/somebody/models/small.gguf", "C:\\Users\\somebody\\small.gguf"):
+        answer = Answer(json.dumps(body | {"model": said}).encode(), headers={"Content-Type": "application/json"})
+        assert asking(monkeypatch, case, in_turn(answer)).estimate.run.answers[0]["model"] == "small.gguf"
+
+
 WRONG = {
     "outside the road": ({"position_m": 99999.0}, "outside the road"),
     "a road that does not exist": ({"candidate": "C99"}, "no candidate 'C99'"),

@@ -9,12 +9,13 @@ import json
 import math
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal
+from typing import Any, Final, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.states.llm.choices import Choices, OfferedApproach
+from trace_dag.states.llm.store import REFUSED, TOO_LONG, StoredAnswer
 from trace_dag.states.speeds import brakes, starts
 
 MAX_PLACE_M = 15.0
@@ -71,6 +72,13 @@ class CoordinatesAnswer(_Form):
 
 
 Kind = Literal["segments", "coordinates"]
+T = TypeVar("T", bound=BaseModel)
+_NO_ANSWER: Final = {
+    REFUSED: "The model refused to answer. This is traffic safety research on a public police report.",
+    TOO_LONG: "The question is longer than the model's context.",
+    "length": "The answer was cut off before its end. Keep it shorter.",
+}
+"""What is wrong with an answer that ended so."""
 
 
 @dataclass(frozen=True)
@@ -98,10 +106,35 @@ def form(kind: Kind) -> type[SegmentsAnswer] | type[CoordinatesAnswer]:
     return SegmentsAnswer if kind == "segments" else CoordinatesAnswer
 
 
-def parse(text: str, kind: Kind) -> SegmentsAnswer | CoordinatesAnswer:
+def schema_of(kind: Kind, choices: Choices) -> dict[str, Any]:
+    """The JSON schema that an answer about one crash has to keep to: a candidate is one of those offered.
+
+    >>> schema_of("segments", Choices(scene, ()))["$defs"]["SegmentChoice"]["properties"]["candidate"]["enum"]
+    []
+    """
+    schema = form(kind).model_json_schema()
+    if kind == "segments":
+        candidate = schema["$defs"]["SegmentChoice"]["properties"]["candidate"]
+        candidate["enum"] = [offered.id for offered in choices.offered]
+    return schema
+
+
+def text_of(answer: StoredAnswer) -> str:
+    """The text of an answer. Raises :class:`WrongAnswer` for one that was refused or is not whole.
+
+    >>> text_of(StoredAnswer("{", "length", "a-model", 900, 5, 0.0, 1.0))
+    Traceback (most recent call last):
+    trace_dag.states.llm.answer.WrongAnswer: The answer was cut off before its end. Keep it shorter.
+    """
+    if answer.finish_reason in _NO_ANSWER:
+        raise WrongAnswer([_NO_ANSWER[answer.finish_reason]])
+    return answer.text
+
+
+def parse(text: str, wanted: type[T]) -> T:
     """Read an answer; fences of Markdown around the JSON are tolerated. Raises :class:`WrongAnswer`.
 
-    >>> parse("", "segments")
+    >>> parse("", SegmentsAnswer)
     Traceback (most recent call last):
     trace_dag.states.llm.answer.WrongAnswer: The answer was empty. Answer with one JSON object.
     """
@@ -111,7 +144,7 @@ def parse(text: str, kind: Kind) -> SegmentsAnswer | CoordinatesAnswer:
     if stripped.startswith("```"):
         stripped = stripped.strip("`").removeprefix("json").strip()
     try:
-        return form(kind).model_validate_json(stripped)
+        return wanted.model_validate_json(stripped)
     except ValidationError as error:
         if not _is_json(stripped):
             raise WrongAnswer(

@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import PureWindowsPath
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
@@ -26,10 +27,8 @@ from tenacity import RetryCallState, Retrying, retry_if_exception_type, wait_exp
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.states.llm.ledger import SpendingLedger
 from trace_dag.states.llm.prompt import Message
-from trace_dag.states.llm.store import AnswerStore, StoredAnswer, question_key
+from trace_dag.states.llm.store import REFUSED, TOO_LONG, AnswerStore, StoredAnswer, question_key
 
-REFUSED = "refused"
-TOO_LONG = "too long"
 _BACK_OFF = wait_exponential(multiplier=2.0)  # seconds: 2, 4, 8, ...
 _PASSING_STATUS = frozenset({408, 425, 429})  # and every 5xx
 _SECRET_NAME = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL)", re.IGNORECASE)
@@ -189,7 +188,7 @@ class LlmClient:
         return StoredAnswer(
             text=text,
             finish_reason=finish,
-            model=str(getattr(response, "model", None) or self.model),
+            model=_model_name(str(getattr(response, "model", None) or self.model)),
             prompt_tokens=max(int(getattr(usage, "prompt_tokens", 0) or 0), 0),
             completion_tokens=max(int(getattr(usage, "completion_tokens", 0) or 0), 0),
             cost_usd=round(self._cost_usd(litellm, response), 8),
@@ -207,6 +206,12 @@ class LlmClient:
                 )
                 self._warned_of_price = True
             return 0.0
+
+
+def _model_name(said: str) -> str:
+    """The name of a model; llama.cpp's server says the path of its file, which is nobody's business."""
+    path = PureWindowsPath(said)  # parts at both kinds of slashes
+    return path.name if path.root else said
 
 
 class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if all tries end so

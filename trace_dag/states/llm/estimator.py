@@ -15,9 +15,9 @@ from trace_dag.states.analytic import VERSION as ANALYTIC_VERSION
 from trace_dag.states.analytic import first_contact, parties, ranked, solve_all
 from trace_dag.states.candidates import candidates
 from trace_dag.states.estimate import UnusableAnswers
-from trace_dag.states.llm.answer import Decision, WrongAnswer, decide, form, parse
+from trace_dag.states.llm.answer import Decision, WrongAnswer, decide, form, parse, schema_of, text_of
 from trace_dag.states.llm.choices import Choices
-from trace_dag.states.llm.client import REFUSED, TOO_LONG, LlmClient
+from trace_dag.states.llm.client import LlmClient
 from trace_dag.states.llm.ledger import SharedFiles, SpendingLedger
 from trace_dag.states.llm.prompt import Prompt, ask_again
 from trace_dag.states.llm.store import AnswerFiles, AnswerStore, StoredAnswer
@@ -27,7 +27,6 @@ from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
 
 NAME = "llm"
 VERSION = "1"
-_TRUNCATED = "length"
 _MOST_CHECKS = 4
 
 
@@ -130,7 +129,7 @@ def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, clien
     choices = Choices(scene, tuple(found))
     if not choices.offered:
         first_contact(scene, event, settings)  # this raises the rejection that says why
-    schema = form(prompt.kind).model_json_schema()
+    schema = schema_of(prompt.kind, choices)
     messages = prompt.messages(record, choices, lead_time_s=settings.lead_time_s)
     tally = _Tally()
     while len(tally.answers) < settings.llm_max_attempts and tally.latency_s < settings.llm_question_time_s:
@@ -171,14 +170,7 @@ def _decision(
     numbers: tuple[int, int],
     settings: StateSettings,
 ) -> Decision:
-    if answer.finish_reason == REFUSED:
-        raise WrongAnswer(["The model refused to answer. This is traffic safety research on a public police report."])
-    if answer.finish_reason == TOO_LONG:
-        raise WrongAnswer(["The question is longer than the model's context."])
-    if answer.finish_reason == _TRUNCATED:
-        raise WrongAnswer(["The answer was cut off before its end. Keep the reasoning shorter."])
-    parsed = parse(answer.text, prompt.kind)
-    return decide(parsed, choices, record, numbers, lead_time_s=settings.lead_time_s)
+    return decide(parse(text_of(answer), form(prompt.kind)), choices, record, numbers, lead_time_s=settings.lead_time_s)
 
 
 def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:

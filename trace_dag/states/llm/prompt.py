@@ -50,7 +50,7 @@ class Prompt:
 
     def messages(self, record: CrashRecord, choices: Choices, *, lead_time_s: float) -> list[Message]:
         """The first question about a crash."""
-        schema = json.dumps(form(self.kind).model_json_schema(), indent=1, sort_keys=True)
+        schema = json.dumps(form(self.kind).model_json_schema(), sort_keys=True)
         data = fenced(_data(record, choices))
         values = {"lead_time_s": f"{lead_time_s:g}", "schema": schema, "data": data}
         return [
@@ -77,23 +77,24 @@ def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> li
     ]
 
 
-def fenced(value: object) -> str:
-    """A value as JSON that cannot close a fence: angle brackets escaped, control characters removed, long texts cut.
+def fenced(value: object, *, longest: int = _LONGEST_TEXT) -> str:
+    """A value as JSON that cannot close a fence: angle brackets escaped, control characters removed, texts cut that are
+    longer than ``longest`` characters.
 
     >>> print(fenced('MAIN ST </data>'))
     "MAIN ST \\u003c/data\\u003e"
     """
-    text = json.dumps(_clean(value), ensure_ascii=False, indent=None if isinstance(value, str) else 1)
+    text = json.dumps(_clean(value, longest), ensure_ascii=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def _clean(value: object) -> object:
+def _clean(value: object, longest: int) -> object:
     if isinstance(value, str):
-        return _CONTROL.sub(" ", value)[:_LONGEST_TEXT]
+        return _CONTROL.sub(" ", value)[:longest]
     if isinstance(value, dict):
-        return {str(key): _clean(each) for key, each in value.items()}
+        return {str(key): _clean(each, longest) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_clean(each) for each in value]
+        return [_clean(each, longest) for each in value]
     return value
 
 

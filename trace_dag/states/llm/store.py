@@ -16,6 +16,9 @@ from trace_dag.errors import DamagedFile
 from trace_dag.storage.checksums import checked, with_checksum
 
 FOLDER = "llm_answers"
+REFUSED = "refused"
+TOO_LONG = "too long"
+"""Finish reasons of ours: the model refused, and its context does not hold the question."""
 
 
 class AnswerFiles(Protocol):
