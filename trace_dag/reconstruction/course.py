@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.reconstruction.default_simulation import DEFAULTS
@@ -14,6 +15,8 @@ from trace_dag.sim.types import Contact, SimulationLog
 from trace_dag.states.objects import FixedObject
 from trace_dag.states.scene import Scene
 from trace_dag.states.types import LossOfControl, ParticipantState
+
+_States: TypeAlias = tuple[ParticipantState, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +81,10 @@ class Search:
     sequence: EventSequence
     simulation: EmbeddedSimulation
     lead_s: float
-    _lost: dict[tuple[Course, int, tuple[LossOfControl, ...]], Course] = field(default_factory=dict)
+    # By the log of a course, which follows from its states and objects, and who loses control of it: what it comes to.
+    _lost: dict[tuple[SimulationLog, int, tuple[LossOfControl, ...]], tuple[_States, SimulationLog]] = field(
+        default_factory=dict
+    )
 
     def course(
         self,
@@ -116,12 +122,12 @@ class Search:
     def changed(self, course: Course, state: ParticipantState) -> Course:
         """The course with another state of one party."""
         assert state.losses_of_control
-        key = course, state.vehicle_number, state.losses_of_control
+        key = course.log, state.vehicle_number, state.losses_of_control
         if key not in self._lost:
             states = tuple(state if s.vehicle_number == state.vehicle_number else s for s in course.states)
-            log = self.log(states, course.objects, None)
-            self._lost[key] = replace(course, states=states, log=log, matching=self.matching(log, course.events))
-        return self._lost[key]
+            self._lost[key] = states, self.log(states, course.objects, None)
+        states, log = self._lost[key]
+        return replace(course, states=states, log=log, matching=self.matching(log, course.events))
 
     def to_the_end(self, course: Course) -> Course:
         """The course simulated until everybody is at rest, whatever touches."""

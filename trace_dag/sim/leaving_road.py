@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import Body, SimulationLog, VehicleLog
 
 _REACH_M: Final = 100.0
+_AT_ONCE: Final = 16  # steps of a log that are looked at together
 _ASIDE, _AHEAD = math.sin(math.radians(30)), math.sin(math.radians(60))
 """A vehicle that crosses the edge at a flatter angle leaves the road to a side, at a steeper one ahead; in between it
 can be called either."""
@@ -32,12 +34,17 @@ def left_road(
     now = [float(np.interp(until_s, driven.time_s, values)) for values in (driven.x_m, driven.y_m, driven.z_m)]
     area = network.carriageway_near(now[0], now[1], _REACH_M, z_m=now[2])
     left: tuple[float, FloatArray, float] | None = None
-    for time_s, pose, course in _back_from(driven, until_s):
-        corners = rectangle_corners(pose, body.length_m, body.width_m)
-        outside = corners[~area.contains(corners[:, 0], corners[:, 1])]
-        if not len(outside):
+    back = _back_from(driven, until_s)
+    while steps := list(islice(back, _AT_ONCE)):
+        corners = np.stack([rectangle_corners(pose, body.length_m, body.width_m) for _, pose, _ in steps])
+        outside = ~area.contains(corners[..., 0], corners[..., 1])
+        on_road = np.flatnonzero(~outside.any(axis=1))
+        gone = int(on_road[0]) if len(on_road) else len(steps)
+        if gone:
+            time_s, _, course = steps[gone - 1]
+            left = time_s, corners[gone - 1][outside[gone - 1]][0], course
+        if gone < len(steps):
             break
-        left = time_s, outside[0], course
     if left is None:
         return None, ()
     time_s, corner, course = left

@@ -24,7 +24,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-import numpy as np
 import shapely
 
 from trace_dag.crash.record import VehicleClass
@@ -138,11 +137,12 @@ class RoadsideTerrain:
         """The unit vector away from a bridge whose rail a point is at or beyond; None of other points."""
         if self._bridges is None or self.is_paved(x_m, y_m):
             return None
-        if not _RAIL_M[0] <= self._bridges.beyond_m(np.array([x_m]), np.array([y_m]))[0] <= _RAIL_M[1]:
+        point, edge = shapely.Point(x_m, y_m), self._bridges.edge_near(x_m, y_m)
+        away_m = _distance_m(edge, point)
+        if not _RAIL_M[0] <= away_m <= _RAIL_M[1]:
             return None
-        edge_x, edge_y = self._bridges.nearest(x_m, y_m)
-        away_m = math.hypot(x_m - edge_x, y_m - edge_y)
-        return ((x_m - edge_x) / away_m, (y_m - edge_y) / away_m) if away_m > 1e-6 else None
+        edge_x, edge_y = shapely.get_coordinates(shapely.shortest_line(edge, point))[0].tolist()
+        return (x_m - edge_x) / away_m, (y_m - edge_y) / away_m
 
     def is_paved(self, x_m: float, y_m: float) -> bool:
         """Whether a point lies on what is paved."""
