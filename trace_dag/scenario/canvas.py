@@ -296,7 +296,7 @@ def as_png(picture: Image, colours: int = 128) -> bytes:
 
     stream = io.BytesIO()
     few = picture.convert("RGB").quantize(colours, method=Quantize.FASTOCTREE, dither=Dither.NONE)
-    few.save(stream, "PNG", optimize=True)
+    few.save(stream, "PNG")
     return stream.getvalue()
 
 
