@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from cases import SETTINGS, Case
 from loopback import Answer, Request
 
+from benchmarks.narratives import StandIn
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import build_scene, parties, solve_all
@@ -109,6 +110,17 @@ def knowing(crashes: Iterable[Case]) -> Respond:
     """A model that answers rightly for each of some crashes."""
     answers = {case.key: right_answer(case) for case in crashes}
     return lambda request, _: completion(answers[asked_about(request)])
+
+
+def narrating() -> Respond:
+    """A model that reads the narratives of the sample as their answers written by hand say."""
+    stand_in = StandIn()
+
+    def respond(request: Request, _: int) -> Answer:
+        asked = json.loads(request.body)["messages"]
+        return completion(stand_in.answer(asked)) if "<narrative>" in request.body.decode() else READY
+
+    return respond
 
 
 def is_trial(request: Request) -> bool:

@@ -33,6 +33,7 @@ LAYERS = (
     {"verdict"},
     {"scenario"},
     # what runs it
+    {"narratives"},
     {"cohorts"},
     {"flow"},
     {"studies"},

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+import uuid
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +14,16 @@ from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
-from trace_dag.errors import UserError, UserErrors
+from trace_dag.errors import Failure, UserError, UserErrors
 from trace_dag.messages.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.choice import Choice
     from trace_dag.cohorts.ingest import IngestReport
+    from trace_dag.crash.registers.table import RegisterTable
     from trace_dag.flow.workspace import Workspace
+    from trace_dag.messages.progress import OnProgress
+    from trace_dag.narratives.source import NarratedTable, NarrativeFolder, Reader
 
 _NAMED = 10
 
@@ -43,9 +48,15 @@ _NAMED = 10
     "montgomery), or a mapping file of yours (my_state.toml).",
 )
 @click.option(
+    "--narratives",
+    multiple=True,
+    metavar="FOLDER",
+    help="Folders of crash narratives, a text file each, which the language model of the settings reads.",
+)
+@click.option(
     "--check",
     is_flag=True,
-    help="Say what of the tables of --register would be read, kind by kind, and register nothing.",
+    help="Say what of --register and --narratives would be read, kind by kind, and register nothing.",
 )
 @click.option(
     "--source",
@@ -84,6 +95,7 @@ def ingest(
     reports: tuple[str, ...],
     fars_csv: tuple[str, ...],
     register: tuple[tuple[str, str], ...],
+    narratives: tuple[str, ...],
     check: bool,
     source: tuple[tuple[str, str], ...],
     crashapi: bool,
@@ -112,21 +124,22 @@ def ingest(
     from trace_dag.cohorts.services import crash_api
     from trace_dag.cohorts.sources import TableSource
     from trace_dag.crash.registers.check import check_table
-    from trace_dag.crash.registers.table import RegisterTable
     from trace_dag.flow.workspace import Workspace
     from trace_dag.plugins import PluginKind, offered
     from trace_dag.storage.files import Storage
 
     choice = choice_of(options)
-    registers = [RegisterTable.open(name, Path(table)) for name, table in register]
+    services = [path for path in maps if path in offered(PluginKind.MAP_SOURCE)]
+    map_files = [Path(path) for path in maps if path not in services]
+    read = _read_sources(root, register, narratives, map_files)
     if check:
-        if not registers:
-            raise UserError("ingest: --check needs --register, the tables to look at")
-        for table in registers:
+        if not read:
+            raise UserError("ingest: --check needs --register or --narratives, what to look at")
+        for table in read.values():
             for line in check_table(table, Workspace.open(root).settings.crash):
                 say(line)
         return
-    if not (reports or maps or fars_csv or register or source or crashapi):
+    if not (reports or maps or fars_csv or read or source or crashapi):
         cohort = cohort or name_of(choice)
         found = _public_files(root, choice, download=download)
         fars_csv = tuple(str(path) for path in found if path.suffix == ".zip")
@@ -138,7 +151,6 @@ def ingest(
         raise UserError("ingest: --watch follows all that a filter admits; it goes with no sample and no --cases")
     Storage.open(root)
     workspace = Workspace.open(root)
-    services = [path for path in maps if path in offered(PluginKind.MAP_SOURCE)]
     if len(services) > 1:
         raise UserError(f"ingest: a cohort asks one service for maps, not {' and '.join(services)}")
     with progress_bar("reports looked up") as on_progress:
@@ -146,10 +158,10 @@ def ingest(
             workspace.storage,
             cohort,
             reports=[Path(path) for path in reports],
-            maps=[Path(path) for path in maps if path not in services],
+            maps=map_files,
             tables=[
                 *(TableSource.of_plugin(*each) for each in (*(("fars-csv", path) for path in fars_csv), *source)),
-                *(TableSource(f"register {table.mapping.register_name}", table) for table in registers),
+                *(TableSource(name, table) for name, table in read.items()),
             ],
             crash_api=crash_api(workspace.settings.services, workspace.storage, refresh=refresh) if crashapi else None,
             choice=choice,
@@ -160,6 +172,49 @@ def ingest(
     _add_partitions(root)
     for line in [*_lines(report, cohort), *_coverage(workspace, cohort), _next_command(workspace, cohort)]:
         say(line)
+
+
+def _read_sources(
+    root: str, register: Iterable[tuple[str, str]], narratives: Iterable[str], maps: Sequence[Path]
+) -> dict[str, RegisterTable | NarratedTable | NarrativeFolder]:
+    """The tables of registers and the folders of narratives, by what a cohort notes of where its crashes came from."""
+    from trace_dag.crash.registers.table import RegisterTable
+
+    tables = [RegisterTable.open(name, Path(table)) for name, table in register]
+    found: dict[str, RegisterTable | NarratedTable | NarrativeFolder] = {
+        f"register {table.mapping.register_name}": table for table in tables
+    }
+    if narratives or any(table.mapping.crash.narrative for table in tables):
+        from trace_dag.narratives.source import NarratedTable, NarrativeFolder
+
+        with progress_bar("narratives read") as on_progress:
+            reader = _narrative_reader(root, maps, on_progress)
+            told: dict[str, NarratedTable | NarrativeFolder] = {
+                name: NarratedTable(table, reader)
+                for name, table in zip(found, tables, strict=True)
+                if table.mapping.crash.narrative
+            }
+            told |= {f"narratives {Path(folder).name}": NarrativeFolder(Path(folder), reader) for folder in narratives}
+            for source in told.values():
+                source.records()  # read while the bar is shown
+            found |= told
+    return found
+
+
+def _narrative_reader(root: str, maps: Sequence[Path], on_progress: OnProgress) -> Reader:
+    """Who reads narratives: the language model of the settings. Raises UserError where it cannot be asked."""
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.narratives.source import Reader
+    from trace_dag.states.llm.estimator import llm_client
+
+    workspace = Workspace.open(root)
+    settings = workspace.settings.states
+    client = llm_client(settings, files=workspace.storage, ledger=f"narratives-{uuid.uuid4().hex}")
+    try:
+        client.try_out()
+    except Failure as failure:
+        raise UserError(f"narratives are read by a language model, and it cannot be asked: {failure}") from failure
+    return Reader(client, settings.llm_model, attempts=settings.llm_max_attempts, maps=maps, on_progress=on_progress)
 
 
 def _next_command(workspace: Workspace, cohort: str) -> str:

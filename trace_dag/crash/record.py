@@ -345,6 +345,15 @@ class NonMotorist:
 
 
 @dataclass(frozen=True)
+class Quotation:
+    """The words of a narrative that a field was read from: of ``crash``, ``vehicle 1``, ``person 2`` or ``event 1``."""
+
+    of: str
+    field: str
+    words: str
+
+
+@dataclass(frozen=True)
 class CrashRecord:
     """One crash as read. ``key`` is ``<caseYear>-<stateCase>``, of other registers than FARS ``<register>-<id>``.
 
@@ -393,6 +402,7 @@ class CrashRecord:
     implied: tuple[str, ...] = ()
     contradictions: tuple[str, ...] = ()
     ambiguities: tuple[str, ...] = ()  # what the events and persons leave open, as sentences
+    quotations: tuple[Quotation, ...] = ()  # of fields that were read from a narrative
     repaired: bool = False
     summary: str = ""
 
@@ -480,7 +490,17 @@ class Origin(StrEnum):
 
 _NOT_REPORTED: Final = (None, "", (), PreCrashMovement.UNKNOWN)
 _OF_NO_SOURCE: Final = frozenset(
-    {"implied", "vehicles", "events", "non_motorists", "contradictions", "ambiguities", "repaired", "summary"}
+    {
+        "implied",
+        "vehicles",
+        "events",
+        "non_motorists",
+        "contradictions",
+        "ambiguities",
+        "repaired",
+        "summary",
+        "quotations",
+    }
     | {"key", "register", "register_lacks", "attribution"}
 )
 

@@ -21,7 +21,7 @@ from trace_dag.schemas import Column, ColumnType, TableSchema, table_from_parque
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SCHEMA_VERSION: Final = 2
+SCHEMA_VERSION: Final = 3
 """Of :data:`CRASH_RECORD`, in every file: raised when a column comes, goes or changes its meaning."""
 _INTEGER, _REAL, _TEXT, _BOOLEAN = ColumnType.INTEGER, ColumnType.REAL, ColumnType.TEXT, ColumnType.BOOLEAN
 
@@ -47,6 +47,11 @@ _OCCUPANT_FIELDS: Final = (
     Column("injury_code", _INTEGER, "How badly the person was hurt", source="INJ_SEV"),
     Column("age_years", _INTEGER, "Age", "a", "AGE"),
     Column("restraint_code", _INTEGER, "Belt or other restraint", source="REST_USE"),
+)
+_QUOTATION_FIELDS: Final = (
+    Column("of", _TEXT, "The crash, or the vehicle, person or event by its number", required=True),
+    Column("field", _TEXT, "Its field", required=True),
+    Column("words", _TEXT, "Words of the narrative, as they stand there", required=True),
 )
 _TRAILER_FIELDS: Final = (
     Column("length_m", _REAL, "Length without a drawbar", "m", required=True),
@@ -201,6 +206,7 @@ CRASH_RECORD: Final = TableSchema(
         Column("implied", _TEXT, "Fields of the crash derived from others", repeated=True),
         Column("contradictions", _TEXT, "Fields that disagree, as sentences", repeated=True),
         Column("ambiguities", _TEXT, "What events and persons leave open, as sentences", repeated=True),
+        Column("quotations", None, "Words that fields were read from", repeated=True, fields=_QUOTATION_FIELDS),
         Column("repaired", _BOOLEAN, "The report was not well-formed and was repaired", required=True),
         Column("summary", _TEXT, "The crash in words"),
         Column("kind", _TEXT, "Kind of crash", source="HARM_EV, VE_FORMS, SOE", required=True),

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Protocol
 
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import check
 from trace_dag.crash.record import CrashRecord, NonMotorist, Origin, VehicleRecord, origins
-from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.errors import Rejection
 from trace_dag.settings import CrashSettings
 
 
-def check_table(table: RegisterTable, settings: CrashSettings) -> Iterator[str]:
+class Table(Protocol):
+    """A table or folder whose crashes can be looked at before they are registered."""
+
+    def notes(self) -> Sequence[str]:
+        """How much is read, and what is not."""
+        ...
+
+    def records(self) -> Sequence[CrashRecord]:
+        """Every crash as read."""
+        ...
+
+
+def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
     """The notes of a table; then, for each kind of crash, how many there are, how many say enough to be reconstructed,
     and what the others lack; then in how many crashes each field is reported."""
     yield from table.notes()

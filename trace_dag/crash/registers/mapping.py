@@ -29,7 +29,7 @@ PARKED: Final = "parked"
 """What ``P_CRASH1`` can be beside its codes: the unit was parked, not in transport."""
 UNIT_KINDS: Final = ("vehicle", PARKED, "none")
 """What a unit can be beside a ``PER_TYP`` of a person outside vehicles; ``none``: there is no such unit."""
-_UNITS: Final[Mapping[str, float]] = {
+UNITS: Final[Mapping[str, float]] = {
     "m": 1.0,
     "ft": METRES_PER_FOOT,
     "km/h": MPS_PER_KMH,
@@ -38,6 +38,7 @@ _UNITS: Final[Mapping[str, float]] = {
     "kg": 1.0,
     "lb": KG_PER_LB,
 }
+"""What a number in a unit is multiplied with to be in metres, m/s or kilograms."""
 _TEXTS: Final = ("trafficway_1", "trafficway_2", "county_name", "city_name")
 _NOT_MAPPED: Final = frozenset(
     {"STATE", "CaseYear", "YEAR", "MONTH", "DAY", "HOUR", "MINUTE", "ST_CASE", "PER_NO", "VEH_NO", "UNITTYPE"}
@@ -53,8 +54,8 @@ def _register_name(name: str) -> str:
 
 
 def _unit_name(name: str) -> str:
-    if name not in _UNITS:
-        raise ValueError(f"expected one of {', '.join(_UNITS)}")
+    if name not in UNITS:
+        raise ValueError(f"expected one of {', '.join(UNITS)}")
     return name
 
 
@@ -77,8 +78,8 @@ class NumberColumn(_Part):
 
     @property
     def factor(self) -> float:
-        """What its numbers are multiplied with to be in metres, m/s or kilograms."""
-        return _UNITS[self.unit]
+        """See :data:`UNITS`."""
+        return UNITS[self.unit]
 
 
 class TimeColumn(_Part):
@@ -118,6 +119,7 @@ class CrashColumns(_Columns):
     trafficway_2: str | None = None
     county_name: str | None = None
     city_name: str | None = None
+    narrative: str | None = None  # what happened, in words: read by a language model for what no column says
 
 
 class UnitColumns(_Columns):
@@ -185,7 +187,7 @@ class RegisterMapping(_Part):
         """Every column of the table that is read."""
         crash, unit = self.crash, self.unit
         yield from (crash.id, crash.time.column, crash.latitude_deg, crash.longitude_deg)
-        yield from (name for text in _TEXTS if (name := getattr(crash, text)) is not None)
+        yield from (name for text in (*_TEXTS, "narrative") if (name := getattr(crash, text)) is not None)
         yield from (column.column for column in crash.coded.values())
         of_unit: list[str | None] = [unit.make, unit.model, unit.MOD_YEAR]
         of_unit += [each.column for each in (unit.kind, unit.heading, unit.TRAV_SP, unit.VSPD_LIM) if each is not None]

@@ -52,9 +52,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Row = Mapping[str, Any]
-"""One row: texts by column, and under :data:`_TIME` when it was."""
+"""One row: texts by column, and under :data:`TIME` when it was."""
 
-_TIME: Final = "time as read"
+TIME: Final = "time as read"
+"""Where a row has its time, a pandas timestamp."""
 _OF_TWO_VEHICLES: Final = frozenset({1, 2, 6, 7, 8, 9, 10})  # MAN_COLL
 _STRUCK: Final = {5: event_codes.PEDESTRIAN, 6: event_codes.CYCLIST, 7: event_codes.CYCLIST}
 _CROSSING: Final = 3  # NMACTION
@@ -104,6 +105,10 @@ class RegisterTable:
         """Key and record of the crashes asked for."""
         return ((record.key, record) for record in self.records() if record.key in keys)
 
+    def narratives(self) -> dict[str, str]:
+        """What happened, in words, by key, where the register has a column of that."""
+        return self._read.narratives
+
     @cached_property
     def _columns(self) -> list[str]:
         return list(self._frame(nrows=0).columns)
@@ -122,7 +127,7 @@ class RegisterTable:
         for name in wanted:
             frame[name] = frame[name].str.split().str.join(" ")
         time = self.mapping.crash.time
-        frame[_TIME] = pd.to_datetime(frame[time.column], format=time.format, errors="coerce")
+        frame[TIME] = pd.to_datetime(frame[time.column], format=time.format, errors="coerce")
         columns = list(frame.columns)
         return [dict(zip(columns, row, strict=True)) for row in frame.itertuples(index=False, name=None)]
 
@@ -138,11 +143,11 @@ class RegisterTable:
         return found
 
     @cached_property
-    def _read(self) -> _Reader:
+    def _read(self) -> RowReader:
         together: dict[str, list[Row]] = {}
         for row in self._rows:
             together.setdefault(row[self.mapping.crash.id], []).append(row)
-        reader = _Reader(self.mapping)
+        reader = RowReader(self.mapping)
         for crash_id, rows in together.items():
             if self.mapping.rows == "crash" and len(rows) > 1:
                 raise UserError(f"{self._path}: id {crash_id!r} has {len(rows)} rows; the mapping says one per crash")
@@ -156,18 +161,19 @@ def _listed(values: Counter[str]) -> str:
 
 
 @dataclass
-class _Reader:
+class RowReader:
     """Makes records of rows, and counts what it cannot read: values that are not mapped, and crashes left out."""
 
     mapping: RegisterMapping
     records: dict[str, CrashRecord] = field(default_factory=dict)
+    narratives: dict[str, str] = field(default_factory=dict)
     not_mapped: dict[str, Counter[str]] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
 
     def add(self, crash_id: str, rows: Sequence[Row]) -> None:
         """Read the rows of one crash."""
         mapping, row = self.mapping, rows[0]
-        moment = row[_TIME]
+        moment = row[TIME]
         try:
             key = register_key(mapping.register_name, crash_id)
             latitude_deg, longitude_deg = reported_position(
@@ -213,6 +219,8 @@ class _Reader:
             **_fields(CRASH_FIELDS, coded),
         )
         self.records[key] = _with_first_event(record)
+        if narrative := self._text(row, mapping.crash.narrative):
+            self.narratives[key] = narrative
 
     def _units(self, rows: Sequence[Row]) -> tuple[list[VehicleRecord], list[NonMotorist]]:
         vehicles: list[VehicleRecord] = []

@@ -1,0 +1,219 @@
+"""Narratives as a source of reports: a folder of text files, or a column of a register's table.
+
+A text file may begin with lines such as ``time: 2023-05-03 16:20``, ``latitude: 41.83`` and ``longitude: -101.54``;
+the rest is the narrative. Without coordinates the crash is where the two streets that it names cross on the maps. The
+narrative itself is not stored: the record has the words that its fields were read from.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+from trace_dag.crash.listing import CrashListing, list_record
+from trace_dag.crash.record import CrashRecord, Octant
+from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.errors import UserError
+from trace_dag.messages.progress import OnProgress, silent
+from trace_dag.messages.wording import counted
+from trace_dag.narratives.asking import Model, read_narrative
+from trace_dag.narratives.places import Place, Streets, crossings
+from trace_dag.narratives.reading import Reading
+from trace_dag.narratives.record import Narrative, merged, record_of
+from trace_dag.narratives.vocabulary import CRASH, DIRECTION, DISTANCE, measured, vocabulary
+from trace_dag.states.llm.answer import WrongAnswer
+
+_SHOWN: Final = 12
+_HEADER: Final = re.compile(r"(?P<name>time|latitude|longitude): *(?P<value>.*)", re.IGNORECASE)
+
+
+class Reader:
+    """Reads narratives by a language model, of that name. ``attempts``: answers to one question; ``maps``: where
+    streets are looked up."""
+
+    def __init__(
+        self, model: Model, name: str, *, attempts: int, maps: Sequence[Path] = (), on_progress: OnProgress = silent
+    ) -> None:
+        self.name, self.maps = name, maps
+        self._model, self._attempts, self._on_progress = model, attempts, on_progress
+
+    def readings(self, texts: Mapping[str, str]) -> tuple[dict[str, Reading], dict[str, str]]:
+        """What each narrative says; and of those that no answer could be had for, why.
+
+        Raises as the model does; what was answered before is stored, so that reading again goes on from there.
+        """
+        readings: dict[str, Reading] = {}
+        unread: dict[str, str] = {}
+        for done, (name, text) in enumerate(texts.items()):
+            self._on_progress(done, len(texts))
+            try:
+                readings[name] = read_narrative(text, vocabulary(), self._model, attempts=self._attempts)
+            except WrongAnswer as wrong:
+                unread[name] = f"no usable answer: {wrong}"
+        self._on_progress(len(texts), len(texts))
+        return readings, unread
+
+
+class _Source(ABC):
+    """A source of reports (:class:`trace_dag.cohorts.sources.ReportTables`)."""
+
+    def records(self) -> list[CrashRecord]:
+        """Every crash, in the order of the files' names or of the table; they are read when they are first asked for.
+        Raises as the model does."""
+        return self._read[0]
+
+    def listings(self) -> list[CrashListing]:
+        """One line per crash."""
+        return [list_record(record) for record in self.records()]
+
+    def reports(self, keys: Collection[str]) -> Iterator[tuple[str, CrashRecord]]:
+        """Key and record of the crashes asked for."""
+        return ((record.key, record) for record in self.records() if record.key in keys)
+
+    @cached_property
+    def _read(self) -> tuple[list[CrashRecord], dict[str, str]]:
+        """The crashes, and of the narratives without one why."""
+        return self._read_all()
+
+    @abstractmethod
+    def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
+        """Those, read."""
+
+
+class NarrativeFolder(_Source):
+    """The crashes that a folder's text files tell of."""
+
+    def __init__(self, folder: Path, reader: Reader) -> None:
+        self._folder, self._reader = folder, reader
+        self._narratives = narratives_in(folder)
+
+    def notes(self) -> list[str]:
+        """How many narratives became crashes, what is left out and why, and what of the others does not stand."""
+        records, left_out = self._read
+        notes = [
+            f"{counted(len(self._narratives), 'narrative')} in {self._folder}: {len(records)} with a place and time"
+        ]
+        return [*notes, *(f"left out: {name}: {why}" for name, why in left_out.items()), *_remarks(records)]
+
+    def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
+        readings, left_out = self._reader.readings({each.id: each.text for each in self._narratives})
+        told = [each for each in self._narratives if each.id in readings]
+        places, placeless = _places(told, readings, self._reader.maps)
+        records = []
+        for narrative in told:
+            if narrative.id in placeless:
+                left_out[narrative.id] = placeless[narrative.id]
+                continue
+            made = record_of(narrative, places[narrative.id], readings[narrative.id], vocabulary())
+            if isinstance(made, str):
+                left_out[narrative.id] = made
+            else:
+                found = () if narrative.place else ("latitude_deg", "longitude_deg")
+                attribution = f"{made.attribution}; read by {self._reader.name}"
+                records.append(replace(made, attribution=attribution, implied=(*made.implied, *found)))
+        return records, left_out
+
+
+class NarratedTable(_Source):
+    """A register's table with a column of narratives, which are read for what its other columns do not say."""
+
+    def __init__(self, table: RegisterTable, reader: Reader) -> None:
+        self.mapping = table.mapping
+        self._table, self._reader = table, reader
+
+    def notes(self) -> list[str]:
+        """Those of the table, and what of the narratives does not stand."""
+        records, unread = self._read
+        notes = [*self._table.notes(), f"{counted(len(self._table.narratives()), 'narrative')} read"]
+        return [*notes, *(f"not read: {name}: {why}" for name, why in unread.items()), *_remarks(records)]
+
+    def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
+        readings, unread = self._reader.readings(self._table.narratives())
+        return [self._with_narrative(each, readings.get(each.key)) for each in self._table.records()], unread
+
+    def _with_narrative(self, coded: CrashRecord, reading: Reading | None) -> CrashRecord:
+        if reading is None:
+            return coded
+        narrative = Narrative(coded.key, "", str(coded.case_year))
+        narrated = record_of(narrative, Place(coded.latitude_deg, coded.longitude_deg), reading, vocabulary())
+        if isinstance(narrated, str):
+            return coded
+        attribution = f"{coded.attribution}; its narratives read by {self._reader.name}"
+        return replace(merged(coded, narrated), attribution=attribution)
+
+
+def narratives_in(folder: Path) -> list[Narrative]:
+    """The text files of a folder, in the order of their names. Raises :class:`UserError` where there are none."""
+    if not folder.is_dir():
+        raise UserError(f"{folder}: no such folder; expected one with narratives, a text file (.txt) for each crash")
+    files = sorted(folder.glob("*.txt"))
+    if not files:
+        raise UserError(f"{folder}: no narratives; expected a text file (.txt) for each crash")
+    return [_narrative(file) for file in files]
+
+
+def _narrative(file: Path) -> Narrative:
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    said: dict[str, str] = {}
+    while lines and (match := _HEADER.fullmatch(lines[0].strip())):
+        said[match["name"].lower()] = match["value"].strip()
+        del lines[0]
+    try:
+        place = Place(float(said["latitude"]), float(said["longitude"])) if said.keys() >= {"latitude"} else None
+    except (KeyError, ValueError) as error:
+        raise UserError(f"{file}: latitude and longitude are not both a number of degrees") from error
+    return Narrative(file.stem, "\n".join(lines).strip(), said.get("time", ""), place)
+
+
+def _places(
+    narratives: Sequence[Narrative], readings: Mapping[str, Reading], maps: Sequence[Path]
+) -> tuple[dict[str, Place], dict[str, str]]:
+    """Where each crash was: as said beside it, else where its two streets cross; or why that is not known."""
+    places = {each.id: each.place for each in narratives if each.place is not None}
+    label = vocabulary().mapping.crash
+    streets = {
+        each.id: Streets(
+            *(readings[each.id].value(CRASH, str(name)) for name in (label.trafficway_1, label.trafficway_2))
+        )
+        for each in narratives
+        if each.id not in places
+    }
+    found = crossings(maps, {each for each in streets.values() if all(each)}) if maps else {}
+    unknown = {}
+    for name, pair in streets.items():
+        here = found.get(pair, [])
+        if len(here) == 1:
+            places[name] = _moved(here[0], readings[name])
+        elif not all(pair):
+            unknown[name] = "no latitude and longitude, and no two streets"
+        else:
+            times = f"at {len(here)} places" if here else "nowhere"
+            unknown[name] = (
+                f"no latitude and longitude, and {pair.one} and {pair.other} cross {times} on the maps given"
+            )
+    return places, unknown
+
+
+def _moved(crossing: Place, reading: Reading) -> Place:
+    """The place as far from a crossing as the narrative says; the crossing where it says no distance and direction."""
+    distance, direction = reading.value(CRASH, DISTANCE), reading.value(CRASH, DIRECTION)
+    return crossing.away(measured(distance), Octant(direction)) if distance and direction else crossing
+
+
+def _remarks(records: Sequence[CrashRecord]) -> list[str]:
+    """What of the readings contradicts itself or was not taken, some of it by name."""
+    remarks = []
+    for what, sentences in (
+        ("contradictions", [(each.key, said) for each in records for said in each.contradictions]),
+        ("not taken, as no words support it", [(each.key, said) for each in records for said in each.ambiguities]),
+    ):
+        shown = "; ".join(f"{key}: {said.partition(': ')[2]}" for key, said in sentences[:_SHOWN])
+        more = f"; and {len(sentences) - _SHOWN} more" if len(sentences) > _SHOWN else ""
+        if sentences:
+            remarks.append(f"{len(sentences)} {what}: {shown}{more}")
+    return remarks
