@@ -27,6 +27,7 @@ EVERY_PACKAGE = {
     *("README.md", "LICENSES.md", "manifest.json", "provenance.json"),
     *("report.xml", "summary.txt", "map.osm", "map.xodr", "map_legal_marks.xodr"),
     *("scenario.xosc", "scenario.free_V1.xosc", "scenario.free_V2.xosc"),
+    *("scenario.conflict_V1.xosc", "scenario.conflict_V2.xosc"),
     *("scenario.carla.xosc", "scenario.carla.free_V1.xosc", "scenario.carla.free_V2.xosc"),
     *(
         "states.json",

@@ -30,6 +30,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.trailer import Trailer
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.openscenario_conflict import KeptConflict
 from trace_dag.scenario.openscenario_elements import Element, element, properties, teleported
 from trace_dag.scenario.openscenario_environment import environment
 from trace_dag.scenario.openscenario_motion import SAME_TIME_S, PlayedMotion, TimedPoses
@@ -44,6 +45,7 @@ AUTHOR = "trace-dag"
 CONTROLLER = "free_vehicle_controller"
 
 _AFTER_CONTACT_S = 5.0  # how long a scenario with a free participant goes on after the recorded contact
+_MOST_TIMES = 2.0  # the recorded time to the contact, that a slow one may take
 _BEFORE_END_S = 0.0005
 _TRAJECTORY = "_trajectory"  # end of the names of trajectories
 _AFTER_COLLISION_S = 1.0  # and after one it gets into
@@ -57,10 +59,15 @@ _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 
 @dataclass(frozen=True)
 class Flavour:
-    """The form of OpenSCENARIO: 1.2 or that of CARLA's ScenarioRunner, and which vehicle (``VEH_NO``) is free."""
+    """The form of OpenSCENARIO: 1.2 or that of CARLA's ScenarioRunner, and which vehicle (``VEH_NO``) is free.
+
+    ``keeps_conflict``, of 1.2 with a free vehicle: whom it met comes when it comes, however slow it is
+    (:mod:`trace_dag.scenario.openscenario_conflict`).
+    """
 
     carla: bool = False
     free: int | None = None
+    keeps_conflict: bool = False
 
 
 class OpenScenarios:
@@ -242,8 +249,11 @@ def _storyboard(record: CrashRecord, log: SimulationLog, flavour: Flavour, drive
         free = logged[name].number == flavour.free
         begins = [teleported(*motion.poses[0]), _speed(logged[name], flavour)]
         actions.append(element("Private", *begins, _handing_over(flavour) if free else None, entityRef=name))
-        if not free:
-            act.append(_follow(name, motion, flavour))
+        if free:
+            continue
+        met = flavour.free if flavour.keeps_conflict else None
+        kept = None if met is None else KeptConflict.of(log, met, logged[name].number, driven)
+        act.append(_follow(name, motion, flavour, kept))
     for item in _shown_objects(log, flavour):
         actions.append(element("Private", standing_at(item), entityRef=party_label(item.number)))
     act.extend([element("StartTrigger", _group(_at_start("start_act", flavour))), element("StopTrigger")])
@@ -273,11 +283,16 @@ def _handing_over(flavour: Flavour) -> Element:
     return element("PrivateAction", element("ControllerAction", override, assigned))
 
 
-def _follow(name: str, driven: _Driven, flavour: Flavour) -> Element:
+def _follow(name: str, driven: _Driven, flavour: Flavour, kept: KeptConflict | None = None) -> Element:
+    """The manoeuvre of who follows its motion: by the clock, or so that it keeps a conflict."""
     polyline = element("Polyline")
     polyline.text = name  # in the place of its vertices, which are written as text
     trajectory = element("Trajectory", element("Shape", polyline), name=f"{name}{_TRAJECTORY}", closed=False)
     timing = element("Timing", domainAbsoluteRelative="absolute", scale=1.0, offset=0.0)
+    sets_out = _at_start(f"{name}_start", flavour)
+    if kept is not None:
+        timing = kept.timing()
+        sets_out = kept.sets_out(f"{name}_start", sets_out)
     following = element(
         "FollowTrajectoryAction",
         trajectory if flavour.carla else element("TrajectoryRef", trajectory),  # of 1.1
@@ -288,7 +303,7 @@ def _follow(name: str, driven: _Driven, flavour: Flavour) -> Element:
     event = element(
         "Event",
         element("Action", action, name=f"{name}{_TRAJECTORY}"),
-        element("StartTrigger", _group(_at_start(f"{name}_start", flavour))),
+        element("StartTrigger", _group(sets_out)),
         name=f"{name}_follow",
         priority="overwrite" if flavour.carla else "override",  # 1.1 renamed it
         maximumExecutionCount=1,
@@ -296,8 +311,23 @@ def _follow(name: str, driven: _Driven, flavour: Flavour) -> Element:
     return element(
         "ManeuverGroup",
         element("Actors", element("EntityRef", entityRef=name), selectTriggeringEntities=False),
-        element("Maneuver", event, name=f"{name}_maneuver"),
+        element("Maneuver", event, _arriving(name, kept, flavour), name=f"{name}_maneuver"),
         name=f"{name}_group",
+        maximumExecutionCount=1,
+    )
+
+
+def _arriving(name: str, kept: KeptConflict | None, flavour: Flavour) -> Element | None:
+    """The event in which somebody is made to arrive together with the free vehicle; None of who needs none."""
+    action = None if kept is None else kept.synchronized()
+    if action is None:
+        return None
+    return element(
+        "Event",
+        element("Action", action, name=f"{name}_arrives"),
+        element("StartTrigger", _group(_at_start(f"{name}_arrives_start", flavour))),
+        name=f"{name}_arrives_together",
+        priority="parallel",
         maximumExecutionCount=1,
     )
 
@@ -331,7 +361,8 @@ def _stop(log: SimulationLog, flavour: Flavour) -> Element:
     """At the end of the motion; with a vehicle free, some time after the recorded contact or a collision it has."""
     contact, end_s = log.first_contact, log.duration_s
     if flavour.free is not None:
-        end_s = (contact.time_s if contact else log.duration_s) + _AFTER_CONTACT_S
+        times = _MOST_TIMES if flavour.keeps_conflict else 1.0
+        end_s = times * (contact.time_s if contact else log.duration_s) + _AFTER_CONTACT_S
     # A little before the last vertex, else a player goes one frame beyond it: the sum of its steps is not exactly the
     # time.
     conditions = [_when("stop_time", round(end_s - _BEFORE_END_S, 4), "greaterThan")]

@@ -187,6 +187,11 @@ def _scenarios(crash: PackageInput) -> list[_File]:
         files += [
             scenario(f"scenario.free_V{number}.xosc", Flavour(free=number), f"OpenSCENARIO 1.2, {what}"),
             scenario(
+                f"scenario.conflict_V{number}.xosc",
+                Flavour(free=number, keeps_conflict=True),
+                f"OpenSCENARIO 1.2, {what}, whom it met coming when it comes",
+            ),
+            scenario(
                 f"scenario.carla.free_V{number}.xosc",
                 Flavour(carla=True, free=number),
                 f"for ScenarioRunner, {what} (external_control)",

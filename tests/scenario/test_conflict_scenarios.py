@@ -1,0 +1,87 @@
+"""Scenarios that keep a conflict: whoever is at the free vehicle's wheel meets the other one, however slow it is."""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from lxml import etree
+
+from tests.scenario import esmini
+from tests.sim.motions import CAR, log_of, participant, straight
+from tests.verdict.crashes import CROSSROADS, record, vehicle
+from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.scenario.openscenario import Flavour, OpenScenarios
+from trace_dag.settings import SimSettings
+from trace_dag.sim.types import Body, BodyKind, SimulationLog
+
+KEPT = Flavour(free=1, keeps_conflict=True)
+ADULT = Body(BodyKind.PEDESTRIAN, None, 0.3, 0.5, 1.75, 80.0)
+
+
+def crossing(body: Body = CAR, speed_mps: float = 12.0) -> SimulationLog:
+    """Number 1 from the west with 15 m/s; a car or a person from the south, who are in one place after five seconds."""
+    other = straight(1.75, -1.75 - 5.0 * speed_mps, math.pi / 2, speed_mps)
+    number = 1001 if body.is_figure else 2
+    return log_of(
+        [participant(1, straight(-75.0, -1.75, 0.0, 15.0)), participant(number, other, body)],
+        SimSettings(time_limit_s=9.0),
+    )
+
+
+def written(log: SimulationLog, flavour: Flavour) -> etree._Element:
+    return etree.fromstring(OpenScenarios(record(vehicle(1, 12), vehicle(2, 9)), CROSSROADS, log).write(flavour))
+
+
+def never_reacting(log: SimulationLog, pace: float) -> etree._Element:
+    """The scenario with somebody at the free vehicle's wheel who drives its recorded way at so many times its speed.
+    esmini takes the scale of a time reference as that."""
+    scenario, whole = written(log, KEPT), written(log, Flavour())
+    for parent, gone in (("ScenarioObject", "ObjectController"), ("PrivateAction", "ControllerAction")):
+        for element in scenario.iter(parent):
+            for child in element.findall(gone):
+                element.remove(child)
+    for empty in [each for each in scenario.iter("PrivateAction") if not len(each)]:
+        empty.getparent().remove(empty)
+    group = copy.deepcopy(whole.find(".//ManeuverGroup[@name='V1_group']"))
+    group.find(".//Timing").set("scale", str(pace))
+    scenario.find(".//Act").insert(0, group)
+    return scenario
+
+
+@pytest.mark.parametrize("pace", [0.6, 0.8, 1.0, 1.2])
+def test_esmini_has_the_contact_at_any_pace(pace: float, tmp_path: Path) -> None:
+    log = crossing()
+    (tmp_path / "map.xodr").write_bytes(write_opendrive(CROSSROADS))
+    (tmp_path / "kept.xosc").write_bytes(etree.tostring(never_reacting(log, pace)))
+    arguments = ["--osc", tmp_path / "kept.xosc", "--headless", "--collision", "--fixed_timestep", "0.02"]
+    said = subprocess.run([esmini.program(), *arguments], capture_output=True, text=True, check=False, cwd=tmp_path)
+    collision = re.search(r"\[([\d.]+)\].*Collision between V1 and V2", said.stdout)
+    assert collision is not None, said.stdout
+    assert float(collision[1]) == pytest.approx(log.first_contact.time_s / pace, abs=0.15)
+
+
+def test_a_vehicle_arrives_together_with_the_free_one_at_its_recorded_speed() -> None:
+    log = crossing()
+    action = written(log, KEPT).find(".//SynchronizeAction")
+    assert action.get("masterEntityRef") == "V1"
+    assert float(action.find("FinalSpeed/AbsoluteSpeed").get("value")) == pytest.approx(12.0, abs=0.05)
+    assert written(log, Flavour(free=1)).find(".//SynchronizeAction") is None
+
+
+def test_a_person_sets_out_by_the_time_to_collision_at_the_start() -> None:
+    log = crossing(ADULT, 1.5)
+    scenario = written(log, KEPT)
+    condition = scenario.find(".//TimeToCollisionCondition")
+    assert float(condition.get("value")) == pytest.approx(log.first_contact.time_s, abs=1e-3)
+    assert scenario.find(".//ManeuverGroup//Timing").get("domainAbsoluteRelative") == "relative"
+
+
+def test_whoever_stands_goes_by_the_clock() -> None:
+    standing = participant(2, straight(0.0, -1.75, 0.0, 0.0))
+    log = log_of([participant(1, straight(-60.0, -1.75, 0.0, 15.0)), standing], SimSettings(time_limit_s=9.0))
+    assert written(log, KEPT).find(".//SynchronizeAction") is None

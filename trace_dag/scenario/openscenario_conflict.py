@@ -1,0 +1,102 @@
+"""What keeps a conflict in an OpenSCENARIO file: whoever met the free vehicle comes when it comes.
+
+Vehicles go along their trajectories without a clock, and a ``SynchronizeAction`` brings them to their place of the
+contact when the free vehicle is at its own, at the speed they had there. People begin to walk when the free vehicle, at
+its pace of now, is as long from the place of the contact as it was recorded to be at the start: a time-to-collision
+condition. Everybody else goes by the clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from trace_dag.crash.parties import party_label, party_of_body
+from trace_dag.scenario.openscenario_elements import Element, element
+from trace_dag.sim.types import SimulationLog
+
+_STANDS_MPS = 0.5
+_TOLERANCE_M = 0.5
+
+
+class Motion(Protocol):
+    """A motion as it is written."""
+
+    def pose_at(self, time_s: float) -> tuple[float, ...]:
+        """x, y, z, heading, pitch and roll at a time."""
+
+
+@dataclass(frozen=True)
+class KeptConflict:
+    """The free vehicle by name, its and the other's places (x, y, z, heading, pitch, roll) at the contact, when that
+    was recorded (s), how fast the other one came (m/s), and whether that is a person."""
+
+    free: str
+    free_place: tuple[float, ...]
+    place: tuple[float, ...]
+    contact_s: float
+    speed_mps: float
+    walks: bool
+
+    @classmethod
+    def of(cls, log: SimulationLog, free: int, other: int, motions: Mapping[str, Motion]) -> KeptConflict | None:
+        """The conflict of a free vehicle with another body, a trailer too; None if they were not the first to touch each other, or
+        that one stands there."""
+        contact = next((each for each in log.contacts if free in (each.number_1, each.number_2)), None)
+        if contact is None or {contact.number_1, contact.number_2} != {free, party_of_body(other)}:
+            return None
+        vehicle = log.vehicle_log(other)
+        before_s = contact.time_s - 0.05
+        speed_mps = abs(float(np.interp(before_s, vehicle.time_s, vehicle.speed_mps)))
+        walks = log.is_figure(other)
+        if speed_mps < _STANDS_MPS and not walks:
+            return None
+        names = party_label(free), party_label(other)
+        free_place, place = (motions[name].pose_at(contact.time_s) for name in names)
+        return cls(names[0], free_place, place, contact.time_s, speed_mps, walks)
+
+    def timing(self) -> Element:
+        """The time reference of the trajectory."""
+        if self.walks:
+            return element("Timing", domainAbsoluteRelative="relative", scale=1.0, offset=0.0)
+        return element("None")
+
+    def sets_out(self, name: str, at_start: Element) -> Element:
+        """The condition on which it sets out: a vehicle at the start."""
+        if not self.walks:
+            return at_start
+        by = element("TriggeringEntities", element("EntityRef", entityRef=self.free), triggeringEntitiesRule="any")
+        near = element(
+            "TimeToCollisionCondition",
+            element("TimeToCollisionConditionTarget", _world(self.free_place)),
+            value=round(self.contact_s, 4),
+            rule="lessOrEqual",
+            freespace=False,
+            coordinateSystem="entity",
+            relativeDistanceType="euclidianDistance",
+        )
+        said = element("ByEntityCondition", by, element("EntityCondition", near))
+        return element("Condition", said, name=name, delay=0.0, conditionEdge="none")
+
+    def synchronized(self) -> Element | None:
+        """The action that brings a vehicle to its place; None of people."""
+        if self.walks:
+            return None
+        action = element(
+            "SynchronizeAction",
+            _world(self.free_place, "TargetPositionMaster"),
+            _world(self.place, "TargetPosition"),
+            element("FinalSpeed", element("AbsoluteSpeed", value=round(self.speed_mps, 3))),
+            masterEntityRef=self.free,
+            targetToleranceMaster=_TOLERANCE_M,
+            targetTolerance=_TOLERANCE_M,
+        )
+        return element("PrivateAction", action)
+
+
+def _world(place: Sequence[float], name: str = "Position") -> Element:
+    x, y, z, heading, pitch, roll = place
+    return element(name, element("WorldPosition", x=x, y=y, z=z, h=heading, p=pitch, r=roll))
