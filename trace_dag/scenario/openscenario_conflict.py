@@ -43,8 +43,8 @@ class KeptConflict:
 
     @classmethod
     def of(cls, log: SimulationLog, free: int, other: int, motions: Mapping[str, Motion]) -> KeptConflict | None:
-        """The conflict of a free vehicle with another body, a trailer too; None if they were not the first to touch each other, or
-        that one stands there."""
+        """The conflict of a free vehicle with another body, a trailer too; None if they were not the first to touch
+        each other, or that one stands there."""
         contact = next((each for each in log.contacts if free in (each.number_1, each.number_2)), None)
         if contact is None or {contact.number_1, contact.number_2} != {free, party_of_body(other)}:
             return None
