@@ -23,6 +23,8 @@ from tests.scenario.player import Collision, Scenario
 _RADIUS_M, _TURN_RAD, _STANDING_S, _SMALL = 0.1, 0.1, 1.0, 1e-6
 _CORNER_M = 2.0
 _LONGEST_RUN_S = 300.0
+_QUIETLY = ("--headless", "--collision", "--disable_log", "--fixed_timestep")
+_COLLISION = re.compile(r"^\[(\S+)\] \[warn\] Collision between (\S+) and (\S+)$", re.MULTILINE)
 
 
 class FilteredScenario(Scenario):
@@ -87,30 +89,35 @@ def program() -> Path:
     return found
 
 
-def play(scenario: Path, step_s: float, work: Path) -> tuple[Collision | None, dict[str, np.ndarray], list[str]]:
-    """Plays a scenario beside its map with default options: the first collision, rows of time, x, y, h by entity, and
-    what it logged as an error. A collision is where the two boxes overlap."""
-    log = work / f"{scenario.parent.name}-{scenario.stem}.csv"
-    arguments = ["--headless", "--collision", "--disable_log", "--fixed_timestep", f"{step_s:g}"]
+def collisions(scenario: Path, step_s: float, *options: str | Path) -> tuple[list[tuple[str, str, str]], list[str]]:
+    """Plays a scenario beside its map with default options: time and entities of each collision in their order, and
+    what it logged as an error."""
     run = subprocess.run(
-        [program(), "--osc", scenario.resolve(), *arguments, "--csv_logger", log.resolve()],
-        cwd=work,
+        [program(), "--osc", scenario.name, *_QUIETLY, f"{step_s:g}", *options],
+        cwd=scenario.parent,
         capture_output=True,
         text=True,
         timeout=_LONGEST_RUN_S,
         check=True,
     )
-    errors = [line for line in run.stdout.splitlines() if "[error]" in line]
+    return _COLLISION.findall(run.stdout), [line for line in run.stdout.splitlines() if "[error]" in line]
+
+
+def play(scenario: Path, step_s: float, work: Path) -> tuple[Collision | None, dict[str, np.ndarray], list[str]]:
+    """The first collision of a scenario, rows of time, x, y, h by entity, and what was logged as an error. A collision
+    is where the two boxes overlap."""
+    log = work / f"{scenario.parent.name}-{scenario.stem}.csv"
+    met, errors = collisions(scenario, step_s, "--csv_logger", log.resolve())
     places = _places(log)
-    met = re.search(r"^\[(\S+)\] \[warn\] Collision between (\S+) and (\S+)$", run.stdout, re.MULTILINE)
-    if met is None:
+    if not met:
         return None, places, errors
     entities = Scenario(scenario.read_bytes())
     times = next(iter(places.values()))[:, 0]
-    k = int(np.argmin(np.abs(times - float(met[1]))))
-    one, two = (entities.box_at(entity, *places[entity][k, 1:]) for entity in (met[2], met[3]))
+    (time_s, *pair), *_ = met
+    k = int(np.argmin(np.abs(times - float(time_s))))
+    one, two = (entities.box_at(entity, *places[entity][k, 1:]) for entity in pair)
     middle = one.intersection(two).centroid if one.intersects(two) else one.centroid
-    return Collision(float(times[k]), middle.x, middle.y, (met[2], met[3])), places, errors
+    return Collision(float(times[k]), middle.x, middle.y, (pair[0], pair[1])), places, errors
 
 
 def _places(log: Path) -> dict[str, np.ndarray]:

@@ -8,6 +8,7 @@ left. Two entities collide when their boxes overlap, seen from above, a vehicle 
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 from itertools import combinations
@@ -15,6 +16,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 from shapely.geometry import Polygon
+
+_STRAIGHT_ON_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -52,12 +55,9 @@ class Scenario:
             if timing is None or timing.get("domainAbsoluteRelative") != "absolute":
                 continue  # goes by somebody else, not by the clock
             scale, offset = float(timing.get("scale")), float(timing.get("offset"))
-            rows = []
-            for vertex in group.iterfind(".//Polyline/Vertex"):
-                position = vertex.find("Position/WorldPosition")
-                time_s = float(vertex.get("time")) * scale + offset
-                rows.append([time_s, *(float(position.get(name, "0")) for name in "xyzhpr")])
-            self.vertices[group.find("Actors/EntityRef").get("entityRef")] = np.array(rows)
+            rows = np.array([_row(vertex) for vertex in group.iterfind(".//Polyline/Vertex")])
+            rows[:, 0] = rows[:, 0] * scale + offset
+            self.vertices[group.find("Actors/EntityRef").get("entityRef")] = rows
         self.initial = {
             private.get("entityRef"): [
                 float(private.find(".//TeleportAction/Position/WorldPosition").get(name, "0")) for name in "xyzhpr"
@@ -112,3 +112,39 @@ class Scenario:
                     found.append(Collision(float(time_s), shared.centroid.x, shared.centroid.y, (one, two)))
                     break
         return min(found, key=lambda collision: collision.time_s, default=None)
+
+
+def driven_without_reacting(scenario: bytes, recorded: bytes, name: str, until_s: float, pace: float) -> bytes:
+    """A scenario with somebody at the wheel of its free vehicle who drives its way in ``recorded`` at so many times
+    its speed, and from the place where it was at a time straight on."""
+    root, source = ElementTree.fromstring(scenario), ElementTree.fromstring(recorded)
+    for parent in root.iter():
+        for gone in ("ObjectController", "ControllerAction"):
+            for child in parent.findall(gone):
+                parent.remove(child)
+    for actions in root.iter("Private"):
+        for empty in [each for each in actions if not len(each)]:
+            actions.remove(empty)
+    group = copy.deepcopy(source.find(f".//ManeuverGroup[@name='{name}_group']"))
+    line = group.find(".//Polyline")
+    vertices = list(line)
+    times = [float(each.get("time")) for each in vertices]
+    for vertex in [each for each, time_s in zip(vertices, times, strict=True) if time_s > until_s + 1e-5]:
+        line.remove(vertex)
+    rows = np.array([_row(each) for each in line])
+    ahead_m = math.hypot(*(rows[-1, 1:3] - rows[-2, 1:3])) / (rows[-1, 0] - rows[-2, 0]) * _STRAIGHT_ON_S
+    line.append(copy.deepcopy(line[-1]))
+    last, heading = line[-1], rows[-1, 4]
+    last.set("time", str(rows[-1, 0] + _STRAIGHT_ON_S))
+    place = last.find("Position/WorldPosition")
+    place.set("x", str(rows[-1, 1] + ahead_m * math.cos(heading)))
+    place.set("y", str(rows[-1, 2] + ahead_m * math.sin(heading)))
+    for vertex in line:
+        vertex.set("time", str(float(vertex.get("time")) / pace))
+    root.find(".//Act").insert(0, group)
+    return ElementTree.tostring(root)
+
+
+def _row(vertex: ElementTree.Element) -> list[float]:
+    position = vertex.find("Position/WorldPosition")
+    return [float(vertex.get("time")), *(float(position.get(name, "0")) for name in "xyzhpr")]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import re
-import subprocess
 from pathlib import Path
 
 import pytest
 from lxml import etree
 
 from tests.scenario import esmini
+from tests.scenario.player import driven_without_reacting
 from tests.sim.motions import CAR, log_of, participant, straight
 from tests.verdict.crashes import CROSSROADS, record, vehicle
 from trace_dag.roads.map.writer import write_opendrive
@@ -19,6 +17,7 @@ from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.settings import SimSettings
 from trace_dag.sim.types import Body, BodyKind, SimulationLog
 
+RECORD = record(vehicle(1, 12), vehicle(2, 9))
 KEPT = Flavour(free=1, keeps_conflict=True)
 ADULT = Body(BodyKind.PEDESTRIAN, None, 0.3, 0.5, 1.75, 80.0)
 
@@ -34,35 +33,21 @@ def crossing(body: Body = CAR, speed_mps: float = 12.0) -> SimulationLog:
 
 
 def written(log: SimulationLog, flavour: Flavour) -> etree._Element:
-    return etree.fromstring(OpenScenarios(record(vehicle(1, 12), vehicle(2, 9)), CROSSROADS, log).write(flavour))
-
-
-def never_reacting(log: SimulationLog, pace: float) -> etree._Element:
-    """The scenario with somebody at the free vehicle's wheel who drives its recorded way at so many times its speed.
-    esmini takes the scale of a time reference as that."""
-    scenario, whole = written(log, KEPT), written(log, Flavour())
-    for parent, gone in (("ScenarioObject", "ObjectController"), ("PrivateAction", "ControllerAction")):
-        for element in scenario.iter(parent):
-            for child in element.findall(gone):
-                element.remove(child)
-    for empty in [each for each in scenario.iter("PrivateAction") if not len(each)]:
-        empty.getparent().remove(empty)
-    group = copy.deepcopy(whole.find(".//ManeuverGroup[@name='V1_group']"))
-    group.find(".//Timing").set("scale", str(pace))
-    scenario.find(".//Act").insert(0, group)
-    return scenario
+    return etree.fromstring(OpenScenarios(RECORD, CROSSROADS, log).write(flavour))
 
 
 @pytest.mark.parametrize("pace", [0.6, 0.8, 1.0, 1.2])
 def test_esmini_has_the_contact_at_any_pace(pace: float, tmp_path: Path) -> None:
     log = crossing()
     (tmp_path / "map.xodr").write_bytes(write_opendrive(CROSSROADS))
-    (tmp_path / "kept.xosc").write_bytes(etree.tostring(never_reacting(log, pace)))
-    arguments = ["--osc", tmp_path / "kept.xosc", "--headless", "--collision", "--fixed_timestep", "0.02"]
-    said = subprocess.run([esmini.program(), *arguments], capture_output=True, text=True, check=False, cwd=tmp_path)
-    collision = re.search(r"\[([\d.]+)\].*Collision between V1 and V2", said.stdout)
-    assert collision is not None, said.stdout
-    assert float(collision[1]) == pytest.approx(log.first_contact.time_s / pace, abs=0.15)
+    scenarios = OpenScenarios(RECORD, CROSSROADS, log)
+    contact_s = log.first_contact.time_s
+    kept = driven_without_reacting(scenarios.write(KEPT), scenarios.write(), "V1", contact_s, pace)
+    (tmp_path / "kept.xosc").write_bytes(kept)
+    collision, _, errors = esmini.play(tmp_path / "kept.xosc", 0.02, tmp_path)
+    assert not errors
+    assert collision.entities == ("V1", "V2")
+    assert collision.time_s == pytest.approx(contact_s / pace, abs=0.15)
 
 
 def test_a_vehicle_arrives_together_with_the_free_one_at_its_recorded_speed() -> None:

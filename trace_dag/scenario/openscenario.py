@@ -46,6 +46,9 @@ CONTROLLER = "free_vehicle_controller"
 
 _AFTER_CONTACT_S = 5.0  # how long a scenario with a free participant goes on after the recorded contact
 _MOST_TIMES = 2.0  # the recorded time to the contact, that a slow one may take
+_MOVES_S = (
+    0.1  # from then on a player knows how fast the free vehicle is; whoever synchronizes with one who stands stops
+)
 _BEFORE_END_S = 0.0005
 _TRAJECTORY = "_trajectory"  # end of the names of trajectories
 _AFTER_COLLISION_S = 1.0  # and after one it gets into
@@ -311,13 +314,13 @@ def _follow(name: str, driven: _Driven, flavour: Flavour, kept: KeptConflict | N
     return element(
         "ManeuverGroup",
         element("Actors", element("EntityRef", entityRef=name), selectTriggeringEntities=False),
-        element("Maneuver", event, _arriving(name, kept, flavour), name=f"{name}_maneuver"),
+        element("Maneuver", event, _arriving(name, kept), name=f"{name}_maneuver"),
         name=f"{name}_group",
         maximumExecutionCount=1,
     )
 
 
-def _arriving(name: str, kept: KeptConflict | None, flavour: Flavour) -> Element | None:
+def _arriving(name: str, kept: KeptConflict | None) -> Element | None:
     """The event in which somebody is made to arrive together with the free vehicle; None of who needs none."""
     action = None if kept is None else kept.synchronized()
     if action is None:
@@ -325,7 +328,7 @@ def _arriving(name: str, kept: KeptConflict | None, flavour: Flavour) -> Element
     return element(
         "Event",
         element("Action", action, name=f"{name}_arrives"),
-        element("StartTrigger", _group(_at_start(f"{name}_arrives_start", flavour))),
+        element("StartTrigger", _group(_when(f"{name}_arrives_start", _MOVES_S, "greaterThan"))),
         name=f"{name}_arrives_together",
         priority="parallel",
         maximumExecutionCount=1,

@@ -19,7 +19,8 @@ from trace_dag.scenario.openscenario_elements import Element, element
 from trace_dag.sim.types import SimulationLog
 
 _STANDS_MPS = 0.5
-_TOLERANCE_M = 0.5
+_BEFORE_S = 0.05
+_TOLERANCE_S = 0.02  # the same time for both: the same distance would be a longer time for the slower one
 
 
 class Motion(Protocol):
@@ -32,12 +33,13 @@ class Motion(Protocol):
 @dataclass(frozen=True)
 class KeptConflict:
     """The free vehicle by name, its and the other's places (x, y, z, heading, pitch, roll) at the contact, when that
-    was recorded (s), how fast the other one came (m/s), and whether that is a person."""
+    was recorded (s), how fast either came there (m/s), and whether the other one is a person."""
 
     free: str
     free_place: tuple[float, ...]
     place: tuple[float, ...]
     contact_s: float
+    free_mps: float
     speed_mps: float
     walks: bool
 
@@ -48,15 +50,16 @@ class KeptConflict:
         contact = next((each for each in log.contacts if free in (each.number_1, each.number_2)), None)
         if contact is None or {contact.number_1, contact.number_2} != {free, party_of_body(other)}:
             return None
-        vehicle = log.vehicle_log(other)
-        before_s = contact.time_s - 0.05
-        speed_mps = abs(float(np.interp(before_s, vehicle.time_s, vehicle.speed_mps)))
+        free_mps, speed_mps = (
+            abs(float(np.interp(contact.time_s - _BEFORE_S, each.time_s, each.speed_mps)))
+            for each in (log.vehicle_log(free), log.vehicle_log(other))
+        )
         walks = log.is_figure(other)
         if speed_mps < _STANDS_MPS and not walks:
             return None
         names = party_label(free), party_label(other)
         free_place, place = (motions[name].pose_at(contact.time_s) for name in names)
-        return cls(names[0], free_place, place, contact.time_s, speed_mps, walks)
+        return cls(names[0], free_place, place, contact.time_s, free_mps, speed_mps, walks)
 
     def timing(self) -> Element:
         """The time reference of the trajectory."""
@@ -91,8 +94,8 @@ class KeptConflict:
             _world(self.place, "TargetPosition"),
             element("FinalSpeed", element("AbsoluteSpeed", value=round(self.speed_mps, 3))),
             masterEntityRef=self.free,
-            targetToleranceMaster=_TOLERANCE_M,
-            targetTolerance=_TOLERANCE_M,
+            targetToleranceMaster=round(_TOLERANCE_S * self.free_mps, 3),
+            targetTolerance=round(_TOLERANCE_S * self.speed_mps, 3),
         )
         return element("PrivateAction", action)
 
