@@ -73,7 +73,7 @@ def play(crash: Crash, work: Path) -> Iterator[Played]:
 def rule_of(scenario: bytes) -> str:
     """What keeps the conflict."""
     for action, rule in (
-        (b"TimeHeadwayCondition", "headway"),
+        (b"RelativeSpeedToMaster", "drives ahead"),
         (b"SynchronizeAction", "arrives together"),
         (b"TimeToCollisionCondition", "person sets out"),
     ):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -32,13 +33,22 @@ def crossing(body: Body = CAR, speed_mps: float = 12.0) -> SimulationLog:
     )
 
 
+def following() -> SimulationLog:
+    """Number 1 with 15 m/s behind number 2 with 5 m/s, which it runs into after five seconds."""
+    ahead = participant(2, straight(-20.0, -1.75, 0.0, 5.0))
+    return log_of([participant(1, straight(-75.0, -1.75, 0.0, 15.0)), ahead], SimSettings(time_limit_s=9.0))
+
+
 def written(log: SimulationLog, flavour: Flavour) -> etree._Element:
     return etree.fromstring(OpenScenarios(RECORD, CROSSROADS, log).write(flavour))
 
 
+@pytest.mark.parametrize("log_of_crash", [crossing, following])
 @pytest.mark.parametrize("pace", [0.6, 0.8, 1.0, 1.2])
-def test_esmini_has_the_contact_at_any_pace(pace: float, tmp_path: Path) -> None:
-    log = crossing()
+def test_esmini_has_the_contact_at_any_pace(
+    log_of_crash: Callable[[], SimulationLog], pace: float, tmp_path: Path
+) -> None:
+    log = log_of_crash()
     (tmp_path / "map.xodr").write_bytes(write_opendrive(CROSSROADS))
     scenarios = OpenScenarios(RECORD, CROSSROADS, log)
     contact_s = log.first_contact.time_s
@@ -70,3 +80,9 @@ def test_whoever_stands_goes_by_the_clock() -> None:
     standing = participant(2, straight(0.0, -1.75, 0.0, 0.0))
     log = log_of([participant(1, straight(-60.0, -1.75, 0.0, 15.0)), standing], SimSettings(time_limit_s=9.0))
     assert written(log, KEPT).find(".//SynchronizeAction") is None
+
+
+def test_who_drives_ahead_arrives_at_the_recorded_share_of_the_free_vehicles_speed() -> None:
+    final = written(following(), KEPT).find(".//FinalSpeed/RelativeSpeedToMaster")
+    assert final.get("speedTargetValueType") == "factor"
+    assert float(final.get("value")) == pytest.approx(5.0 / 15.0, abs=0.01)

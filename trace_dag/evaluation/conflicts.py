@@ -60,6 +60,20 @@ def post_encroachment_time_s(one: VehicleLog, body_1: Body, two: VehicleLog, bod
     return float(np.abs(times_1[i] - times_2[j])[hits].min())
 
 
+_ALIKE_RAD = math.radians(45.0)
+
+
+def is_ahead(one: tuple[float, float, float], two: tuple[float, float, float]) -> bool:
+    """Whether the second goes the way of the first in front of it; each x, y (m) and heading (rad).
+
+    >>> is_ahead((0.0, 0.0, 0.0), (8.0, 0.5, 0.1)), is_ahead((0.0, 0.0, 0.0), (8.0, 0.5, 1.5))  # crosses
+    (True, False)
+    """
+    (x, y, heading), (other_x, other_y, other_heading) = one, two
+    alike = abs(math.remainder(other_heading - heading, math.tau)) < _ALIKE_RAD
+    return alike and (other_x - x) * math.cos(heading) + (other_y - y) * math.sin(heading) > 0
+
+
 _PET_STEP_S = 0.06
 
 

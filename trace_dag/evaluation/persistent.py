@@ -18,6 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.conflicts import is_ahead
 from trace_dag.evaluation.progress import RecordedWay, contact_with
 from trace_dag.evaluation.traffic import Recording
 from trace_dag.sim.driving import BodyState, Driver, Pace, PlanClock
@@ -34,7 +35,6 @@ FASTEST_PACE: Final = 1.25
 """Of who drives: about 15 km/h more at 60 km/h, what recorded and reported speeds differ by."""
 FASTEST_ON_FOOT: Final = 1.5
 """Of who walks: from usual to fast walking, 1.4 to 2.1 m/s (Bohannon, Age and Ageing 26, 1997)."""
-_ALIKE_RAD: Final = math.radians(45.0)
 _CATCHES_UP_S: Final = 2.0
 _CYCLISTS_MPS2: Final = 1.0
 _AT_LEAST_MPS: Final = 1.0  # shares of a slower speed say nothing
@@ -196,7 +196,7 @@ def met_by(case: Case, number: int) -> int | None:
 
 def _is_ahead(case: Case, ego: int, other: int, conflict_s: float) -> bool:
     """Whether another goes the agent's way in front of it when they meet."""
-    (x, y, heading), (other_x, other_y, other_heading) = (
+    one, two = (
         (
             float(np.interp(conflict_s, plan.time_s, plan.x_m)),
             float(np.interp(conflict_s, plan.time_s, plan.y_m)),
@@ -204,5 +204,4 @@ def _is_ahead(case: Case, ego: int, other: int, conflict_s: float) -> bool:
         )
         for plan in (next(each.trajectory for each in case.participants if each.number == n) for n in (ego, other))
     )
-    alike = abs(math.remainder(other_heading - heading, math.tau)) < _ALIKE_RAD
-    return alike and (other_x - x) * math.cos(heading) + (other_y - y) * math.sin(heading) > 0
+    return is_ahead(one, two)

@@ -49,6 +49,7 @@ _MOST_TIMES = 2.0  # the recorded time to the contact, that a slow one may take
 _MOVES_S = (
     0.1  # from then on a player knows how fast the free vehicle is; whoever synchronizes with one who stands stops
 )
+_ENDS_S, _GOES_ON_S = 0.1, 1.0
 _BEFORE_END_S = 0.0005
 _TRAJECTORY = "_trajectory"  # end of the names of trajectories
 _AFTER_COLLISION_S = 1.0  # and after one it gets into
@@ -128,10 +129,12 @@ class OpenScenarios:
         whole = self._driven[place]
         until_s = _followed_until_s(self._log, vehicle.number, flavour.free)
         count = sum(time_s <= until_s + SAME_TIME_S for time_s in whole.time_s)
+        if count == len(whole.time_s):
+            return whole
         cut = _Driven(whole.time_s[:count], whole.poses[:count])
-        if count == len(whole.time_s) or until_s - cut.time_s[-1] <= SAME_TIME_S:
-            return cut
-        return _Driven([*cut.time_s, round(until_s, 6)], [*cut.poses, whole.pose_at(until_s)])
+        if until_s - cut.time_s[-1] > SAME_TIME_S:
+            cut = cut.then(round(until_s, 6), whole.pose_at(until_s))
+        return cut.straight_on() if flavour.keeps_conflict else cut
 
 
 _Pose = tuple[float, ...]  # x, y, z (m), heading, pitch, roll (rad), as they are written
@@ -147,6 +150,17 @@ class _Driven(NamedTuple):
         """Where it is at a time; its headings run on."""
         columns = np.array(self.poses).T
         return tuple(round(float(np.interp(time_s, self.time_s, values)), 6) + 0.0 for values in columns)
+
+    def then(self, time_s: float, pose: _Pose) -> _Driven:
+        """The motion, and a pose after it."""
+        return _Driven([*self.time_s, time_s], [*self.poses, pose])
+
+    def straight_on(self) -> _Driven:
+        """The motion, going on as it ends for a second: who comes a frame late is not to turn away in it."""
+        end_s, last = self.time_s[-1], self.poses[-1]
+        before = self.pose_at(end_s - _ENDS_S)
+        place = (round(v + (v - u) / _ENDS_S * _GOES_ON_S, 6) for u, v in zip(before[:3], last[:3], strict=True))
+        return self.then(round(end_s + _GOES_ON_S, 6), (*place, *last[3:]))
 
 
 def _header(record: CrashRecord, flavour: Flavour) -> Element:

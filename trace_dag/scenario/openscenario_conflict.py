@@ -1,9 +1,10 @@
 """What keeps a conflict in an OpenSCENARIO file: whoever met the free vehicle comes when it comes.
 
 Vehicles go along their trajectories without a clock, and a ``SynchronizeAction`` brings them to their place of the
-contact when the free vehicle is at its own, at the speed they had there. People begin to walk when the free vehicle, at
-its pace of now, is as long from the place of the contact as it was recorded to be at the start: a time-to-collision
-condition. Everybody else goes by the clock.
+contact when the free vehicle is at its own, at the speed they had there; whoever drives ahead of it at the recorded
+share of its speed. (A headway in seconds would not do: the slower the one who follows, the longer it is.) People begin
+to walk when the free vehicle, at its pace of now, is as long from the place of the contact as it was recorded to be at
+the start: a time-to-collision condition. Everybody else goes by the clock.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from trace_dag.crash.parties import party_label, party_of_body
+from trace_dag.evaluation.conflicts import is_ahead
 from trace_dag.scenario.openscenario_elements import Element, element
 from trace_dag.sim.types import SimulationLog
 
@@ -33,7 +35,8 @@ class Motion(Protocol):
 @dataclass(frozen=True)
 class KeptConflict:
     """The free vehicle by name, its and the other's places (x, y, z, heading, pitch, roll) at the contact, when that
-    was recorded (s), how fast either came there (m/s), and whether the other one is a person."""
+    was recorded (s), how fast either came there (m/s), whether the other one is a person, and whether it drives ahead.
+    """
 
     free: str
     free_place: tuple[float, ...]
@@ -42,6 +45,7 @@ class KeptConflict:
     free_mps: float
     speed_mps: float
     walks: bool
+    leads: bool
 
     @classmethod
     def of(cls, log: SimulationLog, free: int, other: int, motions: Mapping[str, Motion]) -> KeptConflict | None:
@@ -59,7 +63,9 @@ class KeptConflict:
             return None
         names = party_label(free), party_label(other)
         free_place, place = (motions[name].pose_at(contact.time_s) for name in names)
-        return cls(names[0], free_place, place, contact.time_s, free_mps, speed_mps, walks)
+        (x, y, _, heading, *_), (other_x, other_y, _, other_heading, *_) = free_place, place
+        leads = is_ahead((x, y, heading), (other_x, other_y, other_heading))
+        return cls(names[0], free_place, place, contact.time_s, free_mps, speed_mps, walks, leads)
 
     def timing(self) -> Element:
         """The time reference of the trajectory."""
@@ -92,12 +98,18 @@ class KeptConflict:
             "SynchronizeAction",
             _world(self.free_place, "TargetPositionMaster"),
             _world(self.place, "TargetPosition"),
-            element("FinalSpeed", element("AbsoluteSpeed", value=round(self.speed_mps, 3))),
+            element("FinalSpeed", self._final_speed()),
             masterEntityRef=self.free,
             targetToleranceMaster=round(_TOLERANCE_S * self.free_mps, 3),
             targetTolerance=round(_TOLERANCE_S * self.speed_mps, 3),
         )
         return element("PrivateAction", action)
+
+    def _final_speed(self) -> Element:
+        if self.leads and self.free_mps > _STANDS_MPS:
+            share = round(self.speed_mps / self.free_mps, 4)
+            return element("RelativeSpeedToMaster", value=share, speedTargetValueType="factor")
+        return element("AbsoluteSpeed", value=round(self.speed_mps, 3))
 
 
 def _world(place: Sequence[float], name: str = "Position") -> Element:
