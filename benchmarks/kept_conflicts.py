@@ -29,6 +29,7 @@ from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 
 PACES = (0.6, 0.8, 1.0, 1.2)
 STEP_S = 0.02
+MOVES_MPS = 1.0
 ALL = "all"
 
 
@@ -55,7 +56,8 @@ def play(crash: Crash, work: Path) -> Iterator[Played]:
     scenarios = OpenScenarios(crash.record, crash.road_map, log)
     recorded = scenarios.write()
     for ego, other in (pair, pair[::-1]):
-        if log.bodies[ego].is_figure or float(abs(log.vehicle_log(ego).speed_mps).max()) < 1.0:
+        own = log.vehicle_log(ego)
+        if log.bodies[ego].is_figure or abs(own.speed_mps[own.time_s < contact.time_s]).max() < MOVES_MPS:
             continue
         for keeps in (False, True):
             free = scenarios.write(Flavour(free=ego, keeps_conflict=keeps))

@@ -77,6 +77,17 @@ def test_agents_drive_in_the_variations_of_a_crash(root: Path) -> None:
     ]
 
 
+def test_an_agent_drives_in_the_likely_courses_of_a_crash(root: Path) -> None:
+    """Whoever drives as recorded has the crash of each course."""
+    rows = evaluate(root, "--agent", "replay", "--ego", "first", "--courses", "--only", CRASHES[0])
+    assert {row["outcome"] for row in rows} == {"unchanged"}
+    assert sum(row["weight"] for row in rows) == pytest.approx(1.0)
+    found = asked(root, "SELECT key, courses, avoided FROM agent_probabilities WHERE agent = 'replay'")
+    assert found == [{"key": CRASHES[0], "courses": len(rows), "avoided": 0.0}]
+    done = trace_dag(root, "evaluate", "--agent", "replay", "--ego", "first", "--courses", "--only", CRASHES[0])
+    assert [line.split()[:2] for line in done.stdout.splitlines()[2:]] == [["replay", "all"], ["replay", CRASHES[0]]]
+
+
 def test_an_agent_that_was_only_tried_leaves_tables_and_site(finished_root: Path, tmp_path: Path) -> None:
     root = Path(shutil.copytree(finished_root, tmp_path / "root"))
     evaluate(root, "--agent", "replay", "brake", "--ego", "first", "--only", CRASHES[0])
@@ -120,6 +131,7 @@ def test_a_bound_that_cannot_be_is_named_with_what_can(bound: str, value: str, t
         (["evaluate", "--only", REJECTED], "is verified"),
         (["evaluate", "--only", "2023-510999"], "is not registered"),
         (["evaluate", "--variations"], "trace-dag vary makes them"),
+        (["evaluate", "--courses", "--departures"], "--courses are of crashes in which somebody met somebody"),
         (["vary", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
         (["vary", "--only", REJECTED], "is verified"),
     ],

@@ -38,7 +38,7 @@ EVERY_PACKAGE = {
         "replay.html",
         "picture.png",
     ),
-    *("lanes.json", "courses.json"),
+    *("lanes.json", "courses.json", "ensemble.json"),
 }
 
 

@@ -26,7 +26,7 @@ from trace_dag.messages import markdown
 from trace_dag.messages.wording import counted
 from trace_dag.scenario.share_chart import data_url, share_chart
 from trace_dag.stage import Stage
-from trace_dag.studies.cases import AgentRole, StoredCase, stored_variations, verified_cases
+from trace_dag.studies.cases import AgentRole, StoredCase, likely_courses, stored_variations, verified_cases
 from trace_dag.studies.controls import negative_controls
 from trace_dag.studies.estimators import estimators_compared, usual_estimators
 from trace_dag.studies.evaluations import evaluate_agents, try_agents
@@ -94,6 +94,7 @@ class EvaluationsConfig(CohortConfig):
     agents: list[str] = Field(default=list(BASELINES), description="Names, or module:Class.")
     ego: list[str] = Field(default=["first", "second"], description="Whose place: first, second, striking, struck.")
     variations: bool = Field(default=False, description="In the stored variations instead of the crashes.")
+    courses: bool = Field(default=False, description="In the likely courses of the crashes instead of one each.")
     rate_hz: float = Field(default=20.0, description="How often they act.")
     range_m: float = Field(default=150.0, description="How far they see.")
     noise_m: float = Field(default=0.0, description="Standard deviation of the positions they see.")
@@ -249,6 +250,8 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
         cases = _cases(workspace, config.cohort, left_out)
         if config.variations:
             cases = stored_variations(workspace, cases, on_problem=left_out.add)
+        if config.courses:
+            cases = likely_courses(cases)
         limits = AgentLimits()
         try_agents(config.agents, limits)
         rows = evaluate_agents(

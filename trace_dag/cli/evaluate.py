@@ -30,6 +30,7 @@ _FAULTS_SHOWN = 5
         "trace-dag evaluate --agent my_module:MyAgent --ego striking",
         "trace-dag evaluate --variations --by road_topology",
         "trace-dag evaluate --departures --agent idm",
+        "trace-dag evaluate --courses --agent idm --traffic persistent",
         "trace-dag evaluate --agent my_module:MyAgent --split test --results results.json",
         "trace-dag evaluate --remove my_module:MyAgent",
     ),
@@ -64,6 +65,11 @@ _FAULTS_SHOWN = 5
     "leaderboard.",
 )
 @click.option("--variations", is_flag=True, help="The stored variations of the crashes instead of the crashes.")
+@click.option(
+    "--courses",
+    is_flag=True,
+    help="The likely courses of each crash instead of one: an agent's result is a probability. Not on the leaderboard.",
+)
 @click.option("--hz", "rate_hz", type=Within(20, 100), default=20.0, show_default=True, help="How often it acts.")
 @click.option("--range-m", type=Within(min=0, max=10_000), default=150.0, show_default=True, help="How far it sees.")
 @click.option(
@@ -116,6 +122,7 @@ def evaluate(
     results: Path | None,
     departures: bool,
     variations: bool,
+    courses: bool,
     rate_hz: float,
     range_m: float,
     noise_m: float,
@@ -155,6 +162,10 @@ def evaluate(
         raise UserError("--split takes a part as a whole; leave --only and --variations away")
     if departures and (split or variations):
         raise UserError("--departures are no part of a --split, and have no --variations")
+    if courses and (departures or variations or results):
+        raise UserError(
+            "--courses are of crashes in which somebody met somebody: leave --departures, --variations, --results away"
+        )
     if results and not split:
         raise UserError("--results goes with --split: what is handed in is of one part")
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
@@ -172,6 +183,10 @@ def evaluate(
         from trace_dag.studies.cases import stored_variations
 
         cases = stored_variations(workspace, cases, on_problem=problems.add)
+    if courses:
+        from trace_dag.studies.cases import likely_courses
+
+        cases = likely_courses(cases)
     names = tuple(with_arguments(agent, arguments) for agent in agents or BASELINES)
     limits = AgentLimits(time_s=time_limit_s, memory_mb=memory_limit_mb)
     around = isolation(str(Path(root).absolute())) if isolate else None
@@ -197,6 +212,8 @@ def evaluate(
             results.write_bytes(results_file(rows, part, cohort))
     if as_json:
         write_json(rows)
+    elif courses:
+        _print_probabilities(workspace.warehouse, rows)
     else:
         classes = _classes(workspace.warehouse, by)
         _print_results(rows, lambda row: classes[row["key"]], by)
@@ -207,6 +224,16 @@ def _classes(warehouse: Path, dimension: str) -> dict[str, str]:
     from trace_dag.warehouse.query import query
 
     return dict(query(warehouse, f"SELECT key, {dimension} FROM crashes")[1])  # noqa: S608 - one of ours
+
+
+def _print_probabilities(warehouse: Path, rows: Sequence[Row]) -> None:
+    """What each agent made of each crash, and of all of them."""
+    from trace_dag.studies.summaries import probabilities_table
+    from trace_dag.warehouse.query import rows as rows_of
+
+    driven = {(row["agent"], row["key"]) for row in rows}
+    found = [row for row in rows_of(warehouse, "agent_probabilities") if (row["agent"], row["key"]) in driven]
+    print_table(*probabilities_table(found)[:2])
 
 
 def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -18,8 +18,8 @@ _Z_95 = 1.959964  # of the normal distribution, two-sided 95 %
 class ClusteredShare(NamedTuple):
     """``part`` of ``of`` runs in ``crashes`` crashes, and the 95 % interval of the share."""
 
-    part: int
-    of: int
+    part: float
+    of: float
     crashes: int
     low: float
     high: float
@@ -49,15 +49,18 @@ def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
     return clustered_share((run["key"], run["outcome"] in AVOIDED) for run in runs)
 
 
-def clustered_share(found: Iterable[tuple[str, bool]]) -> ClusteredShare:
-    """The share of what holds, given with the crash of each: percentiles of bootstrapped crashes, Wilson's interval
-    of as many crashes where it holds always or never, which a bootstrap cannot tell from certainty."""
-    parts: Counter[str] = Counter()
+def clustered_share(found: Iterable[tuple[str, float]]) -> ClusteredShare:
+    """The share of what holds, or the mean of probabilities, given with the crash of each.
+
+    The interval is of bootstrapped crashes (percentiles); where it holds always or never, which a bootstrap cannot tell
+    from certainty, Wilson's of as many crashes.
+    """
+    parts: dict[str, float] = defaultdict(float)
     runs: Counter[str] = Counter()
     for key, holds in found:
         parts[key] += holds
         runs[key] += 1
-    part, of = parts.total(), runs.total()
+    part, of = sum(parts.values()), runs.total()
     if part in (0, of):
         low, high = wilson_interval(len(runs) if part else 0, len(runs))
         return ClusteredShare(part, of, len(runs), low, high)

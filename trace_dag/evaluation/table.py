@@ -17,10 +17,11 @@ EVALUATIONS = TableSchema(
     "Agents in the place of a crash's participants, and what came of it",
     (
         Column("agent", _TEXT, "Name of the agent, and of conditions other than the usual", required=True),
-        Column("case_id", _TEXT, "Key of the crash, or of one of its variations", required=True),
+        Column("case_id", _TEXT, "Key of the crash, or of one of its variations or likely courses", required=True),
         Column("key", _TEXT, "Key of the crash", required=True),
         Column("vehicle_number", _INT, "Vehicle the agent drove", source="VEH_NO", required=True),
         Column("role", _TEXT, "striking, who closed in faster at the recorded contact, struck, or departing"),
+        Column("weight", _REAL, "Weight of a likely course among those of its crash; 1 of anything else"),
         Column("part", _TEXT, "initiator or responder, by the report"),
         Column(
             "outcome",
@@ -81,6 +82,7 @@ def row(
     evaluation: Evaluation,
     conditions: Conditions,
     *,
+    weight: float,
     split: str | None,
     agent_code: str,
     code_version: str,
@@ -94,6 +96,7 @@ def row(
         "key": evaluation.key,
         "vehicle_number": evaluation.ego,
         "role": evaluation.role,
+        "weight": weight,
         "part": evaluation.part,
         "outcome": evaluation.outcome.value,
         "fault": evaluation.fault or None,

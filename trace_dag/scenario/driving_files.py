@@ -1,7 +1,8 @@
-"""Files of a package for driving tools: ``lanes.json`` and ``courses.json``.
+"""Files of a package for driving tools: ``lanes.json``, ``courses.json`` and ``ensemble.json``.
 
 The first has every drivable lane as points, with the lanes after and beside it. The second has the motion that every
-party and every trailer would have had without the crash. Numbers are rounded to the centimetre (and a thousandth of a
+party and every trailer would have had without the crash, the third the same of parties in other courses that agree with
+the report, with their weights. Numbers are rounded to the centimetre (and a thousandth of a
 radian).
 """
 
@@ -12,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from trace_dag.crash.parties import party_label, party_of_body
+from trace_dag.evaluation.cases import BEYOND_IMPACT_S
 from trace_dag.evaluation.drives import (
     COURSE_COLUMNS,
     GOAL_HEADING_RAD,
@@ -20,12 +22,16 @@ from trace_dag.evaluation.drives import (
     STEP_S,
     Drive,
     Goal,
+    course_of,
 )
+from trace_dag.evaluation.ensemble import drawn, likely_draws
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.polylines import worth_keeping
+from trace_dag.sim.sampled import SampledRuns
+from trace_dag.states.types import StateEstimate
 
 _AS_GOOD_AS_M: Final = 0.05  # borders are simplified; nowhere are they farther than this from the map's
 _DECIMALS: Final = {"heading_rad": 3}
@@ -48,6 +54,14 @@ _COURSES: Final = {
     "route": "the lanes of lanes.json along which it was going; none where it starts in no lane",
     "goal": "of drivers: the rectangle to be reached, around its middle, along its heading; when, in seconds from the "
     "start; how far the heading may be off",
+}
+
+_ENSEMBLE: Final = {
+    "draw": "its number among the draws of states.json",
+    "weight": "how often it is taken, of all courses together 1",
+    "impact_s": "when the parties are planned to meet, from the start",
+    "friction": "of tyres on the road, as a multiple of the crash's",
+    "parties": "as in courses.json, without routes and goals",
 }
 
 
@@ -93,6 +107,37 @@ def courses_to_json(key: str, drives: Sequence[Drive]) -> bytes:
     return _json(document)
 
 
+def ensemble_to_json(key: str, estimate: StateEstimate, sampled: SampledRuns) -> bytes:
+    """The likely courses of a crash without its collision, the heaviest first, as UTF-8 JSON; the same bytes for the
+    same crash."""
+    courses = [(sample, weight, drawn(estimate, sample)) for sample, weight in likely_draws(sampled)]
+    document = {
+        "key": key,
+        "frame": _FRAME,
+        "step_s": STEP_S,
+        "columns": _ENSEMBLE,
+        "courses": [
+            {
+                "draw": sample,
+                "weight": weight,
+                "impact_s": round(course.impact_time_s, 3),
+                "friction": course.friction,
+                "parties": {
+                    str(each.number): _course(course_of(each, course.impact_time_s + BEYOND_IMPACT_S))
+                    for each in course.participants
+                },
+            }
+            for sample, weight, course in courses
+        ],
+    }
+    return _json(document)
+
+
+def _course(course: FloatArray) -> dict[str, Any]:
+    columns = zip(COURSE_COLUMNS, course.T, strict=True)
+    return {name: _rounded(values, _DECIMALS.get(name, 2)) for name, values in columns}
+
+
 def _lane(shape: LaneShape, kept: list[int], known: set[LaneRef]) -> dict[str, Any]:
     """A lane with those points of its borders that are kept."""
 
@@ -124,10 +169,7 @@ def _party(drive: Drive) -> dict[str, Any]:
         "name": party_label(drive.number),
         "pulled_by": None if party == drive.number else str(party),
         "stands": drive.is_parked,
-        "course": {
-            name: _rounded(values, _DECIMALS.get(name, 2))
-            for name, values in zip(COURSE_COLUMNS, course.T, strict=True)
-        },
+        "course": _course(course),
         "route": None if drive.route is None else [lane_id(ref) for ref in drive.route.lanes],
         "goal": None if drive.goal is None else _goal(drive.goal),
     }

@@ -27,7 +27,7 @@ from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.canvas import as_png, pixels_of
 from trace_dag.scenario.documents import render_document
-from trace_dag.scenario.driving_files import courses_to_json, lanes_to_json
+from trace_dag.scenario.driving_files import courses_to_json, ensemble_to_json, lanes_to_json
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
 from trace_dag.scenario.opendrive_objects import PlacedObject, fixed_objects, with_objects
 from trace_dag.scenario.opendrive_surroundings import surrounding_objects
@@ -252,6 +252,10 @@ def _results(crash: PackageInput) -> list[_File]:
             "what the report leaves open: draws of the crash, weighed by the report, their intervals and likely courses"
         )
         files.append(_File("intervals.json", _CC0, what, samples_to_json(crash.sampled)))
+        what = "courses that agree with the report as weighted plans of all parties, for an agent to be put into each"
+        files.append(
+            _File("ensemble.json", _CC0, what, ensemble_to_json(crash.record.key, crash.estimate, crash.sampled))
+        )
     if crash.variation is not None:
         files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
     return files

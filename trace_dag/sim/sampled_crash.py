@@ -54,9 +54,10 @@ class SampledCrash:
         back = np.flatnonzero(apart)
         return cls(lines, objects, float(_BACK_S[back[0]])) if len(back) else None
 
-    def participants(self, after_s: float) -> tuple[Participant, ...]:
-        """The parties as the simulation takes them, their plans going on until so long after the planned impact."""
-        return tuple(line.participant(self.back_s, after_s) for line in self.lines)
+    def participants(self, after_s: float, *, before_s: float = 0.0) -> tuple[Participant, ...]:
+        """The parties as the simulation takes them, their plans going on until so long after the planned impact. They
+        begin ``back_s`` before it, or ``before_s`` where that is earlier."""
+        return tuple(line.participant(max(before_s, self.back_s), after_s, self.back_s) for line in self.lines)
 
 
 def _standing(item: FixedObject) -> tuple[Shape, ...]:
@@ -109,32 +110,37 @@ class PlannedLine:
         return np.asarray(np.interp(self._from_m + ahead_m, self._station_m, self._trailing_rad))
 
     def approach(self, seconds: FloatArray, back_s: float) -> tuple[Poses, ...]:
-        """Middles and headings of its bodies at times from the planned impact, none later than ``back_s`` before it.
+        """Middles and headings of its bodies at times from the planned impact."""
+        return tuple(each.poses for each in self._shapes(self._driven(seconds, back_s)[0]))
 
-        Until then it has slowed down from the travel speed of the draw, or sped up from it, as hard as drivers do.
+    def _driven(self, seconds: FloatArray, back_s: float) -> tuple[FloatArray, FloatArray]:
+        """How far along the path it is from the planned impact (m), and how fast (m/s), at times from that.
+
+        Until ``back_s`` before it, it has slowed down from the travel speed of the draw, or sped up from it, as hard as
+        drivers do.
         """
         travel, impact = self._draw.travel_mps, self._mps
-        rate = BRAKING_MPS2 if travel > impact else STARTING_MPS2
-        before_s = -seconds - back_s
-        changing_s = np.minimum(before_s, abs(travel - impact) / rate)
-        back_m = impact * changing_s + math.copysign(rate / 2, travel - impact) * changing_s**2
-        back_m += travel * (before_s - changing_s)
-        return tuple(each.poses for each in self._shapes(-impact * back_s - back_m))
+        rate = math.copysign(BRAKING_MPS2 if travel > impact else STARTING_MPS2, travel - impact)
+        before_s = np.maximum(-seconds - back_s, 0.0)
+        changing_s = np.minimum(before_s, (travel - impact) / rate)
+        back_m = impact * changing_s + rate / 2 * changing_s**2 + travel * (before_s - changing_s)
+        return impact * np.maximum(seconds, -back_s) - back_m, impact + rate * changing_s
 
-    def participant(self, back_s: float, after_s: float) -> Participant:
-        """The party as the simulation takes it, from ``back_s`` before the planned impact."""
-        time_s = np.arange(0.0, back_s + after_s, _STEP_S)
-        x, y, z, heading = self._at(self._mps * (time_s - back_s))
-        speed = -self._mps if self._backward else self._mps
+    def participant(self, begins_s: float, after_s: float, back_s: float) -> Participant:
+        """The party as the simulation takes it, from ``begins_s`` before the planned impact."""
+        time_s = np.arange(0.0, begins_s + after_s, _STEP_S)
+        ahead_m, speed = self._driven(time_s - begins_s, back_s)
+        x, y, z, heading = self._at(ahead_m)
+        speed = -speed if self._backward else speed
         planned = participant(self._state)
-        trailing = self._trailing(np.array([-self._mps * back_s]))
+        trailing = self._trailing(ahead_m[:1])
         return replace(
             planned,
             body=replace(planned.body, mass_kg=self._draw.mass_kg),
             initial_pose=Pose(float(x[0]), float(y[0]), math.remainder(float(heading[0]), math.tau), float(z[0])),
-            initial_speed_mps=speed,
-            trajectory=Trajectory(time_s, x, y, z, heading, np.full_like(time_s, speed)),
-            skids_from_s=max(planned.skids_from_s - self._meets_s + back_s, 0.0),
+            initial_speed_mps=float(speed[0]),
+            trajectory=Trajectory(time_s, x, y, z, heading, speed),
+            skids_from_s=max(planned.skids_from_s - self._meets_s + begins_s, 0.0),
             trailer_heading_rad=0.0 if trailing is None else float(trailing[0]),
             beyond_edge=False,
             losses_of_control=(),

@@ -12,7 +12,7 @@ from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.crash_parts import part_of
 from trace_dag.evaluation.splits import Split, splits_of
-from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT, XODR, CrashArtefacts
+from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, SAMPLED, VERDICT, XODR, CrashArtefacts
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState, status_of_valid
 from trace_dag.flow.records import OnProblem, log_problem, raised
@@ -40,10 +40,13 @@ class AgentRole(StrEnum):
 
 @dataclass(frozen=True)
 class StoredCase:
-    """Where a case comes from: a verified crash, and a variation of it if ``variation`` names one."""
+    """Where a case comes from: a verified crash, a variation of it if ``variation`` names one, or a likely course of
+    it: the draw ``sample`` of its estimate, with its weight among the courses."""
 
     files: CrashFiles
     variation: str | None = None
+    sample: int | None = None
+    weight: float = 1.0
 
     @property
     def key(self) -> str:
@@ -52,7 +55,9 @@ class StoredCase:
 
     @property
     def case_id(self) -> str:
-        """The crash's key or the variation's."""
+        """The crash's key, the variation's, or the course's: the crash's with the number of the draw."""
+        if self.sample is not None:
+            return f"{self.key}-c{self.sample:02d}"
         return self.variation or self.key
 
     @property
@@ -64,6 +69,8 @@ class StoredCase:
 def load_case(stored: StoredCase) -> Case:
     """A case as it is evaluated."""
     files = stored.files.unread()
+    if stored.sample is not None:
+        return _drawn_case(stored.case_id, files, stored.sample)
     if stored.variation is None:
         return case_of(files, files.settings.sim)
     varied = read_variation(files.storage, stored.variation)
@@ -78,6 +85,25 @@ def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
     log = crash.shown_log()
     assert log is not None, "a crash with a verdict was simulated"
     return _case(crash.key, crash, hypothesis, log, surface_friction(settings, crash.load(RECORD)))
+
+
+def _drawn_case(case_id: str, files: CrashFiles, sample: int) -> Case:
+    """A likely course, simulated to know what an agent in it has to avoid."""
+    from trace_dag.evaluation.ensemble import drawn
+    from trace_dag.sim.backends import backend
+
+    crash = case_of(files, files.settings.sim)
+    course = drawn(files.load(ESTIMATE), sample)
+    case = replace(
+        crash,
+        case_id=case_id,
+        participants=course.participants,
+        objects=course.objects,
+        impact_time_s=course.impact_time_s,
+        friction=crash.friction * course.friction,
+    )
+    simulation = backend(files.settings.sim).load(case.network, case.xodr, friction=case.friction)
+    return replace(case, recorded=simulation.run(case.going_on, time_limit_s=case.end_s, objects=case.objects))
 
 
 def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: SimulationLog, friction: float) -> Case:
@@ -167,6 +193,24 @@ def verified_cases(
             "road by itself, which leaves an agent nothing to react to; evaluate --departures evaluates those"
         )
     return chosen
+
+
+def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
+    """The likely courses of some crashes, each crash's heaviest first. Raises :class:`UserError` if there are none."""
+    from trace_dag.evaluation.ensemble import likely_draws
+
+    found = [
+        replace(case, sample=sample, weight=weight)
+        for case in cases
+        if (files := case.files.unread()).has(SAMPLED)
+        for sample, weight in likely_draws(files.load(SAMPLED))
+    ]
+    if not found:
+        raise UserError(
+            f"of {counted(len(cases), 'crash', 'crashes')} asked for, no draw agrees with the report; "
+            "the setting samples says how many are made"
+        )
+    return found
 
 
 def stored_variations(

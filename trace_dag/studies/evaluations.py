@@ -76,6 +76,7 @@ def evaluate_agents(
                 results.labels[answer.step.name],
                 found,
                 conditions,
+                weight=stored.weight,
                 split=split,
                 agent_code=digests[answer.step.name],
                 code_version=code,

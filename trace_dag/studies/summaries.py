@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from trace_dag.evaluation.crash_parts import CrashPart
 from trace_dag.evaluation.metrics import AVOIDED, OFF_ROAD_S, DriveOutcome
-from trace_dag.evaluation.shares import share_avoided
+from trace_dag.evaluation.shares import clustered_share, share_avoided
 from trace_dag.evaluation.table import Row
 from trace_dag.messages.wording import percent
 from trace_dag.scenario.share_chart import Share
@@ -139,7 +139,7 @@ def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimen
         off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
         unfinished = sum(not (row.get("collided") or row.get("finished")) for row in members)
         share = share_avoided(members)
-        avoided_in = f"{percent(share.part / share.of)} ({100 * share.low:.0f} to {100 * share.high:.0f})"
+        avoided_in = _with_interval(share.part / share.of, share.low, share.high)
         shown = (
             len(members),
             share.crashes,
@@ -163,6 +163,31 @@ def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimen
     avoided = [names.index(each.replace("_", " ")) for each in AVOIDED]
     shares = [Share(line[0], sum(line[at] for at in avoided), line[2]) for line in lines if line[1] == "all"]
     return StudyTable(names, lines, shares, "Crashes avoided")
+
+
+def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
+    """How probably each agent avoids each crash, a row of ``agent_probabilities`` each, and over all of them, with 95 %
+    intervals: of a crash by its courses, of all by the crashes."""
+    lines: list[tuple[Any, ...]] = []
+    for agent in dict.fromkeys(row["agent"] for row in rows):
+        own = [row for row in rows if row["agent"] == agent]
+        share = clustered_share((row["key"], row["avoided"]) for row in own)
+        courses = sum(row["courses"] for row in own)
+        rest = [percent(sum(row[name] for row in own) / len(own)) for name in _BESIDE_AVOIDED]
+        lines.append((agent, "all", "", courses, _with_interval(share.part / share.of, share.low, share.high), *rest))
+        for row in own:
+            avoided = _with_interval(row["avoided"], row["avoided_low"], row["avoided_high"])
+            rest = [percent(row[name]) for name in _BESIDE_AVOIDED]
+            lines.append((agent, row["key"], row["vehicle_number"], row["courses"], avoided, *rest))
+    names = ["agent", "crash", "vehicle", "courses", "avoided (95 %)", *_BESIDE_AVOIDED]
+    return StudyTable(names, lines)
+
+
+_BESIDE_AVOIDED = ("stopped", "mitigated", "worse")
+
+
+def _with_interval(share: float, low: float, high: float) -> str:
+    return f"{percent(share)} ({100 * low:.0f} to {100 * high:.0f})"
 
 
 def families_table(reports: Sequence[FamilyReport]) -> StudyTable:

@@ -10,10 +10,11 @@ ORDER BY agent, case_id, vehicle_number;
 
 COMMENT ON TABLE evaluations IS 'Agents in the place of a crash''s participants, and what came of it';
 COMMENT ON COLUMN evaluations.agent IS 'Name of the agent, and of conditions other than the usual';
-COMMENT ON COLUMN evaluations.case_id IS 'Key of the crash, or of one of its variations';
+COMMENT ON COLUMN evaluations.case_id IS 'Key of the crash, or of one of its variations or likely courses';
 COMMENT ON COLUMN evaluations.key IS 'Key of the crash';
 COMMENT ON COLUMN evaluations.vehicle_number IS 'Vehicle the agent drove';
 COMMENT ON COLUMN evaluations.role IS 'striking, who closed in faster at the recorded contact, struck, or departing';
+COMMENT ON COLUMN evaluations.weight IS 'Weight of a likely course among those of its crash; 1 of anything else';
 COMMENT ON COLUMN evaluations.part IS 'initiator or responder, by the report';
 COMMENT ON COLUMN evaluations.outcome IS 'conflict_avoided, collision_avoided, stopped, mitigated, unchanged, worse or faulty';
 COMMENT ON COLUMN evaluations.fault IS 'What a faulty agent did';
