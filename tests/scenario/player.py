@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 from shapely.geometry import Polygon
 
-_STRAIGHT_ON_S = 5.0
+_STRAIGHT_ON_S, _JUST_BEFORE_S = 5.0, 0.1
 
 
 @dataclass(frozen=True)
@@ -127,20 +127,22 @@ def driven_without_reacting(scenario: bytes, recorded: bytes, name: str, until_s
             actions.remove(empty)
     group = copy.deepcopy(source.find(f".//ManeuverGroup[@name='{name}_group']"))
     line = group.find(".//Polyline")
-    vertices = list(line)
-    times = [float(each.get("time")) for each in vertices]
-    for vertex in [each for each, time_s in zip(vertices, times, strict=True) if time_s > until_s + 1e-5]:
-        line.remove(vertex)
-    rows = np.array([_row(each) for each in line])
-    ahead_m = math.hypot(*(rows[-1, 1:3] - rows[-2, 1:3])) / (rows[-1, 0] - rows[-2, 0]) * _STRAIGHT_ON_S
-    line.append(copy.deepcopy(line[-1]))
-    last, heading = line[-1], rows[-1, 4]
-    last.set("time", str(rows[-1, 0] + _STRAIGHT_ON_S))
-    place = last.find("Position/WorldPosition")
-    place.set("x", str(rows[-1, 1] + ahead_m * math.cos(heading)))
-    place.set("y", str(rows[-1, 2] + ahead_m * math.sin(heading)))
-    for vertex in line:
-        vertex.set("time", str(float(vertex.get("time")) / pace))
+    rows = np.array([_row(vertex) for vertex in line])
+
+    def at(time_s: float) -> np.ndarray:
+        return np.array([np.interp(time_s, rows[:, 0], column) for column in rows.T])
+
+    touch = at(until_s)
+    straight_on = touch + (touch - at(until_s - _JUST_BEFORE_S)) / _JUST_BEFORE_S * _STRAIGHT_ON_S
+    straight_on[4:] = touch[4:]
+    vertex = line[0]
+    line[:] = []
+    for row in [*rows[rows[:, 0] < until_s - _JUST_BEFORE_S / 100], touch, straight_on]:
+        added = copy.deepcopy(vertex)
+        added.set("time", str(row[0] / pace))
+        for axis, value in zip("xyzhpr", row[1:], strict=True):
+            added.find("Position/WorldPosition").set(axis, str(value))
+        line.append(added)
     root.find(".//Act").insert(0, group)
     return ElementTree.tostring(root)
 
