@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 import pytest
-from sample_runs import KEYS, finished, trace_dag
+from sample_runs import KEYS, finished, ingest, reports_of, trace_dag
 
 from trace_dag.errors import Reason
 from trace_dag.stage import Stage
@@ -58,6 +58,23 @@ def test_open_opens_the_page_and_prints_where_it_is(monkeypatch, tmp_path):
     done = trace_dag(tmp_path, "open")
     assert done.returncode == 2
     assert "trace-dag run makes it" in done.stderr
+
+
+def test_of_many_crashes_a_run_makes_no_pages_and_open_makes_them(monkeypatch, tmp_path):
+    opened = []
+    monkeypatch.setattr(click, "launch", opened.append)
+    root, key = tmp_path / "root", KEYS[0]
+    ingest(root, reports_of(tmp_path / "reports", (key,)))
+    (root / "settings.toml").write_text("[execution]\npages_up_to = 0\n")
+    done = trace_dag(root, "run")
+    assert done.returncode == 0, done.stderr
+    assert "trace-dag open and trace-dag release make them" in done.stdout
+    assert not list((root / "benchmark").rglob("*"))
+    assert "Nothing to run" in trace_dag(root, "run").stdout
+    done = trace_dag(root, "open", key)
+    assert done.stdout.strip() == opened[-1] == str(root / "benchmark" / "crashes" / f"{key}.html")
+    made, without = ({path.name for path in (of / "benchmark").rglob("*.*")} for of in (root, finished((key,))))
+    assert made == without, "the same pages and packages as a run makes"
 
 
 def test_settings_say_where_each_value_comes_from(tmp_path):

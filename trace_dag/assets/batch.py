@@ -83,7 +83,7 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             stages,
             run_id=context.run.run_id,
             force=force,
-            afterwards=making_at_once(workspace.storage, context.partition_keys),
+            afterwards=making_at_once(workspace.storage, context.partition_keys) if workspace.pages_in_runs else None,
         )
         summary, checks = RunSummary(), CrashChecks(context)
         failed: dict[str, StageEvent] = {}

@@ -7,10 +7,8 @@ one again from failure where a run covers a range of partitions; a backfill of *
 from dagster import AssetSelection, define_asset_job, in_process_executor
 
 from trace_dag.assets.checks import CHECKS
-from trace_dag.assets.summaries import benchmark, warehouse
+from trace_dag.assets.summaries import SUMMARY, benchmark, warehouse
 from trace_dag.stage import Stage
-
-SUMMARY = "summary"
 
 STAGES = AssetSelection.assets(*(stage.value for stage in Stage))
 

@@ -64,6 +64,10 @@ from trace_dag.warehouse import query
 _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
+PAGES_LATER = (
+    "No packages and pages were made: there are more crashes than execution.pages_up_to says. trace-dag open and "
+    "trace-dag release make them all; trace-dag replay and trace-dag export --only make those of single crashes."
+)
 # Of a crash without a package, as its page calls them.
 _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDICT}
 

@@ -77,7 +77,7 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
 def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
     with gc_paused():  # which takes an eighth of the time it takes to load Dagster
-        from trace_dag.benchmark.build import benchmark_is_whole
+        from trace_dag.benchmark.build import PAGES_LATER, benchmark_is_whole
         from trace_dag.definitions.launch import dagster_records, planned, run_batches, summarise, summary_is_current
         from trace_dag.flow.run_summary import RunSummary
 
@@ -103,13 +103,15 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
         else:
             say("Nothing to run: every crash asked for is up to date.")
         damaged = _damaged_warehouse(workspace)
-        if not damaged and not benchmark_is_whole(workspace.storage):
+        if not damaged and workspace.pages_in_runs and not benchmark_is_whole(workspace.storage):
             damaged = "Not every page and package is there as it was made."
         if damaged and not batches:
             say(f"{damaged} What is made of all crashes is made again.")
         if batches or damaged or not summary_is_current(workspace, instance):
             with progress_bar("pages") as tell_pages:
                 errors += summarise(replace(workspace, page_listener=tell_pages), instance).errors
+            if not workspace.pages_in_runs:
+                say(PAGES_LATER)
     return errors
 
 

@@ -25,10 +25,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from yaml import YAMLError  # type: ignore[import-untyped]
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
-from trace_dag.assets.jobs import SUMMARY
 from trace_dag.assets.partitions import CRASHES, add_partitions
 from trace_dag.assets.run_requests import PROCESS_TAG, batch_config, range_tags
-from trace_dag.assets.summaries import DAMAGED
+from trace_dag.assets.summaries import DAMAGED, SUMMARY
 from trace_dag.definitions import build_definitions
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.selection import PlannedBatch, Selection, has_large_map, plan, plan_maps_first
@@ -204,7 +203,8 @@ def summary_is_current(workspace: Workspace, instance: DagsterInstance) -> bool:
 
     newest = instance.get_runs(limit=1)
     done = bool(newest) and newest[0].job_name == SUMMARY and newest[0].status is DagsterRunStatus.SUCCESS
-    return done and is_built_by_this_code(workspace.warehouse) and is_made_by_this_code(Storage(workspace.root))
+    made = not workspace.pages_in_runs or is_made_by_this_code(Storage(workspace.root))
+    return done and is_built_by_this_code(workspace.warehouse) and made
 
 
 def _quiet(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -57,7 +57,11 @@ class BenchmarkSite:
                 raise FileNotFoundError(name)
             data = self._storage.read(self._inside(check_name(name)))
         except (FileNotFoundError, IsADirectoryError, ValueError, UserError, Failure):
-            await send_bytes(send, 404, f"There is no {name} in the site; trace-dag run makes it.\n".encode())
+            await send_bytes(
+                send,
+                404,
+                f"There is no {name} in the site; trace-dag run makes it, of many crashes trace-dag open.\n".encode(),
+            )
             return
         kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
         headers = [(b"content-security-policy", _SANDBOX), (b"x-content-type-options", b"nosniff")]

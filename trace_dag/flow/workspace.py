@@ -83,6 +83,11 @@ class Workspace:
         return Registry(self.storage)
 
     @property
+    def pages_in_runs(self) -> bool:
+        """Whether runs make packages and pages: not where there are many crashes, of which few will be looked at."""
+        return len(self.registry.keys()) <= self.settings.execution.pages_up_to
+
+    @property
     def local_folder(self) -> Path:
         """A local folder for what must be local (Dagster's database, the warehouse being built).
 
