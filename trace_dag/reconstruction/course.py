@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.reconstruction.default_simulation import DEFAULTS
+from trace_dag.sim.crash_run import CrashRun
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.matching import Happening, Matching, expected_of, happenings, happenings_of, match
 from trace_dag.sim.run import participant
@@ -17,6 +18,7 @@ from trace_dag.states.scene import Scene
 from trace_dag.states.types import LossOfControl, ParticipantState
 
 _States: TypeAlias = tuple[ParticipantState, ...]
+_Simulated: TypeAlias = tuple[CrashRun, SimulationLog]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +39,14 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The crash so far: who takes part, what stands there, what comes of it, and the events planned so far."""
+    """The crash so far: who takes part, what stands there, what comes of it, and the events planned so far.
+
+    ``run`` is what ``log`` was logged of; it can be gone on with.
+    """
 
     states: tuple[ParticipantState, ...]
     objects: tuple[FixedObject, ...]
+    run: CrashRun
     log: SimulationLog
     events: tuple[CrashEvent, ...]
     matching: Matching
@@ -82,7 +88,7 @@ class Search:
     simulation: EmbeddedSimulation
     lead_s: float
     # By the log of a course, which follows from its states and objects, and who loses control of it: what it comes to.
-    _lost: dict[tuple[SimulationLog, int, tuple[LossOfControl, ...]], tuple[_States, SimulationLog]] = field(
+    _lost: dict[tuple[SimulationLog, int, tuple[LossOfControl, ...]], tuple[_States, _Simulated]] = field(
         default_factory=dict
     )
 
@@ -102,10 +108,11 @@ class Search:
             strange = match(happenings(contacts), expected, order_known=known).strange
             return all(each.pair in usual for each in strange)
 
-        log = self.log(plan.states, plan.objects, comes_right)
+        run, log = self._simulated(plan.states, plan.objects, comes_right)
         return Course(
             plan.states,
             plan.objects,
+            run,
             log,
             tuple(events),
             self.matching(log, events),
@@ -125,25 +132,26 @@ class Search:
         key = course.log, state.vehicle_number, state.losses_of_control
         if key not in self._lost:
             states = tuple(state if s.vehicle_number == state.vehicle_number else s for s in course.states)
-            self._lost[key] = states, self.log(states, course.objects, None)
-        states, log = self._lost[key]
-        return replace(course, states=states, log=log, matching=self.matching(log, course.events))
+            self._lost[key] = states, self._simulated(states, course.objects)
+        states, (run, log) = self._lost[key]
+        return replace(course, states=states, run=run, log=log, matching=self.matching(log, course.events))
 
     def to_the_end(self, course: Course) -> Course:
-        """The course simulated until everybody is at rest, whatever touches."""
-        log = self.log(course.states, course.objects, None)
+        """The course simulated on until everybody is at rest, whatever touches."""
+        log = course.run.log()
         return replace(course, log=log, matching=self.matching(log, course.events))
 
     def matching(self, log: SimulationLog, events: Sequence[CrashEvent]) -> Matching:
         """The events in a simulation."""
         return match(happenings_of(log), expected_of(events), order_known=self.sequence.order_known)
 
-    def log(
+    def _simulated(
         self,
         states: Sequence[ParticipantState],
         objects: tuple[FixedObject, ...],
-        as_long_as: Callable[[Sequence[Contact]], bool] | None,
-    ) -> SimulationLog:
+        as_long_as: Callable[[Sequence[Contact]], bool] | None = None,
+    ) -> _Simulated:
         """What comes of these parties and objects, as long as the contacts are as asked for."""
         parties = tuple(map(participant, states))
-        return self.simulation.run(parties, time_limit_s=DEFAULTS.time_limit_s, objects=objects, as_long_as=as_long_as)
+        run = self.simulation.begin(parties, time_limit_s=DEFAULTS.time_limit_s, objects=objects)
+        return run, run.log(as_long_as=as_long_as)

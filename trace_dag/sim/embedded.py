@@ -9,7 +9,7 @@ While nothing can touch, each body moves by the same scheme by itself. Nothing i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 
 import numpy as np
@@ -22,7 +22,7 @@ from trace_dag.sim.driving import Driver
 from trace_dag.sim.plan import check_participants
 from trace_dag.sim.roadside_terrain import RoadsideTerrain
 from trace_dag.sim.surface import NetworkSurface, Surface
-from trace_dag.sim.types import BodyKind, Contact, Participant, SimulationLog
+from trace_dag.sim.types import BodyKind, Participant, SimulationLog
 from trace_dag.states.objects import FixedObject
 from trace_dag.states.types import Trajectory
 
@@ -81,15 +81,14 @@ class EmbeddedSimulation:
         drivers: Mapping[int, Driver] | None = None,
         after_contact_s: float | None = None,
         objects: tuple[FixedObject, ...] = (),
-        as_long_as: Callable[[Sequence[Contact]], bool] | None = None,
     ) -> SimulationLog:
-        """Simulate until rest or ``time_limit_s``, no longer than ``as_long_as`` holds for the contacts so far.
+        """Simulate until rest or ``time_limit_s``.
 
         Raises :class:`trace_dag.errors.Failure` for a plan nobody can drive.
         """
         run = self.begin(participants, time_limit_s=time_limit_s, drivers=drivers, objects=objects)
         after_s = math.inf if after_contact_s is None else after_contact_s
-        log = run.log(after_contact_s=after_s, as_long_as=as_long_as)
+        log = run.log(after_contact_s=after_s)
         run.release()
         return log
 
