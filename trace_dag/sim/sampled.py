@@ -187,7 +187,7 @@ def _log_likelihood(record: CrashRecord, seen: SampledContact, place_xy_m: tuple
     if len(bearings) == 2:
         found += float(manner_log_likelihood(record, bearings[0][1], bearings[1][1])[0])
     away_m = math.hypot(seen.x_m - place_xy_m[0], seen.y_m - place_xy_m[1])
-    return found + float(place_log_likelihood(np.array(away_m)))
+    return found + float(place_log_likelihood(record, np.array(away_m)))
 
 
 def _with_weights(weighed: Sequence[tuple[SampledContact, float]]) -> tuple[SampledContact, ...]:

@@ -85,7 +85,10 @@ def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
         return []
     order = sorted(range(len(found)), key=lambda index: (-round(found[index].log_prior, 6), index))
     best = found[order[0]].log_prior
-    worth = [found[i] for i in order if found[i].log_prior >= best - PRIOR_REACH][:MAX_SOLVED]
+    likely = [found[i] for i in order if found[i].log_prior >= best - PRIOR_REACH]
+    sides = first_of_groups(likely, _sides)
+    leading = set(map(id, sides))
+    worth = [*sides, *(each for each in likely if id(each) not in leading)][:MAX_SOLVED]
     solved = [solution for each in worth if (solution := solve(each, scene.record, *scene.place_xy_m)) is not None]
     return sorted(solved, key=lambda solution: (-solution.score, solution.name))
 
@@ -95,13 +98,15 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
 
     ``solutions``: best first, as :func:`solve_all` has them.
 
-    Hypotheses with the same approaches and roles differ in detail only. The best of each such group comes first, then
-    all the others.
+    Hypotheses from the same sides, with the same roles, differ in detail only. The best of each such group comes first,
+    then all the others.
 
     >>> ranked(scene, [], StateSettings())  # nothing to keep
     ((), 0.0)
     """
-    chosen = leaders_first(solutions, _group)[: ASSEMBLED * settings.max_hypotheses]
+    chosen = leaders_first(solutions, lambda solution: _sides(solution.candidate))[
+        : ASSEMBLED * settings.max_hypotheses
+    ]
     kept: list[tuple[int, int, Solution, Hypothesis]] = []
     flawless = 0
     for solution in chosen:
@@ -115,18 +120,17 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
     kept.sort(key=lambda each: each[:2])
     if not kept:
         return (), 0.0
-    unsure = ambiguity(kept[0][2].score, (leader.score for leader in first_of_groups(solutions, _group)))
+    unsure = ambiguity(
+        kept[0][2].score,
+        (leader.score for leader in first_of_groups(solutions, lambda solution: _sides(solution.candidate))),
+    )
     return tuple(each[3] for each in kept[: settings.max_hypotheses]), unsure
 
 
-def _group(solution: Solution) -> tuple[str, ...]:
-    scenario = solution.candidate.scenario
-    return (
-        scenario.relation,
-        str(scenario.mover.vehicle.number),
-        solution.mover.option.approach.name,
-        solution.other.option.approach.name,
-    )
+def _sides(candidate: Candidate) -> tuple[str, int, int, int]:
+    scenario = candidate.scenario
+    sides = candidate.mover.approach.side, candidate.other.approach.side
+    return (scenario.relation, scenario.mover.vehicle.number, *sides)
 
 
 def _why_not(scene: Scene, readings: tuple[PreCrashScenario, ...], found: list[Candidate]) -> str:

@@ -6,6 +6,7 @@ A chain of lanes followed upstream and downstream of the crash, with the smooth 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -109,6 +110,12 @@ class Approach:
         """Direction of travel before the crash (before the turn, if the lanes turn)."""
         at = self.turn_from_m if self.turn is not None else self.station_m
         return self.path.pose(max(at - 10.0, 0.0)).heading_rad
+
+    @property
+    def side(self) -> int:
+        """The eighth of the compass it heads for, 0 for east, counter-clockwise: approaches of one side differ in their
+        lanes alone."""
+        return round(self.heading_rad / (math.pi / 4)) % 8
 
     @property
     def course_rad(self) -> float:

@@ -54,10 +54,9 @@ def check(
     checks = list(_contact(participants, lead_time_s))
     x_m, y_m = solution.contact_xy_m
     distance = math.hypot(x_m - solution.place_xy_m[0], y_m - solution.place_xy_m[1])
+    most_m = max(MAX_PLACE_M, solution.place_accuracy_m)
     checks.append(
-        EstimateCheck(
-            "place", distance <= MAX_PLACE_M, f"{distance:.2f} m from the reported place, at most {MAX_PLACE_M:g}"
-        )
+        EstimateCheck("place", distance <= most_m, f"{distance:.2f} m from the reported place, at most {most_m:g}")
     )
     for participant in participants:
         party = records[participant.vehicle_number]

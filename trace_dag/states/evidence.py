@@ -327,10 +327,13 @@ def _on_face(along: FloatArray, face: str) -> NDArray[np.bool_]:
 _FACE_COSINE = math.cos(math.radians(55))  # corners belong to both faces
 
 
-def place_log_likelihood(distance_m: FloatArray) -> FloatArray:
+def place_log_likelihood(record: CrashRecord, distance_m: FloatArray) -> FloatArray:
     """Log-likelihood of a contact at this distance (metres) from the reported place.
 
-    >>> place_log_likelihood(np.array([PLACE_SIGMA_M])).tolist()
+    A register says how far its points usually are from the crash; FARS' are taken for good to 2.5 m.
+
+    >>> place_log_likelihood(record, np.array([PLACE_SIGMA_M])).tolist()
     [-0.5]
     """
-    return np.asarray(-0.5 * (distance_m / PLACE_SIGMA_M) ** 2)
+    sigma_m = max(PLACE_SIGMA_M, record.position_accuracy_m or 0.0)
+    return np.asarray(-0.5 * (distance_m / sigma_m) ** 2)

@@ -275,7 +275,9 @@ def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> fl
     ahead = option.approach.path.pose(option.station_m).forward
     along, across = float(missing @ ahead), float(ahead[0] * missing[1] - ahead[1] * missing[0])
     beside = stand.zone is not Zone.CARRIAGEWAY
-    return float(place_log_likelihood(np.array(math.hypot(along, across * (_ACROSS_SAYS if beside else 1.0)))))
+    return float(
+        place_log_likelihood(scene.record, np.array(math.hypot(along, across * (_ACROSS_SAYS if beside else 1.0))))
+    )
 
 
 # --- hypotheses ------------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from trace_dag.states.path_pairs import (
     ways,
 )
 from trace_dag.states.pre_crash_scenarios import PreCrashScenario
-from trace_dag.states.scene import ON_ROAD_M, Scene
+from trace_dag.states.scene import Scene
 from trace_dag.units import wrap_angle
 
 CROSSING_RAD = (math.radians(15), math.radians(165))
@@ -35,8 +35,8 @@ def crossing(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
     {False}
     """
     mover, other = scenario.mover, scenario.other
-    others = _usable(scene.approaches, other.turn)
-    for approach in _usable(scene.approaches, mover.turn):
+    others = _usable(scene, other.turn)
+    for approach in _usable(scene, mover.turn):
         for target in others:
             angle = wrap_angle(approach.heading_rad - target.heading_rad)
             if not CROSSING_RAD[0] <= abs(angle) <= CROSSING_RAD[1]:
@@ -53,9 +53,9 @@ def crossing(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
                     yield PathPair(option, steady, mover_speed, other_speed, False, terms)
 
 
-def _usable(approaches: tuple[Approach, ...], turn: Turn | None) -> list[Approach]:
-    through = [approach for approach in approaches if approach.turn is None and abs(approach.offset_m) <= 2 * ON_ROAD_M]
-    return through if turn is None else turning_approaches(approaches, turn) or through
+def _usable(scene: Scene, turn: Turn | None) -> list[Approach]:
+    through = [each for each in scene.through if abs(each.offset_m) <= 2 * scene.on_road_m]
+    return through if turn is None else turning_approaches(scene.approaches, turn) or through
 
 
 def backing(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import Final, TypeVar
+from typing import Final, Protocol, TypeVar
 
-Found = TypeVar("Found")
-
+_NAMED: Final = math.log(0.05)  # beside the best, of a group that comes before the details of others
 _DECIMALS: Final = 6
 _FARTHEST: Final = 50.0  # log-likelihoods farther apart than this have weights that differ by more than any decimals
+
+
+class HasScore(Protocol):
+    """Something with a log-likelihood."""
+
+    @property
+    def score(self) -> float:
+        """Log-likelihood."""
+
+
+Found = TypeVar("Found")
+Ranked = TypeVar("Ranked", bound=HasScore)
 
 
 class Scored:
@@ -35,13 +46,17 @@ def first_of_groups(ordered: Iterable[Found], group_of: Callable[[Found], Hashab
     return list(first.values())
 
 
-def leaders_first(ordered: Sequence[Found], group_of: Callable[[Found], Hashable]) -> list[Found]:
-    """The first of each group and then the others, both in their order: members of a group differ in detail only.
+def leaders_first(ordered: Sequence[Ranked], group_of: Callable[[Ranked], Hashable]) -> list[Ranked]:
+    """The first of each group and then the others, both in their order, the best first: members of a group differ in
+    detail only. Groups that are less than a twentieth as likely as the best have no place in front.
 
-    >>> leaders_first([1, 3, 2, 4], lambda number: number % 2)  # odd, even
-    [1, 2, 3, 4]
+    >>> from types import SimpleNamespace
+    >>> tried = (("west", -1), ("west", -2), ("east", -3), ("north", -9))
+    >>> found = [SimpleNamespace(side=side, score=score) for side, score in tried]
+    >>> [each.score for each in leaders_first(found, lambda each: each.side)]
+    [-1, -3, -2, -9]
     """
-    leaders = first_of_groups(ordered, group_of)
+    leaders = [each for each in first_of_groups(ordered, group_of) if each.score >= ordered[0].score + _NAMED]
     leading = {id(each) for each in leaders}
     return [*leaders, *(each for each in ordered if id(each) not in leading)]
 

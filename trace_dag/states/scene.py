@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 CARRIAGEWAY_REACH_M = 120.0
 BESIDE_ROAD_M = 5.0  # a reported point this near to its carriageway is used as it is
-ON_ROAD_M = 8.0  # the crash was not on a lane whose centre is farther away
+_ON_ROAD_M = 8.0  # the crash was not on a lane whose centre is farther away
 
 
 def place_of(placement: CrashPlacement) -> tuple[float, float]:
@@ -46,6 +46,12 @@ class Scene:
         """Where the impact should be."""
         return place_of(self.placement)
 
+    @property
+    def on_road_m(self) -> float:
+        """How far from the reported point the centre of a lane can be on which the crash was: as much farther as the
+        point can be off."""
+        return _ON_ROAD_M + (self.record.position_accuracy_m or 0.0)
+
     @cached_property
     def carriageway(self) -> Area:
         """The area that traffic drives on around the crash, at its level."""
@@ -65,5 +71,5 @@ class Scene:
 
     def on_road(self, wanted: list[Approach]) -> list[Approach]:
         """Streams that pass within a lane or two of the crash, else the nearest ones."""
-        near = [approach for approach in wanted if abs(approach.offset_m) <= ON_ROAD_M]
+        near = [approach for approach in wanted if abs(approach.offset_m) <= self.on_road_m]
         return near or wanted[:2]

@@ -51,6 +51,7 @@ class Solution:
     contact_xy_m: tuple[float, float]
     place_xy_m: tuple[float, float]  # where the contact should be
     terms: dict[str, float] = field(default_factory=dict)
+    place_accuracy_m: float = 0.0  # how far the reported place usually is from the crash, where that is known
 
     @property
     def score(self) -> float:
@@ -86,7 +87,7 @@ def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> 
         areas = impact_area_log_likelihood(scenario.mover.vehicle, contacts.bearing_1_rad)
         areas = areas + impact_area_log_likelihood(scenario.other.vehicle, contacts.bearing_2_rad)
         areas = areas + manner_log_likelihood(record, contacts.bearing_1_rad, contacts.bearing_2_rad)
-        score = areas + place_log_likelihood(_unslidable(candidate, slides, contacts, x_m, y_m))
+        score = areas + place_log_likelihood(record, _unslidable(candidate, slides, contacts, x_m, y_m))
         # Along one road many timings differ in nothing but the place: keep one of them while sliding.
         timing = contacts.time_1_s - contacts.time_2_s
         index = int(np.argmax(np.round(_steadied(score) - _TIMING_COST * np.abs(timing - ahead_s), 6)))
@@ -205,7 +206,7 @@ def _solution(
     if manner:
         terms["manner of collision"] = manner
     distance = math.hypot(contacts.x_m[index] - x_m, contacts.y_m[index] - y_m)
-    terms["place of the impact"] = float(place_log_likelihood(np.array(distance)))
+    terms["place of the impact"] = float(place_log_likelihood(record, np.array(distance)))
     for vehicle, option, moved in zip(vehicles, (candidate.mover, candidate.other), slide, strict=True):
         if option.turn is not None and moved:
             terms[f"place of the turn (vehicle {vehicle.number})"] = -0.5 * (moved / TURN_SLIDE_SIGMA_M) ** 2
@@ -223,9 +224,9 @@ def _solution(
         term = _turning_term(party.vehicle, each)
         if term:
             terms[f"turned at the impact (vehicle {party.vehicle.number})"] = term
-    return Solution(
-        candidate, placed[0], placed[1], (float(contacts.x_m[index]), float(contacts.y_m[index])), (x_m, y_m), terms
-    )
+    contact_xy_m = (float(contacts.x_m[index]), float(contacts.y_m[index]))
+    accuracy_m = record.position_accuracy_m or 0.0
+    return Solution(candidate, placed[0], placed[1], contact_xy_m, (x_m, y_m), terms, accuracy_m)
 
 
 def _placed(option: Option, mover: Mover, time_s: float, bearing_rad: float) -> Placed:

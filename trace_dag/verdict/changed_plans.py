@@ -29,7 +29,7 @@ from trace_dag.states.types import EstimatorRun, Hypothesis, Manoeuvre, Particip
 from trace_dag.states.walking_directions import CROSSING, reported_directions
 from trace_dag.verdict.controls import ControlRow, JudgedCrash, row_of
 from trace_dag.verdict.judge import judge_hypothesis
-from trace_dag.verdict.rules import RULE_SETS
+from trace_dag.verdict.rules import limits_of
 
 STANDING_MPS: Final = 1.0
 """A vehicle slower than this at the planned contact stands there for what a delay can do."""
@@ -284,7 +284,7 @@ def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> ChangedPlan |
         along_rad = contact.pose_1.heading_rad if place is None else place.along_rad
         along = np.array([math.cos(along_rad), math.sin(along_rad)])
         extent_m = float(np.ptp(rectangle_corners(first.pose, first.length_m, first.width_m) @ along))
-        allowed_m = (RULE_SETS[settings.rule_set].limits or settings).max_contact_distance_m
+        allowed_m = limits_of(crash.record, settings).max_contact_distance_m
         farther_m = math.copysign(allowed_m + extent_m, float(along @ np.array([contact.x_m, contact.y_m])))
         moved = first.pose.xy_m + farther_m * along
     pose = replace(first.pose, x_m=float(moved[0]), y_m=float(moved[1]))

@@ -131,6 +131,18 @@ RULE_SETS: dict[RuleSetName, RuleSet] = {
 }
 
 
+def limits_of(record: CrashRecord, settings: VerdictSettings) -> VerdictSettings:
+    """The limits of a set of rules for one report: no contact has to be nearer to a reported point than its register
+    knows the point.
+
+    >>> limits_of(record, VerdictSettings()).max_contact_distance_m
+    5.0
+    """
+    limits = RULE_SETS[settings.rule_set].limits or settings
+    known_m = max(limits.max_contact_distance_m, record.position_accuracy_m or 0.0)
+    return limits.model_copy(update={"max_contact_distance_m": known_m})
+
+
 @dataclass(frozen=True)
 class Judgement:
     """What criteria add up to: ``reason`` and ``detail`` say why a crash is not accepted."""
@@ -177,7 +189,7 @@ class Comparison:
     @property
     def limits(self) -> VerdictSettings:
         """Where the limits stand."""
-        return self.rules.limits or self.settings
+        return limits_of(self.record, self.settings)
 
     def seen(self, event: CrashEvent) -> ObservedEvent | None:
         """What an event is in the simulation; None if it does not happen in its turn."""

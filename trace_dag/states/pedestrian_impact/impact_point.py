@@ -151,7 +151,7 @@ def _station(
         heading = heading + math.pi
     contact_x = px + point.ahead_m * np.cos(heading) - point.left_m * np.sin(heading)
     contact_y = py + point.ahead_m * np.sin(heading) + point.left_m * np.cos(heading)
-    score = evidence.place_log_likelihood(np.hypot(contact_x - x, contact_y - y))
+    score = evidence.place_log_likelihood(scene.record, np.hypot(contact_x - x, contact_y - y))
     if crosswalks is not None:
         score = score + crosswalks.log_likelihood(contact_x, contact_y)
     if option.turn is not None:

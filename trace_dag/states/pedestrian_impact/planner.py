@@ -132,10 +132,10 @@ class ImpactPlan(Scored):
         )
 
     @property
-    def group(self) -> tuple[str, ...]:
+    def group(self) -> tuple[int, str, str]:
         """Plans of one group differ in detail only."""
         option = self.drive.option
-        return option.approach.name, option.manoeuvre.value, self.walk.reading.course.value
+        return option.approach.side, option.manoeuvre.value, self.walk.reading.course.value
 
 
 def person_kind_of(person: NonMotorist) -> PartyKind:
@@ -359,7 +359,11 @@ def _contact_terms(
     along, across = drive.option.approach.path.pose(drive.station_m).forward @ np.array([x, y]), 0.0
     if drive.option.manoeuvre is not Manoeuvre.LEAVE_ROAD:
         across = math.sqrt(max(x * x + y * y - float(along) ** 2, 0.0))
-    terms = {"place of the impact": float(evidence.place_log_likelihood(np.array(math.hypot(float(along), across))))}
+    terms = {
+        "place of the impact": float(
+            evidence.place_log_likelihood(scene.record, np.array(math.hypot(float(along), across)))
+        )
+    }
     vehicle = replace(strike.vehicle, impact=strike.area)
     bearing = body_bearing_rad(*vehicle.clock_body(drive.pose), np.array(contact_xy_m))
     if strike.area is not None:

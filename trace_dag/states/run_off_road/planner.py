@@ -104,7 +104,7 @@ def departure_hypotheses(scene: Scene, departure: Departure, *, lead_s: float, m
     if not plans:
         detail = scene.no_way_that(f"leads off the road to the {departure.side}")
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.approaches))
-    chosen = leaders_first(plans, lambda plan: plan.option.approach.name)[:most]
+    chosen = leaders_first(plans, lambda plan: plan.option.approach.side)[:most]
     return tuple(_hypothesis(scene, plan, lead_s) for plan in chosen)
 
 
