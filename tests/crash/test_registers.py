@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from trace_dag.crash.completed_record import complete_record
+from trace_dag.crash.completeness import check
 from trace_dag.crash.keys import parse_key, register_key
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.record import Heading, Moment, Octant, Origin, PreCrashMovement, Severity, origins
@@ -16,6 +17,7 @@ from trace_dag.crash.registers.mapping import read_mapping, shipped
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_record import reported_from_json, reported_to_json
 from trace_dag.errors import Rejection, UserError
+from trace_dag.settings import CrashSettings
 
 TEMPE = {
     "Incidentid": "1001", "DateTime": "3/4/15 17:05 ", "Year": "2015", "StreetName": "First St",
@@ -113,6 +115,8 @@ def test_a_person_may_be_the_first_unit(tmp_path):
     (event,) = record.events
     assert (event.party_1, event.party_2) == (2, 1001)  # the vehicle strikes the person
     assert record.non_motorists[0].heading == Heading(Octant.EAST)
+    check(record, CrashSettings())  # where it went tells enough, though not where on the road it was
+
 
 
 def test_values_that_are_not_mapped_are_counted_and_not_known(tmp_path):

@@ -241,6 +241,8 @@ def _place_of_person(record: CrashRecord, strike: CrashEvent) -> str | None:
     person = strike.person
     if person.place_code is not None or REL_ROAD.known(record.road_relation_code) is not None:
         return None
+    if person.heading is not None:
+        return None  # where it went, beside where the vehicle went, tells more than where it was
     if person.kind is PartyKind.ANIMAL:
         return "nothing tells where the animal was: REL_ROAD is not known"
     return (
