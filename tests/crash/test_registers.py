@@ -118,7 +118,6 @@ def test_a_person_may_be_the_first_unit(tmp_path):
     check(record, CrashSettings())  # where it went tells enough, though not where on the road it was
 
 
-
 def test_values_that_are_not_mapped_are_counted_and_not_known(tmp_path):
     rows = [{**TEMPE, "Incidentid": str(number), "Weather": "Locusts"} for number in (1, 2)]
     read = table(tmp_path, "tempe", *rows)

@@ -12,6 +12,7 @@ from typing import Final
 
 from trace_dag.crash.classes import CollisionType, RoadTopology
 from trace_dag.crash.codes.events import HARM_EV
+from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH2
 from trace_dag.crash.crash_types import CrashType, EncounterRole, Relation, Side, crash_type_of, critical_event
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.units import clock_difference_h, wrap_angle
@@ -130,7 +131,7 @@ def _crash_type(
         )
     found = f"{_relation_deg(seen, other):.0f} deg between the courses, turned {seen.turn_deg:+z.0f} deg, struck at "
     found += f"{seen.clock_h:.1f} o'clock"
-    reported = f"ACC_TYPE {code}"
+    reported = ACC_TYPE.meaning(code)
     yield Fact("crash type", ComparedWith.COURSE, Agreement.of(agrees), reported, found, True, vehicle.number)
 
 
@@ -174,7 +175,7 @@ def _critical_event(
     relation = critical_event(vehicle.critical_event_code).relation
     if relation is not None:
         agrees = _is_relation(relation, record, seen, other)
-        reported = f"P_CRASH2 {vehicle.critical_event_code}"
+        reported = P_CRASH2.meaning(vehicle.critical_event_code)
         found = f"{_relation_deg(seen, other):.0f} deg between the courses"
         yield Fact(
             "critical event", ComparedWith.COURSE, Agreement.of(agrees), reported, found, vehicle_number=vehicle.number
