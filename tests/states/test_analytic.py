@@ -22,6 +22,7 @@ from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
 from trace_dag.errors import Failure, Reason, Rejection
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.states.alternatives import bearing_from_rad
 from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_from_json, estimate_to_json
 from trace_dag.states.types import SpeedSource, StateEstimate
@@ -95,6 +96,27 @@ def test_hypotheses_are_ranked_and_their_evidence_adds_up(sample):
         assert 0 <= made.ambiguity <= 1
         assert len(made.hypotheses) <= SETTINGS.states.max_hypotheses
         assert len({hypothesis.name for hypothesis in made.hypotheses}) == len(made.hypotheses)
+
+
+def test_another_side_comes_before_other_lanes_where_the_point_leaves_it_open():
+    """Two cars going straight over a crossing of four ways, and nothing else told. A point exact to 2.5 m is in one
+    quarter of the crossing, where cars of two sides alone meet; a point that is off by 15 m tells no quarter."""
+    case = sample_case("2023-319001")
+    untold = {"crash_type_code": None, "critical_event_code": None, "impact": None, "travel_speed_mps": None}
+    vehicles = tuple(dataclasses.replace(vehicle, **untold) for vehicle in case.record.vehicles)
+    exact = dataclasses.replace(case.record, vehicles=vehicles)
+
+    def sides(record):
+        made = estimate(record, case.network, case.report, SETTINGS.states)
+        bearings = [[bearing_from_rad(state) for state in each.participants] for each in made.hypotheses]
+        return made, [tuple(round(bearing / (math.pi / 2)) for bearing in each) for each in bearings]
+
+    made, found = sides(exact)
+    assert len(set(found)) == 1
+    assert made.ambiguity < 0.05
+    made, found = sides(dataclasses.replace(exact, position_accuracy_m=15.0))
+    assert found[1] != found[0]
+    assert made.ambiguity > 0.1
 
 
 def test_the_same_json_twice_and_in_another_process():

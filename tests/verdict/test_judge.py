@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,6 +70,14 @@ def test_a_head_on_crash_as_reported_is_accepted() -> None:
         assert verdict.criterion("clock_error", number).value < 0.6
         assert min(verdict.criterion("pdof", number).value, 360 - verdict.criterion("pdof", number).value) < 30.0
     assert 35.0 / 2 <= verdict.criterion("delta_v", 1).value < 35.0 * 1.1 / 2  # little comes back at 35 m/s
+
+
+@pytest.mark.parametrize(("known_to_m", "accepted"), [(None, False), (4.0, False), (15.0, True)])
+def test_a_contact_may_be_as_far_off_as_the_register_knows_the_point(known_to_m: float | None, accepted: bool) -> None:
+    far = tuple(moved(trajectory, 6.0, 0.0) for trajectory in HEAD_ON)  # 5 m are allowed, or what is known
+    verdict = verdict_of(far, replace(HEAD_ON_RECORD, position_accuracy_m=known_to_m))
+    assert verdict.accepted is accepted, verdict.detail
+    assert verdict.reason is (None if accepted else Reason.WRONG_LOCATION)
 
 
 def test_a_side_impact_as_reported_is_accepted() -> None:

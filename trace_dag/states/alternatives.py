@@ -36,8 +36,9 @@ class Alternatives:
 def alternatives(estimate: StateEstimate) -> Alternatives | None:
     """What else can have happened; None where the best hypothesis is likelier than all others together.
 
-    >>> alternatives(state_estimate).clause
-    '2 other courses, in other lanes or at other speeds, have 63 % together: the report does not say'
+    >>> from dataclasses import replace
+    >>> alternatives(replace(state_estimate, ambiguity=0.63)).clause.split(";")[0]
+    'vehicle 1 from the west (37 %) or from the north (10 %)'
     """
     if estimate.ambiguity <= UNSURE:
         return None
