@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,8 @@ import pytest
 import sample_runs
 import yaml
 from command_lines import taken_by
+from loopback import serving
+from model_server import KEY, MODEL, narrating
 
 from tests.crash.test_registers import TEMPE
 
@@ -86,7 +89,19 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(REPOSITORY)) for path in PAGES])
-def test_what_a_page_says_to_type_works_from_its_first_line_to_its_last(path: Path, folder: Path):
+def test_what_a_page_says_to_type_works_from_its_first_line_to_its_last(
+    path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    with ExitStack() as running:
+        if path.name == "narratives.md":  # a model that has read them
+            server = running.enter_context(serving(narrating()))
+            monkeypatch.setenv("TRACE_DAG_STATES__LLM_MODEL", MODEL)
+            monkeypatch.setenv("OPENAI_API_KEY", KEY)
+            monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
+        assert_works(path, folder)
+
+
+def assert_works(path: Path, folder: Path) -> None:
     for block in BLOCKS[path]:
         if block.not_run is None and block.language in (*SHELL, "python"):
             done = run(block, folder)

@@ -153,6 +153,17 @@ def test_a_narrative_that_no_answer_can_be_had_for_is_left_out(tmp_path):
     assert "left out: one: no usable answer: The answer was not valid JSON" in source.notes()[1]
 
 
+def test_where_nothing_can_be_registered_it_is_said_why(tmp_path):
+    folder = tmp_path / "narratives"
+    folder.mkdir()
+    (folder / "2023-319003.txt").write_text((NARRATIVES / "2023-319003.txt").read_text())
+    with serving(narrating()) as server:
+        model = {"TRACE_DAG_STATES__LLM_MODEL": MODEL, "OPENAI_API_KEY": KEY, "OPENAI_API_BASE": f"{server.url}/v1"}
+        done = trace_dag(tmp_path / "root", "ingest", "--narratives", str(folder), **model)
+    assert done.returncode == 2
+    assert "no latitude and longitude, and no --maps where Main Street and Elder Street cross" in done.stderr
+
+
 def test_half_a_place_is_an_error_of_whoever_wrote_it(tmp_path):
     with pytest.raises(UserError, match="not both a number of degrees"):
         read(tmp_path, Says([]), header="time: 2023\nlatitude: 41.8\n")
@@ -290,6 +301,9 @@ def test_from_narratives_to_verified_crashes(tmp_path):
         ("narrative-2023-319038", "rejected", "incomplete_topology"),
         ("narrative-2023-319111", "verified", None),
     ]
+    quoted = asked(root, "SELECT part, field FROM quotations WHERE key = 'narrative-2023-319003' ORDER BY number")
+    assert {"part": "vehicle 1", "field": "movement"} in quoted
+    assert quoted[-1] == {"part": "event 1", "field": "code"}
     page = (root / "benchmark" / "crashes" / "narrative-2023-319003.html").read_text()
     assert "Words of the narrative that the record was read from" in page
     assert "V1 turned left toward Elder Street" in page

@@ -19,7 +19,7 @@ from trace_dag.cohorts.registry import RegisteredMap, Registration, Registry, Re
 from trace_dag.cohorts.sources import CrashApiSource, FolderSource, Source, TableSource
 from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
 from trace_dag.crash.listing import CrashListing
-from trace_dag.errors import UserError
+from trace_dag.errors import UserError, UserErrors
 from trace_dag.messages.progress import OnProgress
 from trace_dag.messages.wording import counted
 from trace_dag.storage.files import Storage
@@ -114,7 +114,9 @@ def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tupl
             offers.setdefault(listing.key, (listing, source))
     names = " and ".join(source.name for source in sources)
     if not offers:
-        raise UserError(f"{names}: no crash that is asked for ({choice.in_words()}); ask for others or for more")
+        notes = [note for source in sources if isinstance(source, TableSource) for note in source.notes]
+        none = f"{names}: no crash that is asked for ({choice.in_words()}); ask for others or for more"
+        raise UserErrors([*notes, none])
     missing = choice.cases - offers.keys()
     if missing:
         raise UserError(

@@ -191,6 +191,8 @@ def _places(
             places[name] = _moved(here[0], readings[name])
         elif not all(pair):
             unknown[name] = "no latitude and longitude, and no two streets"
+        elif not maps:
+            unknown[name] = f"no latitude and longitude, and no --maps where {pair.one} and {pair.other} cross"
         else:
             times = f"at {len(here)} places" if here else "nowhere"
             unknown[name] = (

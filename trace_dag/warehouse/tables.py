@@ -23,6 +23,7 @@ TABLES: Final[Mapping[str, Rows]] = {
     "vehicles": Rows.OF_ONE,
     "events": Rows.OF_ONE,
     "non_motorists": Rows.OF_ONE,
+    "quotations": Rows.OF_ONE,
     "stage_outcomes": Rows.OF_ONE,
     "stage_history": Rows.OF_ONE,
     "artefacts": Rows.OF_ONE,

@@ -35,6 +35,7 @@ SELECT
     implied,
     contradictions,
     ambiguities,
+    quotations,
     summary,
     vehicles,
     events,
