@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from trace_dag.narratives.vocabulary import CRASH, Vocabulary
+
+_LONGEST: Final = 1000  # characters
+_MOST: Final = 500
 
 
 class _Form(BaseModel):
@@ -17,9 +21,9 @@ class Fact(_Form):
     """A value that a narrative gives to a field of a unit, or of the crash (unit 0), and the words that say so."""
 
     unit: int = Field(ge=0, le=99)
-    field: str
-    value: str
-    words: str
+    field: str = Field(max_length=_LONGEST)
+    value: str = Field(max_length=_LONGEST)
+    words: str = Field(max_length=_LONGEST)
 
     @property
     def claim(self) -> str:
@@ -30,12 +34,12 @@ class Fact(_Form):
 class Happening(_Form):
     """An event of the sequence, by unit or between two, and the words that say so."""
 
-    event: str
+    event: str = Field(max_length=_LONGEST)
     unit: int = Field(ge=1, le=99)
     other_unit: int | None = Field(None, ge=1, le=99)
-    area: str | None = None
-    other_area: str | None = None
-    words: str
+    area: str | None = Field(None, max_length=_LONGEST)
+    other_area: str | None = Field(None, max_length=_LONGEST)
+    words: str = Field(max_length=_LONGEST)
 
     @property
     def claim(self) -> str:
@@ -49,8 +53,8 @@ class Happening(_Form):
 class Answer(_Form):
     """A model's answer to the first question."""
 
-    facts: list[Fact]
-    events: list[Happening]
+    facts: list[Fact] = Field(max_length=_MOST)
+    events: list[Happening] = Field(max_length=_MOST)
 
 
 class Support(_Form):

@@ -46,18 +46,18 @@ def record_of(narrative: Narrative, place: Place, reading: Reading, known: Vocab
     import pandas as pd
 
     time = _TIME.fullmatch(narrative.time.strip())
-    if time is None:
+    at = {name: int(value) for name, value in time.groupdict(default="0").items()} if time else {}
+    try:
+        moment = pd.Timestamp(at["year"], at["month"] or 1, at["day"] or 1, at["hour"], at["minute"])
+    except (KeyError, ValueError):
         return "no time: expected 2023, 2023-05-03 or 2023-05-03 16:20"
-    at = {name: int(value) for name, value in time.groupdict(default="0").items()}
+    reading, units = _without_gaps(reading)
     crash = dict.fromkeys(known.mapping.columns(), "")
     crash[known.mapping.crash.latitude_deg], crash[known.mapping.crash.longitude_deg] = map(str, place)
-    units = [each.unit for each in reading.facts] + [each.unit for each in reading.events]
-    units += [each.other_unit for each in reading.events if each.other_unit is not None]
     rows = []
-    for number in range(1, max(units, default=0) + 1):
+    for number in range(1, units + 1):
         facts = [each for each in reading.facts if each.unit in (CRASH, number)]
         values = {each.field: _cell(each, known) for each in facts if each.field in crash}
-        moment = pd.Timestamp(at["year"], at["month"] or 1, at["day"] or 1, at["hour"], at["minute"])
         rows.append({**crash, **values, TIME: moment})
     if not rows:
         return "it names no vehicle"
@@ -66,7 +66,9 @@ def record_of(narrative: Narrative, place: Place, reading: Reading, known: Vocab
     if not reader.records:
         return next(iter(reader.left_out))
     (record,) = reader.records.values()
-    not_said: dict[str, Any] = {name: None for name in ("month", "day", "hour", "minute") if time[name] is None}
+    not_said: dict[str, Any] = {name: None for name in ("month", "day") if not at[name]}
+    if time is not None and time["hour"] is None:
+        not_said |= {"hour": None, "minute": None}
     record = replace(
         record,
         **not_said,
@@ -74,6 +76,21 @@ def record_of(narrative: Narrative, place: Place, reading: Reading, known: Vocab
         ambiguities=tuple(f"not taken from the narrative: {each}" for each in reading.not_taken),
     )
     return _with_quotations(_with_events(record, reading.events, known), reading, known)
+
+
+def _without_gaps(reading: Reading) -> tuple[Reading, int]:
+    """The reading with its units numbered from 1 in their order, and how many there are: units of which nothing is left
+    are none."""
+    found = {each.unit for each in reading.facts if each.unit != CRASH} | {each.unit for each in reading.events}
+    found |= {each.other_unit for each in reading.events if each.other_unit is not None}
+    number: dict[int | None, int | None] = {CRASH: CRASH, None: None}
+    number |= {unit: place for place, unit in enumerate(sorted(found), 1)}
+    facts = tuple(each.model_copy(update={"unit": number[each.unit]}) for each in reading.facts)
+    events = tuple(
+        each.model_copy(update={"unit": number[each.unit], "other_unit": number[each.other_unit]})
+        for each in reading.events
+    )
+    return replace(reading, facts=facts, events=events), len(found)
 
 
 def _cell(fact: Fact, known: Vocabulary) -> str:
@@ -86,6 +103,7 @@ def _with_events(record: CrashRecord, happened: tuple[Happening, ...], known: Vo
     if not happened:
         return record
     moving = {vehicle.number for vehicle in record.vehicles if vehicle.in_transport}
+    standing = {vehicle.number for vehicle in record.vehicles if not vehicle.in_transport}
     parties = {vehicle.number: vehicle.number for vehicle in record.vehicles}
     parties |= {person.number: person.party for person in record.non_motorists}
     events = []
@@ -97,7 +115,7 @@ def _with_events(record: CrashRecord, happened: tuple[Happening, ...], known: Vo
         party_2 = parties.get(other or 0)
         if party_2 is None and thing_struck(code):
             party_2 = thing_party(number)
-        if code == codes.MOTOR_VEHICLE_IN_TRANSPORT and other in parties and other not in moving:
+        if code == codes.MOTOR_VEHICLE_IN_TRANSPORT and other in standing:
             code = codes.PARKED_MOTOR_VEHICLE
         areas = [impact_area(known.areas[area]) if area else None for area in (area_1, area_2)]
         events.append(EventRecord(number, code, parties.get(one or 0), areas[0], party_2, areas[1]))
@@ -116,8 +134,9 @@ def _with_quotations(record: CrashRecord, reading: Reading, known: Vocabulary) -
         if field is not None and fact.unit in parts:
             of, part = parts[fact.unit]
             names = (field.name, *_ELSEWHERE.get(field.name, ()))
-            own = next(name for name in names if name in {each.name for each in fields(part)})
-            quotations.append(Quotation(of, own, fact.words))
+            own = next((name for name in names if name in {each.name for each in fields(part)}), None)
+            if own is not None:  # else it is of a vehicle what only people have, or the other way round
+                quotations.append(Quotation(of, own, fact.words))
     quotations += [Quotation(f"event {n}", "code", each.words) for n, each in enumerate(reading.events, 1)]
     return replace(record, quotations=tuple(dict.fromkeys(quotations)))
 
