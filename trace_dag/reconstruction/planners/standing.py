@@ -16,7 +16,7 @@ from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist, VehicleRecord
 from trace_dag.geometry import Pose
 from trace_dag.reconstruction.course import Course, Plan, Search
-from trace_dag.reconstruction.planners.way_after import Way, ways_on
+from trace_dag.reconstruction.planners.way_after import Way, stands_after, ways_on
 from trace_dag.states.assemble import driven_still
 from trace_dag.states.contact_points import contact_points_of
 from trace_dag.states.pedestrian_impact.hypothesis import standing_person
@@ -33,7 +33,8 @@ def standing_plans(search: Search, course: Course, event: CrashEvent) -> Iterato
     if since_s is None:
         yield f"vehicle {number} meets nobody before it"
         return
-    for on_its_way, assumed in ways_on(search, course, number, event.side):
+    ways = [(course, "")] if stands_after(course, number, since_s) else ways_on(search, course, number, event.side)
+    for on_its_way, assumed in ways:
         way = Way.of(search.scene.network, on_its_way.log, number, since_s)
         for state in _stood(search, way, event):
             yield Plan((*on_its_way.states, state), on_its_way.objects, detail=f"strikes it{assumed}")

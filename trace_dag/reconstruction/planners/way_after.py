@@ -58,6 +58,12 @@ def ways_on(
         yield search.changed(course, lost), f", taken to be out of control{_words(loss)}"
 
 
+def stands_after(course: Course, number: int, since_s: float) -> bool:
+    """Whether a vehicle stands by the time that it can lose control after an event: turned wheels lead nowhere then."""
+    driven = course.log.vehicle_log(number)
+    return not _moves(driven)[driven.time_s >= since_s + PULSE_S].any()
+
+
 def _steered(from_s: float, side: DepartureSide | None) -> Iterator[LossOfControl]:
     sides = [to for to in (DepartureSide.RIGHT, DepartureSide.LEFT) if side in (to, None)]
     for locked, turned_deg, to in product((None, 0.0), _TURNED_DEG, sides):
@@ -101,8 +107,7 @@ class Way:
         """That of a vehicle of a log."""
         driven = log.vehicle_log(number)
         body = log.bodies[number]
-        moves = np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= _CREEPS_MPS
-        steps = np.flatnonzero((driven.time_s > since_s) & moves)
+        steps = np.flatnonzero((driven.time_s > since_s) & _moves(driven))
         steps = steps if len(steps) else np.array([len(driven.time_s) - 1])
         columns = np.stack([driven.x_m, driven.y_m, driven.heading_rad, driven.z_m], axis=-1)[steps]
         poses = tuple(Pose(*map(float, row)) for row in columns)
@@ -173,6 +178,11 @@ class Way:
             went = " or ".join(self.sides(k))
             return f"{who} comes {farthest_m:.1f} m beyond the edge: it leaves the road {went}, reported is {side}"
         return f"{who} comes {farthest_m:.1f} m beyond the edge at most, with no part ahead that could strike anything"
+
+
+def _moves(driven: VehicleLog) -> NDArray[np.bool_]:
+    """Whether a vehicle moves, at each step of its log."""
+    return np.asarray(np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= _CREEPS_MPS)
 
 
 def _ahead(slip_rad: float) -> ImpactArea | None:
