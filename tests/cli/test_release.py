@@ -175,3 +175,47 @@ def test_a_root_without_crashes_has_nothing_to_release(tmp_path: Path) -> None:
         done = trace_dag(tmp_path / "empty", *command)
         assert done.returncode == 2
         assert expected in done.stderr
+
+
+def test_a_definition_is_made_again_to_the_same_bytes_on_another_day(
+    root: Path, released: Path, tmp_path: Path
+) -> None:
+    again = release(root, tmp_path, bench=released / "trace-bench.json").folder
+    assert (again / "SHA256SUMS").read_bytes() == (released / "SHA256SUMS").read_bytes()
+
+
+def test_a_definition_says_which_input_is_another(
+    root: Path, released: Path, verified: list[str], tmp_path: Path
+) -> None:
+    given = json.loads((released / "trace-bench.json").read_bytes())
+    given["crashes"][verified[0]]["report_sha256"] = "0"
+    given["crashes"][verified[1]]["map_sha256"] = "0"
+    given["crashes"]["2023-999999"] = given["crashes"][verified[0]]
+    (tmp_path / "theirs.json").write_text(json.dumps(given))
+    with pytest.raises(UserError) as refused:
+        release(root, tmp_path, bench=tmp_path / "theirs.json")
+    assert "not verified here: 2023-999999" in str(refused.value)
+    assert f"another report: {verified[0]}" in str(refused.value)
+    assert f"map files that differ around: {verified[1]}" in str(refused.value)
+
+
+def test_a_definition_of_part_of_the_crashes_releases_those(
+    root: Path, released: Path, verified: list[str], tmp_path: Path
+) -> None:
+    given = json.loads((released / "trace-bench.json").read_bytes())
+    given["crashes"] = {verified[0]: given["crashes"][verified[0]]}
+    (tmp_path / "theirs.json").write_text(json.dumps(given))
+    made = release(root, tmp_path, bench=tmp_path / "theirs.json")
+    assert (made.packages, made.missing) == (1, 0)
+
+
+def test_crashes_are_weighed_by_national_tables(root: Path, verified: list[str], tmp_path: Path) -> None:
+    """A country with as many crashes in daylight as in the dark, all of them of two vehicles."""
+    rows = ["HARM_EV,VE_FORMS,TYP_INT,LGT_COND,FUNC_SYS", "12,2,1,1,3", "12,2,1,2,3"]
+    (tmp_path / "accident.csv").write_text("\n".join(rows))
+    made = release(root, tmp_path, national=[tmp_path / "accident.csv"])
+    definition = json.loads((made.folder / "trace-bench.json").read_bytes())
+    assert definition["weights"]["margins"]["light"] == {"dark": 1, "daylight": 1}
+    weights = [each["weight"] for each in definition["crashes"].values()]
+    assert sum(weights) / len(weights) == pytest.approx(1.0)
+    assert definition["weights"]["effective_crashes"] <= len(verified)

@@ -8,18 +8,22 @@ never changed. Belongs here: what is copied where. Does not belong here: what th
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from trace_dag.benchmark.build import build_benchmark
 from trace_dag.benchmark.crash_files import FOLDER, package_name
 from trace_dag.benchmark.export import write_if_changed
 from trace_dag.benchmark.packaging import map_attribution
+from trace_dag.benchmark.trace_bench import FILE, definition, differences, read_definition
 from trace_dag.errors import Failure, UserError
+from trace_dag.evaluation.shares import effective_number
 from trace_dag.evaluation.splits import splits_of
 from trace_dag.flow.manifests import read_manifest
 from trace_dag.flow.records import OnProblem, raised, read_records
@@ -36,8 +40,10 @@ from trace_dag.scenario.release import (
     write_archive,
 )
 from trace_dag.stage import Stage
+from trace_dag.storage.disk_errors import naming
 from trace_dag.storage.files import Storage
 from trace_dag.warehouse import query
+from trace_dag.warehouse.weights import classes_of, national_margins, rake
 
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+){0,2}([.-]?(a|b|rc|dev)[0-9]+)?")
 # Everything the index says of a package but where it is.
@@ -86,6 +92,8 @@ def build_release(
     *,
     cohort: str | None = None,
     archive: ArchiveFormat | None = None,
+    bench: Path | None = None,
+    national: Sequence[Path] = (),
     unknown: Collection[str] = (),
     on_problem: OnProblem = raised,
 ) -> ReleaseReport:
@@ -95,10 +103,13 @@ def build_release(
     workspace's ``page_listener`` hears how many of how many are, and then how many are in place. ``unknown`` are
     crashes of which something stored is damaged, so that the warehouse does not hold all of them. While there is one
     of the cohort, or a package cannot be made, which ``on_problem`` hears of, the other packages are put in place and
-    the release is left unfinished. A file of a finished release that is damaged is replaced by what it was. Raises
-    :class:`UserError` for a malformed version and for a finished release of this version that has other content.
+    the release is left unfinished. A file of a finished release that is damaged is replaced by what it was. ``bench``
+    is a definition of others to be made again: of its crashes, on its date. ``national`` are FARS's accident tables to
+    weigh the crashes by. Raises :class:`UserError` for a malformed version, for a finished release of this version that
+    has other content, and saying which input differs from the definition's.
     """
     check_version(version)
+    given = None if bench is None else _given(bench)
     warehouse, on_progress = workspace.warehouse, workspace.page_listener
     cohorts = [workspace.registry.cohort(cohort).name] if cohort else sorted(workspace.registry.cohorts())
     crashes = [row for row in query.rows(warehouse, "crashes") if cohort is None or row["cohort"] == cohort]
@@ -108,13 +119,19 @@ def build_release(
     names, values = query.query(warehouse, _PACKED)
     rows = [dict(zip(names, row, strict=True)) for row in values]
     rows = [row for row in rows if (cohort is None or row["cohort"] == cohort) and row["key"] not in missing]
+    if given is not None:
+        rows = [row for row in rows if row["key"] in given["crashes"]]
+        missing &= set(given["crashes"])
     folder = output / f"{NAME}-{version}"
     complete = _complete(folder)
     files = read_manifest(workspace.storage, FOLDER).files
     packages = {row["key"]: files[package_name(row["key"])] for row in rows}
-    records = read_records(workspace.storage, [row["key"] for row in rows], [Stage.OSM_EXTRACT, Stage.VERDICT])
+    records = read_records(workspace.storage, [row["key"] for row in rows], list(Stage))
     splits = splits_of({row["key"]: (row["latitude_deg"], row["longitude_deg"]) for row in rows})
     made_on = max((records[row["key"]][Stage.VERDICT].started_at[:10] for row in rows), default="")
+    if given is not None:
+        made_on = given["date"]
+    weighed = _weigh(rows, national)
     sums: dict[str, str] = {}
     for row in rows:
         package = packages[row["key"]]
@@ -123,7 +140,10 @@ def build_release(
         row["map_attribution"] = map_attribution(records[row["key"]])
         row["package_bytes"] = package.size
         row["package_sha256"] = sums[row["package"]] = package.sha256
-    documents = release_documents(BenchmarkRelease(version, made_on, cohorts, crashes, rows))
+    bench_file = definition(rows, records, made_on, weighed)
+    if given is not None and (unlike := differences(given, json.loads(bench_file))):
+        raise UserError(f"{bench}: not what can be made here: {'; '.join(unlike)}")
+    documents = release_documents(BenchmarkRelease(version, made_on, cohorts, crashes, rows)) | {FILE: bench_file}
     sums |= {name: hashlib.sha256(data).hexdigest() for name, data in documents.items()}
     if complete and not missing and complete != sums:
         raise UserError(_other_content(folder, version, complete, sums))
@@ -139,6 +159,25 @@ def build_release(
     written += _finish(target, documents, sums)
     archived = _archive(folder, [*sums, CHECKSUMS], archive) if archive else None
     return ReleaseReport(folder, archived, len(rows), written)
+
+
+def _given(bench: Path) -> dict[str, Any]:
+    with naming(bench):
+        return read_definition(bench.read_bytes(), str(bench))
+
+
+def _weigh(rows: Sequence[dict[str, Any]], national: Sequence[Path]) -> dict[str, Any] | None:
+    """Give each crash its weight, and say what the weights are of; None where there are no national tables."""
+    if not national:
+        for row in rows:
+            row["weight"] = None
+        return None
+    margins = national_margins(national)
+    weights = rake([classes_of(row) for row in rows], margins)
+    for row, weight in zip(rows, weights.tolist(), strict=True):
+        row["weight"] = round(weight, 6)
+    tables = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(national)}
+    return {"tables": tables, "margins": margins, "effective_crashes": round(effective_number(weights), 1)}
 
 
 def _bring_up_to_date(workspace: Workspace, on_problem: OnProblem) -> set[str]:

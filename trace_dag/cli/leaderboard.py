@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import say
+from trace_dag.cli.printing import print_table, say
 from trace_dag.cli.study import into_warehouse
 from trace_dag.messages.wording import counted
 
@@ -16,6 +16,28 @@ from trace_dag.messages.wording import counted
 @click.group(epilog=examples("trace-dag leaderboard add results.json"))
 def leaderboard() -> None:
     """Enter results of agents that were evaluated elsewhere; evaluate enters those of here."""
+
+
+@leaderboard.command(epilog=examples("trace-dag leaderboard weighted trace-bench.json"))
+@click.argument("bench", type=click.Path(dir_okay=False, exists=True, path_type=Path))
+@click.pass_obj
+def weighted(root: str, bench: Path) -> None:
+    """How often each agent avoids the crash, as it is and with the weights of a release made with --national.
+
+    With 95 % intervals of bootstrapped crashes, and how many crashes of equal weight the weighted share rests on.
+    """
+    from trace_dag.benchmark.trace_bench import read_definition
+    from trace_dag.errors import UserError
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.studies.summaries import weighted_table
+    from trace_dag.warehouse.query import rows
+
+    definition = read_definition(bench.read_bytes(), str(bench))
+    if definition["weights"] is None:
+        raise UserError(f"{bench}: without weights; release --national makes them")
+    weights = {key: crash["weight"] for key, crash in definition["crashes"].items()}
+    runs = [run for run in rows(Workspace.open(root, to_read=True).warehouse, "evaluations") if run["key"] in weights]
+    print_table(*weighted_table(runs, weights)[:2])
 
 
 @leaderboard.command(epilog=examples("trace-dag leaderboard add results.json"))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     epilog=examples(
         "trace-dag release --version 1.0",
         "trace-dag release --version 1.1 --cohort virginia --archive zip",
+        "trace-dag release --version 1.1 --bench trace-bench.json --national FARS2015-accident.zip",
     )
 )
 @click.option("--version", required=True, help="Version of the release, such as 1.0.")
@@ -35,8 +36,27 @@ if TYPE_CHECKING:
     help="Where the release's folder is put.",
 )
 @click.option("--archive", type=click.Choice(["tar", "zip"]), help="Also as one file beside the folder.")
+@click.option(
+    "--bench",
+    type=click.Path(dir_okay=False, exists=True, path_type=Path),
+    help="A trace-bench.json of others: release its crashes, to the same bytes, or say which input differs.",
+)
+@click.option(
+    "--national",
+    multiple=True,
+    type=click.Path(dir_okay=False, exists=True, path_type=Path),
+    help="FARS's accident table of a whole year (CSV or ZIP): weigh the crashes to the country's.",
+)
 @click.pass_obj
-def release(root: str, version: str, cohort: str | None, output: Path, archive: ArchiveFormat | None) -> None:
+def release(
+    root: str,
+    version: str,
+    cohort: str | None,
+    output: Path,
+    archive: ArchiveFormat | None,
+    bench: Path | None,
+    national: tuple[Path, ...],
+) -> None:
     """Release the verified crashes as a version of the benchmark: packages, index, datasheet, checksums.
 
     An interrupted release goes on where it stopped. A finished one is never changed: other content needs another
@@ -58,6 +78,8 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
             output,
             cohort=cohort,
             archive=archive,
+            bench=bench,
+            national=national,
             unknown=built.incomplete_crashes,
             on_problem=problems.add,
         )
@@ -74,6 +96,7 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     say("Where to look:")
     say(f"  {made.folder}/README.md  what it is")
     say(f"  {made.folder}/DATASHEET.md  where it comes from, with counts, and its limits")
+    say(f"  {made.folder}/trace-bench.json  what it is made of, for others to make it again: release --bench")
     say(f"  {made.folder}/index.parquet  a row per package; index.json the same")
     if made.archive:
         say(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, all of it in one file")

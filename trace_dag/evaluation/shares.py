@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from trace_dag.evaluation.metrics import AVOIDED
+from trace_dag.geometry import FloatArray
 
 _RESAMPLES, _SEED = 2000, 157
 _Z_95 = 1.959964  # of the normal distribution, two-sided 95 %
@@ -49,18 +51,21 @@ def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
     return clustered_share((run["key"], run["outcome"] in AVOIDED) for run in runs)
 
 
-def clustered_share(found: Iterable[tuple[str, float]]) -> ClusteredShare:
-    """The share of what holds, or the mean of probabilities, given with the crash of each.
+def clustered_share(
+    found: Iterable[tuple[str, float]], weights: Mapping[str, float] = MappingProxyType({})
+) -> ClusteredShare:
+    """The share of what holds, or the mean of probabilities, given with the crash of each; a crash weighs 1 unless
+    ``weights`` says otherwise.
 
     The interval is of bootstrapped crashes (percentiles); where it holds always or never, which a bootstrap cannot tell
     from certainty, Wilson's of as many crashes.
     """
-    parts: dict[str, float] = defaultdict(float)
-    runs: Counter[str] = Counter()
+    parts: dict[str, float] = defaultdict(int)
+    runs: dict[str, float] = defaultdict(int)
     for key, holds in found:
-        parts[key] += holds
-        runs[key] += 1
-    part, of = sum(parts.values()), runs.total()
+        parts[key] += holds * weights.get(key, 1)
+        runs[key] += weights.get(key, 1)
+    part, of = sum(parts.values()), sum(runs.values())
     if part in (0, of):
         low, high = wilson_interval(len(runs) if part else 0, len(runs))
         return ClusteredShare(part, of, len(runs), low, high)
@@ -79,3 +84,12 @@ def clustered_share(found: Iterable[tuple[str, float]]) -> ClusteredShare:
         rng=np.random.default_rng(_SEED),
     ).confidence_interval
     return ClusteredShare(part, of, len(runs), float(interval.low), float(interval.high))
+
+
+def effective_number(weights: FloatArray) -> float:
+    """How many crashes of equal weight they are worth (Kish, Survey Sampling, 1965).
+
+    >>> round(effective_number(np.array([3.0, 1.0])), 6)
+    1.6
+    """
+    return float(weights.sum() ** 2 / (weights**2).sum()) if len(weights) else 0.0

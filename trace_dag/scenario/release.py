@@ -47,6 +47,7 @@ RELEASE_INDEX = TableSchema(
     (
         Column("key", _T.TEXT, "Key of the crash, <caseYear>-<stateCase> or <register>-<id>", required=True),
         Column("split", _T.TEXT, "Part it belongs to: train, validation or test; no site is in two", required=True),
+        Column("weight", _T.REAL, "Weight to stand for a country's crashes, 1 in the mean; null without tables"),
         Column("package", _T.TEXT, "Its package, a path in the release", required=True),
         Column("package_bytes", _T.INTEGER, "Size of the package", required=True),
         Column("package_sha256", _T.TEXT, "SHA-256 of the package, hexadecimal", required=True),

@@ -6,9 +6,11 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from trace_dag.evaluation.crash_parts import CrashPart
 from trace_dag.evaluation.metrics import AVOIDED, OFF_ROAD_S, DriveOutcome
-from trace_dag.evaluation.shares import clustered_share, share_avoided
+from trace_dag.evaluation.shares import clustered_share, effective_number, share_avoided
 from trace_dag.evaluation.table import Row
 from trace_dag.messages.wording import percent
 from trace_dag.scenario.share_chart import Share
@@ -181,6 +183,19 @@ def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
             lines.append((agent, row["key"], row["vehicle_number"], row["courses"], avoided, *rest))
     names = ["agent", "crash", "vehicle", "courses", "avoided (95 %)", *_BESIDE_AVOIDED]
     return StudyTable(names, lines)
+
+
+def weighted_table(runs: Sequence[Row], weights: Mapping[str, float]) -> StudyTable:
+    """How often each agent avoids the crashes it drove in, each crash as one and by its weight."""
+    lines: list[tuple[Any, ...]] = []
+    for agent in sorted({run["agent"] for run in runs}):
+        own = [run for run in runs if run["agent"] == agent and run["case_id"] == run["key"]]
+        avoided = [(run["key"], run["outcome"] in AVOIDED) for run in own]
+        shares = [clustered_share(avoided, by) for by in ({}, weights)]
+        effective = effective_number(np.array([weights[key] for key in sorted({run["key"] for run in own})]))
+        shown = [_with_interval(each.part / each.of, each.low, each.high) for each in shares]
+        lines.append((agent, len(own), shares[0].crashes, *shown, f"{effective:.1f}"))
+    return StudyTable(["agent", "runs", "crashes", "avoided (95 %)", "weighted (95 %)", "effective crashes"], lines)
 
 
 _BESIDE_AVOIDED = ("stopped", "mitigated", "worse")

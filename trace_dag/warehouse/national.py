@@ -101,7 +101,7 @@ def count_kinds(files: Iterable[Path]) -> Counter[CrashKind]:
     """
     counted: Counter[tuple[int, int]] = Counter()
     for file in files:
-        table = _read(file)
+        table = read_accidents(file, _COLUMNS)
         pairs = table.group_by(list(_COLUMNS)).aggregate([([], "count_all")]).to_pylist()
         counted.update({(row["HARM_EV"], row["VE_FORMS"]): row["count_all"] for row in pairs})
     kinds: Counter[CrashKind] = Counter()
@@ -110,8 +110,12 @@ def count_kinds(files: Iterable[Path]) -> Counter[CrashKind]:
     return kinds
 
 
-def _read(file: Path) -> pa.Table:
-    expected = f"expected FARS's accident table, CSV with the columns {' and '.join(_COLUMNS)}, or a ZIP archive of it"
+def read_accidents(file: Path, columns: Sequence[str], where_there: Sequence[str] = ()) -> pa.Table:
+    """Columns of a national ``accident`` table, whole numbers; of those ``where_there`` the ones that it has.
+
+    CSV, or a ZIP archive with such a file in it. Raises :class:`UserError` for a file that holds no such table.
+    """
+    expected = f"expected FARS's accident table, CSV with the columns {' and '.join(columns)}, or a ZIP archive of it"
     try:
         data = file.read_bytes()
         if zipfile.is_zipfile(io.BytesIO(data)):
@@ -122,7 +126,8 @@ def _read(file: Path) -> pa.Table:
                 data = archive.read(names[0])
         table = csv.read_csv(pa.py_buffer(data), read_options=csv.ReadOptions(encoding="latin-1"))
         table = table.rename_columns([name.upper() for name in table.column_names])
-        return table.select(list(_COLUMNS)).cast(pa.schema([(name, pa.int64()) for name in _COLUMNS]))
+        names = [*columns, *(name for name in where_there if name in table.column_names)]
+        return table.select(names).cast(pa.schema([(name, pa.int64()) for name in names]))
     except (OSError, KeyError, pa.ArrowException, zipfile.BadZipFile) as error:
         raise UserError(f"{file}: {str(error).splitlines()[0]}; {expected}") from error
 
