@@ -47,7 +47,7 @@ class CarlaBackend:
         self._settings = settings
         self._carla = module
         self._client: Any = None
-        self._version = ""
+        self.version = ""
 
     @staticmethod
     def require(settings: SimSettings) -> None:
@@ -79,7 +79,7 @@ class CarlaBackend:
         )
         with server_errors("building the map"):
             world = client.generate_opendrive_world(xodr.decode("utf-8"), parameters)
-        return CarlaSimulation(self._carla, world, self._settings, friction, self._version)
+        return CarlaSimulation(self._carla, world, self._settings, friction, self.version)
 
     def close(self) -> None:
         """Let go of the server; its settings were given back after each run."""
@@ -104,5 +104,5 @@ class CarlaBackend:
                 f"same: install carla {release} (from PyPI, or the wheel in the server's PythonAPI folder), or start "
                 f"the server of the package's version"
             )
-        self._client, self._version = client, server
+        self._client, self.version = client, server
         return client
