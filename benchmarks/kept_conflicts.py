@@ -22,7 +22,7 @@ from typing import NamedTuple
 import trace_dag
 from tests.scenario import esmini
 from tests.scenario.player import driven_without_reacting
-from trace_dag.crash.parties import party_label
+from trace_dag.crash.parties import party_label, trailer_body
 from trace_dag.reading.crash import Crash
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
@@ -68,8 +68,13 @@ def play(crash: Crash, work: Path) -> Iterator[Played]:
                 scenario.write_bytes(driven_without_reacting(free, recorded, name, contact.time_s, pace))
                 collisions, errors = esmini.collisions(scenario, STEP_S)
                 assert not errors, errors
-                met = any({name, party_label(other)} == set(each[1:]) for each in collisions)
+                met = any(name in pair and {*pair} & names_of(other) for _, *pair in collisions)
                 yield Played(crash.key, name, rule, keeps, pace, met)
+
+
+def names_of(number: int) -> set[str]:
+    """The entities of a party: itself and its trailer."""
+    return {party_label(number), party_label(trailer_body(number))}
 
 
 def rule_of(scenario: bytes) -> str:
