@@ -40,7 +40,6 @@ from trace_dag.scenario.release import (
     write_archive,
 )
 from trace_dag.stage import Stage
-from trace_dag.storage.disk_errors import naming
 from trace_dag.storage.files import Storage
 from trace_dag.warehouse import query
 from trace_dag.warehouse.weights import classes_of, national_margins, rake
@@ -162,8 +161,9 @@ def build_release(
 
 
 def _given(bench: Path) -> dict[str, Any]:
-    with naming(bench):
-        return read_definition(bench.read_bytes(), str(bench))
+    if not bench.is_file():
+        raise UserError(f"--bench {bench}: there is no such file; a release has one as {FILE}")
+    return read_definition(bench.read_bytes(), str(bench))
 
 
 def _weigh(rows: Sequence[dict[str, Any]], national: Sequence[Path]) -> dict[str, Any] | None:

@@ -19,7 +19,7 @@ def leaderboard() -> None:
 
 
 @leaderboard.command(epilog=examples("trace-dag leaderboard weighted trace-bench.json"))
-@click.argument("bench", type=click.Path(dir_okay=False, exists=True, path_type=Path))
+@click.argument("bench", type=click.Path(dir_okay=False, path_type=Path))
 @click.pass_obj
 def weighted(root: str, bench: Path) -> None:
     """How often each agent avoids the crash, as it is and with the weights of a release made with --national.
@@ -32,6 +32,8 @@ def weighted(root: str, bench: Path) -> None:
     from trace_dag.studies.summaries import weighted_table
     from trace_dag.warehouse.query import rows
 
+    if not bench.is_file():
+        raise UserError(f"{bench}: there is no such file; trace-dag release writes one")
     definition = read_definition(bench.read_bytes(), str(bench))
     if definition["weights"] is None:
         raise UserError(f"{bench}: without weights; release --national makes them")

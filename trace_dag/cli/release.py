@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 @click.option("--archive", type=click.Choice(["tar", "zip"]), help="Also as one file beside the folder.")
 @click.option(
     "--bench",
-    type=click.Path(dir_okay=False, exists=True, path_type=Path),
+    type=click.Path(dir_okay=False, path_type=Path),
     help="A trace-bench.json of others: release its crashes, to the same bytes, or say which input differs.",
 )
 @click.option(
     "--national",
     multiple=True,
-    type=click.Path(dir_okay=False, exists=True, path_type=Path),
+    type=click.Path(dir_okay=False, path_type=Path),
     help="FARS's accident table of a whole year (CSV or ZIP): weigh the crashes to the country's.",
 )
 @click.pass_obj
