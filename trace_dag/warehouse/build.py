@@ -54,7 +54,7 @@ _COMPARISONS = {
     "comparison_files": PUBLISHED,
     "estimator_files": ESTIMATORS,
 }
-VERSION = "6"
+VERSION = "7"
 """Of the code and the SQL that build a warehouse; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _BUILD_ATTEMPTS = 3
 _MEMORY_LIMIT = "1GB"
