@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from types import SimpleNamespace
 
 import pytest
+from cases import sample_case
 
+from trace_dag.crash.crash_types import Relation
 from trace_dag.crash.record import Heading, Moment, Octant
+from trace_dag.states.analytic import build_scene
 from trace_dag.states.evidence import (
     WRONG_HEADING,
     CrossingVehicle,
+    crossing_ahead_terms,
     crossing_terms,
     driveway_speed_terms,
     heading_log_likelihood,
@@ -100,3 +105,18 @@ def test_octants_are_headings_counter_clockwise_from_east():
         "east": 0, "north_east": 45, "north": 90, "north_west": 135, "west": 180, "south_west": 225, "south": 270,
         "south_east": 315,
     }  # fmt: skip
+
+
+def test_who_is_struck_from_behind_by_a_crossing_was_on_the_way_to_it():
+    """A rear end 20 m west of a crossing, related to it (RELJCT2 3): eastbound lanes alone lead there."""
+    case = sample_case("2023-319004")
+    scene = build_scene(case.record, case.network, case.report, lead_time_s=5.0)
+    assert case.record.junction_relation_code == 3
+    along = [approach for approach in scene.through if abs(math.cos(approach.heading_rad)) > 0.9]
+    eastbound = {approach.name for approach in along if math.cos(approach.heading_rad) > 0}
+    told = {each.name: crossing_ahead_terms(scene, Relation.SAME_LANE, each) for each in along}
+    assert eastbound == {name for name, terms in told.items() if not terms} != set(told)
+    assert {round(sum(terms.values()), 2) for terms in told.values()} == {0.0, round(math.log(0.09 / 0.91), 2)}
+    assert not any(crossing_ahead_terms(scene, Relation.CROSSING, approach) for approach in along)
+    at_crossing = dataclasses.replace(scene, record=dataclasses.replace(case.record, junction_relation_code=2))
+    assert not any(crossing_ahead_terms(at_crossing, Relation.SAME_LANE, approach) for approach in along)

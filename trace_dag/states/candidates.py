@@ -72,7 +72,7 @@ def _at_one_time(one: Approach, two: Approach) -> bool:
 
 
 def _judged(scene: Scene, scenario: PreCrashScenario, pair: PathPair) -> Candidate:
-    terms = dict(pair.terms)
+    terms = pair.terms | evidence.crossing_ahead_terms(scene, scenario.relation, pair.mover.approach)
     sides = ((scenario.mover, pair.mover), (scenario.other, pair.other))
     speeds = (pair.mover_speed.speed_mps, pair.other_speed.speed_mps)
     for (party, option), speed_mps in zip(sides, speeds, strict=True):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trace_dag.crash.classes import CollisionType
-from trace_dag.crash.crash_types import Turn
+from trace_dag.crash.crash_types import Relation, Turn
 from trace_dag.crash.departure_side import departs_at_end
 from trace_dag.crash.record import CrashRecord, Heading, Moment, PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray
@@ -31,6 +31,7 @@ from trace_dag.units import mps_to_mph, wrap_angle
 
 if TYPE_CHECKING:
     from trace_dag.states.manoeuvres import Option
+    from trace_dag.states.scene import Scene
 
 CLOCK_SIGMA_RAD = math.radians(25)  # a clock position is 30 degrees wide; first contact and coded damage differ
 _HALF_CLOCK_POSITION_RAD = math.radians(15)
@@ -41,6 +42,9 @@ CURVE_RAD = math.radians(6)
 TURN_LANE_WAY = 5  # VTRAFWAY: two-way, not divided, with a continuous left-turn lane
 DRIVEWAY_WAY = 0  # VTRAFWAY: not on a trafficway; a driveway access
 DRIVEWAY_MPH = 15.0
+_INTERSECTION_RELATED = 3  # RELJCT2
+_WITHIN_CROSSING_M = 10.0
+_AWAY_FROM_CROSSING = {Relation.SAME_LANE: math.log(0.09 / 0.91), Relation.SAME_DIRECTION: math.log(0.22 / 0.78)}
 FASTER_MPS = 5.0
 _UNTAGGED_WIDTH = 1.5  # how much more the limits of a class of roads vary than that of one road
 
@@ -86,6 +90,26 @@ def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
         return True
     other = network.road_by_id.get(road_id)
     return other is not None and bool(set(other.names) & set(road.names))
+
+
+def crossing_ahead_terms(scene: Scene, relation: Relation, approach: Approach) -> Terms:
+    """Of two in one direction at a crash related to an intersection (``RELJCT2`` 3): they were on their way to it, not
+    away from it.
+
+    Measured on 3,089 rear ends and 587 sideswipes of a city whose table has directions and distances from the crossing:
+    91 and 78 % (88 % of leaders that slowed down, 92 % of those that stood).
+
+    >>> crossing_ahead_terms(scene, Relation.SAME_LANE, scene.through[0])  # this crash was in the intersection
+    {}
+    """
+    junction = scene.network.junction_by_id.get(scene.placement.junction_id or "")
+    away = _AWAY_FROM_CROSSING.get(relation)
+    if scene.record.junction_relation_code != _INTERSECTION_RELATED or away is None:
+        return {}
+    if junction is None or junction.centre_xy_m is None:
+        return {}
+    crossing_m, _ = approach.path.project(*junction.centre_xy_m)
+    return {"away from the crossing": away} if approach.station_m > crossing_m + _WITHIN_CROSSING_M else {}
 
 
 def road_terms(vehicle: VehicleRecord, approach: Approach) -> Terms:
