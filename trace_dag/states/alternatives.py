@@ -17,6 +17,9 @@ from trace_dag.messages.wording import counted
 from trace_dag.states.types import ParticipantState, StateEstimate
 from trace_dag.units import wrap_angle
 
+_GUESSED: Final = 0.25
+"""Ambiguity above which a side is a guess: estimates that say 40 to 60 % are right so often, and surer ones less often
+than they say (``compare-directions``)."""
 UNSURE: Final = 0.5
 """Ambiguity above which the best hypothesis is more likely wrong than right."""
 _MOVED_M: Final = 2.0  # of travel, from which on a course is known
@@ -34,13 +37,14 @@ class Alternatives:
 
 
 def alternatives(estimate: StateEstimate) -> Alternatives | None:
-    """What else can have happened; None where the best hypothesis is likelier than all others together.
+    """What else can have happened: other sides where they have a quarter together, other courses from the same sides
+    where they have half.
 
     >>> from dataclasses import replace
     >>> alternatives(replace(state_estimate, ambiguity=0.63)).clause.split(";")[0]
     'vehicle 1 from the west (37 %) or from the north (10 %)'
     """
-    if estimate.ambiguity <= UNSURE:
+    if estimate.ambiguity <= _GUESSED:
         return None
     clauses = []
     for state in estimate.best.participants:
@@ -49,6 +53,8 @@ def alternatives(estimate: StateEstimate) -> Alternatives | None:
             clauses.append(f"{party_in_words(state.vehicle_number)} {' or '.join(told)}")
     if clauses:
         return Alternatives(f"{'; '.join(clauses)}: the report does not say", True)
+    if estimate.ambiguity <= UNSURE:
+        return None
     others = counted(len(estimate.hypotheses) - 1, "other course")
     share = f"{100 * estimate.ambiguity:.0f} % together"
     have = "has" if len(estimate.hypotheses) == 2 else "have"

@@ -15,7 +15,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog, moment_of
-from trace_dag.states.alternatives import alternatives
+from trace_dag.states.alternatives import UNSURE, alternatives
 from trace_dag.states.mapped_ground import OFF_GROUND_M, Way, astray
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.articulation import articulation_shown
@@ -61,7 +61,8 @@ def judge(
     beside = Comparison.of(record, sequence, seen, settings)
     events = event_outcomes(beside)
     unsure = alternatives(estimate)
-    doubts = reservations_about(record, report, unsure, seen, events) if verdict.accepted else ()
+    doubted = unsure if estimate.ambiguity > UNSURE else None
+    doubts = reservations_about(record, report, doubted, seen, events) if verdict.accepted else ()
     support = supported(facts_of(record, network, report, beside))
     grade = grade_of(verdict.accepted, support, doubts)
     clause = unsure.clause if unsure is not None else ""

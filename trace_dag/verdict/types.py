@@ -159,7 +159,7 @@ class Verdict:
     support: Support | None = None
     events: tuple[EventOutcome, ...] = ()
     reservations: tuple[Reservation, ...] = ()
-    alternatives: str = ""  # what is as likely, in words; "" where this course is likelier than all others together
+    alternatives: str = ""  # what else is likely, in words; "" where no other side has a quarter
 
     def criterion(self, name: str, vehicle_number: int | None = None) -> Criterion | None:
         """The criterion of that name (and vehicle), if it was measured."""

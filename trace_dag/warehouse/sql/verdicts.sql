@@ -51,7 +51,7 @@ COMMENT ON COLUMN verdicts.moved_m IS 'How far the reported point was moved onto
 COMMENT ON COLUMN verdicts.events_reported IS 'Harmful events of the report';
 COMMENT ON COLUMN verdicts.events_happened IS 'Harmful events that happen in the simulation';
 COMMENT ON COLUMN verdicts.events_not_modelled IS 'Harmful events that no simulation can have';
-COMMENT ON COLUMN verdicts.alternatives IS 'What is as likely as the course that was judged; null where that is likelier than all others together';
+COMMENT ON COLUMN verdicts.alternatives IS 'What else is likely beside the course that was judged: other sides with a quarter or more together; null where there is none';
 COMMENT ON COLUMN verdicts.clock_error_max_positions IS 'Impact against the reported clock position, the worse vehicle, hours';
 COMMENT ON COLUMN verdicts.direction_ok IS 'Whether every direction that could be judged is as reported';
 COMMENT ON COLUMN verdicts.speed_error_initial_max_rel IS 'Initial speed against the reported one, the worse vehicle, relative; null if none is reported';
