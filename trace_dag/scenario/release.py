@@ -89,7 +89,7 @@ RELEASE_INDEX = TableSchema(
         Column("events_reported", _T.INTEGER, "Harmful events of the report", source="SOE"),
         Column("events_happened", _T.INTEGER, "Harmful events that happen in the simulation"),
         Column("events_not_modelled", _T.INTEGER, "Harmful events that no simulation can have"),
-        Column("alternatives", _T.TEXT, "What is as likely as the course in the package, in words"),
+        Column("alternatives", _T.TEXT, "What else is likely beside the course in the package, in words"),
         Column(
             "clock_error_max_positions",
             _T.REAL,

@@ -28,7 +28,7 @@ COMMENT ON COLUMN verdict_criteria.accepted IS 'Whether the crash is accepted';
 COMMENT ON COLUMN verdict_criteria.grade IS 'What the verdict is worth: corroborated, consistent or rejected';
 COMMENT ON COLUMN verdict_criteria.support IS 'Sum of the weights of all facts of the report, natural logarithm';
 COMMENT ON COLUMN verdict_criteria.independent_facts IS 'Different facts that agree with the map or the course';
-COMMENT ON COLUMN verdict_criteria.alternatives IS 'What is as likely as the course that was judged, in words; of the verdict';
+COMMENT ON COLUMN verdict_criteria.alternatives IS 'What else is likely beside the course that was judged, in words; of the verdict';
 COMMENT ON COLUMN verdict_criteria.support_detail IS 'Why the crash is not corroborated';
 COMMENT ON COLUMN verdict_criteria.hypothesis IS 'Index of the hypothesis that was judged';
 COMMENT ON COLUMN verdict_criteria.rule_set IS 'Set of rules it was judged by';
