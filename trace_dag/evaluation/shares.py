@@ -46,7 +46,7 @@ def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
 
     >>> share = share_avoided([{"key": "2023-1", "outcome": "conflict_avoided"}] * 2)
     >>> share.part, share.of, share.crashes, round(share.low, 2)  # one crash says as much as one, whoever drove in it
-    (2.0, 2, 1, 0.21)
+    (2, 2, 1, 0.21)
     """
     return clustered_share((run["key"], run["outcome"] in AVOIDED) for run in runs)
 

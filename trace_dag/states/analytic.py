@@ -5,6 +5,8 @@ Deterministic, no network, no key.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
+
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
@@ -104,9 +106,15 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
     >>> ranked(scene, [], StateSettings())  # nothing to keep
     ((), 0.0)
     """
-    chosen = leaders_first(solutions, lambda solution: _sides(solution.candidate))[
-        : ASSEMBLED * settings.max_hypotheses
-    ]
+
+    def from_sides(solution: Solution) -> Hashable:
+        return _sides(solution.candidate)
+
+    leaders = first_of_groups(solutions, from_sides)
+    chosen = leaders_first(solutions, from_sides)[: ASSEMBLED * settings.max_hypotheses]
+    chosen += [
+        leader for leader in leaders if leader not in chosen
+    ]  # an unlikely one may be the only one without fault
     kept: list[tuple[int, int, Solution, Hypothesis]] = []
     flawless = 0
     for solution in chosen:
@@ -120,10 +128,7 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
     kept.sort(key=lambda each: each[:2])
     if not kept:
         return (), 0.0
-    unsure = ambiguity(
-        kept[0][2].score,
-        (leader.score for leader in first_of_groups(solutions, lambda solution: _sides(solution.candidate))),
-    )
+    unsure = ambiguity(kept[0][2].score, (leader.score for leader in leaders))
     return tuple(each[3] for each in kept[: settings.max_hypotheses]), unsure
 
 
