@@ -89,7 +89,10 @@ def test_a_report_that_says_it_twice_gives_it_back(root: str) -> None:
 
 def test_a_language_model_is_asked_about_the_same_hidden_things_and_has_a_column(root: str, model: Loopback) -> None:
     figures = list(recovered(by_estimator(root, 2, [COORDINATES])))
-    asked = [json.loads(each.body)["messages"][1]["content"] for each in model.requests if not is_trial(each)]
+    questions = [json.loads(each.body)["messages"] for each in model.requests if not is_trial(each)]
+    asked = [messages[1]["content"] for messages in questions if len(messages) == 2]
+    again = [messages[3]["content"] for messages in questions if len(messages) > 2]
+    assert all("impact area" in each for each in again)  # with its turn hidden, cars of other sides fit the areas
     assert len(asked) == sum(figure.hidden for figure in figures if "interval" not in figure.name) - 1  # lanes: at once
     assert {tuple(figure.asked) for figure in figures} == {(COORDINATES,)}
     lanes = next(figure for figure in figures if figure.name.startswith("lanes"))
