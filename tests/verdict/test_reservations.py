@@ -127,9 +127,10 @@ def test_a_crash_whose_other_approach_is_as_likely_says_so_and_is_not_corroborat
     assert verdict.accepted
     assert verdict.grade is Grade.CONSISTENT
     assert verdict.alternatives == found.clause
-    sure = replace(estimate, ambiguity=0.5)
-    again = judge(RECORD, MADE.network, MADE.map_report, sure, [LOG, LOG], example_objects.SETTINGS.verdict)
-    assert (again.grade, again.alternatives) == (Grade.CORROBORATED, "")
+    for ambiguity, named in ((0.5, True), (0.26, True), (0.25, False)):  # a guess is named before it costs the grade
+        surer = replace(estimate, ambiguity=ambiguity)
+        again = judge(RECORD, MADE.network, MADE.map_report, surer, [LOG, LOG], example_objects.SETTINGS.verdict)
+        assert (again.grade, bool(again.alternatives)) == (Grade.CORROBORATED, named)
 
 
 def test_distances_from_the_reported_point_are_stated_for_every_kind_of_crash():
