@@ -19,7 +19,7 @@ from trace_dag.states.assemble import hypothesis_of
 from trace_dag.states.candidates import Candidate, candidates
 from trace_dag.states.checks import ESSENTIAL
 from trace_dag.states.pre_crash_scenarios import Party, PreCrashScenario, party, pre_crash_scenarios
-from trace_dag.states.ranking import ambiguity, first_of_groups, leaders_first
+from trace_dag.states.ranking import ambiguity, first_of_groups, in_front, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import Solution, solve
 from trace_dag.states.types import Hypothesis
@@ -88,9 +88,7 @@ def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
     order = sorted(range(len(found)), key=lambda index: (-round(found[index].log_prior, 6), index))
     best = found[order[0]].log_prior
     likely = [found[i] for i in order if found[i].log_prior >= best - PRIOR_REACH]
-    sides = first_of_groups(likely, _sides)
-    leading = set(map(id, sides))
-    worth = [*sides, *(each for each in likely if id(each) not in leading)][:MAX_SOLVED]
+    worth = in_front(likely, first_of_groups(likely, _sides))[:MAX_SOLVED]
     solved = [solution for each in worth if (solution := solve(each, scene.record, *scene.place_xy_m)) is not None]
     return sorted(solved, key=lambda solution: (-solution.score, solution.name))
 

@@ -57,6 +57,15 @@ def leaders_first(ordered: Sequence[Ranked], group_of: Callable[[Ranked], Hashab
     [-1, -3, -2, -9]
     """
     leaders = [each for each in first_of_groups(ordered, group_of) if each.score >= ordered[0].score + _NAMED]
+    return in_front(ordered, leaders)
+
+
+def in_front(ordered: Sequence[Found], leaders: Sequence[Found]) -> list[Found]:
+    """Some of a sequence and then its others, both in their order.
+
+    >>> in_front("abcd", "bd")
+    ['b', 'd', 'a', 'c']
+    """
     leading = {id(each) for each in leaders}
     return [*leaders, *(each for each in ordered if id(each) not in leading)]
 
