@@ -182,6 +182,18 @@ def test_estimators_that_cannot_be_compared_are_one_line(finished_root):
     assert "'breakfast' is not an estimator" in done.stderr
 
 
+def test_without_the_key_of_a_model_what_can_be_compared_all_the_same_is_said(tmp_path, monkeypatch):
+    root = tmp_path / "root"
+    ingest(root, reports_of(tmp_path / "reports", KEYS[:1]))
+    assert trace_dag(root, "run").returncode == 0
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    done = trace_dag(root, "compare-estimators", "--estimators", "analytic,llm@openai/gpt-4o")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "the environment lacks OPENAI_API_KEY" in done.stderr
+    for way in ("compare-published", "score-truth", "llm@ollama/"):
+        assert way in done.stderr
+
+
 def test_status_for_people_shows_the_funnel_and_the_reasons(finished_root):
     done = trace_dag(finished_root, "status")
     assert done.returncode == 0

@@ -52,6 +52,18 @@ def test_a_root_is_a_mapping_of_all_registered_crashes_with_their_table(home):
         home["2023-1"]
 
 
+def test_grade_and_change_of_velocity_have_one_name_in_a_root_a_package_and_a_release(home, package, released):
+    names = ["grade", "contact_distance_m", "delta_v_max_mps", "delta_v_max_mph", "events_reported", "events_happened"]
+    of_root = home.crashes.loc[VERIFIED, names]
+    assert of_root["delta_v_max_mph"] == pytest.approx(of_root["delta_v_max_mps"] * 3600 / 1609.344)
+    for place in (package, released / "trace-dag-benchmark-1.0"):
+        found = trace_dag.open(place)
+        assert found.crashes.loc[VERIFIED, names].to_dict() == pytest.approx(of_root.to_dict())
+        assert found.sql(f"SELECT grade FROM crashes WHERE key = '{VERIFIED}'").df()["grade"].tolist() == [
+            of_root["grade"]
+        ]
+
+
 def test_questions_in_sql_come_as_pandas_and_as_arrow(home):
     answer = home.sql("SELECT key, accepted FROM verdicts WHERE key = '2023-319003'")
     assert answer.df().to_dict("records") == [{"key": VERIFIED, "accepted": True}]

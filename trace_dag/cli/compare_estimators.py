@@ -59,7 +59,7 @@ def compare_estimators(
     from dataclasses import asdict
 
     from trace_dag.cli.problems import Problems
-    from trace_dag.errors import Failure
+    from trace_dag.errors import Failure, UserError
     from trace_dag.flow.workspace import Workspace
     from trace_dag.states.llm.client import KEY_MISSING
     from trace_dag.studies.estimators import estimators_compared, usual_estimators
@@ -70,14 +70,17 @@ def compare_estimators(
     names = [name.strip() for name in (estimators or "").split(",") if name.strip()]
     names = names or usual_estimators(workspace.settings.states)
     with progress_bar("crashes") as on_progress:
-        rows = estimators_compared(workspace, chosen, names, truth=_truth(truth, chosen), listener=on_progress)
+        try:
+            rows = estimators_compared(workspace, chosen, names, truth=_truth(truth, chosen), listener=on_progress)
+        except UserError as error:
+            if KEY_MISSING in str(error):
+                raise UserError(f"{error}; {_WITHOUT_KEY}") from error
+            raise
     problems = Problems()
     into_warehouse(workspace, problems)
     for row in rows:
         if row.outcome == "failed":
             problems.add(Failure(f"{row.key} with {row.estimator}: {row.detail}"))
-    if any(row.outcome == "failed" and KEY_MISSING in row.detail for row in rows):
-        problems.add(Failure(_WITHOUT_KEY))
     if as_json:
         write_json([{"cohort": chosen, **asdict(row)} for row in rows])
         sys.exit(problems.print_all())

@@ -34,6 +34,8 @@ from trace_dag.reading.crashes import Crashes
 from trace_dag.reading.untrusted import GET_AGAIN, check_json, check_size
 from trace_dag.scenario.package import MANIFEST
 from trace_dag.schemas import table_from_parquet
+from trace_dag.units import mps_to_mph
+from trace_dag.verdict.types import Happening
 
 if TYPE_CHECKING:
     import duckdb
@@ -290,12 +292,20 @@ class Package(Crashes):
 
     @cached_property
     def crashes(self) -> pd.DataFrame:
-        """A row with what the report says first: place, time, kind, classes."""
+        """A row with what the report says first (place, time, kind, classes), and the verdict's figures under the names
+        that they have in a root."""
         import pandas as pd
 
-        record = self.only.record
+        record, verdict = self.only.record, self.only.verdict
         row = {name: getattr(record, name) for name in _OF_THE_RECORD}
-        return pd.DataFrame([row], index=pd.Index([record.key], name="key"))
+        row |= {
+            "grade": verdict.grade.value,
+            "contact_distance_m": verdict.worst("reported_distance"),
+            "delta_v_max_mps": verdict.worst("delta_v"),
+            "events_reported": len(verdict.events),
+            "events_happened": sum(event.outcome is Happening.HAPPENED for event in verdict.events),
+        }
+        return _with_mph(pd.DataFrame([row], index=pd.Index([record.key], name="key")))
 
     @cached_property
     def _connection(self) -> duckdb.DuckDBPyConnection:
@@ -316,7 +326,7 @@ class Release(Crashes):
 
         try:
             frame: pd.DataFrame = table_from_parquet(self._files.read(INDEX)).to_pandas()
-            return frame.set_index("key")
+            return _with_mph(frame.set_index("key"))
         except (pa.ArrowInvalid, KeyError, OSError) as error:
             raise DamagedFile(f"{self.place}: {INDEX}", f"not the index of a release ({error})", GET_AGAIN) from error
 
@@ -345,6 +355,11 @@ def packed_in(files: Files) -> Crashes | None:
     if files.has(MANIFEST):
         return Package(files)
     return Release(files) if files.has(INDEX) else None
+
+
+def _with_mph(crashes: pd.DataFrame) -> pd.DataFrame:
+    """The table with the change of velocity in miles per hour, too, as a root has it."""
+    return crashes.assign(delta_v_max_mph=crashes["delta_v_max_mps"].map(mps_to_mph, na_action="ignore"))
 
 
 def _connection(crashes: pd.DataFrame) -> duckdb.DuckDBPyConnection:
