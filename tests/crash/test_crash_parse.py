@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from trace_dag.crash.derive import impact_area, implied_impact_of_damage
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleClass
+from trace_dag.crash.record import CrashRecord, Occupant, PreCrashMovement, VehicleClass
 from trace_dag.crash.tables import record_from_parquet, record_to_parquet
 from trace_dag.errors import Reason, Rejection
 from trace_dag.settings import CrashSettings
@@ -83,10 +83,27 @@ def test_reading_a_real_report(real_reports: dict[str, bytes], settings: CrashSe
     assert pickup.stability_code == 1
     assert (pickup.driver_age_years, pickup.driver_belted, pickup.occupants_killed) == (38, True, 0)
     assert (sedan.driver_age_years, sedan.driver_belted, sedan.occupants_killed) == (28, False, 1)
+    assert sedan.occupants == (Occupant(1, 1, 3, 28, 20), Occupant(2, 2, 4, 28, 3))
     assert sedan.impact is not None
     assert sedan.impact.centre_rad == pytest.approx(-math.pi / 2)
     assert (sedan.lanes, sedan.trafficway_code, sedan.crash_type_code) == (4, 4, 87)
     assert [(event.party_1, event.code, event.party_2) for event in record.events] == [(1, 12, 2)]
+
+
+def test_occupants_are_read_in_order_of_their_numbers(settings: CrashSettings) -> None:
+    """FARS Analytical User's Manual: INJ_SEV 9, AGE 998 and REST_USE 99 stand for unknown; PER_TYP 5 is no occupant."""
+    passenger = {"PER_NO": 2, "PER_TYP": 2, "INJ_SEV": 4, "AGE": 9, "REST_USE": 12}
+    driver = {"PER_NO": 1, "PER_TYP": 1, "INJ_SEV": 0, "AGE": 44, "REST_USE": 3}
+    unknown = {"PER_NO": 3, "PER_TYP": 9, "INJ_SEV": 9, "AGE": 998, "REST_USE": 99}
+    persons = [("Person", each) for each in (passenger, driver, unknown, {"PER_NO": 4, "PER_TYP": 5})]
+    record = read_report(report(vehicles=[{"Persons": persons}, {"VEH_NO": 2}]), name="a report", settings=settings)
+    assert record.vehicles[0].occupants == (
+        Occupant(1, 1, injury_code=0, age_years=44, restraint_code=3),
+        Occupant(2, 2, injury_code=4, age_years=9, restraint_code=12),
+        Occupant(3, 9),
+    )
+    assert (record.vehicles[0].driver_age_years, record.vehicles[0].driver_belted) == (44, True)
+    assert record.vehicles[1].occupants == ()
 
 
 def test_parked_vehicles_are_in_the_record_but_not_in_transport(

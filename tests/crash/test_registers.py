@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from trace_dag.crash.completed_record import complete_record
-from trace_dag.crash.completeness import check
+from trace_dag.crash.completeness import RULES, check
 from trace_dag.crash.keys import parse_key, register_key
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.record import Heading, Moment, Octant, Origin, PreCrashMovement, Severity, origins
@@ -198,6 +198,18 @@ def test_a_mapping_of_ones_own_reads_codes_and_units(tmp_path):
     assert record.manner_of_collision_code == 2
     assert [vehicle.travel_speed_mps for vehicle in record.vehicles] == pytest.approx([10.0, 10.0])
     assert record.register_lacks == ("impact", "crash_type_code")
+
+
+def test_a_register_that_names_a_state_is_of_the_united_states_and_no_other(tmp_path):
+    row = {"id": "1", "when": "2020-01-02 03:04", "lat": "52.0", "lon": "0.1", "manner": "2", "kmh": "36"}
+    (location,) = [rule for rule in RULES if rule.name == "location"]
+    found = []
+    for name, state in (("anywhere.toml", ""), ("nebraska.toml", "state = 31\n")):
+        (tmp_path / name).write_text(state + MINE)
+        (record,) = table(tmp_path, str(tmp_path / name), row, row).records()
+        found.append(location.shortcoming(record))
+    assert found[0] is None
+    assert "lies outside the United States" in found[1]
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 from trace_dag.errors import Reason
 from trace_dag.flow.batch import run_stages
-from trace_dag.flow.crash_status import FinalState, crash_statuses, funnel
+from trace_dag.flow.crash_status import FinalState, crash_status, crash_statuses, funnel
 from trace_dag.flow.records import read_records
 from trace_dag.stage import Stage
 
@@ -59,3 +60,15 @@ def test_a_later_stage_built_on_something_replaced_does_not_count(make_workspace
     list(run_stages(changed, ["2023-510010"], [Stage.RAW_REPORT, Stage.CRASH_RECORD], run_id="y"))
     crash = stand(changed)["2023-510010"]
     assert (crash.final_state, crash.stage_reached) == (FinalState.PENDING, Stage.CRASH_RECORD)
+
+
+def test_verified_crashes_of_registers_without_areas_of_impact_are_told_apart(make_workspace):
+    workspace = make_workspace({"2023-510010": "", "2023-510011": "reject:verdict"})
+    list(run_stages(workspace, ["2023-510010", "2023-510011"], run_id="x"))
+    for key, records in read_records(workspace.storage, workspace.registry.keys()).items():
+        read = records[Stage.CRASH_RECORD]
+        found = []
+        for areas in (True, False):
+            told = replace(read, figures={**read.figures, "areas_of_impact": areas})
+            found.append(crash_status(key, {**records, Stage.CRASH_RECORD: told}).without_areas)
+        assert found == [False, key == "2023-510010"]

@@ -38,6 +38,8 @@ def print_statuses(crashes: Mapping[str, CrashStatus]) -> None:
     if states[FinalState.VERIFIED]:
         said[FinalState.VERIFIED] += f" ({sum(crash.corroborated for crash in crashes.values())} of them corroborated)"
     say(", ".join(said.values()) + f"; {len(crashes)} in all")
+    if without_areas := sum(crash.without_areas for crash in crashes.values()):
+        say(f"{without_areas} of the verified are of registers without areas of impact: consistent at most")
     outdated = sum(crash.outdated is not None for crash in crashes.values())
     if outdated:
         say(f"{outdated} of them outdated: the new attempt failed, and the earlier result stands")

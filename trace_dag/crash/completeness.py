@@ -185,9 +185,10 @@ def _struck_from_behind(vehicle: VehicleRecord, partner: VehicleRecord | None) -
 
 
 def _location(record: CrashRecord) -> str | None:
+    """A report of a state of the US lies there; a register that names none can be of anywhere."""
     low, high = US_LATITUDE_DEG
     west, east = US_LONGITUDE_DEG
-    if low <= record.latitude_deg <= high and west <= record.longitude_deg <= east:
+    if record.state_code is None or low <= record.latitude_deg <= high and west <= record.longitude_deg <= east:
         return None
     return (
         f"the reported position ({record.latitude_deg:g}, {record.longitude_deg:g}) lies outside the United States "

@@ -137,6 +137,7 @@ def _person(number: int, rows: dict[str, list[Fields]]) -> NonMotorist:
         number=number,
         person_type_code=UNKNOWN_NON_MOTORIST if kind is None else kind,
         striking_vehicle=next((row.integer("STR_VEH") for row in person), None) or None,
+        injury_code=next((crash_codes.INJ_SEV.known(row.integer("INJ_SEV")) for row in person), None),
         age_years=_age([*person, *typing]),
         sex_code=_either(_first(person, codes.SEX), _first(typing, codes.SEX, "PBSEX")),
         location_code=_first(person, codes.LOCATION),

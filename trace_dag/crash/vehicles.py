@@ -6,6 +6,7 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes import vehicle as codes
 from trace_dag.crash.codes.bodies import BODY_TYP, BodyEvidence, body_of
@@ -14,7 +15,7 @@ from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
 from trace_dag.crash.codes.trailers import trailer_of
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields, malformed
-from trace_dag.crash.record import PreCrashMovement, VehicleRecord
+from trace_dag.crash.record import Occupant, PreCrashMovement, VehicleRecord
 from trace_dag.units import mph_to_mps
 
 HIGHEST_REPORTED_MPH: Final = 151
@@ -27,6 +28,7 @@ _WORKING: Final = 4
 _DRIVER: Final = 1  # PER_TYP
 _MOST_KILLED: Final = 98  # DEATHS: 99 is unknown
 _BELTED: Final = frozenset({1, 2, 3, 8})  # REST_USE: shoulder, lap, both, some kind of belt
+_RESTRAINT_UNKNOWN: Final = frozenset({98, 99})  # REST_USE: not reported, unknown
 _UNBELTED: Final = frozenset({0, 7, 20})  # none used: until 2009, until 2018, since
 
 
@@ -64,7 +66,8 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
     speeding = fields.known_code(codes.SPEEDREL)
     drinking = fields.known_code(codes.DR_DRINK)
     lanes = fields.known_code(codes.VNUM_LAN)
-    age_years, belted = _driver(fields)
+    occupants = _occupants(fields)
+    driver = next((each for each in occupants if each.role_code == _DRIVER), None)
     return VehicleRecord(
         number=number,
         vehicle_class=body.vehicle_class,
@@ -84,8 +87,8 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
         speed_limit_mps=_speed_limit(fields),
         speeding=None if speeding is None else speeding != 0,
         driver_drinking=None if drinking is None else drinking != 0,
-        driver_age_years=age_years,
-        driver_belted=belted,
+        driver_age_years=None if driver is None else driver.age_years,
+        driver_belted=_belted(driver),
         occupants_killed=_within(fields.integer("DEATHS"), _MOST_KILLED),
         lanes=lanes or None,
         trafficway_code=fields.known_code(codes.VTRAFWAY),
@@ -104,6 +107,7 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
         avoidance_manoeuvres=_listed(fields, "Maneuvers", codes.MANEUVER, "MANEUVER", "MDRMANAV"),
         rollover_code=fields.code(codes.ROLLOVER),
         hit_and_run=None if hit_and_run is None else hit_and_run != 0,
+        occupants=occupants,
         implied=("vehicle_class",) if body_implied else (),
     )
 
@@ -163,15 +167,28 @@ def _numbered(element: etree._Element, crash: Fields) -> tuple[Fields, int]:
     return fields, number
 
 
-def _driver(fields: Fields) -> tuple[int | None, bool | None]:
-    """Age of the driver in years, and whether the driver wore a belt."""
+def _occupants(fields: Fields) -> tuple[Occupant, ...]:
+    """The persons in a vehicle, in order of their numbers."""
+    found = {}
     for entry in fields.members("Persons"):
         person = Fields(entry, fields.where, fields.year)
-        if person.integer("PER_TYP") == _DRIVER:
-            restraint = person.integer("REST_USE")
-            belted = True if restraint in _BELTED else False if restraint in _UNBELTED else None
-            return _within(person.integer("AGE"), HIGHEST_AGE), belted
-    return None, None
+        number, role = person.integer("PER_NO"), person.integer("PER_TYP")
+        if number is None or role not in crash_codes.VEHICLE_OCCUPANTS:
+            continue
+        restraint = person.integer("REST_USE")
+        found[number] = Occupant(
+            number,
+            role,
+            injury_code=crash_codes.INJ_SEV.known(person.integer("INJ_SEV")),
+            age_years=_within(person.integer("AGE"), HIGHEST_AGE),
+            restraint_code=None if restraint in _RESTRAINT_UNKNOWN else restraint,
+        )
+    return tuple(found[number] for number in sorted(found))
+
+
+def _belted(driver: Occupant | None) -> bool | None:
+    code = None if driver is None else driver.restraint_code
+    return True if code in _BELTED else False if code in _UNBELTED else None
 
 
 def _within(value: int | None, most: int) -> int | None:

@@ -28,7 +28,8 @@ class FinalState(StrEnum):
 class CrashStatus:
     """Where a crash stands. ``stage_reached`` is the stage that ended it, or the last one that accepted it.
 
-    ``corroborated``: verified, and borne out by more than the criteria. ``made``: what made its estimate, if any.
+    ``corroborated``: verified, and borne out by more than the criteria. ``without_areas``: verified, and its register
+    has no areas of impact, so that it can be no more than consistent. ``made``: what made its estimate, if any.
     ``outdated`` is the first stage whose result was to be made anew, which failed, and ``outdated_because`` says why:
     the crash stands where it stood.
     """
@@ -39,6 +40,7 @@ class CrashStatus:
     reason: Reason | None = None
     detail: str = ""
     corroborated: bool = False
+    without_areas: bool = False
     made: Made | None = None
     outdated: Stage | None = None
     outdated_because: str = ""
@@ -93,6 +95,8 @@ def status_of_valid(key: str, valid: Records) -> CrashStatus:
         last.reason,
         last.detail,
         corroborated=state is FinalState.VERIFIED and last.figures.get("grade") == Grade.CORROBORATED,
+        without_areas=state is FinalState.VERIFIED
+        and valid[Stage.CRASH_RECORD].figures.get("areas_of_impact") is False,
         made=made,
         outdated=outdated.stage if outdated else None,
         outdated_because=outdated.failed_attempt.detail if outdated and outdated.failed_attempt else "",

@@ -30,5 +30,6 @@ STATES: Final = code_table("STATE").meanings
 """``STATE`` codes (GSA geographic locator codes)."""
 
 PER_TYP = code_table("PER_TYP")
+INJ_SEV = code_table("INJ_SEV")
 VEHICLE_OCCUPANTS: Final = frozenset({1, 2, 3, 9})
 """``PER_TYP`` of persons in motor vehicles; every other person is a non-motorist."""

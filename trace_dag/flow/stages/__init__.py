@@ -12,7 +12,7 @@ from trace_dag.stage import Stage
 
 VERSIONS = {
     Stage.RAW_REPORT: 1,
-    Stage.CRASH_RECORD: 4,
+    Stage.CRASH_RECORD: 5,
     Stage.OSM_EXTRACT: 2,
     Stage.ROAD_MAP: 5,
     Stage.STATE_ESTIMATE: 6,

@@ -40,5 +40,6 @@ def crash_record(
         "latitude_deg": record.latitude_deg,
         "longitude_deg": record.longitude_deg,
         "contradictions": "; ".join(record.contradictions),
+        "areas_of_impact": "impact" not in record.register_lacks,
     }
     return StageProduct({"parquet": record_to_parquet(record)}, figures, rejection)
