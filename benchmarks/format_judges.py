@@ -16,8 +16,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-_STOP_SIGN = "R1-1"
-
 
 class Verdict(NamedTuple):
     """What a judge says of a form: ``taken`` of ``files`` had nothing wrong; ``says`` is more, in words."""
@@ -43,7 +41,7 @@ def commonroad(folder: Path) -> Iterator[Verdict]:
         lanelets, signs = lanelets + len(network.lanelets), signs + len(network.traffic_signs)
         lights += len(network.traffic_lights)
         stop_lines += sum(each.stop_line is not None for each in network.lanelets)
-        limit_of = TrafficSignInterpreter(SupportedTrafficSignCountry.USA, network).speed_limit
+        limit_of = TrafficSignInterpreter(SupportedTrafficSignCountry.ZAMUNDA, network).speed_limit
         limits += sum(limit_of(frozenset([each.lanelet_id])) is not None for each in network.lanelets)
         found = list(planning.planning_problem_dict.values())
         problems, read = problems + len(found), read + (len(found) == 1)
@@ -57,16 +55,8 @@ def commonroad(folder: Path) -> Iterator[Verdict]:
     yield Verdict(f"{who}, drivers begin on a lanelet", len(files), on_a_lanelet)
     (path,) = Path(reading.__file__).parents[1].rglob("XML_commonRoad_XSD.xsd")
     schema = etree.XMLSchema(etree.parse(str(path)))
-    valid = american = 0
-    for file in files:
-        schema.validate(document := etree.parse(str(file)))
-        wrong = [error for error in schema.error_log if f"value '{_STOP_SIGN}'" not in error.message]
-        valid += not wrong
-        american += f">{_STOP_SIGN}<" in etree.tostring(document, encoding="unicode")
-    says = (
-        f"but for {_STOP_SIGN}, the American stop sign, in {american} files: the reader knows it, the schema does not"
-    )
-    yield Verdict(f"{who}, schema 2020a", len(files), valid, says)
+    valid = sum(schema.validate(etree.parse(str(file))) for file in files)
+    yield Verdict(f"{who}, schema 2020a", len(files), valid)
 
 
 def scenarionet(folder: Path) -> Iterator[Verdict]:

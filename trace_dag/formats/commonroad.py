@@ -6,7 +6,8 @@ without the crash: what agents are evaluated in. Times are steps of :data:`trace
 are in the crash's local frame, as in its OpenDRIVE map.
 
 A limit is a sign of the lanelets where it holds; stop signs and lights have a stop line. What a light shows is not
-known.
+known. Signs, and with them the benchmark's id, are of Zamunda, the format's country for no country in particular: its
+schema lacks the American stop sign (R1-1), and commonroad-io the American yield sign. The place is in ``location``.
 
 Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
 documentation of the XML format 2020a.
@@ -59,9 +60,8 @@ _FIGURES: Final = {
     BodyKind.CONVEYANCE: "pedestrian",
     BodyKind.ANIMAL: "unknown",  # the format has no animals
 }
-_LIGHT, _STOP, _LIMIT = "1000001", "206", "274"  # types of signals of the map
-_SIGNS_USA: Final = {_STOP: "R1-1", _LIMIT: "R2-1"}  # of the MUTCD; commonroad-io has no American yield sign
-_SIGNS_ZAM: Final = {"205": "205", _STOP: "206", _LIMIT: "274"}  # Zamunda, for no country in particular: Germany's
+_COUNTRY: Final = "ZAM"
+_LIGHT, _YIELD, _STOP, _LIMIT = "1000001", "205", "206", "274"  # types of signals of the map, and the format's signs
 _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoNames entry
 
 
@@ -78,7 +78,7 @@ class CommonRoad:
         drivers = [each for each in drives if each.is_driven]
         if not drivers:
             raise UserError("nobody drives in it")
-        road = _Lanelets(case.network, _SIGNS_USA)
+        road = _Lanelets(case.network)
         source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
         return {f"{crash.key}_V{own.number}.xml": _scenario(record, road, own, drives, source) for own in drivers}
 
@@ -89,10 +89,10 @@ class CommonRoad:
 
 def road_scenario(network: RoadNetwork) -> bytes:
     """A road map without traffic, as a scenario that has lanelets alone."""
-    root = _root("ZAM_Map-1_1_T-1", f"trace-dag {__version__}, {network.attribution}", date.today())
+    root = _root(f"{_COUNTRY}_Map-1_1_T-1", f"trace-dag {__version__}, {network.attribution}", date.today())
     _add_location(root, network.frame.latitude_deg, network.frame.longitude_deg)
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "urban")
-    _Lanelets(network, _SIGNS_ZAM).write_into(root)
+    _Lanelets(network).write_into(root)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
@@ -114,14 +114,13 @@ class _Limit(NamedTuple):
 class _Lanelets:
     """The drivable lanes as lanelets, and the signs, limits and lights of their roads; ids from 1 on."""
 
-    def __init__(self, network: RoadNetwork, signs: Mapping[str, str]) -> None:
-        """``signs``: what the country's signs are called, by their type on the map."""
-        self._network, self._sign_ids = network, signs
+    def __init__(self, network: RoadNetwork) -> None:
+        self._network = network
         self._shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
         self._ids = {shape.ref: number for number, shape in enumerate(self._shapes, 1)}
         posts = [post for road in network.roads for post in self._posts(road)]
         self._limits = self._limits_of({post.lanes: post.signal for post in posts if post.signal.type == _LIMIT})
-        self._signs = [post for post in posts if post.signal.type != _LIMIT and post.signal.type in signs]
+        self._signs = [post for post in posts if post.signal.type in (_YIELD, _STOP)]
         self._lights = [post for post in posts if post.signal.type == _LIGHT]
         self._signs_of: dict[LaneRef, list[int]] = defaultdict(list)
         self._lights_of: dict[LaneRef, list[int]] = defaultdict(list)
@@ -170,10 +169,10 @@ class _Lanelets:
         numbers = count(len(self._shapes) + 1)
         for limit in self._limits:
             place = self._place(limit.lanes[0].road_id, limit.sign) if limit.sign is not None else None
-            _add_sign(root, next(numbers), self._sign_ids[_LIMIT], place, _number(limit.speed_mps))
+            _add_sign(root, next(numbers), _LIMIT, place, _number(limit.speed_mps))
         for sign in self._signs:
             place = self._place(sign.lanes[0].road_id, sign.signal)
-            _add_sign(root, next(numbers), self._sign_ids[sign.signal.type], place)
+            _add_sign(root, next(numbers), sign.signal.type, place)
         for light in self._lights:
             _add_light(root, next(numbers), self._place(light.lanes[0].road_id, light.signal))
 
@@ -243,7 +242,7 @@ def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
 def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, drives: Sequence[Drive], source: str) -> bytes:
     year, _, number = record.key.partition("-")
     day = date(record.year or record.case_year, record.month or 1, record.day or 1)
-    root = _root(f"USA_Fars{year}x{number}V{own.number}-1_1_T-1", source, day)
+    root = _root(f"{_COUNTRY}_Fars{year}x{number}V{own.number}-1_1_T-1", source, day)
     _add_location(root, record.latitude_deg, record.longitude_deg)
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
     road.write_into(root)
