@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -159,14 +161,14 @@ def test_in_a_browser_filters_choose_and_nothing_leaves_the_page(site, tmp_path,
     )
     with Page(tmp_path / "profile", width_px=width_px) as page:
         page.open((site / "index.html").as_uri())
-        assert page.run(count) == "2000 of 2000 crashes"
+        assert page.run(count) == "2,000 of 2,000 crashes"
         assert page.run("document.documentElement.scrollWidth") <= width_px
         assert page.run("document.querySelectorAll('#map .cluster, #map a').length") > 5
         page.run(choose.format("collision_type", "angle"))
-        assert page.run(count) == f"{sum(n % 3 == 0 for n in range(2000))} of 2000 crashes"
+        assert page.run(count) == f"{sum(n % 3 == 0 for n in range(2000))} of 2,000 crashes"
         page.run(choose.format("final_state", "rejected"))
         both = sum(n % 3 == 0 and n % 4 == 1 for n in range(2000))
-        assert page.run(count) == f"{both} of 2000 crashes"
+        assert page.run(count) == f"{both} of 2,000 crashes"
         assert page.run("location.hash") == "#final_state=rejected&collision_type=angle"
         assert page.run(rows_shown) == 25
         page.run("document.getElementById('more').click()")
@@ -176,14 +178,28 @@ def test_in_a_browser_filters_choose_and_nothing_leaves_the_page(site, tmp_path,
         last = max(n for n in range(2000) if n % 3 == 0 and n % 4 == 1)
         assert page.run("document.querySelector('#crashes tbody a').textContent") == f"2023-{510001 + last}"
         page.run("document.getElementById('reset').click()")
-        assert page.run(count) == "2000 of 2000 crashes"
+        assert page.run(count) == "2,000 of 2,000 crashes"
         page.run(choose.format("search", "town 3"))
-        assert page.run(count) == f"{sum(n % 7 == 3 for n in range(2000))} of 2000 crashes"
+        assert page.run(count) == f"{sum(n % 7 == 3 for n in range(2000))} of 2,000 crashes"
         page.open((site / "crashes/2023-510001.html").as_uri())
         assert page.run("document.querySelector('dl').textContent.includes('alert(')")
         assert page.run("document.documentElement.scrollWidth") <= width_px
         assert page.errors == []
         assert all(url.startswith(("file:", "data:", "about:")) for url in page.requests)
+
+
+@needs_chromium
+@pytest.mark.parametrize("width_px", [1280, 390])
+def test_in_a_browser_no_ring_of_the_map_covers_another(site, tmp_path, width_px):
+    with Page(tmp_path / "profile", width_px=width_px) as page:
+        page.open((site / "index.html").as_uri())
+        rings = page.run(
+            "[...document.querySelectorAll('#map .cluster')].map((ring) => { const at = ring.transform.baseVal[0].matrix;"
+            " return [at.e, at.f, +ring.querySelector('.disc').getAttribute('r')]; })"
+        )
+        assert len(rings) > 3
+        for (x, y, radius), (x_2, y_2, radius_2) in itertools.combinations(rings, 2):
+            assert math.hypot(x - x_2, y - y_2) >= radius + radius_2
 
 
 @needs_chromium

@@ -49,7 +49,7 @@ def demo(context: click.Context, people: bool, executor: str | None, workers: in
     say(f"  {storage.path(INDEX)}  the crashes, each with its page, replay and package")
     for command, shows in (
         ("ui", "the same as Dagster assets"),
-        ('sql "FROM verdicts"', "any question, in SQL"),
+        ('sql "SELECT key, kind, grade FROM judged_crashes"', "any question, in SQL"),
         ("score-truth", "how close the estimates come to the truth"),
     ):
         say(f"  trace-dag --root {shlex.quote(root)} {command}  {shows}")

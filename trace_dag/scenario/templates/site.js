@@ -89,7 +89,7 @@
 
   function list(found) {
     body.replaceChildren(...found.slice().sort(compare).slice(0, shown).map(rowOf));
-    count.textContent = `${found.length} of ${crashes.length} crashes${picked ? ", at the place chosen on the map" : ""}`;
+    count.textContent = `${found.length.toLocaleString("en")} of ${crashes.length.toLocaleString("en")} crashes${picked ? ", at the place chosen on the map" : ""}`;
     if (!found.length) sayWhatToChange();
     more.hidden = found.length <= shown;
     more.textContent = `Show ${Math.min(PAGE, found.length - shown)} more`;

@@ -45,7 +45,9 @@ window.crashMap = (figure, pick, moved) => {
       (width - 2 * MARGIN_PX) / (Math.max(east - west, LEAST_SPAN_DEG) * shrink()));
   }
 
-  // Greedy: every crash joins the first group whose beginning is near on the screen.
+  const radiusOf = (group) => (group.crashes.length === 1 ? 7 : 15 + 1.5 * Math.log2(group.crashes.length));
+
+  // Greedy: every crash joins the first group whose beginning is near on the screen, and rings that overlap become one.
   function groups() {
     const { width, height } = size();
     const found = [], cells = new Map();
@@ -68,6 +70,15 @@ window.crashMap = (figure, pick, moved) => {
       group.x = places.reduce((sum, place) => sum + place[0], 0) / places.length;
       group.y = places.reduce((sum, place) => sum + place[1], 0) / places.length;
     }
+    const overlap = (one, other) => one !== other && Math.hypot(one.x - other.x, one.y - other.y) < radiusOf(one) + radiusOf(other);
+    for (let one; (one = found.find((each) => found.some((other) => overlap(each, other))));) {
+      const other = found.find((each) => overlap(one, each));
+      const share = other.crashes.length / (one.crashes.length + other.crashes.length);
+      one.x += share * (other.x - one.x);
+      one.y += share * (other.y - one.y);
+      one.crashes = one.crashes.concat(other.crashes);
+      found.splice(found.indexOf(other), 1);
+    }
     return found;
   }
 
@@ -87,7 +98,7 @@ window.crashMap = (figure, pick, moved) => {
   }
 
   function drawSeveral(group) {
-    const number = group.crashes.length, radius = 12 + 2.5 * Math.log2(number);
+    const number = group.crashes.length, radius = radiusOf(group) - 3;
     const counts = STATES.map((state) => [state, group.crashes.filter((crash) => crash.final_state === state).length]);
     const names = new Set(group.crashes.map((crash) => crash.state_name));
     const name = names.size === 1 ? [...names][0] : null;
