@@ -194,7 +194,8 @@ def test_in_a_browser_no_ring_of_the_map_covers_another(site, tmp_path, width_px
     with Page(tmp_path / "profile", width_px=width_px) as page:
         page.open((site / "index.html").as_uri())
         rings = page.run(
-            "[...document.querySelectorAll('#map .cluster')].map((ring) => { const at = ring.transform.baseVal[0].matrix;"
+            "[...document.querySelectorAll('#map .cluster')].map((ring) => {"
+            " const at = ring.transform.baseVal[0].matrix;"
             " return [at.e, at.f, +ring.querySelector('.disc').getAttribute('r')]; })"
         )
         assert len(rings) > 3

@@ -188,7 +188,7 @@ def _location(record: CrashRecord) -> str | None:
     """A report of a state of the US lies there; a register that names none can be of anywhere."""
     low, high = US_LATITUDE_DEG
     west, east = US_LONGITUDE_DEG
-    if record.state_code is None or low <= record.latitude_deg <= high and west <= record.longitude_deg <= east:
+    if record.state_code is None or (low <= record.latitude_deg <= high and west <= record.longitude_deg <= east):
         return None
     return (
         f"the reported position ({record.latitude_deg:g}, {record.longitude_deg:g}) lies outside the United States "
