@@ -37,8 +37,8 @@ from trace_dag.crash.folder import scan
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, NonMotorist, PreCrashMovement, VehicleRecord
 from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.crash.reported_place import Place
 from trace_dag.narratives.asking import Model, read_narrative
-from trace_dag.narratives.places import Place
 from trace_dag.narratives.record import record_of
 from trace_dag.narratives.source import narratives_in
 from trace_dag.narratives.vocabulary import vocabulary

@@ -15,6 +15,7 @@ from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.record import Heading, Moment, Octant, Origin, PreCrashMovement, Severity, origins
 from trace_dag.crash.registers.mapping import read_mapping, shipped
 from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.crash.reported_place import FromCrossing, Place
 from trace_dag.crash.reported_record import reported_from_json, reported_to_json
 from trace_dag.errors import Rejection, UserError
 from trace_dag.settings import CrashSettings
@@ -212,9 +213,70 @@ def test_a_register_that_names_a_state_is_of_the_united_states_and_no_other(tmp_
     assert "lies outside the United States" in found[1]
 
 
+FROM_CROSSING = """
+trafficway_1 = "street"
+trafficway_2 = "cross"
+[crash.from_crossing]
+distance = { column = "feet", unit = "ft" }
+direction = { column = "way", values = { N = "north", W = "west" } }
+"""
+
+
+def test_without_a_point_a_crash_is_looked_up_by_its_streets(tmp_path):
+    points = 'latitude_deg = "lat"\nlongitude_deg = "lon"\n'
+    text = MINE.replace(points, "").replace("[unit]", f"{FROM_CROSSING}[unit]")
+    (tmp_path / "mine.toml").write_text(text)
+    row = {"id": "1", "when": "2020-01-02 03:04", "manner": "2", "kmh": "36", "street": "Oak St", "cross": "Elm St"}
+    rows = [
+        row | {"feet": "", "way": ""},
+        row | {"id": "2", "feet": "66", "way": "N"},
+        row | {"id": "3", "feet": "66", "way": ""},
+        row | {"id": "4", "feet": "0", "way": "W", "cross": ""},
+        row | {"id": "5", "feet": "0", "way": "W", "cross": "Ash St"},
+        row | {"id": "6", "feet": "far", "way": "W"},
+    ]
+    asked = []
+
+    def find(wanted):
+        asked.extend(wanted)
+        return {FromCrossing("Oak St", "Elm St"): [Place(40.0, -100.0)],
+                FromCrossing("Oak St", "Elm St", 66 * 0.3048, Octant.NORTH): [Place(40.1, -100.0)]}  # fmt: skip
+
+    path = table(tmp_path, str(tmp_path / "mine.toml"), *rows)._path
+    read = RegisterTable.open(str(tmp_path / "mine.toml"), path, find)
+    records = read.records()
+    assert [(each.key, each.latitude_deg, each.longitude_deg) for each in records] == [
+        ("mine-1", 40.0, -100.0),
+        ("mine-2", 40.1, -100.0),
+    ]
+    assert origins(records[0])["latitude_deg"] is Origin.IMPLIED
+    assert FromCrossing("Oak St", "Ash St") in asked
+    left_out = [note for note in read.notes() if "left out" in note]
+    assert left_out == [
+        "3 crashes left out: no latitude and longitude, and no two streets, or no direction of a distance",
+        "1 crash left out: no latitude and longitude, and its streets lead to nowhere on the maps given",
+    ]
+
+
+def test_a_point_goes_before_the_streets(tmp_path):
+    (tmp_path / "mine.toml").write_text(MINE.replace("[unit]", f"{FROM_CROSSING}[unit]"))
+    row = {"id": "1", "when": "2020-01-02 03:04", "lat": "52.0", "lon": "0.1", "manner": "2", "kmh": "36",
+           "street": "Oak St", "cross": "Elm St", "feet": "10", "way": "N"}  # fmt: skip
+    (record,) = table(tmp_path, str(tmp_path / "mine.toml"), row).records()
+    assert (record.latitude_deg, record.longitude_deg) == (52.0, 0.1)
+    assert origins(record)["latitude_deg"] is Origin.REPORTED
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
+        ('latitude_deg = "lat"', "", "latitude_deg and longitude_deg are named, or from_crossing"),
+        (
+            "MAN_COLL =",
+            "from_crossing = { distance = { column = 'a', unit = 'ft' }, "
+            "direction = { column = 'b', values = {} } }\nMAN_COLL =",
+            "name both",
+        ),
         ('"mine"', '"fars"', "fars is taken"),
         ('"mine"', '"My State"', "expected lower-case letters"),
         ('unit = "km/h"', 'unit = "knots"', "expected one of"),

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -19,11 +20,12 @@ from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.record import CrashRecord, Heading, Moment, Octant, Origin, PreCrashMovement, origins
 from trace_dag.crash.registers.mapping import read_mapping
 from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.crash.reported_place import Place
 from trace_dag.errors import UserError
-from trace_dag.narratives.places import Place, Streets, crossings
 from trace_dag.narratives.reading import Fact, Happening, complaint_about
 from trace_dag.narratives.source import NarratedTable, NarrativeFolder, Reader, narratives_in
 from trace_dag.narratives.vocabulary import vocabulary
+from trace_dag.roads.crash_site.named_places import find_places
 from trace_dag.states.llm.store import StoredAnswer
 
 MAPS = SAMPLE / "osm"
@@ -65,7 +67,7 @@ def read(tmp_path: Path, model: Says, text: str = TEXT, header: str = HEADER, *,
     folder = tmp_path / "narratives"
     folder.mkdir(exist_ok=True)
     (folder / "one.txt").write_text(header + text)
-    return NarrativeFolder(folder, Reader(model, "a-model", attempts=attempts, maps=[MAPS]))
+    return NarrativeFolder(folder, Reader(model, "a-model", attempts=attempts, find=partial(find_places, [MAPS])))
 
 
 def only(source: NarrativeFolder) -> CrashRecord:
@@ -162,7 +164,7 @@ def test_where_nothing_can_be_registered_it_is_said_why(tmp_path):
         model = {"TRACE_DAG_STATES__LLM_MODEL": MODEL, "OPENAI_API_KEY": KEY, "OPENAI_API_BASE": f"{server.url}/v1"}
         done = trace_dag(tmp_path / "root", "ingest", "--narratives", str(folder), **model)
     assert done.returncode == 2
-    assert "no latitude and longitude, and no --maps where Main Street and Elder Street cross" in done.stderr
+    assert "no latitude and longitude, and no --maps where its streets are looked up" in done.stderr
 
 
 def test_half_a_place_is_an_error_of_whoever_wrote_it(tmp_path):
@@ -200,14 +202,6 @@ def apart_m(place: Place, latitude_deg: float, longitude_deg: float) -> float:
     north_m = (place.latitude_deg - latitude_deg) * 111_195
     east_m = (place.longitude_deg - longitude_deg) * 111_195 * 0.7451  # cos 41.83 degrees
     return (north_m**2 + east_m**2) ** 0.5
-
-
-def test_streets_cross_where_the_map_has_them_cross():
-    known, unknown = Streets("MAIN ST", "N BIRCH STREET"), Streets("Main Street", "Nowhere Road")
-    found = crossings([MAPS], {known, unknown})
-    (place,) = found[known]
-    assert apart_m(place, 41.82980556, -101.541525) < 12  # 2023-319001, which happened in that crossing
-    assert found[unknown] == []
 
 
 def test_a_crash_is_as_far_from_a_crossing_as_its_narrative_says(tmp_path):

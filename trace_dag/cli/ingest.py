@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import uuid
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from trace_dag.cohorts.choice import Choice
     from trace_dag.cohorts.ingest import IngestReport
     from trace_dag.crash.registers.table import RegisterTable
+    from trace_dag.crash.reported_place import PlaceFinder
     from trace_dag.flow.workspace import Workspace
     from trace_dag.messages.progress import OnProgress
     from trace_dag.narratives.source import NarratedTable, NarrativeFolder, Reader
@@ -180,7 +182,12 @@ def _read_sources(
     """The tables of registers and the folders of narratives, by what a cohort notes of where its crashes came from."""
     from trace_dag.crash.registers.table import RegisterTable
 
-    tables = [RegisterTable.open(name, Path(table)) for name, table in register]
+    find = None
+    if maps and (register or narratives):
+        from trace_dag.roads.crash_site.named_places import find_places
+
+        find = partial(find_places, maps)
+    tables = [RegisterTable.open(name, Path(table), find) for name, table in register]
     found: dict[str, RegisterTable | NarratedTable | NarrativeFolder] = {
         f"register {table.mapping.register_name}": table for table in tables
     }
@@ -188,7 +195,7 @@ def _read_sources(
         from trace_dag.narratives.source import NarratedTable, NarrativeFolder
 
         with progress_bar("narratives read") as on_progress:
-            reader = _narrative_reader(root, maps, on_progress)
+            reader = _narrative_reader(root, find, on_progress)
             told: dict[str, NarratedTable | NarrativeFolder] = {
                 name: NarratedTable(table, reader)
                 for name, table in zip(found, tables, strict=True)
@@ -201,7 +208,7 @@ def _read_sources(
     return found
 
 
-def _narrative_reader(root: str, maps: Sequence[Path], on_progress: OnProgress) -> Reader:
+def _narrative_reader(root: str, find: PlaceFinder | None, on_progress: OnProgress) -> Reader:
     """Who reads narratives: the language model of the settings. Raises UserError where it cannot be asked."""
     from trace_dag.flow.workspace import Workspace
     from trace_dag.narratives.source import Reader
@@ -214,7 +221,7 @@ def _narrative_reader(root: str, maps: Sequence[Path], on_progress: OnProgress) 
         client.try_out()
     except Failure as failure:
         raise UserError(f"narratives are read by a language model, and it cannot be asked: {failure}") from failure
-    return Reader(client, settings.llm_model, attempts=settings.llm_max_attempts, maps=maps, on_progress=on_progress)
+    return Reader(client, settings.llm_model, attempts=settings.llm_max_attempts, find=find, on_progress=on_progress)
 
 
 def _next_command(workspace: Workspace, cohort: str) -> str:

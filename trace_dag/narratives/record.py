@@ -19,7 +19,7 @@ from trace_dag.crash.record import (
     origins,
 )
 from trace_dag.crash.registers.table import TIME, RowReader
-from trace_dag.narratives.places import Place
+from trace_dag.crash.reported_place import Place
 from trace_dag.narratives.reading import Fact, Happening, Reading
 from trace_dag.narratives.vocabulary import CRASH, Vocabulary, measured
 
@@ -41,8 +41,8 @@ class Narrative:
     place: Place | None = None
 
 
-def record_of(narrative: Narrative, place: Place, reading: Reading, known: Vocabulary) -> CrashRecord | str:
-    """The record of a crash, or why there is none, in words."""
+def record_of(narrative: Narrative, found: Place | None, reading: Reading, known: Vocabulary) -> CrashRecord | str:
+    """The record of a crash, or why there is none, in words. ``found``: where it was, if that is not said beside it."""
     import pandas as pd
 
     time = _TIME.fullmatch(narrative.time.strip())
@@ -53,7 +53,9 @@ def record_of(narrative: Narrative, place: Place, reading: Reading, known: Vocab
         return "no time: expected 2023, 2023-05-03 or 2023-05-03 16:20"
     reading, units = _without_gaps(reading)
     crash = dict.fromkeys(known.mapping.columns(), "")
-    crash[known.mapping.crash.latitude_deg], crash[known.mapping.crash.longitude_deg] = map(str, place)
+    if narrative.place is not None:
+        columns = (known.mapping.crash.latitude_deg, known.mapping.crash.longitude_deg)
+        crash.update(zip(map(str, columns), map(str, narrative.place), strict=True))
     rows = []
     for number in range(1, units + 1):
         facts = [each for each in reading.facts if each.unit in (CRASH, number)]
@@ -62,7 +64,7 @@ def record_of(narrative: Narrative, place: Place, reading: Reading, known: Vocab
     if not rows:
         return "it names no vehicle"
     reader = RowReader(known.mapping)
-    reader.add(narrative.id, rows)
+    reader.add(narrative.id, rows, found)
     if not reader.records:
         return next(iter(reader.left_out))
     (record,) = reader.records.values()

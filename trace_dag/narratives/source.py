@@ -18,14 +18,14 @@ from typing import Final
 from trace_dag.crash.listing import CrashListing, list_record
 from trace_dag.crash.record import CrashRecord, Octant
 from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
 from trace_dag.errors import UserError
 from trace_dag.messages.progress import OnProgress, silent
 from trace_dag.messages.wording import counted
 from trace_dag.narratives.asking import Model, read_narrative
-from trace_dag.narratives.places import Place, Streets, crossings
 from trace_dag.narratives.reading import Reading
 from trace_dag.narratives.record import Narrative, merged, record_of
-from trace_dag.narratives.vocabulary import CRASH, DIRECTION, DISTANCE, measured, vocabulary
+from trace_dag.narratives.vocabulary import CRASH, measured, vocabulary
 from trace_dag.states.llm.answer import WrongAnswer
 
 _SHOWN: Final = 12
@@ -33,13 +33,19 @@ _HEADER: Final = re.compile(r"(?P<name>time|latitude|longitude): *(?P<value>.*)"
 
 
 class Reader:
-    """Reads narratives by a language model, of that name. ``attempts``: answers to one question; ``maps``: where
-    streets are looked up."""
+    """Reads narratives by a language model, of that name. ``attempts``: answers to one question; ``find``: looks up
+    where streets cross."""
 
     def __init__(
-        self, model: Model, name: str, *, attempts: int, maps: Sequence[Path] = (), on_progress: OnProgress = silent
+        self,
+        model: Model,
+        name: str,
+        *,
+        attempts: int,
+        find: PlaceFinder | None = None,
+        on_progress: OnProgress = silent,
     ) -> None:
-        self.name, self.maps = name, maps
+        self.name, self.find = name, find
         self._model, self._attempts, self._on_progress = model, attempts, on_progress
 
     def readings(self, texts: Mapping[str, str]) -> tuple[dict[str, Reading], dict[str, str]]:
@@ -103,19 +109,18 @@ class NarrativeFolder(_Source):
     def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
         readings, left_out = self._reader.readings({each.id: each.text for each in self._narratives})
         told = [each for each in self._narratives if each.id in readings]
-        places, placeless = _places(told, readings, self._reader.maps)
+        wanted = {each.id: _place_in_words(readings[each.id]) for each in told if each.place is None}
+        places, placeless = look_up(wanted, self._reader.find)
         records = []
         for narrative in told:
             if narrative.id in placeless:
                 left_out[narrative.id] = placeless[narrative.id]
                 continue
-            made = record_of(narrative, places[narrative.id], readings[narrative.id], vocabulary())
+            made = record_of(narrative, places.get(narrative.id), readings[narrative.id], vocabulary())
             if isinstance(made, str):
                 left_out[narrative.id] = made
             else:
-                found = () if narrative.place else ("latitude_deg", "longitude_deg")
-                attribution = f"{made.attribution}; read by {self._reader.name}"
-                records.append(replace(made, attribution=attribution, implied=(*made.implied, *found)))
+                records.append(replace(made, attribution=f"{made.attribution}; read by {self._reader.name}"))
         return records, left_out
 
 
@@ -139,8 +144,8 @@ class NarratedTable(_Source):
     def _with_narrative(self, coded: CrashRecord, reading: Reading | None) -> CrashRecord:
         if reading is None:
             return coded
-        narrative = Narrative(coded.key, "", str(coded.case_year))
-        narrated = record_of(narrative, Place(coded.latitude_deg, coded.longitude_deg), reading, vocabulary())
+        place = Place(coded.latitude_deg, coded.longitude_deg)
+        narrated = record_of(Narrative(coded.key, "", str(coded.case_year), place), None, reading, vocabulary())
         if isinstance(narrated, str):
             return coded
         attribution = f"{coded.attribution}; its narratives read by {self._reader.name}"
@@ -170,41 +175,14 @@ def _narrative(file: Path) -> Narrative:
     return Narrative(file.stem, "\n".join(lines).strip(), said.get("time", ""), place)
 
 
-def _places(
-    narratives: Sequence[Narrative], readings: Mapping[str, Reading], maps: Sequence[Path]
-) -> tuple[dict[str, Place], dict[str, str]]:
-    """Where each crash was: as said beside it, else where its two streets cross; or why that is not known."""
-    places = {each.id: each.place for each in narratives if each.place is not None}
-    label = vocabulary().mapping.crash
-    streets = {
-        each.id: Streets(
-            *(readings[each.id].value(CRASH, str(name)) for name in (label.trafficway_1, label.trafficway_2))
-        )
-        for each in narratives
-        if each.id not in places
-    }
-    found = crossings(maps, {each for each in streets.values() if all(each)}) if maps else {}
-    unknown = {}
-    for name, pair in streets.items():
-        here = found.get(pair, [])
-        if len(here) == 1:
-            places[name] = _moved(here[0], readings[name])
-        elif not all(pair):
-            unknown[name] = "no latitude and longitude, and no two streets"
-        elif not maps:
-            unknown[name] = f"no latitude and longitude, and no --maps where {pair.one} and {pair.other} cross"
-        else:
-            times = f"at {len(here)} places" if here else "nowhere"
-            unknown[name] = (
-                f"no latitude and longitude, and {pair.one} and {pair.other} cross {times} on the maps given"
-            )
-    return places, unknown
-
-
-def _moved(crossing: Place, reading: Reading) -> Place:
-    """The place as far from a crossing as the narrative says; the crossing where it says no distance and direction."""
-    distance, direction = reading.value(CRASH, DISTANCE), reading.value(CRASH, DIRECTION)
-    return crossing.away(measured(distance), Octant(direction)) if distance and direction else crossing
+def _place_in_words(reading: Reading) -> FromCrossing | None:
+    columns = vocabulary().mapping.crash
+    assert columns.from_crossing is not None
+    street, cross_street = (reading.value(CRASH, str(each)) for each in (columns.trafficway_1, columns.trafficway_2))
+    distance = reading.value(CRASH, columns.from_crossing.distance.column)
+    direction = reading.value(CRASH, columns.from_crossing.direction.column)
+    octant = Octant(direction) if direction else None
+    return FromCrossing.said(street, cross_street, measured(distance) if distance else 0.0, octant)
 
 
 def _remarks(records: Sequence[CrashRecord]) -> list[str]:

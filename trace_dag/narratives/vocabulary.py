@@ -13,7 +13,6 @@ from functools import cache, cached_property
 from importlib import resources
 from typing import Any, Final
 
-from trace_dag.crash.record import Octant
 from trace_dag.crash.registers.mapping import (
     CRASH_FIELDS,
     OCCUPANT_FIELDS,
@@ -26,11 +25,8 @@ from trace_dag.crash.registers.mapping import (
 
 CRASH: Final = 0
 """The unit that stands for the crash as a whole."""
-DISTANCE: Final = "distance from the crossing road"
-DIRECTION: Final = "direction from the crossing road"
 SPEED_UNITS: Final = ("mph", "km/h", "m/s")
 LENGTH_UNITS: Final = ("ft", "m", "mi", "km")
-_METRES: Final = {"ft": UNITS["ft"], "m": 1.0, "mi": 5280 * UNITS["ft"], "km": 1000.0}
 _MEASURE: Final = re.compile(r"(?P<number>\d+(?:\.\d+)?) ?(?P<unit>\S+)")
 _NUMBER: Final = re.compile(r"\d+")
 
@@ -73,7 +69,7 @@ def measured(value: str) -> float:
     match = _MEASURE.fullmatch(value)
     if match is None:
         raise ValueError(f"{value!r} is no number with a unit")
-    return float(match["number"]) * (_METRES.get(match["unit"]) or UNITS[match["unit"]])
+    return float(match["number"]) * UNITS[match["unit"]]
 
 
 @dataclass(frozen=True)
@@ -88,7 +84,11 @@ class Vocabulary:
         """Fields of the crash, by label."""
         crash = self.mapping.crash
         found = [Field(str(getattr(crash, name)), name) for name in ("trafficway_1", "trafficway_2")]
-        found += [Field(DISTANCE, "place", units=LENGTH_UNITS), Field(DIRECTION, "place", values=tuple(Octant))]
+        if crash.from_crossing is not None:
+            found.append(Field(crash.from_crossing.distance.column, "place", units=LENGTH_UNITS))
+            found.append(
+                Field(crash.from_crossing.direction.column, "place", tuple(crash.from_crossing.direction.values))
+            )
         return _by_label([*found, *_coded(crash.coded, {name: each.name for name, each in CRASH_FIELDS.items()})])
 
     @cached_property

@@ -32,6 +32,8 @@ UNIT_KINDS: Final = ("vehicle", PARKED, "none")
 UNITS: Final[Mapping[str, float]] = {
     "m": 1.0,
     "ft": METRES_PER_FOOT,
+    "km": 1000.0,
+    "mi": 5280 * METRES_PER_FOOT,
     "km/h": MPS_PER_KMH,
     "mph": MPS_PER_MPH,
     "m/s": 1.0,
@@ -89,12 +91,25 @@ class TimeColumn(_Part):
     format: str
 
 
-class HeadingColumn(_Part):
-    """A column of directions of travel; ``turning``: whether those of units that turned are from before or after."""
+class DirectionColumn(_Part):
+    """A column of directions of the compass."""
 
     column: str
     values: Mapping[str, Octant]
+
+
+class HeadingColumn(DirectionColumn):
+    """A column of directions of travel; ``turning``: whether those of units that turned are from before or after."""
+
     turning: Moment = Moment.UNKNOWN
+
+
+class FromCrossingColumns(_Part):
+    """How far, and in which direction, a crash was on ``trafficway_1`` from where ``trafficway_2`` crosses it. Blank or
+    zero distances stand for the crossing itself."""
+
+    distance: NumberColumn
+    direction: DirectionColumn
 
 
 class _Columns(BaseModel):
@@ -109,12 +124,14 @@ class _Columns(BaseModel):
 
 
 class CrashColumns(_Columns):
-    """What is of the crash as a whole: the same in all rows of one crash."""
+    """What is of the crash as a whole: the same in all rows of one crash. Where it was is said by a point, or by
+    ``from_crossing``, which is looked up for crashes without a point."""
 
     id: str
     time: TimeColumn
-    latitude_deg: str
-    longitude_deg: str
+    latitude_deg: str | None = None
+    longitude_deg: str | None = None
+    from_crossing: FromCrossingColumns | None = None
     trafficway_1: str | None = None
     trafficway_2: str | None = None
     county_name: str | None = None
@@ -161,6 +178,11 @@ class RegisterMapping(_Part):
             raise ValueError('units are named where rows = "crash", and only there')
         if self.state is not None and self.state not in STATES:
             raise ValueError(f"state {self.state} is no FARS code of a state")
+        crash = self.crash
+        if None in (crash.latitude_deg, crash.longitude_deg) and crash.from_crossing is None:
+            raise ValueError("latitude_deg and longitude_deg are named, or from_crossing")
+        if crash.from_crossing is not None and None in (crash.trafficway_1, crash.trafficway_2):
+            raise ValueError("from_crossing is a place on trafficway_1, from where trafficway_2 crosses it: name both")
         of_unit = {*VEHICLE_FIELDS, *PERSON_FIELDS, *OCCUPANT_FIELDS}
         for columns, known in ((self.crash, {*CRASH_FIELDS, "PER_TYP"}), (self.unit, of_unit)):
             for element, column in columns.coded.items():
@@ -186,8 +208,11 @@ class RegisterMapping(_Part):
     def columns(self) -> Iterator[str]:
         """Every column of the table that is read."""
         crash, unit = self.crash, self.unit
-        yield from (crash.id, crash.time.column, crash.latitude_deg, crash.longitude_deg)
-        yield from (name for text in (*_TEXTS, "narrative") if (name := getattr(crash, text)) is not None)
+        yield from (crash.id, crash.time.column)
+        texts = ("latitude_deg", "longitude_deg", *_TEXTS, "narrative")
+        yield from (name for text in texts if (name := getattr(crash, text)) is not None)
+        if crash.from_crossing is not None:
+            yield from (crash.from_crossing.distance.column, crash.from_crossing.direction.column)
         yield from (column.column for column in crash.coded.values())
         of_unit: list[str | None] = [unit.make, unit.model, unit.MOD_YEAR]
         of_unit += [each.column for each in (unit.kind, unit.heading, unit.TRAV_SP, unit.VSPD_LIM) if each is not None]

@@ -44,6 +44,7 @@ from trace_dag.crash.registers.mapping import (
     RegisterMapping,
     read_mapping,
 )
+from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
 from trace_dag.errors import Rejection, UserError
 from trace_dag.messages.wording import counted
 from trace_dag.schemas import Column, ColumnType
@@ -67,14 +68,15 @@ _SHOWN: Final = 12
 class RegisterTable:
     """The crashes of a register's table: a source of reports (:class:`trace_dag.cohorts.sources.ReportTables`)."""
 
-    def __init__(self, mapping: RegisterMapping, path: Path) -> None:
+    def __init__(self, mapping: RegisterMapping, path: Path, find: PlaceFinder | None = None) -> None:
         self.mapping = mapping
-        self._path = path
+        self._path, self._find = path, find
 
     @classmethod
-    def open(cls, register: str, path: Path) -> RegisterTable:
-        """A table read by the mapping of that name, or in that file. Raises UserError for what cannot be read."""
-        return cls(read_mapping(register), path)
+    def open(cls, register: str, path: Path, find: PlaceFinder | None = None) -> RegisterTable:
+        """A table read by the mapping of that name, or in that file; ``find`` looks crossings of streets up where the
+        table has no points. Raises UserError for what cannot be read."""
+        return cls(read_mapping(register), path, find)
 
     def notes(self) -> list[str]:
         """How much of the table is read, and what is not."""
@@ -151,7 +153,12 @@ class RegisterTable:
         for crash_id, rows in together.items():
             if self.mapping.rows == "crash" and len(rows) > 1:
                 raise UserError(f"{self._path}: id {crash_id!r} has {len(rows)} rows; the mapping says one per crash")
-            reader.add(crash_id, rows)
+        wanted = {key: reader.place_in_words(rows[0]) for key, rows in together.items() if reader.lacks_point(rows[0])}
+        places, unknown = look_up(wanted, self._find)
+        reader.left_out.update(unknown.values())
+        for crash_id, rows in together.items():
+            if crash_id not in unknown:
+                reader.add(crash_id, rows, places.get(crash_id))
         return reader
 
 
@@ -170,19 +177,43 @@ class RowReader:
     not_mapped: dict[str, Counter[str]] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
 
-    def add(self, crash_id: str, rows: Sequence[Row]) -> None:
-        """Read the rows of one crash."""
+    def lacks_point(self, row: Row) -> bool:
+        """Whether a crash has to be looked up by its streets."""
+        return self.mapping.crash.from_crossing is not None and self._point(row) is None
+
+    def place_in_words(self, row: Row) -> FromCrossing | None:
+        """Where a crash was by its streets; None where the table does not say that."""
+        crash = self.mapping.crash
+        assert crash.from_crossing is not None
+        distance, direction = crash.from_crossing.distance, crash.from_crossing.direction
+        distance_m = 0.0 if self._is_unknown(row[distance.column]) else self._measured(row, distance, "")
+        if distance_m is None:
+            return None
+        octant = self._looked_up(direction.column, row[direction.column], direction.values)
+        return FromCrossing.said(
+            self._text(row, crash.trafficway_1), self._text(row, crash.trafficway_2), distance_m, octant
+        )
+
+    def _point(self, row: Row) -> Place | None:
+        crash = self.mapping.crash
+        if crash.latitude_deg is None or crash.longitude_deg is None:
+            return None
+        try:
+            return Place(*reported_position(_number(row[crash.latitude_deg]), _number(row[crash.longitude_deg])))
+        except Rejection:
+            return None
+
+    def add(self, crash_id: str, rows: Sequence[Row], found: Place | None = None) -> None:
+        """Read the rows of one crash; ``found``: where it was, if the table itself has no point."""
         mapping, row = self.mapping, rows[0]
         moment = row[TIME]
+        place = found or self._point(row)
         try:
             key = register_key(mapping.register_name, crash_id)
-            latitude_deg, longitude_deg = reported_position(
-                _number(row[mapping.crash.latitude_deg]), _number(row[mapping.crash.longitude_deg])
-            )
         except ValueError:
             self.left_out["an id with other characters than letters, digits, - and _"] += 1
             return
-        except Rejection:
+        if place is None:
             self.left_out["no latitude and longitude"] += 1
             return
         if moment != moment:  # pandas' not-a-time
@@ -196,8 +227,8 @@ class RowReader:
             key=key,
             case_year=moment.year,
             state_case=None,
-            latitude_deg=latitude_deg,
-            longitude_deg=longitude_deg,
+            latitude_deg=place.latitude_deg,
+            longitude_deg=place.longitude_deg,
             vehicles=tuple(vehicles),
             events=(),
             register=mapping.register_name,
@@ -216,6 +247,7 @@ class RowReader:
             trafficway_1=self._text(row, mapping.crash.trafficway_1),
             trafficway_2=self._text(row, mapping.crash.trafficway_2),
             non_motorists=tuple(persons),
+            implied=() if found is None else ("latitude_deg", "longitude_deg"),
             **_fields(CRASH_FIELDS, coded),
         )
         self.records[key] = _with_first_event(record)

@@ -9,7 +9,7 @@ Service's Publication 28 (appendices B and C1), as far as FARS and OSM use them,
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from enum import StrEnum
@@ -236,6 +236,42 @@ def similarity(reported: str, mapped: Iterable[str]) -> float | None:
     return best
 
 
+class StreetIndex:
+    """The names of a map's streets, each street with all of its own, to be found by what a report calls them."""
+
+    def __init__(self, mapped: Iterable[tuple[str, ...]]) -> None:
+        self._streets = {names: [parse_street(text) for text in names] for names in mapped}
+        self._by_key: dict[object, list[tuple[str, ...]]] = {}
+        for names, parsed in self._streets.items():
+            for key in {key for each in parsed for key in _keys(each)}:
+                self._by_key.setdefault(key, []).append(names)
+
+    def same(self, reported: str) -> list[tuple[str, ...]]:
+        """The streets of that name: those that are spelled as reported; where there is none, with a typing error.
+
+        >>> StreetIndex([("Elder Street",), ("Main Street", "US 1"), ("Maine Road",)]).same("N MAIN ST")
+        [('Main Street', 'US 1')]
+        """
+        wanted = parse_street(reported)
+        alike = dict.fromkeys(names for key in _keys(wanted) for names in self._by_key.get(key, ()))
+        return self._same(wanted, alike) or self._same(wanted, self._streets)
+
+    def _same(self, wanted: StreetName, among: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
+        return [
+            names
+            for names in among
+            if any((_similarity(wanted, each) or 0.0) >= SAME_STREET for each in self._streets[names])
+        ]
+
+
+def _keys(name: StreetName) -> Iterator[object]:
+    """What two texts of one street share if there is no typing error: a route's number, or all words."""
+    yield from (route.number for route in name.routes)
+    for each in name.names:
+        yield "".join(each.core)
+        yield frozenset(each.core)
+
+
 def _similarity(a: StreetName, b: StreetName) -> float | None:
     values = [_route_similarity(x, y) for x in a.routes for y in b.routes]
     values += [_name_similarity(x, y) for x in a.names for y in b.names]
@@ -272,7 +308,8 @@ def _core_similarity(a: tuple[str, ...], b: tuple[str, ...]) -> float:
     if joined_a == joined_b:  # "Oak Wood" and "Oakwood"
         return 0.98
     digits = [re.findall(r"\d+", joined) for joined in (joined_a, joined_b)]
-    if digits[0] == digits[1] and min(len(joined_a), len(joined_b)) >= _SHORTEST_MISSPELT:
+    shorter, longer = sorted((len(joined_a), len(joined_b)))
+    if digits[0] == digits[1] and shorter >= _SHORTEST_MISSPELT and 2 * shorter >= _LIKE_ENOUGH * (shorter + longer):
         ratio = SequenceMatcher(None, joined_a, joined_b, autojunk=False).ratio()
         if ratio >= _LIKE_ENOUGH:
             return 0.9 * ratio

@@ -1,0 +1,56 @@
+"""Places that a report says in words: where two streets cross, or so far from there along one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import NamedTuple, TypeAlias
+
+from trace_dag.crash.record import Octant
+
+
+class Place(NamedTuple):
+    """A point, WGS84 degrees."""
+
+    latitude_deg: float
+    longitude_deg: float
+
+
+class FromCrossing(NamedTuple):
+    """A place on ``street``: ``distance_m`` from where ``cross_street`` crosses it, in a direction of the compass;
+    without a direction the crossing itself."""
+
+    street: str
+    cross_street: str
+    distance_m: float = 0.0
+    direction: Octant | None = None
+
+    @classmethod
+    def said(cls, street: str, cross_street: str, distance_m: float, direction: Octant | None) -> FromCrossing | None:
+        """The place; None where a street is missing, or the direction of a distance."""
+        if not street or not cross_street or (distance_m and direction is None):
+            return None
+        return cls(street, cross_street, distance_m, direction) if distance_m else cls(street, cross_street)
+
+
+PlaceFinder: TypeAlias = Callable[[Collection[FromCrossing]], Mapping[FromCrossing, Sequence[Place]]]
+"""Finds such places on maps: none where they are not, several where they are more than once."""
+
+
+def look_up(
+    wanted: Mapping[str, FromCrossing | None], find: PlaceFinder | None
+) -> tuple[dict[str, Place], dict[str, str]]:
+    """The place of each report, by its name; of the others why it is not known. None: its words tell no place."""
+    found = find({each for each in wanted.values() if each is not None}) if find is not None else {}
+    places, unknown = {}, {}
+    for name, each in wanted.items():
+        here = found.get(each, []) if each is not None else []
+        if len(here) == 1:
+            places[name] = here[0]
+        elif each is None:
+            unknown[name] = "no latitude and longitude, and no two streets, or no direction of a distance"
+        elif find is None:
+            unknown[name] = "no latitude and longitude, and no --maps where its streets are looked up"
+        else:
+            where = f"{len(here)} places of" if here else "nowhere on"
+            unknown[name] = f"no latitude and longitude, and its streets lead to {where} the maps given"
+    return places, unknown
