@@ -25,7 +25,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from trace_dag.crash.crash_types import Relation, crash_type_of, critical_event, turn_of
+from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.crash_types import Relation, crash_type_of
 from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
@@ -48,13 +49,15 @@ _TURNS: Final = 60
 _FIRST_S, _LAST_S = (-6.0, -3.0), -1.0
 _LEAST_MPS: Final = kmh_to_mps(15.0)
 _STANDS_MPS: Final = 0.5
+_NOTHING: Final = CrashRecord(
+    "", 0, 0, 0.0, 0.0, (), (), CollisionType.OTHERS, RoadTopology.OTHERS, VehicleTrajectory.OTHERS
+)
 
 
 @dataclass(frozen=True)
 class Reported:
     """A vehicle with a reported travel speed, and everything as if it were not reported."""
 
-    record: CrashRecord
     party: Party
     rule: TravelSpeed
     speed_mps: float
@@ -94,7 +97,7 @@ def masked(records: Iterable[CrashRecord]) -> Iterator[Reported]:
                 continue
             own = party(record, without)
             rule = travel_speed(without, own.crash_type, own.turn, None, crossing=crossing)
-            yield Reported(record, own, rule, vehicle.travel_speed_mps)
+            yield Reported(own, rule, vehicle.travel_speed_mps)
 
 
 def recorded_speeds(path: Path) -> list[Recorded]:
@@ -135,8 +138,8 @@ def _vehicle(values: dict[str, Any]) -> VehicleRecord:
 
 def fit_shifts(rows: Sequence[Reported]) -> dict[str, float]:
     """What each feature adds to the rule, mph."""
-    names = list(features(rows[0].record, rows[0].party, rows[0].rule))
-    x = np.array([[float(holds) for holds in features(each.record, each.party, each.rule).values()] for each in rows])
+    names = list(features(rows[0].party, rows[0].rule))
+    x = np.array([[float(holds) for holds in features(each.party, each.rule).values()] for each in rows])
     y = np.array([mps_to_mph(each.speed_mps - each.rule.speed_mps) for each in rows])
     shifts: FloatArray = np.zeros(len(names))
     ridge = np.diag(np.full(len(names), RIDGE))
@@ -151,7 +154,7 @@ def fit_spread(rows: Sequence[Reported], shifts: dict[str, float]) -> dict[str, 
     """What is left by class of vehicles, mph, at the levels."""
     left: dict[str, list[float]] = {each.value: [] for each in SpeedClass}
     for row in rows:
-        shift = sum(shifts[name] for name, holds in features(row.record, row.party, row.rule).items() if holds)
+        shift = sum(shifts[name] for name, holds in features(row.party, row.rule).items() if holds)
         left[speed_class(row.party, row.rule)].append(mps_to_mph(row.speed_mps - row.rule.speed_mps) - shift)
     return {name: _at_levels(values or [0.0]) for name, values in left.items()}
 
@@ -175,13 +178,7 @@ def fit_braking(rows: Sequence[Recorded]) -> dict[str, tuple[float, ...]]:
 
 def party_of(vehicle: VehicleRecord) -> Party:
     """A vehicle of which only its own codes are known."""
-    return Party(
-        vehicle,
-        crash_type_of(vehicle),
-        critical_event(vehicle.critical_event_code),
-        turn_of(vehicle),
-        frozenset(),
-    )
+    return party(_NOTHING, vehicle)
 
 
 def _at_levels(values: Sequence[float]) -> tuple[float, ...]:
@@ -198,7 +195,7 @@ def write_table(rows: Sequence[Reported], recorded: Sequence[Recorded]) -> None:
     """Write the table as Python."""
     shifts = fit_shifts(rows)
     spread, braking = fit_spread(rows, shifts), fit_braking(recorded)
-    years, crashes = sorted({row.record.case_year for row in rows}), len({row.record.key for row in rows})
+    years, crashes = sorted({row.party.record.case_year for row in rows}), len({row.party.record.key for row in rows})
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     lines = [
         '"""Distributions of speeds that nobody reported: what :mod:`trace_dag.states.speed_prior` reads.',

@@ -29,8 +29,6 @@ from benchmarks.fit_speeds import (
     recorded_speeds,
 )
 from benchmarks.measuring import SHARED, Figure
-from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
-from trace_dag.crash.record import CrashRecord
 from trace_dag.states import speed_prior
 from trace_dag.states.speed_prior import (
     Distribution,
@@ -46,9 +44,6 @@ FOLDS: Final = 10
 NEAR_MPH: Final = 5.0
 _LOW, _HIGH = 0.1, 0.9
 _STEPS: Final = 40
-_NOTHING: Final = CrashRecord(
-    "", 0, 0, 0.0, 0.0, (), (), CollisionType.OTHERS, RoadTopology.OTHERS, VehicleTrajectory.OTHERS
-)
 
 
 @dataclass(frozen=True)
@@ -66,12 +61,12 @@ class Guess:
 def reported_guesses(rows: Sequence[Reported]) -> Iterator[Guess]:
     """Travel speeds of reports, each by what the other crashes taught."""
     for fold in range(FOLDS):
-        shifts = fit_shifts(kept := [row for row in rows if _fold(row.record.key) != fold])
+        shifts = fit_shifts(kept := [row for row in rows if _fold(row.party.record.key) != fold])
         spread = fit_spread(kept, shifts)
         with patch.object(speed_prior, "SHIFTS_MPH", shifts), patch.object(speed_prior, "SPREAD_MPH", spread):
             for row in rows:
-                if _fold(row.record.key) == fold:
-                    found = travel_speed_distribution(row.record, row.party, row.rule)
+                if _fold(row.party.record.key) == fold:
+                    found = travel_speed_distribution(row.party, row.rule)
                     group = speed_class(row.party, row.rule).value
                     yield _guess(group, row.speed_mps, row.rule.speed_mps, found)
 
@@ -87,7 +82,7 @@ def recorded_guesses(rows: Sequence[Recorded]) -> Iterator[Guess]:
                 own = party_of(row.vehicle)
                 stop = row.vehicle.traffic_control_code in STOP_CONTROLS
                 rule = travel_speed(row.vehicle, own.crash_type, own.turn, None, crossing=stop)
-                travel, kept = travel_speed_distribution(_NOTHING, own, rule), speed_kept_distribution(own)
+                travel, kept = travel_speed_distribution(own, rule), speed_kept_distribution(own)
                 by_rule = speed_profile(own, rule.speed_mps).impact_mps
                 yield _guess(speed_prior.role(own).value, row.impact_mps, by_rule, _product(travel, kept))
 

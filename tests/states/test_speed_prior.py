@@ -41,13 +41,13 @@ def unreported(**changes: object) -> Party:
 
 def distribution(own: Party) -> Distribution:
     rule = travel_speed(own.vehicle, own.crash_type, own.turn, None, crossing=True)
-    return travel_speed_distribution(sample_case(KEY).record, own, rule)
+    return travel_speed_distribution(own, rule)
 
 
 def test_the_tables_name_every_feature_class_and_role_at_every_level() -> None:
     own = unreported()
     rule = travel_speed(own.vehicle, own.crash_type, own.turn, None, crossing=True)
-    assert set(features(sample_case(KEY).record, own, rule)) == set(SHIFTS_MPH)
+    assert set(features(own, rule)) == set(SHIFTS_MPH)
     assert (set(SPREAD_MPH), set(BRAKING)) == (set(SpeedClass), set(Role))
     for values in (*SPREAD_MPH.values(), *BRAKING.values()):
         assert len(values) == len(LEVELS)

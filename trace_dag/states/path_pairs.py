@@ -10,7 +10,8 @@ from trace_dag.crash.crash_types import Side, Turn
 from trace_dag.states.approaches import Approach
 from trace_dag.states.manoeuvres import Option, back_up, follows_turn, keep_lane, make_turn
 from trace_dag.states.pre_crash_scenarios import Party
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, travel_speed
+from trace_dag.states.speed_prior import likely_travel_speed
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.units import wrap_angle
 
 SAME_HEADING_RAD = math.radians(25)
@@ -67,7 +68,7 @@ def speed_of(party: Party, approach: Approach, *, crossing: bool = False) -> Tra
     >>> round(speed_of(party(record, record.vehicles[1]), scene.through[0]).speed_mps / 0.44704)  # 30 mph in the report
     30
     """
-    return travel_speed(party.vehicle, party.crash_type, party.turn, approach.road, crossing=crossing)
+    return likely_travel_speed(party, approach.road, crossing=crossing)
 
 
 def apart(one: Approach, two: Approach) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from trace_dag.crash.classes import CollisionType
@@ -57,6 +57,7 @@ class Party:
     critical: CriticalEvent
     turn: Turn | None
     events: frozenset[int]  # SOE of its non-collision events before the collision
+    record: CrashRecord = field(repr=False, compare=False)
 
     @property
     def backing(self) -> bool:
@@ -124,6 +125,7 @@ def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
         critical_event(vehicle.critical_event_code),
         turn_of(vehicle),
         frozenset(event.code for event in own_events),
+        record,
     )
 
 

@@ -129,7 +129,8 @@ def _speeds(
     if state.speed_source is SpeedSource.REPORTED:
         travel = max(planned + _rounding_mps(planned) * (2 * share - 1), 0.0) if planned else 0.0
     else:
-        travel = travel_speed_distribution(record, own, TravelSpeed(planned, state.speed_source)).at(share)
+        speeds = travel_speed_distribution(own, TravelSpeed(planned, state.speed_source))
+        travel = max(planned + speeds.at(share) - speeds.median, 0.0)
     if at_impact > planned:  # it sets off or speeds up
         return travel, at_impact * math.exp(_PACE * normal)
     return travel, travel * speed_kept_distribution(own).at(kept)

@@ -14,7 +14,7 @@ speeds match those of recorders at the impact, and are taken as such.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -24,7 +24,8 @@ from trace_dag.crash.codes.events import RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, 
 from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.crash_types import EncounterRole, Relation
 from trace_dag.crash.kind import CrashKind
-from trace_dag.crash.record import HEAVY_VEHICLES, CrashRecord, PreCrashMovement, VehicleClass
+from trace_dag.crash.record import HEAVY_VEHICLES, PreCrashMovement, VehicleClass
+from trace_dag.roads.map.model import Road
 from trace_dag.states.pre_crash_scenarios import Party
 from trace_dag.states.speed_coefficients import BRAKING, LEVELS, SHIFTS_MPH, SPREAD_MPH
 from trace_dag.states.speeds import (
@@ -36,6 +37,7 @@ from trace_dag.states.speeds import (
     TravelSpeed,
     brakes,
     starts,
+    travel_speed,
 )
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import mph_to_mps
@@ -125,16 +127,16 @@ def role(party: Party) -> Role:
     return Role.ALONE if kind.single_driver or left_road else Role.OTHER
 
 
-def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, bool]:
+def features(party: Party, rule: TravelSpeed) -> dict[str, bool]:
     """What a travel speed depends on in the report, beside the rule; the names are those of the table of shifts.
 
     >>> from trace_dag.states.pre_crash_scenarios import party
     >>> rider = party(record, record.vehicles[1])
-    >>> found = features(record, rider, TravelSpeed(13.4, SpeedSource.INFERRED_LIMIT))
+    >>> found = features(rider, TravelSpeed(13.4, SpeedSource.INFERRED_LIMIT))
     >>> found["motorcycle"], found["speeding"]
     (True, False)
     """
-    vehicle, relation = party.vehicle, party.crash_type.relation
+    record, vehicle, relation = party.record, party.vehicle, party.crash_type.relation
     along = speed_class(party, rule) in (SpeedClass.SPEEDING, SpeedClass.ALONG)
     slow = speed_class(party, rule) is SpeedClass.SLOW
     of_those_along = {
@@ -174,10 +176,23 @@ def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, 
     }
 
 
-def travel_speed_distribution(record: CrashRecord, party: Party, rule: TravelSpeed) -> Distribution:
+def likely_travel_speed(party: Party, road: Road | None, *, crossing: bool) -> TravelSpeed:
+    """The reported travel speed, or the median of those that can have been.
+
+    >>> from trace_dag.states.pre_crash_scenarios import party
+    >>> likely_travel_speed(party(queue_record, queue_record.vehicles[1]), None, crossing=False).speed_mps  # it stood
+    0.0
+    """
+    rule = travel_speed(party.vehicle, party.crash_type, party.turn, road, crossing=crossing)
+    if rule.source is SpeedSource.REPORTED:
+        return rule
+    return replace(rule, speed_mps=travel_speed_distribution(party, rule).median)
+
+
+def travel_speed_distribution(party: Party, rule: TravelSpeed) -> Distribution:
     """Distribution of a vehicle's travel speed (m/s) if none is reported."""
     group = speed_class(party, rule)
-    shift = sum(SHIFTS_MPH[name] for name, holds in features(record, party, rule).items() if holds)
+    shift = sum(SHIFTS_MPH[name] for name, holds in features(party, rule).items() if holds)
     return Distribution(
         tuple(min(max(rule.speed_mps + mph_to_mps(shift + spread), 0.0), _FASTEST_MPS) for spread in SPREAD_MPH[group])
     )

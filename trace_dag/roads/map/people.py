@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from trace_dag.roads.map.network import RoadNetwork
 
 _THERE_M = 0.3  # a lane narrower than this is only beginning or ending
+_UNMARKED_M = 3.0  # along the road: twice the width of a sidewalk for two (AASHTO, 1.5 m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,32 @@ def crosswalks_near(network: RoadNetwork, x_m: float, y_m: float, max_distance_m
     return [place for distance_m, _, place in sorted(found, key=lambda row: row[:2]) if distance_m <= max_distance_m]
 
 
+def unmarked_crosswalks_near(
+    network: RoadNetwork, x_m: float, y_m: float, max_distance_m: float
+) -> list[shapely.Polygon]:
+    """Where people cross though no crosswalk is drawn, within a distance of a point: across the end of each road that
+    meets a junction (Uniform Vehicle Code, section 1-118), a polygon per lane, metres.
+
+    >>> across = unmarked_crosswalks_near(network, 0.0, 0.0, 30.0)
+    >>> bool(across) and all(shape.area < 15.0 for shape in across)  # 3 m of lanes of 3.5 m or little more
+    True
+    """
+    box = (x_m - max_distance_m, y_m - max_distance_m, x_m + max_distance_m, y_m + max_distance_m)
+    found = []
+    for road in network.roads_within(box):
+        back_m = min(_UNMARKED_M, road.length_m)
+        ends = (
+            (road.predecessor, 0, (0.0, back_m)),
+            (road.successor, len(road.lane_sections) - 1, (road.length_m - back_m, road.length_m)),
+        )
+        for link, section, between_m in ends if road.junction_id is None else ():
+            if link is not None and link.element_type == "junction":
+                lanes = [lane for lane in network.drivable_lanes_of(road) if lane.section == section]
+                found += [_cut(network, lane, *between_m) for lane in lanes]
+    here = shapely.Point(x_m, y_m)
+    return [piece for piece in found if piece.distance(here) <= max_distance_m]
+
+
 def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: LaneType) -> tuple[LaneBeside, ...]:
     """The lanes of one type at a station of a road, from left to right: its sidewalks, or its cycle lanes.
 
@@ -81,6 +108,14 @@ def sidewalks_at(network: RoadNetwork, road_id: str, s_m: float) -> tuple[LaneBe
     found = lanes_beside(network, road_id, s_m, LaneType.SIDEWALK)
     left = next((each for each in found if each.lane.lane_id > 0), None)
     return left, next((each for each in found if each.lane.lane_id < 0), None)
+
+
+def _cut(network: RoadNetwork, lane: LaneRef, from_m: float, to_m: float) -> shapely.Polygon:
+    """What of a lane is between two stations, straight between its corners."""
+    halves = [(s_m, network.width_m(lane, s_m) / 2) for s_m in (from_m, to_m)]
+    corners = [network.pose(lane, s_m, side * half) for side in (1.0, -1.0) for s_m, half in halves]
+    first, second, fourth, third = ((corner.x_m, corner.y_m) for corner in corners)
+    return shapely.Polygon([first, second, third, fourth])
 
 
 def _placed(network: RoadNetwork, road_id: str, crosswalk: Crosswalk) -> CrosswalkPlace:

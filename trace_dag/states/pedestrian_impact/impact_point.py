@@ -18,7 +18,7 @@ from trace_dag.crash.record import NonMotorist
 from trace_dag.crash.zones import in_crosswalk, may_have_crossed_in_crosswalk
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.crash_site.placement import is_at_intersection
-from trace_dag.roads.map.people import crosswalks_near
+from trace_dag.roads.map.people import crosswalks_near, unmarked_crosswalks_near
 from trace_dag.states import evidence
 from trace_dag.states.contact_points import ContactPoint, contact_points_of
 from trace_dag.states.manoeuvres import Option
@@ -96,14 +96,18 @@ class Crosswalks(NamedTuple):
 
 def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
     """The map's crosswalks near the place, if the person was in one by the report, or if it does not say where on the
-    road the person was at an intersection; else None.
+    road the person was at an intersection; else None. Where none is drawn people cross the roads where they meet.
     """
     told = in_crosswalk(person)
     if not told and not (is_at_intersection(scene.record) and may_have_crossed_in_crosswalk(person)):
         return None
-    near = crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M)
-    shape = shapely.union_all([shapely.Polygon(place.corners_m) for place in near])
-    return Crosswalks(shape, 0.0 if told else _BESIDE_SHARE) if near else None
+    near = [
+        shapely.Polygon(place.corners_m) for place in crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M)
+    ]
+    drawn = bool(near)
+    if not drawn:
+        near = unmarked_crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M)
+    return Crosswalks(shapely.union_all(near), 0.0 if told and drawn else _BESIDE_SHARE) if near else None
 
 
 def placed(
