@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, rear_end
+from tests.scenario import esmini
 from tests.sim.motions import driven, participant, straight
 from tests.verdict.crashes import STREET
 from trace_dag.evaluation.baselines import (
@@ -18,6 +22,7 @@ from trace_dag.evaluation.baselines import (
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import AVOIDED, DriveOutcome
+from trace_dag.roads.map.writer import write_opendrive
 
 
 @pytest.mark.parametrize("ego", [1, 2])
@@ -73,12 +78,12 @@ def test_the_careful_human_reacts_after_perception_and_delay() -> None:
     assert found.metrics.closing_speed_mps == pytest.approx(25.5, abs=1.0)
 
 
-def braking_leader(braking_mps2: float) -> Case:
-    """Number 2, 30 m ahead, both at 20 m/s, brakes from the first second on until it stands."""
+def braking_leader(braking_mps2: float, gap_m: float = 30.0) -> Case:
+    """Number 2, ``gap_m`` ahead, both at 20 m/s, brakes from the first second on until it stands."""
     speed = lambda time_s: max(20.0 - braking_mps2 * max(time_s - 1.0, 0.0), 0.0)  # noqa: E731
     return case(
         STREET,
-        participant(1, straight(-34.7, RIGHT_M, 0.0, 20.0, until_s=8.0)),
+        participant(1, straight(-gap_m - 4.7, RIGHT_M, 0.0, 20.0, until_s=8.0)),
         participant(2, driven(0.0, RIGHT_M, 0.0, speed, lambda _: 0.0, until_s=8.0)),
         impact_time_s=4.2,
     )
@@ -90,3 +95,28 @@ def test_the_careful_human_follows_whoever_brakes_ahead() -> None:
     found = drive(braking_leader(6.0), CarefulHuman())
     assert not found.metrics.collided
     assert drive(braking_leader(6.0), Replay()).metrics.collided
+
+
+def test_the_careful_human_brakes_as_esminis_driver_model_of_the_regulation(tmp_path) -> None:
+    """Both see that the one ahead brakes with 6.5 m/s2 from 1 s on, and react 1.15 s later; ours by a vehicle whose
+    brakes lag by 0.1 s, and no harder than its road of 0.75 allows (the regulation: 0.774)."""
+    esmini.program()
+    (tmp_path / "map.xodr").write_bytes(write_opendrive(STREET))
+    scenario = tmp_path / "r157.xosc"
+    shutil.copy(Path(__file__).parent / "r157.xosc", scenario)
+    _, places, errors = esmini.play(scenario, 0.02, tmp_path)
+    assert not errors
+    theirs = places["behind"]
+    of = braking_leader(6.5, gap_m=20.0)
+    log = run(of, 1, CarefulHuman(), Conditions(), BACKEND.load(of.network, b"", friction=of.friction))
+    own = log.vehicle_log(1)
+    times_s = np.arange(0.05, 3.6, 0.05)
+    speeds = [
+        np.gradient(np.interp(times_s, clock_s, x_m), times_s)
+        for clock_s, x_m in ((own.time_s, own.x_m), (theirs[:, 0], theirs[:, 1]))
+    ]
+    begins_s = [times_s[np.argmax(speed < 19.9)] for speed in speeds]
+    assert begins_s[0] == pytest.approx(begins_s[1], abs=0.2)
+    (ours, model) = ((speed[-14] - speed[-2]) / (times_s[-2] - times_s[-14]) for speed in speeds)
+    assert ours == pytest.approx(model, rel=0.05)
+    assert model == pytest.approx(0.774 * 9.81, rel=0.01)
