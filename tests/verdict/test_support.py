@@ -142,6 +142,25 @@ def test_a_route_number_is_not_missed_on_a_map_that_numbers_no_routes() -> None:
     assert "first street" not in {fact.name for fact in verdict.support.facts}
 
 
+@pytest.mark.parametrize(("second", "agreement"), [("US-33 RAMP", Agreement.NEAR), ("US-33", Agreement.DIFFERS)])
+def test_a_reported_ramp_is_on_neither_of_the_streets_it_joins(second: str, agreement: Agreement) -> None:
+    """On a ramp without a name that meets US 33, of a map with SR 104 elsewhere."""
+    street = STREET.roads[0]
+    away = two_way("3", -300.0, 90.0, 0.0, 600.0)
+    roads = (
+        replace(street, highway="motorway_link", names=()),
+        replace(two_way("2", -300.0, 40.0, 0.0, 600.0), names=("US 33",)),
+        replace(away, names=("SR 104",)),
+    )
+    hypothesis, log = simulated(*HEAD_ON)
+    placement = CrashPlacement(0.0, 0.0, 0.0, "1", 0.0, "by hand", cross_road_ids=("2",))
+    of = replace(AS_REPORTED, trafficway_1="SR-104", trafficway_2=second)
+    network = RoadNetwork(FRAME, roads)
+    verdict = judge(of, network, MapReport("by hand", placement, ()), estimate(hypothesis), [log], VerdictSettings())
+    assert verdict.support is not None
+    assert {fact.name: fact.agreement for fact in verdict.support.facts}["first street"] is agreement
+
+
 def test_the_fitted_table_speaks_for_what_agrees() -> None:
     weights = fitted_weights()
     for name in ("first street", "second street", "limit", "lanes", "intersection"):

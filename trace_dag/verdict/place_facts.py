@@ -92,8 +92,12 @@ def _street_names(
     named = (("first street", record.trafficway_1, True), ("second street", record.trafficway_2, at_intersection))
     here = _names_of(network, placement, streets)
     around = {name for road in network.roads for name in road.names}
+    on_ramp = network.road_by_id[placement.road_id].highway.endswith("_link")
+    on_reported_ramp = on_ramp and any(parse_street(name).ramp for _, name, _ in named)
     for fact, reported, essential in named:
         agreement = _agreement_of_names(reported, here, around)
+        if agreement is Agreement.DIFFERS and on_reported_ramp and (similarity(reported, around) or 0.0) >= SAME_STREET:
+            agreement = Agreement.NEAR  # a ramp leads from one street to the other
         if agreement is not None:
             found = ", ".join(sorted(here)) or "no name"
             yield Fact(fact, ComparedWith.MAP, agreement, reported, found, essential)
