@@ -34,6 +34,7 @@ _STATION_STEP_M: Final = 0.25
 _TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
 _CROSSWALK_M: Final = 8.0  # farthest from the place: on another leg of the intersection it would be another crosswalk
 _CROSSWALK_SIGMA_M: Final = 0.7  # people in a crosswalk also walk beside its lines
+_UNDRAWN_M: Final = 2.0  # where nobody drew one it may lie so far to either side of the end of the road
 _BESIDE_SHARE: Final = 0.07
 """Share of pedestrians struck elsewhere in an intersection that has a crosswalk: 50 of 683 (PEDLOC 1, PBCWALK 1, by
 PEDPOS; the national typing of 2016)."""
@@ -101,13 +102,12 @@ def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
     told = in_crosswalk(person)
     if not told and not (is_at_intersection(scene.record) and may_have_crossed_in_crosswalk(person)):
         return None
-    near = [
-        shapely.Polygon(place.corners_m) for place in crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M)
-    ]
-    drawn = bool(near)
-    if not drawn:
-        near = unmarked_crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M)
-    return Crosswalks(shapely.union_all(near), 0.0 if told and drawn else _BESIDE_SHARE) if near else None
+    within = (scene.network, *scene.place_xy_m, _CROSSWALK_M)
+    drawn = [shapely.Polygon(place.corners_m) for place in crosswalks_near(*within)]
+    if drawn:
+        return Crosswalks(shapely.union_all(drawn), 0.0 if told else _BESIDE_SHARE)
+    ends = unmarked_crosswalks_near(*within)
+    return Crosswalks(shapely.union_all(ends).buffer(_UNDRAWN_M), _BESIDE_SHARE) if ends else None
 
 
 def placed(
