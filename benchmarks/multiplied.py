@@ -15,7 +15,7 @@ from itertools import islice
 from pathlib import Path
 
 from trace_dag.cohorts.registry import CrashSource, Registry, ReportSource
-from trace_dag.crash.keys import parse_key
+from trace_dag.crash.keys import crash_key, parse_key, register_key, state_of
 from trace_dag.crash.tables import record_from_parquet, record_to_parquet
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.crash_status import valid_records
@@ -51,13 +51,16 @@ def multiply(source: Path, target: Path, crashes: int) -> None:
 
 
 def _new_keys(keys: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Old keys, round after round, each with a new one of the same state."""
+    """Old keys, round after round, each with a new one of the same state or register."""
     turn = 0
     while True:
         for position, key in enumerate(keys):
-            state = parse_key(key)[1] // 10_000
-            case = state * 10_000 + turn // _YEARS * len(keys) + position
-            yield key, f"{_FIRST_YEAR + turn % _YEARS}-{case}"
+            parsed = parse_key(key)
+            if parsed.state_case is None:
+                yield key, register_key(parsed.register, f"{turn}-{parsed.id}")
+            else:
+                case = state_of(parsed.state_case) * 10_000 + turn // _YEARS * len(keys) + position
+                yield key, crash_key(_FIRST_YEAR + turn % _YEARS, case)
         turn += 1
 
 
@@ -71,7 +74,8 @@ def _copy_some(task: _Task) -> dict[str, ReportSource]:
 
 def _copy_crash(origin: Storage, work: Work, old: str, new: str, records: Records, source: CrashSource) -> ReportSource:
     """One crash under a new key; its report as a source, which is stored as it was handed in."""
-    target, report = work.storage, ReportSource("stored", f"reports/{new}.xml", source.report.sha256)
+    extension = Path(source.report.location).suffix
+    target, report = work.storage, ReportSource("stored", f"reports/{new}{extension}", source.report.sha256)
     of_file = source.report.kind == "file"
     _link(Path(source.report.location if of_file else origin.path(source.report.location)), target, report.location)
     made: Records = {}
@@ -95,9 +99,11 @@ def _copy_crash(origin: Storage, work: Work, old: str, new: str, records: Record
 
 def _copy(source: Storage, target: Storage, file: StoredFile, name: str, old: str, new: str) -> StoredFile:
     if name.startswith(f"{Stage.CRASH_RECORD}/"):
-        year, case = parse_key(new)
-        record = record_from_parquet(source.read(file.name))
-        return target.write(name, record_to_parquet(replace(record, key=new, case_year=year, state_case=case)))
+        parsed, record = parse_key(new), record_from_parquet(source.read(file.name))
+        year = parsed.case_year or record.case_year
+        return target.write(
+            name, record_to_parquet(replace(record, key=new, case_year=year, state_case=parsed.state_case))
+        )
     if name.endswith(".json"):
         return target.write(name, source.read(file.name).replace(old.encode(), new.encode()))
     _link(Path(source.path(file.name)), target, name)

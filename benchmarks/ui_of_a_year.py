@@ -45,7 +45,7 @@ def main() -> None:
     """Print the seconds of each page."""
     with (
         _served(Path(sys.argv[1])) as address,
-        tempfile.TemporaryDirectory() as profile,
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile,
         Page(Path(profile)) as page,
     ):
         for name, path in _PAGES.items():

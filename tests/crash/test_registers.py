@@ -111,10 +111,12 @@ def test_what_a_second_unit_is_decides_the_first_event(tmp_path, unit, action, k
 
 
 def test_a_person_may_be_the_first_unit(tmp_path):
-    row = {**TEMPE, "Collisionmanner": "Other", "Unittype_One": "Pedestrian", "Unitaction_One": "Crossing Road"}
+    manner = {"Collisionmanner": "ANGLE (Front To Side)(Other Than Left Turn)"}  # of the two units
+    row = {**TEMPE, **manner, "Unittype_One": "Pedestrian", "Unitaction_One": "Crossing Road"}
     (record,) = table(tmp_path, "tempe", row).records()
     (event,) = record.events
     assert (event.party_1, event.party_2) == (2, 1001)  # the vehicle strikes the person
+    assert record.moving_vehicles == 1
     assert record.non_motorists[0].heading == Heading(Octant.EAST)
     check(record, CrashSettings())  # where it went tells enough, though not where on the road it was
 

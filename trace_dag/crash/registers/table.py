@@ -418,7 +418,7 @@ def _with_first_event(record: CrashRecord) -> CrashRecord:
     moving = [vehicle.number for vehicle in record.vehicles if vehicle.in_transport]
     standing = [vehicle.number for vehicle in record.vehicles if not vehicle.in_transport]
     of_two = record.manner_of_collision_code in _OF_TWO_VEHICLES
-    if of_two and len(moving) + len(standing) == 1:  # the table has not all of them
+    if of_two and len(moving) + len(standing) == 1 and not record.non_motorists:  # the table has not all of them
         record = replace(
             record, vehicles_in_transport=len(moving) + 1, implied=(*record.implied, "vehicles_in_transport")
         )
