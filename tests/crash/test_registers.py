@@ -124,7 +124,7 @@ def test_a_person_may_be_the_first_unit(tmp_path):
 def test_values_that_are_not_mapped_are_counted_and_not_known(tmp_path):
     rows = [{**TEMPE, "Incidentid": str(number), "Weather": "Locusts"} for number in (1, 2)]
     read = table(tmp_path, "tempe", *rows)
-    assert "not mapped, so not known: Weather: Locusts (2)" in read.notes()
+    assert "not mapped, so not known: Weather as WEATHER: Locusts (2)" in read.notes()
     assert {record.weather_code for record in read.records()} == {None}
 
 
@@ -267,6 +267,16 @@ def test_a_point_goes_before_the_streets(tmp_path):
     (record,) = table(tmp_path, str(tmp_path / "mine.toml"), row).records()
     assert (record.latitude_deg, record.longitude_deg) == (52.0, 0.1)
     assert origins(record)["latitude_deg"] is Origin.REPORTED
+
+
+def test_elements_without_a_table_of_codes_are_taken_as_they_stand(tmp_path):
+    columns = 'DEATHS = { column = "killed" }\nREST_USE = { column = "belt" }\n'
+    (tmp_path / "mine.toml").write_text(MINE + columns)
+    row = {"id": "1", "when": "2020-01-02 03:04", "lat": "52.0", "lon": "0.1", "manner": "2", "kmh": "36",
+           "killed": "1", "belt": "3"}  # fmt: skip
+    (record,) = table(tmp_path, str(tmp_path / "mine.toml"), row).records()
+    assert record.vehicles[0].occupants_killed == 1
+    assert record.vehicles[0].occupants[0].restraint_code == 3
 
 
 @pytest.mark.parametrize(

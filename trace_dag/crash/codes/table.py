@@ -85,6 +85,15 @@ def code_table(element: str) -> CodeTable:
     )
 
 
+def has_codes(element: str) -> bool:
+    """Whether an element has a table; counts, and elements whose codes are not interpreted here, have none.
+
+    >>> has_codes("WEATHER"), has_codes("DEATHS")
+    (True, False)
+    """
+    return element in _rows()
+
+
 @cache
 def _rows() -> dict[str, list[dict[str, str]]]:
     rows: dict[str, list[dict[str, str]]] = {}

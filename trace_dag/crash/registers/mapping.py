@@ -17,7 +17,7 @@ from typing import Annotated, Final, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from trace_dag.crash.codes.crash import STATES
-from trace_dag.crash.codes.table import code_table
+from trace_dag.crash.codes.table import code_table, has_codes
 from trace_dag.crash.keys import FARS, REGISTER_NAME
 from trace_dag.crash.record import Moment, Octant
 from trace_dag.crash.tables import CRASH_RECORD, NON_MOTORIST_COLUMNS, VEHICLE_COLUMNS
@@ -281,12 +281,9 @@ NUMBERS: Final = frozenset({"AGE", "VE_FORMS", "FATALS"})
 
 def _check_codes(element: str, values: Iterable[int | str]) -> None:
     words = {PARKED} if element == "P_CRASH1" else set()
-    if element in NUMBERS:
+    if element in NUMBERS or not has_codes(element):
         return
-    try:
-        known = code_table(element).meanings
-    except KeyError:  # REST_USE, of which no code is interpreted here
-        return
+    known = code_table(element).meanings
     for value in values:
         if value not in words and value not in known:
             raise ValueError(f"{element} has no code {value!r}")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes.bodies import BodyEvidence, body_of
 from trace_dag.crash.codes.crash import STATES
-from trace_dag.crash.codes.table import code_table
+from trace_dag.crash.codes.table import code_table, has_codes
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.keys import register_key
@@ -334,17 +334,15 @@ class RowReader:
     def _code(self, row: Row, element: str, column: CodedColumn, unit: str = "") -> Any:
         """A code, None where it is not known; a number as it stands where the mapping lists no values."""
         name = self.mapping.column_of(column.column, unit)
-        value = row[name]
+        value, label = row[name], f"{name} as {element}"
         if column.values:
-            found = self._looked_up(name, value, column.values)
+            found = self._looked_up(label, value, column.values)
         elif self._is_unknown(value):
             found = None
-        elif element in NUMBERS:
-            found = self._whole(name, value)
         else:
-            found = self._whole(name, value)
-            if found is not None and found not in code_table(element).meanings:
-                found = self._count(name, value)
+            found = self._whole(label, value)
+            if found is not None and element in _CODED and found not in code_table(element).meanings:
+                found = self._count(label, value)
         return code_table(element).known(found) if isinstance(found, int) and element in _CODED else found
 
     def _measured(self, row: Row, column: NumberColumn | None, unit: str) -> float | None:
@@ -389,7 +387,7 @@ class RowReader:
         return None
 
 
-_CODED: Final = frozenset({*CRASH_FIELDS, *VEHICLE_FIELDS, *PERSON_FIELDS, "PER_TYP"}) - NUMBERS
+_CODED: Final = frozenset(filter(has_codes, (*CRASH_FIELDS, *VEHICLE_FIELDS, *PERSON_FIELDS, "PER_TYP"))) - NUMBERS
 
 
 def _fields(columns: Mapping[str, Column], coded: Mapping[str, Any]) -> dict[str, Any]:
