@@ -1,4 +1,4 @@
-"""Figures over versions, kept in ``benchmarks/results.json`` and shown in ``docs/explanation/benchmarks.md``."""
+"""Figures over versions, kept in ``benchmarks/results.json`` and shown in ``docs/reference/benchmarks.md``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trace_dag.version import __version__
 
 _ROOT = Path(__file__).resolve().parents[1]
 RESULTS = _ROOT / "benchmarks" / "results.json"
-PAGE = _ROOT / "docs" / "explanation" / "benchmarks.md"
+PAGE = _ROOT / "docs" / "reference" / "benchmarks.md"
 _SHOWN = 5  # measurements whose figures are shown: what has not been measured since is out of date
 
 
@@ -99,7 +99,7 @@ def _calibration(measurements: Sequence[dict[str, Any]]) -> list[str]:
         "",
         "One thing that is known is hidden, estimated again from the rest, and compared: the share that comes back,",
         "and what chance gives, which draws the answer from what all crashes have. [How sure the estimates",
-        "are](how-sure-the-estimates-are.md) says what each row is. A language model that is configured",
+        "are](../explanation/how-sure-the-estimates-are.md) says what each row is. A language model that is configured",
         "(`TRACE_DAG_STATES__LLM_MODEL`) has a column of its own: it is asked for coordinates, as the published study",
         "asked, and what it cannot answer counts as not recovered." + ("" if models else " None was, here."),
         "",
