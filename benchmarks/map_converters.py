@@ -6,7 +6,7 @@ Around the middle of the roads of each extract every converter gets the same dat
 were made, how far the ways lie from the axes of their roads outside junctions, roads with the lanes that are tagged,
 errors that ASAM's checker finds at version 1.7, how many maps CARLA's library and netconvert read, and the time of a
 map with its process. CommonRoad's designer makes lanelets: its ways are measured to the nearest border or middle of
-one, and OpenDRIVE's checker and readers do not apply.
+one, a way farther than 5 m from all counts as missing, and OpenDRIVE's checker and readers do not apply.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ lines = [line.tolist() for each in found for line in (each.left_vertices, each.r
 print("LANELETS" + json.dumps(lines))
 """
 _TIME_LIMIT_S = 300.0
+_NO_ROAD_M = 5.0  # a way of which most is farther from every lanelet has none
 _TROUBLE = (Failure, Rejection, UserError, subprocess.SubprocessError, OSError, ValueError)
 
 
@@ -140,15 +141,15 @@ def lanelets(row: Row, extract: OsmExtract, frame: LocalFrame, folder: Path) -> 
         local.append(shapely.LineString(frame.to_local(np.array(latitudes), np.array(longitudes))))
     tree = shapely.STRtree(local)
     comparison = MapComparison(RoadNetwork(frame, ()), extract)
-    points = [
-        line.interpolate(metre)
-        for way in comparison.ways
-        for line in [shapely.LineString(comparison.way_line(way))]
-        for metre in np.arange(0.0, line.length, 5.0)
-    ]
-    distances = shapely.distance(points, np.array(local, dtype=object)[tree.nearest(points)])
-    row.deviations_m.append((float(distances.mean()), 5.0 * len(points)))
-    row.worst_m = max(row.worst_m, float(distances.max()))
+    for way in comparison.ways:
+        line = shapely.LineString(comparison.way_line(way))
+        points = [line.interpolate(metre) for metre in np.arange(0.0, line.length, 5.0)]
+        distances = shapely.distance(points, np.array(local, dtype=object)[tree.nearest(points)])
+        if np.median(distances) > _NO_ROAD_M:
+            row.missing += 1
+            continue
+        row.deviations_m.append((float(distances.mean()), 5.0 * len(points)))
+        row.worst_m = max(row.worst_m, float(distances.max()))
 
 
 CONVERTERS: dict[str, Callable[[OsmExtract, LocalFrame, Path], bytes]] = {
@@ -216,7 +217,7 @@ def main() -> int:
             compared, differing = row.lanes
             lanes = f"{compared - differing} of {compared}" if compared else ""
             seconds = f"{np.median(row.times_s):.1f}" if row.times_s else ""
-            missing = str(row.missing) if row.files else ""
+            missing = str(row.missing) if row.times_s else ""
             cells = (name, f"{len(row.times_s)} of {row.tried}", f"{mean_m:.3f}", f"{row.worst_m:.2f}", missing, lanes)
             print(f"| {' | '.join((*cells, errors, carla, sumo, seconds))} |", flush=True)
     return 0
