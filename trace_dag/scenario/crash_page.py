@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from trace_dag.crash.codes.vehicle import ACC_TYPE
+from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import event_named, in_one_sentence
@@ -223,12 +224,14 @@ def _band(found: Interval, scale: Sequence[float]) -> Band:
 
 
 def report_rights(crash: Row) -> str:
-    """Whom the report of a row of ``crashes`` is from, and what may be done with it.
+    """Whom the report of a row of ``crashes`` is from, and what may be done with it; of another register than FARS its
+    name alone, until the report has been read.
 
-    >>> report_rights({"attribution": None})
-    'NHTSA FARS, public domain'
+    >>> report_rights({"register": "fars"}), report_rights({"register": "tempe", "attribution": None})
+    ('NHTSA FARS, public domain', 'register tempe')
     """
-    return crash.get("attribution") or "NHTSA FARS, public domain"
+    register = crash.get("register") or FARS
+    return crash.get("attribution") or ("NHTSA FARS, public domain" if register == FARS else f"register {register}")
 
 
 def _elsewhere(crash: Row) -> list[tuple[str, str]]:
