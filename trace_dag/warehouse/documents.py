@@ -44,8 +44,7 @@ class DocumentTables:
 
         records = [table_from_parquet(crash.documents[_RECORD]) for crash in crashes if _RECORD in crash.documents]
         columns = CRASH_RECORD.arrow().empty_table()  # records of an older version may lack some
-        together = pa.concat_tables([columns, *records], promote_options="permissive")
-        self._take("crash_record", together.combine_chunks())  # each chunk costs DuckDB as much as a thousand rows
+        self._take("crash_record", pa.concat_tables([columns, *records], promote_options="permissive"))
         for name, document in _JSON.items():
             found = [(crash.key, crash.documents[document]) for crash in crashes if document in crash.documents]
             keys, contents = ([each[column] for each in found] for column in (0, 1))
