@@ -86,6 +86,21 @@ def test_a_pair_of_crash_types_moves_as_its_diagram_shows(case, first, second):
     assert all(check.passed for check in best.checks if "direction" in check.name or "touching" in check.name)
 
 
+@pytest.mark.parametrize("codes", [(24, 25), (46, 47)])
+def test_two_who_turn_the_same_way_turn_behind_or_beside_each_other(case, codes):
+    """One runs into the other in the turn, or comes over to it: both turn, from one street."""
+    best = reconstructed(
+        case,
+        *(
+            {"crash_type_code": code, "movement": PreCrashMovement.TURNING_LEFT, "travel_speed_mps": speed_mps}
+            for code, speed_mps in zip(codes, (8.0, 5.0), strict=True)
+        ),
+    )
+    assert between_deg(best) < 30
+    assert [state.manoeuvre for state in best.participants] == [Manoeuvre.TURN_LEFT] * 2
+    assert all(turned_deg(state) > 45 for state in best.participants)
+
+
 def test_a_u_turn_goes_around_to_the_left(case):
     best = reconstructed(
         case,

@@ -54,14 +54,28 @@ def same_lane(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
     if _off_centre(mover) or _off_centre(other):
         width = (mover.vehicle.width_m + other.vehicle.width_m) / 2
         offsets += [share * width for share in (0.4, -0.4, 0.85, -0.85)]
-    for approach in scene.on_road(scene.through):
+    for approach in _lanes_of_both(scene, scenario):
         ahead = speed_of(other, approach)
         behind = _faster(speed_of(mover, approach), ahead)
         slowed, terms = _slowed(mover, behind, other, ahead)
-        for offset in offsets:
-            follower = keep_lane(approach, mover.vehicle, behind.speed_mps, offset_m=offset)
-            for leader in ways(other, approach, ahead, slides=True):
+        followers = [keep_lane(approach, mover.vehicle, behind.speed_mps, offset_m=offset) for offset in offsets]
+        if _both_turn(scenario):
+            followers = ways(mover, approach, behind)
+        for follower in followers:
+            for leader in ways(other, approach, ahead, slides=not _both_turn(scenario)):
                 yield PathPair(follower, leader, behind, ahead, True, terms, slowed)
+
+
+def _both_turn(scenario: PreCrashScenario) -> bool:
+    """Whether both make the same turn, one behind or beside the other."""
+    return scenario.mover.turn is not None and scenario.mover.turn is scenario.other.turn
+
+
+def _lanes_of_both(scene: Scene, scenario: PreCrashScenario) -> list[Approach]:
+    """The lanes that two on one road can have been in: those of a turn that both make, where the map has any."""
+    turn = scenario.other.turn
+    turning = turning_approaches(scene.approaches, turn) if turn is not None and _both_turn(scenario) else []
+    return scene.on_road(turning) or scene.on_road(scene.through)
 
 
 def _slowed(
@@ -83,15 +97,16 @@ def same_direction(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPai
     >>> {pair.other.manoeuvre.value for pair in pairs}  # the other keeps to its lane
     {'straight'}
     """
-    mover, other = scenario.mover, scenario.other
-    through = scene.on_road(scene.through)
-    for target in through:
+    mover = scenario.mover
+    lanes = _lanes_of_both(scene, scenario)
+    beside_them = lanes if _both_turn(scenario) else scene.through
+    for target in lanes:
         for side in (Side.LEFT, Side.RIGHT):
             if scenario.mover_from not in (side, None):
                 continue
             beside = [
                 approach
-                for approach in scene.through
+                for approach in beside_them
                 if apart(approach, target) <= SAME_HEADING_RAD and 2.0 <= left_of(approach, target, side) <= 5.5
             ]
             sources = [(approach, 0.0, left_of(approach, target, side)) for approach in beside]
@@ -100,7 +115,7 @@ def same_direction(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPai
                 moving_out = _moving_out(target, away, speed_of(mover, target).speed_mps)
                 sources = [(target, away, PASSING_OFFSET_M), (moving_out, 0.0, PASSING_OFFSET_M)]
             for approach, from_offset, gap in sources:
-                yield from _coming_over(mover, other, approach, target, side, from_offset, gap)
+                yield from _coming_over(scenario, approach, target, side, from_offset, gap)
 
 
 def _moving_out(approach: Approach, away_m: float, speed_mps: float) -> Approach:
@@ -116,19 +131,22 @@ def _moving_out(approach: Approach, away_m: float, speed_mps: float) -> Approach
 
 
 def _coming_over(
-    mover: Party, other: Party, approach: Approach, target: Approach, side: Side, from_offset: float, gap: float
+    scenario: PreCrashScenario, approach: Approach, target: Approach, side: Side, from_offset: float, gap: float
 ) -> Iterator[PathPair]:
+    mover, other = scenario.mover, scenario.other
     mover_speed, other_speed = speed_of(mover, approach), speed_of(other, target)
-    steady = along(other, target, other_speed)
+    keeping = ways(other, target, other_speed) if _both_turn(scenario) else [along(other, target, other_speed)]
     terms = {"no lane beside": -0.5} if from_offset or approach.moves_out else {}
     if mover.turn is not None:
         for option in make_turn(approach, mover.vehicle, mover_speed.speed_mps, mover.turn, slides=True):
-            yield PathPair(option, steady, mover_speed, other_speed, True, terms)
+            for steady in keeping:
+                yield PathPair(option, steady, mover_speed, other_speed, True, terms)
         return
     towards = -gap if side is Side.LEFT else gap
     manoeuvre = Manoeuvre.LANE_CHANGE_RIGHT if side is Side.LEFT else Manoeuvre.LANE_CHANGE_LEFT
     for option in move_sideways(approach, mover_speed.speed_mps, towards, manoeuvre, from_offset_m=from_offset):
-        yield PathPair(option, steady, mover_speed, other_speed, True, terms)
+        for steady in keeping:
+            yield PathPair(option, steady, mover_speed, other_speed, True, terms)
 
 
 def opposite(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
