@@ -29,6 +29,9 @@ _NEAREST_M: Final = 0.1  # beyond the edge
 _SHORT_M: Final = 10.0
 _MOST_OF_A_WAY: Final = 4  # places for an object that are simulated
 _NEARER: Final = (1.0, 0.5, 0.2)  # of the usual distance beyond the edge
+_BARRIERS: Final = frozenset({23, 24, 25, 26})
+"""SOE of rails and barriers: they keep vehicles within the clear zone of a road, and stand in it."""
+_CLEAR_ZONE_M: Final = 9.1  # 30 ft, AASHTO Roadside Design Guide
 
 
 def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
@@ -59,6 +62,8 @@ def _objects(way: Way, event: CrashEvent, things: Sequence[MappedThing]) -> Iter
         touches = way.striking(event.area, _NEAREST_M)
         beyond_m, areas = np.array([beyond for beyond, _ in touches]), [area for _, area in touches]
     farthest_m = float(beyond_m.max(initial=0.0))
+    if event.code in _BARRIERS:
+        farthest_m = min(farthest_m, _CLEAR_ZONE_M)
     for k, thing in _mapped(way, event.code, things):
         if way.left_to(event.side, k):
             _, runs_rad = nearest_of(thing, way.poses[k].xy_m)
