@@ -135,18 +135,18 @@ def _coming_over(
 ) -> Iterator[PathPair]:
     mover, other = scenario.mover, scenario.other
     mover_speed, other_speed = speed_of(mover, approach), speed_of(other, target)
-    keeping = ways(other, target, other_speed) if _both_turn(scenario) else [along(other, target, other_speed)]
+    steady = along(other, target, other_speed)
     terms = {"no lane beside": -0.5} if from_offset or approach.moves_out else {}
     if mover.turn is not None:
+        others = ways(other, target, other_speed) if _both_turn(scenario) else [steady]
         for option in make_turn(approach, mover.vehicle, mover_speed.speed_mps, mover.turn, slides=True):
-            for steady in keeping:
-                yield PathPair(option, steady, mover_speed, other_speed, True, terms)
+            for beside in others:
+                yield PathPair(option, beside, mover_speed, other_speed, True, terms)
         return
     towards = -gap if side is Side.LEFT else gap
     manoeuvre = Manoeuvre.LANE_CHANGE_RIGHT if side is Side.LEFT else Manoeuvre.LANE_CHANGE_LEFT
     for option in move_sideways(approach, mover_speed.speed_mps, towards, manoeuvre, from_offset_m=from_offset):
-        for steady in keeping:
-            yield PathPair(option, steady, mover_speed, other_speed, True, terms)
+        yield PathPair(option, steady, mover_speed, other_speed, True, terms)
 
 
 def opposite(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:

@@ -95,9 +95,7 @@ def _street_names(
     on_ramp = network.road_by_id[placement.road_id].highway.endswith("_link")
     on_reported_ramp = on_ramp and any(parse_street(name).ramp for _, name, _ in named)
     for fact, reported, essential in named:
-        agreement = _agreement_of_names(reported, here, around)
-        if agreement is Agreement.DIFFERS and on_reported_ramp and (similarity(reported, around) or 0.0) >= SAME_STREET:
-            agreement = Agreement.NEAR  # a ramp leads from one street to the other
+        agreement = _agreement_of_names(reported, here, around, on_reported_ramp=on_reported_ramp)
         if agreement is not None:
             found = ", ".join(sorted(here)) or "no name"
             yield Fact(fact, ComparedWith.MAP, agreement, reported, found, essential)
@@ -120,7 +118,7 @@ def _names_of(network: RoadNetwork, placement: CrashPlacement, streets: SiteStre
     return names | {name for arm in (streets.crossing.arms if streets.crossing else ()) for name in arm.names}
 
 
-def _agreement_of_names(reported: str, here: set[str], around: set[str]) -> Agreement | None:
+def _agreement_of_names(reported: str, here: set[str], around: set[str], *, on_reported_ramp: bool) -> Agreement | None:
     """Whether a reported street is one of those ``here``; None if it cannot be compared with them.
 
     A route's number can only be missed on a map that numbers routes, a name only where streets have names.
@@ -133,9 +131,12 @@ def _agreement_of_names(reported: str, here: set[str], around: set[str]) -> Agre
         return Agreement.AGREES
     if wanted.ramp:
         return None  # ramps seldom bear a name
+    is_around = (similarity(reported, around) or 0.0) >= SAME_STREET
+    if on_reported_ramp and is_around:
+        return Agreement.NEAR  # a ramp leads from one street to the other
     if value is not None:
         return Agreement.DIFFERS if value < OTHER_STREET else Agreement.NEAR
-    if (similarity(reported, around) or 0.0) >= SAME_STREET:
+    if is_around:
         return Agreement.DIFFERS if here else Agreement.NEAR
     parsed = [parse_street(name) for name in around]
     if wanted.routes and not wanted.names and here:
