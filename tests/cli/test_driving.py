@@ -86,6 +86,21 @@ def test_an_agent_drives_in_the_likely_courses_of_a_crash(root: Path) -> None:
     assert found == [{"key": CRASHES[0], "courses": len(rows), "avoided": 0.0}]
     done = trace_dag(root, "evaluate", "--agent", "replay", "--ego", "first", "--courses", "--only", CRASHES[0])
     assert [line.split()[:2] for line in done.stdout.splitlines()[2:]] == [["replay", "all"], ["replay", CRASHES[0]]]
+    assert "As probabilities" in (root / "benchmark/leaderboard.html").read_text()
+
+
+@pytest.mark.parametrize("options", [["--variations"], ["--courses"]])
+def test_persistent_traffic_meets_who_is_slow_in_every_case_and_its_replay(
+    root: Path, tmp_path: Path, options: list[str]
+) -> None:
+    asked_for = ["--agent", "replay?pace=0.7", "--traffic", "persistent", "--ego", "first"]
+    rows = evaluate(root, *asked_for, *options, "--only", CRASHES[0])
+    assert {row["collided"] for row in rows if row["recorded_delta_v_mps"]} == {True}
+    page = tmp_path / "replay.html"
+    case_id = rows[0]["case_id"]
+    assert trace_dag(root, "replay", case_id, *asked_for, "--output", str(page)).returncode == 0
+    assert f"{rows[0]['outcome']}, delta-v" in page.read_text()
+    assert f", in {case_id}" in page.read_text()
 
 
 def test_an_agent_that_was_only_tried_leaves_tables_and_site(finished_root: Path, tmp_path: Path) -> None:
@@ -131,6 +146,7 @@ def test_a_bound_that_cannot_be_is_named_with_what_can(bound: str, value: str, t
         (["evaluate", "--only", REJECTED], "is verified"),
         (["evaluate", "--only", "2023-510999"], "is not registered"),
         (["evaluate", "--variations"], "trace-dag vary makes them"),
+        (["replay", f"{CRASHES[0]}-c99", "--agent", "brake"], f"{CRASHES[0]}-c99 is not among {CRASHES[0]}-c"),
         (["evaluate", "--courses", "--departures"], "--courses are of crashes in which somebody met somebody"),
         (["vary", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
         (["vary", "--only", REJECTED], "is verified"),

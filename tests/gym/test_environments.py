@@ -20,6 +20,7 @@ from trace_dag.evaluation.evaluate import Conditions, evaluate
 from trace_dag.evaluation.observation import Sensing
 from trace_dag.gym.acting import MANOEUVRES
 from trace_dag.gym.parallel import ParallelCrashEnv
+from trace_dag.gym.single import chosen
 
 KEY = "2023-319003"
 RECORDED, BRAKE_HARD = (
@@ -164,6 +165,21 @@ def test_reset_takes_a_crash_of_those_there_are(home):
         env.reset(options={"key": "2023-1"})
     with pytest.raises(UserError, match="nobody drives that"):
         make(home, ego=9).reset()
+
+
+def test_a_course_is_drawn_by_its_weight_and_can_be_named(home):
+    env = make(home, actions="discrete", courses=True)
+    weights = {each.case_id: each.weight for each in env.unwrapped.tracks.values()}
+    assert sum(weights.values()) == pytest.approx(1.0)
+    drawn = [chosen(env.unwrapped.tracks, None, np.random.default_rng(seed)).case_id for seed in range(400)]
+    heaviest = max(weights, key=weights.get)
+    assert drawn.count(heaviest) / 400 == pytest.approx(weights[heaviest], abs=0.1)  # four standard deviations
+    assert env.reset(seed=3)[1]["case_id"] == env.reset(seed=3)[1]["case_id"]
+    _, info = env.reset(options={"case_id": heaviest})
+    assert (info["key"], info["case_id"]) == (KEY, heaviest)
+    package = sample_runs.finished() / "benchmark" / "packages" / f"{KEY}.zip"
+    with pytest.raises(UserError, match="of a root"):
+        make(package, courses=True)
 
 
 def test_a_package_is_enough(home):

@@ -35,6 +35,12 @@ RUN = {
     "outcome": "conflict_avoided",
     "fault": None,
 }
+PROBABLE = dict.fromkeys(("avoided", "avoided_low", "avoided_high", "stopped", "mitigated", "worse"), 0.25) | {
+    "agent": "idm",
+    "key": VERIFIED,
+    "vehicle_number": 1,
+    "courses": 8,
+}
 
 
 def axe() -> str:
@@ -64,7 +70,7 @@ def pages() -> dict[str, Path]:
         "class": "two_vehicles",
     }
     run = RUN | {"delta_v_mps": None, "recorded_delta_v_mps": 9.0}
-    (folder / "leaderboard-filled.html").write_bytes(write_leaderboard([row], [row], [run]))
+    (folder / "leaderboard-filled.html").write_bytes(write_leaderboard([run], [row], [row], [PROBABLE]))
     pair = replay_with(
         Workspace.open(sample_runs.finished()), VERIFIED, ["brake", "idm"], AgentRole.FIRST, Traffic.RECORDED, "html"
     )

@@ -308,16 +308,15 @@ def _write_index(
     """The pages about all crashes together. ``files``: those of the single crashes that have been made."""
     from trace_dag.scenario.site import IndexRows, static_files, write_index
 
-    names = ("funnel", "coverage", "failure_reasons", "leaderboard", "leaderboard_by_class", "evaluations")
-    rows = dict(zip(names, query.rows_of(warehouse, names), strict=True))
+    names = ("funnel", "coverage", "failure_reasons", "evaluations")
+    ranked = ("leaderboard", "leaderboard_by_class", "agent_probabilities")
+    funnel, coverage, reasons, driven, *of_agents = query.rows_of(warehouse, (*names, *ranked))
     moving = [row for row in table if thumbnail_name(row["key"]) in files]
-    shown = IndexRows(
-        table, moving, rows["funnel"], rows["coverage"], rows["failure_reasons"], bool(rows["leaderboard"])
-    )
-    runs = [row for row in rows["evaluations"] if row["case_id"] == row["key"]]
+    shown = IndexRows(table, moving, funnel, coverage, reasons, any(of_agents))
+    runs = [row for row in driven if row["case_id"] == row["key"]]
     of_all = Rights.of(attribution for each in rights.values() for attribution in each.attributions)
     return [
         storage.write(INDEX, write_index(shown, of_all)),
-        storage.write(LEADERBOARD, write_leaderboard(rows["leaderboard"], rows["leaderboard_by_class"], runs)),
+        storage.write(LEADERBOARD, write_leaderboard(runs, *of_agents)),
         *(storage.write(f"{FOLDER}/{name}", data) for name, data in static_files().items()),
     ]

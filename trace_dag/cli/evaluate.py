@@ -68,7 +68,7 @@ _FAULTS_SHOWN = 5
 @click.option(
     "--courses",
     is_flag=True,
-    help="The likely courses of each crash instead of one: an agent's result is a probability. Not on the leaderboard.",
+    help="The likely courses of each crash instead of one: an agent's result is a probability.",
 )
 @click.option("--hz", "rate_hz", type=Within(20, 100), default=20.0, show_default=True, help="How often it acts.")
 @click.option("--range-m", type=Within(min=0, max=10_000), default=150.0, show_default=True, help="How far it sees.")

@@ -24,7 +24,7 @@ def leaderboard() -> None:
 def weighted(root: str, bench: Path) -> None:
     """How often each agent avoids the crash, as it is and with the weights of a release made with --national.
 
-    With 95 % intervals of bootstrapped crashes, and how many crashes of equal weight the weighted share rests on.
+    With 95 % intervals, the crash as the unit, and how many crashes of equal weight the weighted share rests on.
     """
     from trace_dag.benchmark.trace_bench import read_definition
     from trace_dag.errors import UserError

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         "trace-dag replay 2023-510179",
         "trace-dag replay 2023-510179 --agent idm --ego struck --format webp",
         "trace-dag replay 2023-510179 --agent idm --agent brake",
+        "trace-dag replay 2023-510179-c02 --agent idm --traffic persistent",
     )
 )
 @click.argument("key")
@@ -60,7 +61,10 @@ def replay(
     traffic: str,
     output: Path | None,
 ) -> None:
-    """Write a simulated crash to watch, from above and in three dimensions: roads, vehicles, contact and speeds."""
+    """Write a simulated crash to watch, from above and in three dimensions: roads, vehicles, contact and speeds.
+
+    With an agent KEY may also be one of its variations or likely courses, as evaluations name them.
+    """
     from trace_dag.evaluation.registry import with_arguments
     from trace_dag.evaluation.traffic import Traffic
     from trace_dag.flow.workspace import Workspace

@@ -36,6 +36,8 @@ FASTEST_PACE: Final = 1.25
 FASTEST_ON_FOOT: Final = 1.5
 """Of who walks: from usual to fast walking, 1.4 to 2.1 m/s (Bohannon, Age and Ageing 26, 1997)."""
 _CATCHES_UP_S: Final = 2.0
+_WAITS_S: Final = 0.5
+"""A person too early by so much stands still; by less it slows down: it does not start and stop all the time."""
 _CYCLISTS_MPS2: Final = 1.0
 _AT_LEAST_MPS: Final = 1.0  # shares of a slower speed say nothing
 _STANDS: Final = 1e-3
@@ -75,13 +77,20 @@ def pace_ahead(clock_s: float, agent: Approach) -> float:
 
 
 def pace_on_foot(left_s: float, agent_left_s: float) -> float:
-    """The pace of a person, who waits while the agent is farther off in time than recorded and hurries where it is
-    nearer.
+    """The pace of a person, who hurries where the agent is nearer in time than recorded, and slows down and waits where
+    it is farther off.
 
-    >>> pace_on_foot(2.0, 3.0), pace_on_foot(2.0, 2.0), pace_on_foot(2.0, 1.6)
-    (0.0, 1.0, 1.25)
+    >>> pace_on_foot(2.0, 3.0), pace_on_foot(2.0, 2.1), pace_on_foot(2.0, 2.0), pace_on_foot(2.0, 1.6)
+    (0.0, 0.8, 1.0, 1.25)
     """
-    return 0.0 if agent_left_s > left_s else min(left_s / agent_left_s, FASTEST_ON_FOOT)
+    if agent_left_s < left_s:
+        return pace_in_step(left_s, agent_left_s)
+    return max(1.0 - (agent_left_s - left_s) / _WAITS_S, 0.0)
+
+
+def pace_in_step(left_s: float, agent_left_s: float) -> float:
+    """The constant pace at which a person comes to the conflict with the agent, or as near to that as it can."""
+    return min(max(left_s / agent_left_s, 0.0), FASTEST_ON_FOOT)
 
 
 def last_moment_s(speed_mps: float, friction: float) -> float:
@@ -108,12 +117,10 @@ class KeptConflict:
         other = met_by(case, ego)
         self._other = None if other is None else RecordedWay(case, other)
         self._is_ahead = other is not None and _is_ahead(case, ego, other, self._way.conflict_s)
-        self._accelerates_mps2 = 0.0
-        if other is not None and not case.bodies[other].is_figure:
-            self._accelerates_mps2 = vehicle_model(case.bodies[other]).max_acceleration_mps2
-        elif other is not None:
-            self._accelerates_mps2 = _CYCLISTS_MPS2
-        self._walks = other is not None and case.bodies[other].kind in _WALKS
+        body = None if other is None else case.bodies[other]
+        self._walks = body is not None and body.kind in _WALKS
+        is_driven = body is not None and not body.is_figure
+        self._accelerates_mps2 = vehicle_model(body).max_acceleration_mps2 if is_driven else _CYCLISTS_MPS2
 
     def pace(self, time_s: float, states: Mapping[int, BodyState]) -> float:
         """The pace of all others from now on; the same for all who ask at one time."""
@@ -132,15 +139,18 @@ class KeptConflict:
 
     def _set_pace(self, time_s: float, since_s: float, agent: Approach, other: RecordedWay) -> None:
         now_s, pace = self._clock.at(time_s), self._clock.pace
+        left_s = self._way.conflict_s - now_s
         speed_mps = max(other.speed_mps(now_s), _AT_LEAST_MPS)
         most_per_s = self._accelerates_mps2 / speed_mps
         if self._goes_on_per_s is None and agent.left_s <= self._last_moment_s(agent, pace * other.speed_mps(now_s)):
             evenly_per_s = max(1.0 - pace, 0.0) / max(agent.left_s, since_s)
             self._goes_on_per_s = 0.0 if self._is_ahead or self._walks else min(evenly_per_s, most_per_s)
+            if self._walks:
+                pace = pace_in_step(left_s, max(agent.left_s, since_s))
         if self._goes_on_per_s is not None:
             wanted = pace + self._goes_on_per_s * since_s if pace < 1.0 else pace
         else:
-            wanted = self._wanted(now_s, self._way.conflict_s - now_s, agent, most_per_s)
+            wanted = self._wanted(now_s, left_s, agent, most_per_s)
         if not self._walks:
             slower, faster = BRAKING_MPS2 / speed_mps * since_s, most_per_s * since_s
             wanted = min(max(wanted, pace - slower), pace + faster)

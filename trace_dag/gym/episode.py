@@ -158,6 +158,7 @@ class Episode:
             time_limit_s=max(RecordedWay(self.case, number).limit_s for number in self._seats),
             drivers={**self._seats, **self._others},
             after_contact_s=AFTER_CONTACT_S,
+            objects=self.case.objects,
         )
 
 

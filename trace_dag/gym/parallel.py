@@ -40,6 +40,7 @@ class ParallelCrashEnv(OneEpisode, ParallelEnv[str, Seen, Any]):  # type: ignore
         key: str,
         *,
         variations: bool = False,
+        courses: bool = False,
         actions: ActionKind = "continuous",
         rate_hz: float = 10.0,
         sensing: Sensing | None = None,
@@ -47,7 +48,7 @@ class ParallelCrashEnv(OneEpisode, ParallelEnv[str, Seen, Any]):  # type: ignore
         render_mode: Literal["rgb_array", "human"] | None = None,
     ) -> None:
         self._period_s = period_of(rate_hz)
-        self.tracks = tracks(home, [key], variations=variations)
+        self.tracks = tracks(home, [key], variations=variations, courses=courses)
         self.render_mode = render_mode
         case = next(iter(self.tracks.values())).case
         self.possible_agents = [f"V{number}" for number in drivers_of(case)]

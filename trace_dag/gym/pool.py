@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from weakref import WeakKeyDictionary
 
 from trace_dag.errors import UserError
@@ -17,7 +17,7 @@ from trace_dag.reading.opening import open_place
 from trace_dag.settings import SimSettings
 from trace_dag.sim.backends import backend
 from trace_dag.sim.types import Simulation
-from trace_dag.studies.cases import case_of, load_case, somebody_met, stored_variations, verified_cases
+from trace_dag.studies.cases import case_of, likely_courses, load_case, somebody_met, stored_variations, verified_cases
 
 Place = str | os.PathLike[str] | Crashes
 
@@ -38,13 +38,14 @@ class Loaded:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """A case to drive in: ``load`` reads it, ``crash`` is what is stored of the crash. Of one opened place all
-    environments have the same tracks."""
+    """A case to drive in: ``load`` reads it, ``crash`` is what is stored of the crash, ``weight`` that of a likely
+    course among those of its crash. Of one opened place all environments have the same tracks."""
 
     case_id: str
     crash: CrashArtefacts
     load: Callable[[], Case]
     settings: SimSettings
+    weight: float = 1.0
 
     @property
     def key(self) -> str:
@@ -83,21 +84,21 @@ _known: WeakKeyDictionary[Crashes, dict[str, Track]] = WeakKeyDictionary()
 """The tracks made of each opened place. A place given by name is opened anew for each environment."""
 
 
-def tracks(home: Place | None, keys: Sequence[str], *, variations: bool) -> dict[str, Track]:
+def tracks(home: Place | None, keys: Sequence[str], *, variations: bool, courses: bool) -> dict[str, Track]:
     """The verified crashes of a place in which somebody met somebody, all or those of ``keys``, by case id.
 
-    ``variations``: with the stored variations of each, which only a root has. Raises :class:`UserError` where there
-    are none.
+    ``variations``: with the stored variations of each; ``courses``: the likely courses of each in its place. Only a
+    root has these. Raises :class:`UserError` where there are none.
     """
     crashes = home if isinstance(home, Crashes) else open_place(home)
     if isinstance(crashes, Home):
-        found = _of_root(crashes, keys, variations=variations)
-    elif variations:
-        raise UserError(f"{crashes.place}: variations are stored in a root; this is a package or a release")
+        found = _of_root(crashes, keys, variations=variations, courses=courses)
+    elif variations or courses:
+        raise UserError(f"{crashes.place}: variations and courses are of a root; this is a package or a release")
     else:
         settings, stored = SimSettings(), [crashes[key].stored for key in keys or crashes]
         found = [
-            Track(crash.key, crash, lambda crash=crash: case_of(crash, settings), settings)  # type: ignore[misc]
+            Track(crash.key, crash, partial(case_of, crash, settings), settings)
             for crash in stored
             if somebody_met(crash)
         ]
@@ -107,11 +108,10 @@ def tracks(home: Place | None, keys: Sequence[str], *, variations: bool) -> dict
     return {track.case_id: shared.setdefault(track.case_id, track) for track in found}
 
 
-def _of_root(home: Home, keys: Sequence[str], *, variations: bool) -> list[Track]:
-    cases = verified_cases(home.workspace, None, keys)
+def _of_root(home: Home, keys: Sequence[str], *, variations: bool, courses: bool) -> list[Track]:
+    crashes = verified_cases(home.workspace, None, keys)
+    cases = likely_courses(crashes) if courses else list(crashes)
     if variations:
-        cases += stored_variations(home.workspace, cases)
-    return [
-        Track(each.case_id, each.files, lambda each=each: load_case(each), home.workspace.settings.sim)  # type: ignore[misc]
-        for each in cases
-    ]
+        cases += stored_variations(home.workspace, crashes)
+    settings = home.workspace.settings.sim
+    return [Track(each.case_id, each.files, partial(load_case, each), settings, each.weight) for each in cases]

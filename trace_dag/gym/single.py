@@ -110,6 +110,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         key: one crash or several; all in which somebody met somebody by default.
         ego: whose place, as ``trace-dag evaluate --ego`` has it, or a vehicle's number.
         variations: with the stored variations of the crashes.
+        courses: the likely courses of each crash in its place, drawn by their weights.
         actions: ``continuous`` or ``discrete``; see :mod:`trace_dag.gym.acting`.
         rate_hz: steps per second, 1 to 100.
         sensing: how well it sees.
@@ -117,12 +118,12 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         reward: weights; see :class:`trace_dag.gym.rewards.Reward`.
         render_mode: ``rgb_array``, or ``human``: the replay of each episode as a page in the browser.
 
-    ``reset(seed=..., options={"key": ..., "variation": ...})`` chooses crash and variation; without options the seed
-    draws one of all. The same seed, options and actions give the same bits. An episode is terminated by the first
-    contact of anybody with anybody, and truncated when the agent has arrived 50 m beyond the conflict or at the end of
-    its recorded way, not before five seconds after the recorded impact, or has taken twice the recorded time. ``info``
-    has ``key``, ``case_id`` and ``ego``, and in the end ``outcome`` and ``metrics``. Raises
-    :class:`trace_dag.errors.UserError` for what is not there.
+    ``reset(seed=..., options={"key": ..., "case_id": ...})`` chooses a crash, or one variation or course; of what they
+    leave the seed draws one, every crash and variation as often, a course by its weight. The same seed, options and
+    actions give the same bits. An episode is terminated by the first contact of anybody with anybody, and truncated
+    when the agent has arrived 50 m beyond the conflict or at the end of its recorded way, not before five seconds after
+    the recorded impact, or has taken twice the recorded time. ``info`` has ``key``, ``case_id`` and ``ego``, and in the
+    end ``outcome`` and ``metrics``. Raises :class:`trace_dag.errors.UserError` for what is not there.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012 - as its base
@@ -134,6 +135,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         ego: str | int = "striking",
         *,
         variations: bool = False,
+        courses: bool = False,
         actions: ActionKind = "continuous",
         rate_hz: float = 10.0,
         sensing: Sensing | None = None,
@@ -144,7 +146,8 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         self._period_s = period_of(rate_hz)
         if traffic not in list(Traffic):
             raise UserError(f"traffic {traffic!r}: expected {', '.join(Traffic)}")
-        self.tracks = tracks(home, [key] if isinstance(key, str) else list(key), variations=variations)
+        keys = [key] if isinstance(key, str) else list(key)
+        self.tracks = tracks(home, keys, variations=variations, courses=courses)
         self.observation_space = observation_space()
         self.action_space = action_space(actions)
         self.render_mode = render_mode
@@ -198,20 +201,21 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
 
 
 def chosen(tracks: Mapping[str, Track], options: Mapping[str, Any] | None, random: np.random.Generator) -> Track:
-    """What ``options`` name, or one drawn of all that they leave; options of others are left alone.
+    """What ``options`` name, or one drawn by weight of all that they leave; options of others are left alone.
 
     Raises :class:`UserError` for a crash that is not there.
     """
     asked = options or {}
-    variation, key = asked.get("variation"), asked.get("key")
+    case_id, key = asked.get("case_id"), asked.get("key")
     left = [
         each
         for each in tracks.values()
-        if (variation is None or each.case_id == variation) and (key is None or each.key == key)
+        if (case_id is None or each.case_id == case_id) and (key is None or each.key == key)
     ]
     if not left:
-        raise UserError(f"reset: no crash {variation or key} among the {len(tracks)} of this environment")
-    return left[int(random.integers(len(left)))]
+        raise UserError(f"reset: no crash {case_id or key} among the {len(tracks)} of this environment")
+    weights = np.array([each.weight for each in left])
+    return left[int(random.choice(len(left), p=weights / weights.sum()))]
 
 
 def ego_of(case: Case, ego: str | int) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from trace_dag.evaluation.crash_parts import CrashPart
-from trace_dag.evaluation.shares import share_avoided
+from trace_dag.evaluation.shares import clustered_share, share_avoided
 from trace_dag.scenario.page_templates import templates
 from trace_dag.version import __version__
 
@@ -16,11 +16,13 @@ _PARTS = ("all", *CrashPart)
 OUTCOMES = ("conflict_avoided", "collision_avoided", "stopped", "mitigated", "unchanged", "worse", "faulty")
 
 
-def write_leaderboard(leaderboard: Sequence[Row], by_class: Sequence[Row], runs: Sequence[Row]) -> bytes:
-    """``leaderboard.html`` from the rows of the warehouse's views ``leaderboard`` and ``leaderboard_by_class``, and the
-    ``evaluations`` in crashes (not in their variations).
+def write_leaderboard(
+    runs: Sequence[Row], leaderboard: Sequence[Row], by_class: Sequence[Row], probabilities: Sequence[Row]
+) -> bytes:
+    """``leaderboard.html`` from the ``evaluations`` in crashes (not in their variations), and the rows of the
+    warehouse's views ``leaderboard``, ``leaderboard_by_class`` and ``agent_probabilities``.
 
-    >>> write_leaderboard([], [], [])[:15]
+    >>> write_leaderboard([], [], [], [])[:15]
     b'<!doctype html>'
     """
     groups: dict[tuple[str, str], list[Row]] = {}
@@ -32,6 +34,9 @@ def write_leaderboard(leaderboard: Sequence[Row], by_class: Sequence[Row], runs:
     runs_of: dict[str, list[Row]] = {}
     for row in runs:
         runs_of.setdefault(row["agent"], []).append(row)
+    likely: dict[str, list[Row]] = {}
+    for row in probabilities:
+        likely.setdefault(row["agent"], []).append(row)
     avoided = {
         agent: {part: share_avoided(run for run in of_agent if part in ("all", run["part"])) for part in _PARTS}
         for agent, of_agent in runs_of.items()
@@ -45,6 +50,10 @@ def write_leaderboard(leaderboard: Sequence[Row], by_class: Sequence[Row], runs:
             groups=groups,
             avoided=avoided,
             runs_of=runs_of,
+            probabilities={
+                agent: (clustered_share((row["key"], row["avoided"]) for row in rows), rows)
+                for agent, rows in likely.items()
+            },
             dimensions=dimensions,
             outcomes=OUTCOMES,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from trace_dag.settings import SimSettings
     from trace_dag.sim.types import SimulationLog
     from trace_dag.states.types import Hypothesis
+
+
+_PART_OF_A_CRASH = re.compile(r"(?P<key>.+)-(?P<letter>[cv])\d+")  # 2023-319003-c02, 2023-319003-v001
 
 
 class AgentRole(StrEnum):
@@ -210,6 +214,22 @@ def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
             f"of {counted(len(cases), 'crash', 'crashes')} asked for, no draw agrees with the report; "
             "the setting samples says how many are made"
         )
+    return found
+
+
+def stored_case(workspace: Workspace, case_id: str) -> StoredCase:
+    """A verified crash, or a variation or likely course of one, by the id that evaluations have it by.
+
+    Raises :class:`UserError` where there is none.
+    """
+    part = _PART_OF_A_CRASH.fullmatch(case_id)
+    (crash,) = verified_cases(workspace, None, [part["key"] if part else case_id], departures=None)
+    if part is None:
+        return crash
+    there = likely_courses([crash]) if part["letter"] == "c" else stored_variations(workspace, [crash])
+    found = next((each for each in there if each.case_id == case_id), None)
+    if found is None:
+        raise UserError(f"{case_id} is not among {', '.join(each.case_id for each in there)}")
     return found
 
 

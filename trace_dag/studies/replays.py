@@ -11,7 +11,7 @@ from trace_dag.evaluation.agent_process import AgentProcess
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, run
-from trace_dag.evaluation.metrics import DriveOutcome, measure, outcome_of
+from trace_dag.evaluation.metrics import DriveOutcome, Metrics, measure, outcome_of
 from trace_dag.evaluation.registry import resolve
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP, SAMPLED, VERDICT, CrashArtefacts, surroundings_of
@@ -19,7 +19,7 @@ from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.drive import AgentDrive
 from trace_dag.sim.backends import backend
 from trace_dag.sim.types import Simulation, SimulationLog
-from trace_dag.studies.cases import AgentRole, load_case, number_of, verified_cases
+from trace_dag.studies.cases import AgentRole, load_case, number_of, stored_case
 from trace_dag.units import mps_to_mph
 
 if TYPE_CHECKING:
@@ -67,13 +67,14 @@ def content_of(crash: CrashArtefacts, log: SimulationLog) -> ReplayContent:
 
 def replay_with(
     workspace: Workspace,
-    key: str,
+    case_id: str,
     agents: Sequence[str],
     role: AgentRole,
     traffic: Traffic,
     replay_format: ReplayFormat,
 ) -> bytes:
-    """The replay of a verified crash with an agent in somebody's place, under the usual conditions.
+    """The replay of a verified crash, or of a variation or likely course of one, with an agent in somebody's place,
+    under the usual conditions.
 
     Several agents drive one by one and are shown beside each other, on a page. Raises :class:`UserError` for a crash
     that is not verified, an agent that is not there or is faulty, and several agents in a moving picture.
@@ -84,7 +85,7 @@ def replay_with(
 
     if len(agents) > 1 and replay_format != "html":
         raise UserError(f"--format {replay_format} shows one agent; several beside each other need --format html")
-    (stored,) = verified_cases(workspace, None, [key], departures=None)
+    stored = stored_case(workspace, case_id)
     case = load_case(stored)
     simulation = backend(workspace.settings.sim).load(case.network, case.xodr, friction=case.friction)
     driven = [_driven(case, number_of(case, role), agent, traffic, simulation) for agent in agents]
@@ -122,8 +123,12 @@ def _driven(
 
 
 def _outcome(case: Case, ego: int, log: SimulationLog) -> str:
-    """The outcome of a drive, in words."""
-    metrics = measure(case, ego, log)
+    """The outcome of a drive, in words, and where it is of a variation or course, of which."""
+    said = _in_words(case, measure(case, ego, log))
+    return said if case.case_id == case.key else f"{said}, in {case.case_id}"
+
+
+def _in_words(case: Case, metrics: Metrics) -> str:
     outcome = outcome_of(metrics, departed=case.departed is not None)
     if case.departed is not None and outcome is DriveOutcome.CONFLICT_AVOIDED:
         return "avoided, the vehicle stays on the road"
