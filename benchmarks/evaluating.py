@@ -1,5 +1,6 @@
 """Evaluations per minute: the baselines in the bundled sample's verified crashes, as trace-dag evaluate runs them; and
-what it costs that each agent has a process of its own: the same evaluations with the agent in this process.
+what it costs that each agent has a process of its own: the same evaluations with the agent in this process; and how
+many times as fast as real time the agent idm is driven beside each kind of traffic.
 
     python -m benchmarks.evaluating [ROOT]
 
@@ -21,12 +22,14 @@ from pathlib import Path
 from trace_dag.evaluation.agent_main import AgentLimits
 from trace_dag.evaluation.agent_process import AgentProcess
 from trace_dag.evaluation.agents import Agent
-from trace_dag.evaluation.evaluate import Conditions, evaluate
+from trace_dag.evaluation.evaluate import Conditions, evaluate, run
 from trace_dag.evaluation.registry import BASELINES, make_agent, resolve
+from trace_dag.evaluation.traffic import Traffic
 from trace_dag.flow.executors import available_cores
 from trace_dag.flow.workspace import Workspace
 from trace_dag.processes import descendants
-from trace_dag.studies.cases import AgentRole, StoredCase, number_of, verified_cases
+from trace_dag.sim.backends import backend
+from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of, verified_cases
 from trace_dag.studies.evaluation_work import EvaluationWork, LoadedCase
 from trace_dag.studies.evaluations import evaluate_agents
 
@@ -86,12 +89,30 @@ def _cost_of_processes(workspace: Workspace, cases: Sequence[StoredCase]) -> Non
     )
 
 
+def _times_real_time(workspace: Workspace, cases: Sequence[StoredCase]) -> None:
+    """Print simulated seconds per second of processor time of one core, with the agent idm in this process."""
+    agent = make_agent(resolve("idm"))
+    simulated_s, busy_s = dict.fromkeys(Traffic, 0.0), dict.fromkeys(Traffic, 0.0)
+    for stored in cases:
+        case = load_case(stored)
+        simulation = backend(workspace.settings.sim).load(case.network, case.xodr, friction=case.friction)
+        for ego in sorted({number_of(case, role) for role in ROLES}):
+            run(case, ego, agent, Conditions(), simulation, after_contact_s=0.5)  # the route is found once for all
+            for traffic in Traffic:
+                began_s = time.process_time()
+                log = run(case, ego, agent, Conditions(traffic=traffic), simulation, after_contact_s=0.5)
+                busy_s[traffic] += time.process_time() - began_s
+                simulated_s[traffic] += log.duration_s
+    for traffic in Traffic:
+        print(f"idm beside {traffic} traffic: {simulated_s[traffic] / busy_s[traffic]:.0f} times real time")
+
+
 def main() -> None:
     """Print how many evaluations a minute the machine makes, by the clock and by processor time."""
     if len(sys.argv) > 1:
         root = sys.argv[1]
     else:
-        from trace_dag.cli import cli
+        from trace_dag.cli.main import cli
 
         root = tempfile.mkdtemp(prefix="trace-dag-evaluating-")
         cli.main(["--root", root, "demo"], standalone_mode=False)
@@ -110,6 +131,7 @@ def main() -> None:
     print(f"{len(rows)} evaluations of {len(cases)} crashes by {len(BASELINES)} agents on {cores} cores")
     print(f"{60 * len(rows) / took_s:.0f} a minute by the clock ({took_s:.1f} s)")
     print(f"{60 * len(rows) * cores / busy_s:.0f} a minute by processor time of workers and agents ({busy_s:.1f} s)")
+    _times_real_time(workspace, cases)
     if sys.platform == "linux":
         _cost_of_processes(workspace, cases)
 

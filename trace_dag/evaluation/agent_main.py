@@ -16,6 +16,7 @@ import signal
 import socket
 import sys
 import threading
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,8 +39,6 @@ from trace_dag.processes import children, end_all
 
 if TYPE_CHECKING:
     from trace_dag.roads.map.network import RoadNetwork
-    from trace_dag.sim.vehicles import VehicleModel
-    from trace_dag.states.paths import Path
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36  # prctl(2)
 
@@ -72,15 +71,11 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Reset:
-    """A new scenario. ``network`` is the pickled map, None where it is the one of the scenario before."""
+    """A new scenario. ``network`` is the pickled map, None where it is the one of the scenario before; ``rest`` has
+    everything else of it by name."""
 
     network: bytes | None
-    vehicle: VehicleModel
-    route: Path
-    recorded_path: Path
-    period_s: float
-    friction: float
-    seed: int
+    rest: Mapping[str, Any]
 
 
 class _LaneMapOnDemand(LaneMap):
@@ -127,7 +122,7 @@ def _serve(channel: BufferedRWPair, agent: Agent) -> None:
                     lane_map = _LaneMapOnDemand(asked.network)
                 if lane_map is None:
                     raise AgentFault("no map has come")
-                agent.reset(_scenario(asked, lane_map))
+                agent.reset(Scenario(lane_map=lane_map, **asked.rest))
                 answer = READY
         except BaseException as error:  # KeyboardInterrupt and SystemExit, too, are its doing
             answer = fault_to_bytes(described(error))
@@ -145,18 +140,6 @@ def _received(channel: BufferedRWPair) -> Any:
     if len(head) < LENGTH.size:
         raise EOFError
     return pickle.loads(channel.read(LENGTH.unpack(head)[0]))  # noqa: S301 - from our own side
-
-
-def _scenario(asked: Reset, lane_map: LaneMap) -> Scenario:
-    return Scenario(
-        vehicle=asked.vehicle,
-        lane_map=lane_map,
-        route=asked.route,
-        recorded_path=asked.recorded_path,
-        period_s=asked.period_s,
-        friction=asked.friction,
-        seed=asked.seed,
-    )
 
 
 def _go_on_guarded(number: int) -> None:

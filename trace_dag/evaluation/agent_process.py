@@ -13,7 +13,7 @@ import socket
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import IO
 
 from trace_dag.evaluation.agent_main import AgentLimits, Reset, Start
@@ -90,15 +90,9 @@ class AgentProcess:
         self._look()
         self._begin(self._limits.time_s)
         network = scenario.lane_map.network
-        asked = Reset(
-            network=None if network is self._network else _pickled(network),
-            vehicle=scenario.vehicle,
-            route=scenario.route,
-            recorded_path=scenario.recorded_path,
-            period_s=scenario.period_s,
-            friction=scenario.friction,
-            seed=scenario.seed,
-        )
+        told = {each.name: getattr(scenario, each.name) for each in fields(scenario)}
+        del told["lane_map"]
+        asked = Reset(None if network is self._network else _pickled(network), told)
         self._network = network
         self._expect_ready(self._asked(asked))
 

@@ -94,6 +94,10 @@ class Case:
         parties = {each.number: each.body for each in self.participants}
         return parties | {number: body for number, body in pulled.items() if body is not None}
 
+    def participant(self, number: int) -> Participant:
+        """A participant as planned."""
+        return next(each for each in self.participants if each.number == number)
+
     @property
     def end_s(self) -> float:
         """When the evaluation of an agent that drives at the recorded pace ends."""
@@ -126,14 +130,14 @@ class Case:
 
     def _way(self, number: int) -> tuple[Route, Path]:
         if number not in self._ways:
-            own = next(each for each in self.participants if each.number == number)
+            own = self.participant(number)
             recorded = path_of(own.trajectory, own.initial_pose)
             self._ways[number] = LaneMap(self.network).route_along(recorded, own.initial_pose), recorded
         return self._ways[number]
 
     def scenario(self, ego: int, *, period_s: float, seed: int) -> Scenario:
         """What the agent in a participant's place is told."""
-        own = next(each for each in self.participants if each.number == ego)
+        own = self.participant(ego)
         route, recorded = self._way(ego)
         return Scenario(
             vehicle=vehicle_model(own.body, own.trailer),

@@ -11,6 +11,8 @@ from trace_dag.sim.outlines import Outline
 from trace_dag.sim.types import Body, VehicleLog
 
 Velocity = tuple[float, float]
+_PET_STEP_S = 0.06
+_ALIKE_RAD = math.radians(45.0)
 
 
 def time_to_contact_s(one: Outline, velocity_1_mps: Velocity, two: Outline, velocity_2_mps: Velocity) -> float:
@@ -60,9 +62,6 @@ def post_encroachment_time_s(one: VehicleLog, body_1: Body, two: VehicleLog, bod
     return float(np.abs(times_1[i] - times_2[j])[hits].min())
 
 
-_ALIKE_RAD = math.radians(45.0)
-
-
 def is_ahead(one: tuple[float, float, float], two: tuple[float, float, float]) -> bool:
     """Whether the second goes the way of the first in front of it; each x, y (m) and heading (rad).
 
@@ -72,9 +71,6 @@ def is_ahead(one: tuple[float, float, float], two: tuple[float, float, float]) -
     (x, y, heading), (other_x, other_y, other_heading) = one, two
     alike = abs(math.remainder(other_heading - heading, math.tau)) < _ALIKE_RAD
     return alike and (other_x - x) * math.cos(heading) + (other_y - y) * math.sin(heading) > 0
-
-
-_PET_STEP_S = 0.06
 
 
 def _poses(log: VehicleLog) -> tuple[Poses, FloatArray]:

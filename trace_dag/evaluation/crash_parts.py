@@ -9,6 +9,7 @@ from trace_dag.crash.record import CrashRecord, VehicleRecord
 _OWN_DOING = range(1, 50)  # P_CRASH2: loss of control, and what the vehicle itself was doing
 _RUN_INTO = range(50, 53)  # another one that stood, was slower or slowed down ahead of it
 _OTHERS_DOING = range(53, 93)  # another vehicle, a person, an animal or an object that came into its way
+_UNTOLD = 1  # between its own doing and another's
 
 
 class CrashPart(StrEnum):
@@ -40,9 +41,6 @@ def part_of(record: CrashRecord, number: int) -> CrashPart | None:
         if says(own) != most:
             return CrashPart.INITIATOR if says(own) > most else CrashPart.RESPONDER
     return None
-
-
-_UNTOLD = 1
 
 
 def _own_doing(vehicle: VehicleRecord) -> int:

@@ -18,7 +18,8 @@ from trace_dag.sim.driving import Driver
 from trace_dag.sim.types import Simulation, SimulationLog
 
 LEAST_RATE_HZ, MOST_RATE_HZ = 20.0, 100.0
-_AFTER_CONTACT_S = 0.5  # delta-v is known a quarter of a second after the contact
+AFTER_CONTACT_S = 0.5
+"""A run goes on for so long after the first contact: its delta-v is known a quarter of a second after it."""
 
 
 @dataclass(frozen=True)
@@ -43,20 +44,16 @@ class Conditions:
     @property
     def suffix(self) -> str:
         """What tells these conditions from the usual ones, as part of a file's name; empty for the usual ones."""
-        usual, parts = Conditions(), []
-        if self.rate_hz != usual.rate_hz:
-            parts.append(f"{self.rate_hz:g}hz")
-        if self.sensing.range_m != usual.sensing.range_m:
-            parts.append(f"range{self.sensing.range_m:g}")
-        if self.sensing.noise_m != usual.sensing.noise_m:
-            parts.append(f"noise{self.sensing.noise_m:g}")
-        if self.sensing.occlusion:
-            parts.append("occlusion")
-        if self.seed != usual.seed:
-            parts.append(f"seed{self.seed}")
-        if self.traffic is not usual.traffic:
-            parts.append(str(self.traffic))
-        return "".join(f"-{part}" for part in parts)
+        usual, sensing = Conditions(), self.sensing
+        parts = (
+            (self.rate_hz != usual.rate_hz, f"{self.rate_hz:g}hz"),
+            (sensing.range_m != usual.sensing.range_m, f"range{sensing.range_m:g}"),
+            (sensing.noise_m != usual.sensing.noise_m, f"noise{sensing.noise_m:g}"),
+            (sensing.occlusion, "occlusion"),
+            (self.seed != usual.seed, f"seed{self.seed}"),
+            (self.traffic is not usual.traffic, str(self.traffic)),
+        )
+        return "".join(f"-{part}" for is_unusual, part in parts if is_unusual)
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,7 @@ class Evaluation:
 
 def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulation: Simulation) -> Evaluation:
     """Run a case with an agent at the wheel of participant ``ego`` and measure it. A fault of the agent is a result."""
-    after_contact_s = _AFTER_CONTACT_S if case.departed is None else None  # it may overturn later
+    after_contact_s = AFTER_CONTACT_S if case.departed is None else None  # it may overturn later
     try:
         log = run(case, ego, agent, conditions, simulation, after_contact_s=after_contact_s)
     except AgentFault as fault:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 from trace_dag.evaluation.agent_protocol import described, problem_of
 from trace_dag.evaluation.agents import Agent, AgentFault, Recorded, Scenario
@@ -25,12 +26,8 @@ class AgentDriver:
         self._agent = agent
         self._sensor = sensor
         self._controller = MotionController(scenario)
-        try:
+        with _faults("reset"):
             agent.reset(scenario)
-        except AgentFault as fault:
-            raise AgentFault(f"reset: {fault}") from fault
-        except (Exception, SystemExit) as error:
-            raise AgentFault(f"reset: {described(error)}") from error
 
     @property
     def has_arrived(self) -> bool:
@@ -42,12 +39,8 @@ class AgentDriver:
         if self._arrival is not None:
             self._arrival.look(time_s, states)
         observation = self._sensor.observe(time_s, states)
-        try:
+        with _faults(f"act at {time_s:.2f} s"):
             action = self._agent.act(observation)
-        except AgentFault as fault:
-            raise AgentFault(f"act at {time_s:.2f} s: {fault}") from fault
-        except (Exception, SystemExit) as error:
-            raise AgentFault(f"act at {time_s:.2f} s: {described(error)}") from error
         problem = problem_of(action)
         if problem:
             raise AgentFault(f"act at {time_s:.2f} s: {problem}")
@@ -59,3 +52,14 @@ class AgentDriver:
             return self._controller.pedals(action, observation.own)
         except ValueError as error:
             raise AgentFault(f"act at {time_s:.2f} s: {error}") from error
+
+
+@contextmanager
+def _faults(when: str) -> Iterator[None]:
+    """Turn whatever an agent raises into an :class:`AgentFault` that says when."""
+    try:
+        yield
+    except AgentFault as fault:
+        raise AgentFault(f"{when}: {fault}") from fault
+    except (Exception, SystemExit) as error:
+        raise AgentFault(f"{when}: {described(error)}") from error

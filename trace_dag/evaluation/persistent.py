@@ -212,6 +212,6 @@ def _is_ahead(case: Case, ego: int, other: int, conflict_s: float) -> bool:
             float(np.interp(conflict_s, plan.time_s, plan.y_m)),
             float(np.interp(conflict_s, plan.time_s, np.unwrap(plan.heading_rad))),
         )
-        for plan in (next(each.trajectory for each in case.participants if each.number == n) for n in (ego, other))
+        for plan in (case.participant(number).trajectory for number in (ego, other))
     )
     return is_ahead(one, two)

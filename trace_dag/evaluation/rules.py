@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trace_dag.evaluation.lane_map import LaneMap
 from trace_dag.roads.map.model import LaneMatch, LaneType
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import VehicleLog
@@ -55,7 +56,7 @@ def measure_rules(network: RoadNetwork, log: VehicleLog, until_s: float) -> Rule
         in_junction = any(network.road_by_id[match.lane.road_id].junction_id is not None for match in inside)
         if not own and not in_junction and moment.speed_mps > _MOVING_MPS:
             wrong_way += 1
-        limits = [_limit_mps(network, match) for match in own]
+        limits = [LaneMap(network).speed_limit_mps(match.lane) for match in own]
         known = [limit for limit in limits if limit is not None]
         if known:
             over_mps = max(over_mps, moment.speed_mps - max(known))
@@ -82,10 +83,6 @@ def _goes_along(network: RoadNetwork, match: LaneMatch, course_rad: float) -> bo
         return True
     lane_rad = network.pose(match.lane, match.s_m).heading_rad
     return abs(math.remainder(lane_rad - course_rad, math.tau)) < _AGAINST_RAD
-
-
-def _limit_mps(network: RoadNetwork, match: LaneMatch) -> float | None:
-    return network.lane(match.lane).speed_mps or network.road_by_id[match.lane.road_id].speed_mps
 
 
 def _stop_signs_passed(network: RoadNetwork, moments: list[_Moment]) -> int:

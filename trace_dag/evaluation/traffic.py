@@ -71,7 +71,7 @@ class Recording:
 
     def __init__(self, case: Case, ego: int) -> None:
         self._ego = ego
-        self._log = next(each for each in case.recorded.vehicles if each.number == ego)
+        self._log = case.recorded.vehicle_log(ego)
         self._left = False
 
     def is_left(self, time_s: float, states: Mapping[int, BodyState]) -> bool:

@@ -16,15 +16,12 @@ from greenlet import GreenletExit, getcurrent, greenlet
 from trace_dag.evaluation.agents import Motion, Observation, Recorded, Scenario
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.control import MotionController
-from trace_dag.evaluation.evaluate import LEAST_RATE_HZ, others_of
+from trace_dag.evaluation.evaluate import AFTER_CONTACT_S, LEAST_RATE_HZ, others_of
 from trace_dag.evaluation.observation import Sensing, Sensor
 from trace_dag.evaluation.progress import Arrival, RecordedWay
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.sim.driving import BodyState, Driver, Pace, Pedals
 from trace_dag.sim.types import Simulation, SimulationLog
-
-AFTER_CONTACT_S = 0.5
-"""A run goes on for so long after the first contact: its delta-v is known a quarter of a second after it."""
 
 Act = Motion | Recorded
 States = Mapping[int, BodyState]

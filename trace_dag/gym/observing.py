@@ -14,7 +14,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from trace_dag.evaluation.agents import Observation, OwnState, Scenario
-from trace_dag.evaluation.lane_map import PathFollower
+from trace_dag.evaluation.lane_map import LaneMap, PathFollower
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import BodyKind
 
@@ -79,9 +79,9 @@ class LanePoints:
         rows = []
         for ref in network.drivable_lanes():
             line = network.centreline(ref, _LANE_STEP_M)
-            geometry, lane = network.geometry(ref), network.lane(ref)
+            geometry = network.geometry(ref)
             width = geometry.width.at((geometry.begin_m + geometry.end_m) / 2)
-            limit = lane.speed_mps or network.road_by_id[ref.road_id].speed_mps or 0.0
+            limit = LaneMap(network).speed_limit_mps(ref) or 0.0
             rows.append(np.column_stack([line[:, [0, 1, 3]], np.full(len(line), width), np.full(len(line), limit)]))
         self.table = np.concatenate(rows) if rows else np.zeros((0, 5))
         """Shape (n, 5): x, y (m), heading (rad), width (m), speed limit (m/s)."""

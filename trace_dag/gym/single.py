@@ -13,6 +13,7 @@ from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.metrics import Metrics, measure, outcome_of
 from trace_dag.evaluation.observation import Sensing
+from trace_dag.evaluation.progress import RecordedWay
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.gym.acting import ActionKind, Hands, action_space
 from trace_dag.gym.drawing import Camera, show_page
@@ -38,7 +39,7 @@ class EpisodeDriver:
         self._reward = reward
         self._period_s = scenario.period_s
         self._driven_m = 0.0
-        self._recorded_m = recorded_m(episode.case, ego)
+        self._recorded_m = RecordedWay(episode.case, ego).at(episode.case.end_s)
 
     def look(self) -> Seen:
         """What is seen now."""
@@ -64,13 +65,6 @@ def about(case: Case, ego: int) -> dict[str, Any]:
 def told(metrics: Metrics) -> dict[str, Any]:
     """What ``info`` says at the end: ``outcome``, and every measure."""
     return {"outcome": str(outcome_of(metrics)), "metrics": asdict(metrics)}
-
-
-def recorded_m(case: Case, ego: int) -> float:
-    """How far a participant was going to drive by the end of a case, m."""
-    own = next(each.trajectory for each in case.going_on if each.number == ego)
-    driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(own.x_m), np.diff(own.y_m)))])
-    return float(np.interp(case.end_s, own.time_s, driven))
 
 
 class OneEpisode:

@@ -33,7 +33,7 @@ class AgentDrive:
     def ghost(self, times_s: FloatArray) -> FloatArray:
         """Poses of the recorded vehicle at some times, columns x, y (m) and heading (rad), shape (n, 3); after coming
         to rest it stays there."""
-        log = next(each for each in self.recorded.vehicles if each.number == self.number)
+        log = self.recorded.vehicle_log(self.number)
         columns = (log.x_m, log.y_m, np.unwrap(log.heading_rad))
         return np.stack([np.interp(times_s, log.time_s, values) for values in columns], axis=-1)
 
