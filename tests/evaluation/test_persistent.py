@@ -39,6 +39,15 @@ class StopsLate:
         return Recorded() if observation.own.x_m < -18.0 else Motion(acceleration_mps2=-9.0)
 
 
+class EasesOff:
+    """Slows down a little all the time: it is a little later at every look."""
+
+    def reset(self, scenario: Scenario) -> None: ...
+
+    def act(self, observation: Observation) -> Action:
+        return Motion(acceleration_mps2=-0.8)
+
+
 def walker() -> Case:
     """A person who walks from the right into the way of number 1, which comes at 12 m/s."""
     adult = Body(BodyKind.PEDESTRIAN, None, 0.3, 0.5, 1.75, 80.0)
@@ -84,6 +93,17 @@ def test_after_the_last_moment_nobody_waits_for_the_agent() -> None:
     before = log.first_contact.time_s if log.first_contact else log.duration_s
     other = log.vehicle_log(2)
     assert np.interp(min(before, 4.0) - 0.1, other.time_s, other.speed_mps) == pytest.approx(15.0, abs=0.3)
+
+
+def test_a_person_slows_down_for_who_eases_off_and_does_not_start_and_stop() -> None:
+    of = walker()
+    log = run(of, 1, EasesOff(), PERSISTENT, BACKEND.load(of.network, b"", friction=of.friction))
+    assert log.first_contact is not None, "the conflict stays"
+    person = log.vehicle_log(1001)
+    speed_mps = np.hypot(person.velocity_x_mps, person.velocity_y_mps)[person.time_s < log.first_contact.time_s]
+    stands = speed_mps < 0.1
+    assert np.count_nonzero(np.diff(stands.astype(int)) == 1) <= 1
+    assert speed_mps.min() < 1.4 < speed_mps.max(), "it was slower than recorded for a while"
 
 
 def test_who_meets_arrives_with_the_agent_and_at_its_recorded_pace() -> None:

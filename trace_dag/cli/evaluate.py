@@ -154,7 +154,7 @@ def evaluate(
     from trace_dag.evaluation.splits import Split
     from trace_dag.evaluation.traffic import Traffic
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.studies.cases import AgentRole, verified_cases
+    from trace_dag.studies.cases import AgentRole, likely_courses, stored_variations, verified_cases
     from trace_dag.studies.evaluations import evaluate_agents, remove_agent, try_agents
     from trace_dag.studies.submissions import results_file
 
@@ -180,12 +180,8 @@ def evaluate(
     part = Split(split) if split else None
     cases = verified_cases(workspace, cohort, only, split=part, departures=departures, on_problem=problems.add)
     if variations:
-        from trace_dag.studies.cases import stored_variations
-
         cases = stored_variations(workspace, cases, on_problem=problems.add)
     if courses:
-        from trace_dag.studies.cases import likely_courses
-
         cases = likely_courses(cases)
     names = tuple(with_arguments(agent, arguments) for agent in agents or BASELINES)
     limits = AgentLimits(time_s=time_limit_s, memory_mb=memory_limit_mb)

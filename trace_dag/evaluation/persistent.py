@@ -80,8 +80,8 @@ def pace_on_foot(left_s: float, agent_left_s: float) -> float:
     """The pace of a person, who hurries where the agent is nearer in time than recorded, and slows down and waits where
     it is farther off.
 
-    >>> pace_on_foot(2.0, 3.0), pace_on_foot(2.0, 2.1), pace_on_foot(2.0, 2.0), pace_on_foot(2.0, 1.6)
-    (0.0, 0.8, 1.0, 1.25)
+    >>> pace_on_foot(2.0, 3.0), pace_on_foot(2.0, 2.25), pace_on_foot(2.0, 2.0), pace_on_foot(2.0, 1.6)
+    (0.0, 0.5, 1.0, 1.25)
     """
     if agent_left_s < left_s:
         return pace_in_step(left_s, agent_left_s)
@@ -89,7 +89,11 @@ def pace_on_foot(left_s: float, agent_left_s: float) -> float:
 
 
 def pace_in_step(left_s: float, agent_left_s: float) -> float:
-    """The constant pace at which a person comes to the conflict with the agent, or as near to that as it can."""
+    """The constant pace at which a person comes to the conflict with the agent, or as near to that as it can.
+
+    >>> pace_in_step(2.0, 2.5), pace_in_step(2.0, 1.0)
+    (0.8, 1.5)
+    """
     return min(max(left_s / agent_left_s, 0.0), FASTEST_ON_FOOT)
 
 
