@@ -31,6 +31,7 @@ from trace_dag.evaluation.shares import share_avoided
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.gym import ENVIRONMENT
 from trace_dag.gym.acting import MANOEUVRES
+from trace_dag.gym.single import ego_of
 
 OUTCOMES = ("conflict_avoided", "collision_avoided", "stopped", "mitigated", "unchanged", "worse")
 BRAKE_HARD = next(number for number, (name, _, _) in enumerate(MANOEUVRES) if name == "brake_hard")
@@ -55,9 +56,17 @@ def driven(env: gymnasium.Env, key: str, choose: Callable[[Any], int]) -> Run:
 def evaluated(env: gymnasium.Env, key: str, agent: str, conditions: Conditions) -> Run:
     """What becomes of it with an agent of the registry in the same place, as trace-dag evaluate has it."""
     track = env.unwrapped.tracks[key]
-    _, about = env.reset(options={"key": key})
-    found = evaluate(track.case, about["ego"], make_agent(resolve(agent)), conditions, track.simulation)
+    ego = ego_of(track.case, "striking")
+    found = evaluate(track.case, ego, make_agent(resolve(agent)), conditions, track.simulation)
     return {"key": key, "outcome": str(found.outcome), "finished": found.metrics.finished}
+
+
+def all_runs(env: gymnasium.Env, key: str, agent: PPO, conditions: Conditions) -> dict[str, Run]:
+    """What becomes of it with each driver, by name."""
+    runs = {name: evaluated(env, key, name, conditions) for name in BASELINES}
+    runs["brakes hard from the start"] = driven(env, key, lambda _: BRAKE_HARD)
+    runs["PPO"] = driven(env, key, lambda seen: int(agent.predict(seen, deterministic=True)[0]))
+    return runs
 
 
 def line(who: str, runs: Sequence[Run]) -> str:
@@ -92,15 +101,14 @@ def main() -> None:
     )
     agent = PPO("MultiInputPolicy", vector, n_steps=256, batch_size=256, ent_coef=0.01, seed=options.seed, device="cpu")
     agent.learn(options.steps)
-    print(f"trained in {(time.monotonic() - began_s) / 60:.1f} minutes, {options.traffic} traffic", flush=True)
+    took_min = (time.monotonic() - began_s) / 60
+    print(f"{options.steps} steps, seed {options.seed}, {options.traffic} traffic: trained in {took_min:.1f} minutes")
     conditions = Conditions(seed=options.seed, traffic=Traffic(options.traffic))
     for part, those in parts.items():
         print(f"{part}: {len(those)} crashes, the striking driver's place; {' / '.join(OUTCOMES)}; avoided (95 %)")
-        for name in BASELINES:
-            print(line(name, [evaluated(env, key, name, conditions) for key in those]), flush=True)
-        print(line("brakes hard from the start", [driven(env, key, lambda _: BRAKE_HARD) for key in those]))
-        learned = [driven(env, key, lambda seen: int(agent.predict(seen, deterministic=True)[0])) for key in those]
-        print(line(f"PPO, {options.steps} steps, seed {options.seed}", learned), flush=True)
+        runs = [all_runs(env, key, agent, conditions) for key in those]
+        for who in runs[0]:
+            print(line(who, [each[who] for each in runs]), flush=True)
 
 
 if __name__ == "__main__":

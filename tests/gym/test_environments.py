@@ -16,9 +16,10 @@ import trace_dag
 import trace_dag.gym
 from trace_dag.errors import UserError
 from trace_dag.evaluation.baselines import Replay
-from trace_dag.evaluation.evaluate import Conditions, evaluate
+from trace_dag.evaluation.evaluate import Conditions, evaluate, run
 from trace_dag.evaluation.observation import Sensing
-from trace_dag.gym.acting import MANOEUVRES
+from trace_dag.evaluation.traffic import Traffic
+from trace_dag.gym.acting import MANOEUVRES, Hands
 from trace_dag.gym.parallel import ParallelCrashEnv
 from trace_dag.gym.single import chosen
 
@@ -98,6 +99,22 @@ def test_persistent_traffic_waits_for_who_is_slow(home):
     *_, (_, _, terminated, _, told) = driven(env, np.array([-0.1, 0.0], np.float32), seed=1)
     assert told["key"] == KEY
     assert terminated or told["outcome"] == "stopped"
+
+
+def test_persistent_traffic_is_that_of_evaluations(home):
+    class BrakesFromTheStart:
+        def reset(self, scenario):
+            self.hands = Hands(scenario, "discrete")
+
+        def act(self, observation):
+            return self.hands.act(BRAKE_HARD)
+
+    env = make(home, actions="discrete", traffic="persistent", rate_hz=20.0).unwrapped
+    (_, about), *_ = driven(env, BRAKE_HARD, seed=1)
+    track, conditions = env.tracks[KEY], Conditions(traffic=Traffic.PERSISTENT)
+    log = run(track.case, about["ego"], BrakesFromTheStart(), conditions, track.simulation, after_contact_s=0.5)
+    for evaluated, stepped in zip(log.vehicles, env._episode.log.vehicles, strict=True):
+        np.testing.assert_array_equal(evaluated.x_m, stepped.x_m)
 
 
 def braked_log(home):
