@@ -113,10 +113,10 @@ def test_another_side_comes_before_other_lanes_where_the_point_leaves_it_open():
 
     made, found = sides(exact)
     assert len(set(found)) == 1
-    assert made.ambiguity < 0.05
+    assert made.ambiguity < 0.2  # a share is kept for what nobody thought of
     made, found = sides(dataclasses.replace(exact, position_accuracy_m=15.0))
     assert found[1] != found[0]
-    assert made.ambiguity > 0.1
+    assert made.ambiguity > 0.4
 
 
 def test_the_same_json_twice_and_in_another_process():

@@ -18,7 +18,10 @@ from trace_dag.states.evidence import (
     crossing_ahead_terms,
     crossing_terms,
     driveway_speed_terms,
+    first_street_terms,
     heading_log_likelihood,
+    is_cross,
+    is_main,
     street_terms,
 )
 
@@ -120,3 +123,23 @@ def test_who_is_struck_from_behind_by_a_crossing_was_on_the_way_to_it():
     assert not any(crossing_ahead_terms(scene, Relation.CROSSING, approach) for approach in along)
     at_crossing = dataclasses.replace(scene, record=dataclasses.replace(case.record, junction_relation_code=2))
     assert not any(crossing_ahead_terms(at_crossing, Relation.SAME_LANE, approach) for approach in along)
+
+
+def test_who_keeps_on_went_along_the_street_that_the_report_names_first():
+    """A crossing of two named streets: a leader and its follower are both on the first, of two that cross one is, and
+    of one that turns before another that other; around a roundabout traffic of both streets goes."""
+    case = sample_case("2023-319001")
+    scene = build_scene(case.record, case.network, case.report, lead_time_s=5.0)
+    assert case.record.trafficway_2
+    on_first = [each for each in scene.through if is_main(scene.network, scene.placement, each.road)]
+    on_other = [each for each in scene.through if is_cross(scene.network, scene.placement, case.record, each.road)]
+    (first, *_), (other, *_) = on_first, on_other
+    assert first_street_terms(scene, [first, first]) == {}
+    assert sum(first_street_terms(scene, [first, other]).values()) < -2.0
+    assert sum(first_street_terms(scene, [other]).values()) < -2.0
+    assert first_street_terms(scene, [first, other], cross=True) == {}
+    assert sum(first_street_terms(scene, [other, other], cross=True).values()) < -2.0
+    assert first_street_terms(scene, []) == {}  # both turn
+    assert first_street_terms(scene, [dataclasses.replace(other, share_of_ring=0.5)]) == {}
+    alone = dataclasses.replace(scene, record=dataclasses.replace(case.record, trafficway_2=""))
+    assert first_street_terms(alone, [other]) == {}

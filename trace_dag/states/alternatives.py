@@ -14,12 +14,12 @@ import numpy as np
 
 from trace_dag.crash.parties import party_in_words
 from trace_dag.messages.wording import counted
+from trace_dag.states.ranking import likelihood
 from trace_dag.states.types import ParticipantState, StateEstimate
 from trace_dag.units import wrap_angle
 
 _GUESSED: Final = 0.25
-"""Ambiguity above which a side is a guess: estimates that say 40 to 60 % are right so often, and surer ones less often
-than they say (``compare-directions``)."""
+"""Ambiguity above which other sides are named: one in four is too many not to know of."""
 UNSURE: Final = 0.5
 """Ambiguity above which the best hypothesis is more likely wrong than right."""
 _MOVED_M: Final = 2.0  # of travel, from which on a course is known
@@ -41,8 +41,8 @@ def alternatives(estimate: StateEstimate) -> Alternatives | None:
     where they have half.
 
     >>> from dataclasses import replace
-    >>> alternatives(replace(state_estimate, ambiguity=0.63)).clause.split(";")[0]
-    'vehicle 1 from the west (37 %) or from the north (10 %)'
+    >>> alternatives(replace(state_estimate, ambiguity=0.63)).clause.split(":")[0]
+    '2 other courses, in other lanes or at other speeds, have 63 % together'
     """
     if estimate.ambiguity <= _GUESSED:
         return None
@@ -65,7 +65,7 @@ def _approaches(estimate: StateEstimate, number: int) -> list[str]:
     """From where a party comes, with the share of each side, the likeliest first. Less than 45 degrees apart is one."""
     shares: list[tuple[float, float]] = []  # bearing (rad), share
     for each in estimate.hypotheses:
-        share = (1.0 - estimate.ambiguity) * min(math.exp(each.score - estimate.best.score), 1.0)
+        share = (1.0 - estimate.ambiguity) * min(likelihood(each.score, estimate.best.score), 1.0)
         for state in each.participants:
             bearing = bearing_from_rad(state) if state.vehicle_number == number else None
             if bearing is None:

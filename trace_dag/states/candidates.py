@@ -88,15 +88,8 @@ def _judged(scene: Scene, scenario: PreCrashScenario, pair: PathPair) -> Candida
             **option.costs,
         }.items():
             terms[f"{name} (vehicle {number})"] = value
-    from_driveway = any(party.vehicle.trafficway_code == evidence.DRIVEWAY_WAY for party, _ in sides)
-    if scenario.relation is Relation.CROSSING and scene.record.trafficway_2 and not from_driveway:
-        roads = [option.approach.road for _, option in sides]
-        main = [road is not None and evidence.is_main(scene.network, scene.placement, road) for road in roads]
-        cross = [
-            road is not None and evidence.is_cross(scene.network, scene.placement, scene.record, road) for road in roads
-        ]
-        if not ((main[0] and cross[1]) or (main[1] and cross[0])):
-            terms["one vehicle on each street"] = -1.0
+    keep_on = [option.approach for party, option in sides if not (party.turn or party.backing)]
+    terms |= evidence.first_street_terms(scene, keep_on, cross=scenario.relation is Relation.CROSSING)
     if scenario.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _ in sides):
         one, two = (
             evidence.CrossingVehicle(party.vehicle, option.approach, speed_mps)

@@ -8,6 +8,7 @@ sum; the terms are stored with each, so that a reader sees what supported it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -45,6 +46,7 @@ DRIVEWAY_MPH = 15.0
 _INTERSECTION_RELATED = 3  # RELJCT2
 _WITHIN_CROSSING_M = 10.0
 _AWAY_FROM_CROSSING = {Relation.SAME_LANE: math.log(0.09 / 0.91), Relation.SAME_DIRECTION: math.log(0.22 / 0.78)}
+_ON_OTHER_STREET = math.log(0.05 / 0.95)
 FASTER_MPS = 5.0
 _UNTAGGED_WIDTH = 1.5  # how much more the limits of a class of roads vary than that of one road
 
@@ -110,6 +112,23 @@ def crossing_ahead_terms(scene: Scene, relation: Relation, approach: Approach) -
         return {}
     crossing_m, _ = approach.path.project(*junction.centre_xy_m)
     return {"away from the crossing": away} if approach.station_m > crossing_m + _WITHIN_CROSSING_M else {}
+
+
+def first_street_terms(scene: Scene, keep_on: Sequence[Approach], *, cross: bool = False) -> Terms:
+    """Where a record names two streets, the crash happened on the first: whoever keeps on went along it, and of two
+    whose ways ``cross`` one did.
+
+    ``keep_on``: the approaches of those who neither turn nor back. Measured on a city's table with directions: 99 % of
+    5,300 rear ends, 94 % of 2,700 who met one that turned, 87 % of 220 drivers who struck a person.
+
+    >>> first_street_terms(scene, scene.through[:1])  # along the street named first
+    {}
+    """
+    if not keep_on or not scene.record.trafficway_2 or any(each.share_of_ring for each in keep_on):
+        return {}  # around a roundabout traffic of all its streets goes
+    along = [each.road is not None and is_main(scene.network, scene.placement, each.road) for each in keep_on]
+    fits = any(along) if cross else all(along)
+    return {} if fits else {"not on the street named first": _ON_OTHER_STREET}
 
 
 def road_terms(vehicle: VehicleRecord, approach: Approach) -> Terms:

@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Final, Protocol, TypeVar
 
-_NAMED: Final = math.log(0.05)  # beside the best, of a group that comes before the details of others
+_NAMED: Final = 0.05  # likelihood beside the best of a group that comes before the details of others
+_OVERSTATED: Final = 1.5
+_UNFORESEEN: Final = 0.06  # how often none of the sides that were found is right: the same study
 _DECIMALS: Final = 6
 _FARTHEST: Final = 50.0  # log-likelihoods farther apart than this have weights that differ by more than any decimals
 
@@ -56,7 +58,9 @@ def leaders_first(ordered: Sequence[Ranked], group_of: Callable[[Ranked], Hashab
     >>> [each.score for each in leaders_first(found, lambda each: each.side)]
     [-1, -3, -2, -9]
     """
-    leaders = [each for each in first_of_groups(ordered, group_of) if each.score >= ordered[0].score + _NAMED]
+    leaders = [
+        each for each in first_of_groups(ordered, group_of) if likelihood(each.score, ordered[0].score) >= _NAMED
+    ]
     return in_front(ordered, leaders)
 
 
@@ -70,11 +74,25 @@ def in_front(ordered: Sequence[Found], leaders: Sequence[Found]) -> list[Found]:
     return [*leaders, *(each for each in ordered if id(each) not in leading)]
 
 
+def likelihood(score: float, best: float) -> float:
+    """How likely something is beside the best, by log-likelihoods.
+
+    Their terms are judgements that overlap, so together they claim to know more than they do: less by
+    ``_OVERSTATED``, fitted with ``compare-directions`` where a city's table has the directions that were hidden.
+
+    >>> round(likelihood(-4.0, -3.0), 2), likelihood(-3.0, -3.0)
+    (0.51, 1.0)
+    """
+    return math.exp(min(max(score - best, -_FARTHEST), _FARTHEST) / _OVERSTATED)
+
+
 def ambiguity(best: float, scores: Iterable[float]) -> float:
     """Posterior share of all but the best, from 0 to 1, by log-likelihoods; the best's own is among the scores.
 
+    It has a share for what nobody thought of, so the best of one is not certain.
+
     >>> ambiguity(-3.0, [-3.0]), ambiguity(-3.0, [-3.0, -3.0])
-    (0.0, 0.5)
+    (0.06, 0.53)
     """
-    total = sum(math.exp(min(max(score - best, -_FARTHEST), _FARTHEST)) for score in scores)
-    return round(1.0 - 1.0 / max(total, 1.0), _DECIMALS)
+    total = sum(likelihood(score, best) for score in scores)
+    return round(1.0 - (1.0 - _UNFORESEEN) / max(total, 1.0), _DECIMALS)

@@ -29,6 +29,7 @@ import numpy as np
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.states.pre_crash_scenarios import party
+from trace_dag.states.ranking import likelihood
 from trace_dag.states.speed_prior import speed_kept_distribution, travel_speed_distribution
 from trace_dag.states.speeds import TravelSpeed
 from trace_dag.states.types import Hypothesis, ParticipantState, PartyDraw, Sample, SpeedSource
@@ -83,13 +84,11 @@ def _spread_evenly(key: str, count: int, columns: int) -> Iterator[FloatArray]:
 
 def _shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:
     """The likelihood of each hypothesis by what is known before the impact; they add up to 1."""
-    scores = np.array(
-        [
-            each.score - sum(value for name, value in each.evidence.items() if name.startswith(_WEIGHED_LATER))
-            for each in hypotheses
-        ]
-    )
-    shares = np.exp(scores - scores.max())
+    scores = [
+        each.score - sum(value for name, value in each.evidence.items() if name.startswith(_WEIGHED_LATER))
+        for each in hypotheses
+    ]
+    shares = np.array([likelihood(score, max(scores)) for score in scores])
     return np.asarray(shares / shares.sum())
 
 

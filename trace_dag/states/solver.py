@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trace_dag.crash.crash_types import Relation
-from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.states.candidates import Candidate
 from trace_dag.states.contact import Contacts, Mover, first_contacts
@@ -220,10 +220,6 @@ def _solution(
             strict=True,
         )
     ]
-    for party, each in zip((scenario.mover, scenario.other), placed, strict=True):
-        term = _turning_term(party.vehicle, each)
-        if term:
-            terms[f"turned at the impact (vehicle {party.vehicle.number})"] = term
     contact_xy_m = (float(contacts.x_m[index]), float(contacts.y_m[index]))
     accuracy_m = record.position_accuracy_m or 0.0
     return Solution(candidate, placed[0], placed[1], contact_xy_m, (x_m, y_m), terms, accuracy_m)
@@ -235,15 +231,3 @@ def _placed(option: Option, mover: Mover, time_s: float, bearing_rad: float) -> 
     if option.backing:
         pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)
     return Placed(option, mover.path, station, pose, bearing_rad)
-
-
-def _turning_term(vehicle: VehicleRecord, placed: Placed) -> float:
-    """Log-likelihood of a vehicle reported as turning that has hardly begun, or has long finished, when it is
-    struck."""
-    shape = placed.option.turn
-    if shape is None:
-        return 0.0
-    before = placed.path.pose(max(placed.station_m - 40.0, 0.0)).heading_rad
-    turned = math.remainder(placed.pose.heading_rad - before, math.tau)
-    share = turned / shape.angle_rad
-    return -2.0 * max(0.0, 0.4 - share) / 0.4

@@ -201,6 +201,7 @@ def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> d
     approach, number = option.approach, who.vehicle.number
     terms = {
         **evidence.street_terms(scene.network, scene.placement, scene.record, approach),
+        **evidence.first_street_terms(scene, [] if who.turn or who.backing else [approach]),
         **evidence.road_terms(who.vehicle, approach),
         **evidence.lane_terms(who.vehicle, approach, who.turn),
         **evidence.speed_terms(who.vehicle, approach, who.turn),
