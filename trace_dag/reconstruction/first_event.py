@@ -16,9 +16,9 @@ from trace_dag.reconstruction.planners.pedestrian import strike_hypotheses
 from trace_dag.reconstruction.planners.rollover import overturn_hypotheses
 from trace_dag.settings import StateSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.states.alternatives import ambiguity_of
 from trace_dag.states.analytic import first_contact
 from trace_dag.states.parked import parked_contacts
-from trace_dag.states.ranking import ambiguity
 from trace_dag.states.run_off_road.planner import departure_hypotheses
 from trace_dag.states.scene import Scene
 from trace_dag.states.types import Hypothesis
@@ -39,7 +39,7 @@ class FirstEvent:
     @classmethod
     def of(cls, hypotheses: tuple[Hypothesis, ...]) -> FirstEvent:
         """Hypotheses whose scores say how unsure the best is."""
-        return cls(hypotheses, ambiguity(hypotheses[0].score, (each.score for each in hypotheses)))
+        return cls(hypotheses, ambiguity_of(hypotheses))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
+from trace_dag.states.alternatives import ambiguity_of
 from trace_dag.states.mapped_ground import OFF_GROUND_M, Astray, astray, ways_of
-from trace_dag.states.ranking import ambiguity
 from trace_dag.states.types import Hypothesis, StateEstimate
 
 LEAST_LEAD_S: Final = 2.0
@@ -64,8 +64,7 @@ def _only(made: StateEstimate, kept: list[Hypothesis]) -> StateEstimate:
     """The estimate with some of its hypotheses."""
     if kept[0] is made.best:
         return replace(made, hypotheses=tuple(kept))
-    best = kept[0].score
-    return replace(made, hypotheses=tuple(kept), ambiguity=ambiguity(best, (min(each.score, best) for each in kept)))
+    return replace(made, hypotheses=tuple(kept), ambiguity=ambiguity_of(kept))
 
 
 def _too_small(worst: Astray) -> str:

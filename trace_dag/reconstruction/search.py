@@ -41,8 +41,9 @@ from trace_dag.reconstruction.planners.way_after import ways_on
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings, VerdictSettings
+from trace_dag.states.alternatives import ambiguity_of
 from trace_dag.states.analytic import NAME, VERSION, build_scene
-from trace_dag.states.ranking import ambiguity, leaders_first
+from trace_dag.states.ranking import leaders_first
 from trace_dag.states.types import EstimateCheck, EstimatorRun, Hypothesis, PlannedEvent, StateEstimate
 from trace_dag.units import clock_difference_h
 
@@ -104,7 +105,7 @@ def _estimate(
     if len(found) > 1:
         both = [hypothesis for each in found for hypothesis in each.hypotheses]
         best = tuple(sorted(both, key=lambda each: (_failed(each), -each.score, each.name))[: settings.max_hypotheses])
-        unsure = ambiguity(best[0].score, (min(each.score, best[0].score) for each in best))
+        unsure = ambiguity_of(best)
     return StateEstimate(record.key, best, EstimatorRun(NAME, VERSION), unsure)
 
 
@@ -160,9 +161,8 @@ def _with_contacts(
     if not whole:
         raise Rejection(Reason.NO_FEASIBLE_STATE, stuck[0], measured=0.0)
     whole.sort(key=lambda each: (*each[0].rank[:2], _failed(each[2]), each[0].rank[2], each[2].name))
-    best = whole[0][0].score
-    unsure = ambiguity(best, (min(course.score, best) for course, _, _ in whole))
-    return tuple(hypothesis for _, _, hypothesis in whole[: settings.max_hypotheses]), unsure
+    hypotheses = tuple(hypothesis for _, _, hypothesis in whole)
+    return hypotheses[: settings.max_hypotheses], ambiguity_of(hypotheses)
 
 
 def _is_placed(event: CrashEvent, first: Hypothesis) -> bool:

@@ -77,7 +77,7 @@ RELEASE_INDEX = TableSchema(
         Column("estimator", _T.TEXT, "What estimated the states, such as analytic or llm"),
         Column("asked_estimator", _T.TEXT, "What was asked for the states; it made none where it is another"),
         Column("fallback_reason", _T.TEXT, "Why it made none"),
-        Column("ambiguity", _T.REAL, "Posterior share of the hypotheses not shown, 0 to 1"),
+        Column("ambiguity", _T.REAL, "Posterior share of the sides that the best one does not come from, 0 to 1"),
         Column("backend", _T.TEXT, "Simulator and its version"),
         Column("rule_set", _T.TEXT, "Rules it was verified by"),
         Column("grade", _T.TEXT, "What the verdict is worth: corroborated or consistent"),

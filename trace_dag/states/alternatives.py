@@ -1,12 +1,13 @@
 """Says in words what else can have happened: from where the parties come in the likeliest hypotheses.
 
-A report seldom says from which side a vehicle came. The share of a hypothesis is its posterior probability; the shares
-of those that were not kept are missing from their sum.
+A report seldom says from which side a vehicle came. The share of a side is its posterior probability; those of sides
+that were not kept are missing from their sum, as is what nobody thought of.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,8 +15,8 @@ import numpy as np
 
 from trace_dag.crash.parties import party_in_words
 from trace_dag.messages.wording import counted
-from trace_dag.states.ranking import likelihood
-from trace_dag.states.types import ParticipantState, StateEstimate
+from trace_dag.states.ranking import ambiguity, first_of_groups, likelihood
+from trace_dag.states.types import Hypothesis, ParticipantState, StateEstimate
 from trace_dag.units import wrap_angle
 
 _GUESSED: Final = 0.25
@@ -61,10 +62,31 @@ def alternatives(estimate: StateEstimate) -> Alternatives | None:
     return Alternatives(f"{others}, in other lanes or at other speeds, {have} {share}: the report does not say", False)
 
 
+def ambiguity_of(hypotheses: Sequence[Hypothesis]) -> float:
+    """Posterior share of the sides that the first hypothesis does not come from, 0 to 1."""
+    best = hypotheses[0].score
+    return ambiguity(best, (min(each.score, best) for each in first_of_groups(hypotheses, _sides)))
+
+
+def _sides(hypothesis: Hypothesis) -> tuple[tuple[int, int | None], ...]:
+    """The eighth of the compass that each party comes from; None for one that stands."""
+    bearings = {state.vehicle_number: bearing_from_rad(state) for state in hypothesis.participants}
+    return tuple(
+        (number, None if bearing is None else _octant(bearing)) for number, bearing in sorted(bearings.items())
+    )
+
+
+def _octant(bearing_rad: float) -> int:
+    return round(bearing_rad / (math.pi / 4)) % len(_OCTANTS)
+
+
 def _approaches(estimate: StateEstimate, number: int) -> list[str]:
-    """From where a party comes, with the share of each side, the likeliest first. Less than 45 degrees apart is one."""
+    """From where a party comes, with the share of each side, the likeliest first. Less than 45 degrees apart is one.
+
+    The share of hypotheses from the same sides is that of the first of them.
+    """
     shares: list[tuple[float, float]] = []  # bearing (rad), share
-    for each in estimate.hypotheses:
+    for each in first_of_groups(estimate.hypotheses, _sides):
         share = (1.0 - estimate.ambiguity) * min(likelihood(each.score, estimate.best.score), 1.0)
         for state in each.participants:
             bearing = bearing_from_rad(state) if state.vehicle_number == number else None
@@ -78,8 +100,7 @@ def _approaches(estimate: StateEstimate, number: int) -> list[str]:
             else:
                 shares[same] = (shares[same][0], shares[same][1] + share)
     likely = sorted((each for each in shares if each[1] >= _LEAST_SHARE), key=lambda each: -round(each[1], 6))
-    octants = [_OCTANTS[round(bearing / (math.pi / 4)) % len(_OCTANTS)] for bearing, _ in likely]
-    return [f"from the {octant} ({100 * share:.0f} %)" for octant, (_, share) in zip(octants, likely, strict=True)]
+    return [f"from the {_OCTANTS[_octant(bearing)]} ({100 * share:.0f} %)" for bearing, share in likely]
 
 
 def bearing_from_rad(state: ParticipantState) -> float | None:

@@ -247,7 +247,7 @@ class StateEstimate:
     key: str
     hypotheses: tuple[Hypothesis, ...]
     run: EstimatorRun
-    ambiguity: float = 0.0  # posterior probability of all hypotheses but the best, 0 to 1
+    ambiguity: float = 0.0  # posterior probability of the sides that the best does not come from, 0 to 1
     samples: tuple[Sample, ...] = ()  # draws of what the report leaves open
 
     @property
