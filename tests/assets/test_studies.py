@@ -69,10 +69,19 @@ def test_a_study_is_stored_and_shown(
     assert workspace.storage.exists(stored)
 
 
-def test_what_cannot_be_asked_is_the_runs_failure_in_a_line(workspace: Workspace, instance: DagsterInstance) -> None:
-    result = run("published_benchmark", workspace, instance, {"folder": "/nowhere"}, fine=False)
+@pytest.mark.parametrize(
+    ("name", "config", "said"),
+    [
+        ("published_benchmark", {"folder": "/nowhere"}, "/nowhere: no simulations/"),
+        ("evaluations", {"variations": True, "courses": True}, "courses are of crashes, not of variations"),
+    ],
+)
+def test_what_cannot_be_asked_is_the_runs_failure_in_a_line(
+    workspace: Workspace, instance: DagsterInstance, name: str, config: dict, said: str
+) -> None:
+    result = run(name, workspace, instance, config, fine=False)
     (failure,) = [event for event in result.all_events if event.is_step_failure]
-    assert failure.step_failure_data.user_failure_data.description.startswith("/nowhere: no simulations/")
+    assert failure.step_failure_data.user_failure_data.description.startswith(said)
 
 
 def test_the_warehouse_follows_a_study(workspace: Workspace, instance: DagsterInstance) -> None:

@@ -247,6 +247,8 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     with _failing_in_a_line():
+        if config.variations and config.courses:
+            raise UserError("courses are of crashes, not of variations; choose one of them")
         cases = _cases(workspace, config.cohort, left_out)
         if config.variations:
             cases = stored_variations(workspace, cases, on_problem=left_out.add)
