@@ -64,7 +64,7 @@ def through(folder: Path, crashes: int, kills: int, seed: int) -> int:
             break
         print(f"kill {number + 1}: {stored(root)} records of {crashes} crashes, {_minutes(began)}", flush=True)
     last = subprocess.run(command(root, "run"), capture_output=True, text=True, check=False)
-    print(f"run: exit code {last.returncode}, {_minutes(began)}, {_cpu_minutes():.0f} CPU min", flush=True)
+    print(f"run: exit code {last.returncode}, {_minutes(began)}, {_cpu_minutes():.1f} CPU min, {_largest_mb():.0f} MB", flush=True)
     print("\n".join(last.stdout.splitlines()[-12:]), flush=True)
     verified = subprocess.run(command(root, "verify", "--contents"), capture_output=True, text=True, check=False)
     print(f"verify --contents: exit code {verified.returncode}: {verified.stdout.strip()[-400:]}", flush=True)
@@ -124,6 +124,11 @@ def _minutes(since: float) -> str:
 def _cpu_minutes() -> float:
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return (used.ru_utime + used.ru_stime) / 60
+
+
+def _largest_mb() -> float:
+    """The memory of the largest process that has ended."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
 if __name__ == "__main__":
