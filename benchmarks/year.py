@@ -64,7 +64,8 @@ def through(folder: Path, crashes: int, kills: int, seed: int) -> int:
             break
         print(f"kill {number + 1}: {stored(root)} records of {crashes} crashes, {_minutes(began)}", flush=True)
     last = subprocess.run(command(root, "run"), capture_output=True, text=True, check=False)
-    print(f"run: exit code {last.returncode}, {_minutes(began)}, {_cpu_minutes():.1f} CPU min, {_largest_mb():.0f} MB", flush=True)
+    used = f"{_cpu_minutes():.1f} CPU min, {_largest_mb():.0f} MB"
+    print(f"run: exit code {last.returncode}, {_minutes(began)}, {used}", flush=True)
     print("\n".join(last.stdout.splitlines()[-12:]), flush=True)
     verified = subprocess.run(command(root, "verify", "--contents"), capture_output=True, text=True, check=False)
     print(f"verify --contents: exit code {verified.returncode}: {verified.stdout.strip()[-400:]}", flush=True)
