@@ -91,18 +91,37 @@ def shifted(estimate: StateEstimate, until_s: float) -> StateEstimate:
 def test_the_time_before_the_crash_is_shortened_where_the_map_ends() -> None:
     asked: list[float] = []
 
-    def made_with(lead_s: float) -> StateEstimate:
+    def made_with(lead_s: float, _most: int) -> StateEstimate:
         asked.append(lead_s)
         return shifted(MADE.state_estimate, 2.0 if lead_s == 5.0 else 0.0)
 
-    made = on_mapped_ground(RECORD, MADE.network, MADE.map_report, made_with, 5.0)
+    made = on_mapped_ground(RECORD, MADE.network, MADE.map_report, made_with, 5.0, 3)
     assert len(made.hypotheses) == 1
     assert asked[0] == 5.0
     assert 2.5 <= asked[1] <= 3.0
 
 
+def test_less_likely_ways_are_asked_for_where_all_kept_ones_lead_beside_the_street() -> None:
+    best = MADE.state_estimate.best
+    one, *others = best.participants
+    path = one.trajectory
+    leaves = replace(path, y_m=np.where(path.time_s > 2.0, path.y_m + STREET_M, path.y_m))
+    astray = replace(best, participants=(replace(one, trajectory=leaves), *others))
+    beside = replace(MADE.state_estimate, hypotheses=(astray,))
+
+    def made_with(_lead_s: float, most: int) -> StateEstimate:
+        less_likely = replace(best, score=best.score - 1.0)
+        return beside if most == 3 else replace(beside, hypotheses=(astray, less_likely))
+
+    made = on_mapped_ground(RECORD, MADE.network, MADE.map_report, made_with, 5.0, 3)
+    assert [each.score for each in made.hypotheses] == [best.score - 1.0]
+    with pytest.raises(Rejection) as caught:
+        on_mapped_ground(RECORD, MADE.network, MADE.map_report, lambda *_: beside, 5.0, 3)
+    assert caught.value.reason is Reason.NO_FEASIBLE_STATE
+
+
 def test_a_map_that_ends_at_the_crash_is_too_small() -> None:
     with pytest.raises(Rejection) as caught:
-        on_mapped_ground(RECORD, MADE.network, MADE.map_report, lambda _: shifted(MADE.state_estimate, 4.5), 5.0)
+        on_mapped_ground(RECORD, MADE.network, MADE.map_report, lambda *_: shifted(MADE.state_estimate, 4.5), 5.0, 3)
     assert caught.value.reason is Reason.MAP_TOO_SMALL
     assert caught.value.measured > 100.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
+from typing import Final, TypeAlias
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
@@ -23,15 +23,17 @@ LEAST_LEAD_S: Final = 2.0
 """The least time before the first event: who reacts to it needs some 1.5 s (AASHTO's design value is 2.5 s)."""
 
 
+_WIDER: Final = 4
+Estimating: TypeAlias = Callable[[float, int], StateEstimate]
+"""Makes an estimate for a time before the first event (s), of that many hypotheses at most."""
+
+
 def on_mapped_ground(
-    record: CrashRecord,
-    network: RoadNetwork,
-    report: MapReport,
-    made_with: Callable[[float], StateEstimate],
-    lead_s: float,
+    record: CrashRecord, network: RoadNetwork, report: MapReport, made_with: Estimating, lead_s: float, most: int
 ) -> StateEstimate:
-    """The estimate that ``made_with`` makes for a time before the first event (s), without hypotheses in which a party
-    is off mapped ground or in a building; with less time, where the best one only begins there.
+    """The estimate that ``made_with`` makes, without hypotheses in which a party is off mapped ground or in a building;
+    with less time before the first event, where the best one only begins there. Where none is left, less likely ones
+    are asked for.
 
     Raises :class:`Rejection`: ``map_too_small`` where the data end too near to the crash, ``no_feasible_state`` where a
     party strays later on in every hypothesis.
@@ -40,7 +42,7 @@ def on_mapped_ground(
     def strays(each: Hypothesis) -> tuple[Astray, ...]:
         return astray(record, network, report.things, ways_of(each.participants), each.impact_time_s)
 
-    made = made_with(lead_s)
+    made = made_with(lead_s, most)
     judged = [(each, strays(each)) for each in made.hypotheses]
     begun = [(each, found) for each, found in judged if all(stray.until_s is not None for stray in found)]
     if begun and begun[0][1]:
@@ -48,7 +50,7 @@ def on_mapped_ground(
         clear_s = max(stray.until_s or 0.0 for stray in found)
         shorter_s = math.floor(10.0 * (best.impact_time_s - clear_s)) / 10.0
         if shorter_s >= LEAST_LEAD_S:
-            again = made_with(shorter_s)
+            again = made_with(shorter_s, most)
             if kept := [each for each in again.hypotheses if not strays(each)]:
                 return _only(again, kept)
     if kept := [each for each, found in judged if not found]:
@@ -57,6 +59,9 @@ def on_mapped_ground(
         worst = max(begun[0][1], key=lambda stray: (stray.in_building, stray.off_m, stray.number))
         if not worst.in_building:
             raise Rejection(Reason.MAP_TOO_SMALL, _too_small(worst), measured=worst.off_m, threshold=OFF_GROUND_M)
+    wider = made_with(lead_s, _WIDER * most)
+    if kept := [each for each in wider.hypotheses if not strays(each)]:
+        return _only(wider, kept[:most])
     raise Rejection(Reason.NO_FEASIBLE_STATE, f"In the best of {len(judged)} hypotheses, {judged[0][1][0]}.")
 
 

@@ -76,11 +76,11 @@ def estimate_by_record(
     if not settings.reported_headings:
         record = without_headings(record)
 
-    def made_with(lead_s: float) -> StateEstimate:
-        wanted = settings.model_copy(update={"lead_time_s": lead_s})
+    def made_with(lead_s: float, most: int) -> StateEstimate:
+        wanted = settings.model_copy(update={"lead_time_s": lead_s, "max_hypotheses": most})
         return _estimate(record, network, report, wanted, first_planner)
 
-    return on_mapped_ground(record, network, report, made_with, settings.lead_time_s)
+    return on_mapped_ground(record, network, report, made_with, settings.lead_time_s, settings.max_hypotheses)
 
 
 def _estimate(

@@ -15,7 +15,7 @@ VERSIONS = {
     Stage.CRASH_RECORD: 5,
     Stage.OSM_EXTRACT: 2,
     Stage.ROAD_MAP: 5,
-    Stage.STATE_ESTIMATE: 8,
+    Stage.STATE_ESTIMATE: 9,
     Stage.SIMULATION_LOG: 3,
     Stage.VERDICT: 7,
 }
