@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
@@ -18,7 +18,6 @@ from trace_dag.states.scene import Scene
 from trace_dag.states.types import LossOfControl, ParticipantState
 
 _States: TypeAlias = tuple[ParticipantState, ...]
-_Simulated: TypeAlias = tuple[CrashRun, SimulationLog]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +40,12 @@ class Plan:
 class Course:
     """The crash so far: who takes part, what stands there, what comes of it, and the events planned so far.
 
-    ``run`` is what ``log`` was logged of; it can be gone on with.
+    ``run`` is what ``log`` was logged of, to be gone on with; None where that came to its end.
     """
 
     states: tuple[ParticipantState, ...]
     objects: tuple[FixedObject, ...]
-    run: CrashRun
+    run: CrashRun | None
     log: SimulationLog
     events: tuple[CrashEvent, ...]
     matching: Matching
@@ -88,7 +87,7 @@ class Search:
     simulation: EmbeddedSimulation
     lead_s: float
     # By the log of a course, which follows from its states and objects, and who loses control of it: what it comes to.
-    _lost: dict[tuple[SimulationLog, int, tuple[LossOfControl, ...]], tuple[_States, _Simulated]] = field(
+    _lost: dict[tuple[SimulationLog, int, tuple[LossOfControl, ...]], tuple[_States, SimulationLog]] = field(
         default_factory=dict
     )
 
@@ -108,7 +107,10 @@ class Search:
             strange = match(happenings(contacts), expected, order_known=known).strange
             return all(each.pair in usual for each in strange)
 
-        run, log = self._simulated(plan.states, plan.objects, comes_right)
+        run = self.simulation.begin(
+            tuple(map(participant, plan.states)), time_limit_s=DEFAULTS.time_limit_s, objects=plan.objects
+        )
+        log = run.log(as_long_as=comes_right)
         return Course(
             plan.states,
             plan.objects,
@@ -132,26 +134,19 @@ class Search:
         key = course.log, state.vehicle_number, state.losses_of_control
         if key not in self._lost:
             states = tuple(state if s.vehicle_number == state.vehicle_number else s for s in course.states)
-            self._lost[key] = states, self._simulated(states, course.objects)
-        states, (run, log) = self._lost[key]
-        return replace(course, states=states, run=run, log=log, matching=self.matching(log, course.events))
+            parties = tuple(map(participant, states))
+            log = self.simulation.run(parties, time_limit_s=DEFAULTS.time_limit_s, objects=course.objects)
+            self._lost[key] = states, log
+        states, log = self._lost[key]
+        return replace(course, states=states, run=None, log=log, matching=self.matching(log, course.events))
 
     def to_the_end(self, course: Course) -> Course:
         """The course simulated on until everybody is at rest, whatever touches."""
+        if course.run is None:
+            return course
         log = course.run.log()
         return replace(course, log=log, matching=self.matching(log, course.events))
 
     def matching(self, log: SimulationLog, events: Sequence[CrashEvent]) -> Matching:
         """The events in a simulation."""
         return match(happenings_of(log), expected_of(events), order_known=self.sequence.order_known)
-
-    def _simulated(
-        self,
-        states: Sequence[ParticipantState],
-        objects: tuple[FixedObject, ...],
-        as_long_as: Callable[[Sequence[Contact]], bool] | None = None,
-    ) -> _Simulated:
-        """What comes of these parties and objects, as long as the contacts are as asked for."""
-        parties = tuple(map(participant, states))
-        run = self.simulation.begin(parties, time_limit_s=DEFAULTS.time_limit_s, objects=objects)
-        return run, run.log(as_long_as=as_long_as)
