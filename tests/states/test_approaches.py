@@ -11,13 +11,15 @@ from cases import Case, sample_case
 
 from trace_dag.crash.crash_types import Relation, Turn
 from trace_dag.crash.event_sequence import sequence_of
+from trace_dag.crash.record import PreCrashMovement
 from trace_dag.roads.from_osm.left_hand import mirrored_network
 from trace_dag.states.analytic import build_scene, parties
 from trace_dag.states.approaches import Approach
 from trace_dag.states.candidates import candidates
 from trace_dag.states.evidence import lane_terms
 from trace_dag.states.manoeuvres import make_turn
-from trace_dag.states.pre_crash_scenarios import pre_crash_scenarios
+from trace_dag.states.pedestrian_impact.planner import approaches_of
+from trace_dag.states.pre_crash_scenarios import party, pre_crash_scenarios
 from trace_dag.states.roundabouts import ring_through
 from trace_dag.states.scene import Scene
 from trace_dag.units import GRAVITY_MPS2, wrap_angle
@@ -66,6 +68,21 @@ def test_a_four_way_crossing_lets_one_go_straight_and_turn_from_where_lanes_allo
         if approach.turn in (Turn.LEFT, Turn.RIGHT):
             change = wrap_angle(approach.exit_pose.heading_rad - approach.heading_rad)
             assert change > 0 if approach.turn is Turn.LEFT else change < 0
+
+
+def test_who_strikes_a_person_turns_on_lanes_that_turn_and_backs_up_along_the_road():
+    found = scene(sample_case(FOUR_WAY))
+    along = {approach.name for approach in found.on_road(found.through)}
+    who = party(found.record, found.record.vehicles[0])
+    turning = {option.approach.turn for option, _, _ in approaches_of(found, replace(who, turn=Turn.LEFT))}
+    assert Turn.LEFT in turning
+    assert Turn.RIGHT not in turning
+    straight = {option.approach.name for option, _, _ in approaches_of(found, replace(who, turn=None))}
+    assert straight == along
+    vehicle = replace(who.vehicle, movement=PreCrashMovement.BACKING)
+    backing = [option for option, _, _ in approaches_of(found, replace(who, vehicle=vehicle, turn=Turn.LEFT))]
+    assert all(option.backing for option in backing)
+    assert {option.approach.name for option in backing} == along
 
 
 def test_the_stem_of_a_t_turns_both_ways_and_only_goes_straight_beyond_the_road():
