@@ -68,8 +68,9 @@ def nearest_tests(name: str, by: Mapping[str, set[str]]) -> set[str]:
         tests = {each for each in border if Path(each).name.startswith("test_")}
         if tests:
             return {each for each in tests if not each.startswith(SLOW)} or tests
-    package = REPOSITORY / "tests" / Path(name).parts[1]  # what nobody imports is found by an entry point
-    return {each.relative_to(REPOSITORY).as_posix() for each in package.rglob("test_*.py")}
+    package = ".".join(Path(name).parts[:2])  # what nobody imports is found by an entry point
+    beside = {each for module, files in by.items() if module.startswith(f"{package}.") for each in files}
+    return {each for each in beside if Path(each).name.startswith("test_") and not each.startswith(SLOW)}
 
 
 def main() -> None:

@@ -86,12 +86,13 @@ def test_others_can_read_it(settings: CrashSettings, tmp_path: Path) -> None:
     for number, vehicles in enumerate([None, [{}]]):
         record = read_report(report(vehicles=vehicles), name="report.xml", settings=settings)
         (tmp_path / f"{number}.parquet").write_bytes(record_to_parquet(record))
+        (tmp_path / f"{number}.outcome.json").write_bytes(b"{}")  # as in a root
     (row,) = duckdb.sql(f"""
         SELECT schema_version, key, len(vehicles), vehicles[2].impact.clock_h, events[1].code
         FROM read_parquet('{tmp_path}/*.parquet') WHERE len(vehicles) = 2
     """).fetchall()
     assert row == (SCHEMA_VERSION, "2023-519001", 2, 3.0, 12)
-    frame = pd.read_parquet(tmp_path)
+    frame = pd.read_parquet(sorted(tmp_path.glob("*.parquet")))
     assert list(frame.columns) == [column.name for column in CRASH_RECORD.columns]
     assert sorted(len(vehicles) for vehicles in frame["vehicles"]) == [1, 2]
 

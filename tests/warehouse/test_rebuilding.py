@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from itertools import islice
 from pathlib import Path
 
 from trace_dag.cohorts.registry import Registry, ReportSource
@@ -14,6 +15,7 @@ from trace_dag.stage import Stage
 from trace_dag.storage.files import Storage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import open_warehouse, rows
+from trace_dag.warehouse.snapshot import read_snapshots
 
 KEYS = [f"2023-51000{number}" for number in range(1, 9)]
 
@@ -71,6 +73,24 @@ def test_tells_which_runs_changed_a_verdict(tmp_path):
     (failure,) = rows(tmp_path / "warehouse.duckdb", "failures")
     assert (failure["key"], failure["stage"], failure["message"]) == (broken, "simulation_log", "the disk is full")
     assert rows(tmp_path / "warehouse.duckdb", "stage_history")[0]["standing"] is True
+
+
+def test_a_crash_that_is_judged_between_its_record_and_its_document_is_read_again(tmp_path, monkeypatch):
+    storage = made(tmp_path, KEYS[:2])
+    runs = iter([2, 3])  # that judge the crash just after its record was read
+
+    def records_and_then_a_run(*arguments, **options):
+        found = read_records(*arguments, **options)
+        for run in islice(runs, 1):
+            note(storage, KEYS[0], Stage.VERDICT, run)
+        return found
+
+    monkeypatch.setattr("trace_dag.warehouse.snapshot.read_records", records_and_then_a_run)
+    problems = []
+    ((judged, _),) = read_snapshots(storage, KEYS[:2], [(Stage.VERDICT, "json")], problems.append)
+    assert problems == []
+    assert judged.valid[Stage.VERDICT].run_id == "run 3"
+    assert json.loads(judged.documents[Stage.VERDICT, "json"])["hypothesis"] == 3
 
 
 def test_two_batches_write_while_it_is_read_and_rebuilt(tmp_path):
