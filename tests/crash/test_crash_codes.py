@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from trace_dag.crash.codes import crash, events, vehicle
+from trace_dag.crash.codes import crash, events, persons, vehicle
 from trace_dag.crash.codes.bodies import BODY_TYP
 from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
 
@@ -60,6 +60,23 @@ def test_no_code_is_held_that_nhtsa_does_not_list_for_the_year(shared_data: Path
         if table.holds(code, year) and year not in listed[element].get(code, set())
     ]
     assert surplus == []
+
+
+def test_every_code_by_which_nhtsa_types_persons_is_held(shared_data: Path) -> None:
+    """``PBTYPE`` of all years. "Not a pedestrian" of a cyclist, and the other way round, says nothing of the person."""
+    tables = {table.element: table for table in vars(persons).values() if isinstance(table, CodeTable)}
+    path = shared_data / "fars-pbtype-codes.csv"
+    if not path.is_file():
+        pytest.skip(f"{path} is absent")
+    with path.open(encoding="utf-8", newline="") as file:
+        listed = [
+            (tables[row["element"]], int(row["code"]), row["label"])
+            for row in csv.DictReader(file)
+            if row["element"] in tables
+        ]
+    assert len({table.element for table, _, _ in listed}) == 15
+    assert [(table.element, code) for table, code, _ in listed if not table.holds(code, 2023)] == []
+    assert [table.element for table, code, label in listed if "Not a" in label and table.known(code) is not None] == []
 
 
 def test_every_known_code_is_said_in_words() -> None:
