@@ -77,3 +77,13 @@ def test_a_root_of_an_earlier_version_is_outdated_and_not_damaged(root):
     assert trace_dag(root, "run").returncode == 0
     done = trace_dag(root, "verify", "--contents")
     assert (done.returncode, "earlier version" in done.stdout) == (0, False), done.stdout
+
+
+def test_a_warehouse_of_an_earlier_version_is_outdated_and_not_damaged(root, monkeypatch):
+    monkeypatch.setattr("trace_dag.warehouse.build.VERSION", "of the next version")
+    done = trace_dag(root, "verify", "--contents")
+    assert done.returncode == 0, done.stdout
+    assert "made by an earlier version of the program; trace-dag run brings it up to date" in done.stdout
+    assert trace_dag(root, "run").returncode == 0
+    done = trace_dag(root, "verify", "--contents")
+    assert (done.returncode, "earlier version" in done.stdout) == (0, False), done.stdout

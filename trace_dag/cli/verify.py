@@ -45,6 +45,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     from trace_dag.definitions.launch import dagster_records, summarise
     from trace_dag.flow.verify import DisagreementKind, Quarantine, repair_storage
     from trace_dag.flow.workspace import Workspace
+    from trace_dag.warehouse.build import is_outdated
 
     workspace = Workspace.open(root)
     storage = workspace.storage
@@ -89,7 +90,8 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
         if stale:
             print_stale(stale)
             say()
-        say(_summary(report, found, repair))
+        outdated = report.older or is_outdated(workspace.warehouse)
+        say(_summary(report, found, repair, outdated))
     sys.exit(1 if found else 0)
 
 
@@ -159,7 +161,7 @@ def _print(title: str, rows: Sequence[Disagreement]) -> None:
     say()
 
 
-def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: bool) -> str:
+def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: bool, outdated: bool) -> str:
     figures = _figures(report)
     lines = [
         ", ".join(
@@ -174,7 +176,7 @@ def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: boo
         lines.append(f"interrupted: {counted(figures['interrupted'], 'stage')}; trace-dag run finishes what was begun")
     if figures["unregistered"]:
         lines.append(f"kept, though registered no more: {counted(figures['unregistered'], 'crash', 'crashes')}")
-    if report.older:
+    if outdated:
         lines.append(
             "made by an earlier version of the program; trace-dag run brings it up to date and keeps its reports"
         )
@@ -184,6 +186,6 @@ def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: boo
         lines.append(
             f"{counted(len(found), 'disagreement')}: {named}" + ("" if repaired else "; --repair mends what can be")
         )
-    elif not report.older:
+    elif not outdated:
         lines.append("storage, Dagster and the warehouse agree")
     return ": ".join((lines[0], "; ".join(lines[1:])))

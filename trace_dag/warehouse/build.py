@@ -87,6 +87,16 @@ def is_built_by_this_code(path: Path) -> bool:
         return False
 
 
+def is_outdated(path: Path) -> bool:
+    """Whether there is a sound warehouse that an earlier version of the program built."""
+    try:
+        return path.is_file() and query.query(path, "SELECT code_version FROM warehouse_build")[1] != [(VERSION,)]
+    except UserError:  # an older one does not say
+        return True
+    except DamagedFile:
+        return False
+
+
 def build_warehouse(storage: Storage, local_folder: Path, *, on_problem: OnProblem = log_problem) -> BuildReport:
     """Build ``ROOT/warehouse.duckdb``, or bring it up to date.
 
