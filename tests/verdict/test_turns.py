@@ -12,7 +12,8 @@ from tests.sim.motions import straight
 from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import PreCrashMovement, VehicleRecord
-from trace_dag.verdict.directions import turn_error_deg
+from trace_dag.geometry import Pose
+from trace_dag.verdict.directions import direction, turn_error_deg
 from trace_dag.verdict.metrics import relation_error, turn_error
 from trace_dag.verdict.observation import ObservedVehicle, observe_crash
 
@@ -66,3 +67,11 @@ def test_crossing_streets_need_not_be_square_where_the_report_says_so() -> None:
     crossing = vehicle(1, 12, 86), vehicle(2, 12, 87)
     assert apart(*crossing, RoadTopology.FOUR_WAY) == pytest.approx(90.0, abs=5.0)
     assert apart(*crossing, RoadTopology.Y) is None
+
+
+def test_who_is_touched_as_the_log_begins_has_the_direction_of_its_start() -> None:
+    _, log = simulated(*HEAD_ON)
+    (driven, _), plan = log.vehicles, HEAD_ON[0]
+    start = Pose(float(driven.x_m[0]), float(driven.y_m[0]), float(driven.heading_rad[0]), float(driven.z_m[0]))
+    found = direction(STREET, driven, start, 0.0, plan)
+    assert (found.approach_rad, found.turn_deg) == (pytest.approx(0.0, abs=0.02), pytest.approx(0.0, abs=1.0))

@@ -188,8 +188,8 @@ def _approach(
     backs up is headed against its motion.
     """
     start = Pose(float(driven.x_m[0]), float(driven.y_m[0]), float(driven.heading_rad[0]), float(driven.z_m[0]))
-    before = int(np.searchsorted(driven.time_s, contact_s))
-    backing = bool(driven.speed_mps[max(before - 1, 0)] < -_STANDSTILL_MPS)
+    before = max(int(np.searchsorted(driven.time_s, contact_s)), 1)  # who is touched at once has its start alone
+    backing = bool(driven.speed_mps[before - 1] < -_STANDSTILL_MPS)
     reach_m = math.hypot(contact.x_m - start.x_m, contact.y_m - start.y_m) + _CHAIN_MARGIN_M
     for i in _places(driven, before):
         at = Pose(float(driven.x_m[i]), float(driven.y_m[i]), float(driven.heading_rad[i]), float(driven.z_m[i]))
