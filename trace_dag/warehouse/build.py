@@ -81,20 +81,25 @@ class BuildReport:
 
 def is_built_by_this_code(path: Path) -> bool:
     """Whether there is a warehouse and it was built by the present code and SQL."""
-    try:
-        return path.is_file() and query.query(path, "SELECT code_version FROM warehouse_build")[1] == [(VERSION,)]
-    except (DamagedFile, UserError):  # an older one does not say
-        return False
+    return _built_by(path) == VERSION
 
 
 def is_outdated(path: Path) -> bool:
     """Whether there is a sound warehouse that an earlier version of the program built."""
+    return _built_by(path) not in (None, VERSION)
+
+
+def _built_by(path: Path) -> str | None:
+    """The version of the code that built a warehouse, "" where it does not say; None where there is no sound one."""
+    if not path.is_file():
+        return None
     try:
-        return path.is_file() and query.query(path, "SELECT code_version FROM warehouse_build")[1] != [(VERSION,)]
+        rows = query.query(path, "SELECT code_version FROM warehouse_build")[1]
     except UserError:  # an older one does not say
-        return True
+        return ""
     except DamagedFile:
-        return False
+        return None
+    return str(rows[0][0]) if len(rows) == 1 else ""
 
 
 def build_warehouse(storage: Storage, local_folder: Path, *, on_problem: OnProblem = log_problem) -> BuildReport:
