@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import zipfile
 from collections import Counter
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, UserError
+from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.settings import CrashSettings
 
 BROKEN = {"crash_510030.xml", "crash_510108.xml", "crash_510150.xml"}
@@ -321,6 +322,36 @@ def test_hostile_column_names_and_values_stay_text(settings: CrashSettings, tmp_
     (tmp_path / "vehicle.csv").write_text(csv_of([{"ST_CASE": "510001", "VEH_NO": "1"}]))
     record = records(FarsCsvSource.open(tmp_path), settings)["2023-510001"]
     assert record.trafficway_1 == "A<&>B"
+
+
+def test_a_report_is_the_rows_as_they_stand(tmp_path: Path) -> None:
+    vehicles = [{"ST_CASE": "510001", "VEH_NO": number, "TRAV_SP": "NA" if number == "2" else "55"} for number in "12"]
+    (tmp_path / "accident.csv").write_text(csv_of([{"ST_CASE": "510001", "YEAR": "2023", "TWAY_ID": "A  <B>"}]))
+    (tmp_path / "vehicle.csv").write_text(csv_of(vehicles))
+    ((_, data),) = FarsCsvSource.open(tmp_path).reports()
+    assert json.loads(data) == {
+        "case_year": 2023,
+        "state_case": 510001,
+        "tables": {
+            "accident": [{"ST_CASE": "510001", "YEAR": "2023", "TWAY_ID": "A  <B>"}],
+            "vehicle": [{"ST_CASE": "510001", "VEH_NO": "1", "TRAV_SP": "55"}, {"ST_CASE": "510001", "VEH_NO": "2"}],
+        },
+    }
+
+
+@pytest.mark.parametrize(
+    ("tables", "says"),
+    [
+        (3, "tables: Input should be a valid dictionary"),
+        ({"accident": [{"YEAR": None}]}, "Input should be a valid string"),
+        ({"accident": [{"X><EVIL/>": "1"}]}, "expected the columns of FARS tables"),
+    ],
+)
+def test_rows_that_are_no_tables_are_malformed(tables: object, says: str, settings: CrashSettings) -> None:
+    data = json.dumps({"case_year": 2023, "state_case": 510001, "tables": tables}).encode()
+    with pytest.raises(Rejection, match=says) as raised:
+        read_report(data, name="2023-510001.json", settings=settings)
+    assert raised.value.reason is Reason.MALFORMED_REPORT
 
 
 def _zipped(folder: Path, prefix: str) -> Path:

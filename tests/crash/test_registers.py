@@ -12,11 +12,12 @@ from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import RULES, check
 from trace_dag.crash.keys import parse_key, register_key
 from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import Heading, Moment, Octant, Origin, PreCrashMovement, Severity, origins
 from trace_dag.crash.registers.mapping import read_mapping, shipped
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import FromCrossing, Place
-from trace_dag.crash.reported_record import reported_from_json, reported_to_json
+from trace_dag.crash.table_reports import report_from_json, report_to_json
 from trace_dag.errors import Rejection, UserError
 from trace_dag.settings import CrashSettings
 
@@ -131,7 +132,7 @@ def test_values_that_are_not_mapped_are_counted_and_not_known(tmp_path):
 def test_columns_that_are_not_mapped_are_named_and_not_stored(tmp_path):
     read = table(tmp_path, "montgomery", MONTGOMERY)
     assert any(note.endswith("not stored: Driver Home") for note in read.notes())
-    assert b"SOMEWHERE" not in reported_to_json(read.records()[0])
+    assert b"SOMEWHERE" not in report_to_json(read.records()[0])
 
 
 @pytest.mark.parametrize(
@@ -163,15 +164,15 @@ def test_a_column_that_is_not_there_is_an_error(tmp_path):
 def test_a_reported_record_comes_back_from_its_document(tmp_path):
     for register, row in (("tempe", TEMPE), ("montgomery", MONTGOMERY)):
         (record,) = table(tmp_path, register, row).records()
-        assert reported_from_json(reported_to_json(record), name="a report", expected_key=record.key) == record
+        assert report_from_json(report_to_json(record), name="a report") == record
 
 
 def test_the_document_of_another_crash_is_malformed(tmp_path):
     (record,) = table(tmp_path, "tempe", TEMPE).records()
     with pytest.raises(Rejection, match="expected crash tempe-7"):
-        reported_from_json(reported_to_json(record), name="a report", expected_key="tempe-7")
+        read_report(report_to_json(record), name="a report", settings=CrashSettings(), expected_key="tempe-7")
     with pytest.raises(Rejection, match="malformed_report"):
-        reported_from_json(b'{"key": 3}', name="a report")
+        report_from_json(b'{"key": 3}', name="a report")
 
 
 MINE = """

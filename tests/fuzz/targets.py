@@ -178,6 +178,7 @@ def targets(package: Path) -> Mapping[str, Target]:
     right = json.dumps(model_server.right_answer(_case())).encode()
     return {
         "report": Target(_report, reports, (Rejection,)),
+        "report-rows": Target(_report, (_ROWS,), (Rejection,)),
         "fars-csv": Target(_fars_csv, (_tables(reports[:3]),), (UserError, Rejection)),
         "osm-xml": Target(_osm_xml, (files["map.osm"],), (UserError, UnreadableMapError)),
         "osm-pbf": Target(_osm_pbf, (pbf(files["map.osm"]),), (UserError, UnreadableMapError)),
@@ -189,6 +190,12 @@ def targets(package: Path) -> Mapping[str, Target]:
     }
 
 
+_ROWS = b"""{"case_year": 2023, "state_case": 510001, "tables": {
+ "accident": [{"ST_CASE": "510001", "YEAR": "2023",
+   "LATITUDE": "37.5", "LONGITUD": "-77.4", "VE_FORMS": "2", "TYP_INT": "2"}],
+ "vehicle": [{"VEH_NO": "1", "IMPACT1": "12", "P_CRASH1": "1"}, {"VEH_NO": "2", "IMPACT1": "3", "P_CRASH1": "11"}],
+ "cevent": [{"EVENTNUM": "1", "SOE": "12", "VNUMBER1": "1", "AOI1": "12", "VNUMBER2": "2", "AOI2": "3"}]}}
+"""
 _TOML = b"""[crash]
 kinds = ["vehicles"]
 [osm]

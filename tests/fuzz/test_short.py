@@ -13,6 +13,7 @@ from tests.fuzz.targets import targets
 INPUTS = 40
 NAMES = (
     "report",
+    "report-rows",
     "fars-csv",
     "osm-xml",
     "osm-pbf",

@@ -8,13 +8,13 @@ REPORTS = (
     stage_spec(
         Stage.RAW_REPORT,
         group="reports",
-        kinds={"xml", "file"},
-        description="The crash report as served by NHTSA's CrashAPI, untouched.",
+        kinds={"xml", "json"},
+        description="The crash report as its source serves it: NHTSA's CrashAPI XML, untouched, or a table's rows.",
     ),
     stage_spec(
         Stage.CRASH_RECORD,
         group="reports",
-        kinds={"json", "python"},
+        kinds={"parquet", "python"},
         deps=[Stage.RAW_REPORT],
         columns=CRASH_RECORD,
         description="The report as typed data: the crash, its vehicles and its events in SI units, unknown as null, "

@@ -7,7 +7,7 @@ ROADS = (
     stage_spec(
         Stage.OSM_EXTRACT,
         group="roads",
-        kinds={"openstreetmap", "xml"},
+        kinds={"openstreetmap", "file"},
         deps=[Stage.CRASH_RECORD],
         description="The drivable roads of OpenStreetMap around the reported point. "
         "© OpenStreetMap contributors, ODbL 1.0.",

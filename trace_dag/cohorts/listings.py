@@ -16,9 +16,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.cohorts.registry import ReportSource
-from trace_dag.crash.completed_record import complete_record
-from trace_dag.crash.listing import CrashListing, list_record, list_report
-from trace_dag.crash.reported_record import reported_from_json
+from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.errors import DamagedFile, Rejection
 from trace_dag.storage.checksums import checked, with_checksum
 from trace_dag.storage.files import Storage
@@ -51,7 +49,7 @@ def listings_of(storage: Storage, reports: Mapping[str, ReportSource]) -> dict[s
         if known is not None and report.sha256 and known.sha256 == report.sha256:
             seen[key] = known
         elif (data := _content(storage, report)) is not None:
-            seen[key] = _Seen(hashlib.sha256(data).hexdigest(), _listing(data, key, report))
+            seen[key] = _Seen(hashlib.sha256(data).hexdigest(), _listing(data, key))
     _keep(storage, before, seen)
     return {key: each.listing for key, each in seen.items() if each.listing is not None}
 
@@ -98,10 +96,8 @@ def _content(storage: Storage, report: ReportSource) -> bytes | None:
         return None
 
 
-def _listing(data: bytes, key: str, report: ReportSource) -> CrashListing | None:
+def _listing(data: bytes, key: str) -> CrashListing | None:
     try:
-        if report.kind == "stored" and report.location.endswith(".json"):
-            return list_record(complete_record(reported_from_json(data, name=key)))
         return list_report(data, name=key)
     except Rejection:
         return None

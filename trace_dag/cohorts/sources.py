@@ -17,8 +17,7 @@ from trace_dag.cohorts.registry import ReportSource
 from trace_dag.crash.folder import FoundReport
 from trace_dag.crash.keys import fars_case
 from trace_dag.crash.listing import CrashListing, list_report
-from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.reported_record import reported_to_json
+from trace_dag.crash.table_reports import is_json
 from trace_dag.errors import Rejection, UserError
 from trace_dag.messages.progress import OnProgress
 from trace_dag.plugins import PluginKind, load
@@ -87,8 +86,8 @@ class ReportTables(Protocol):
         """One line per crash there."""
         ...
 
-    def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes | CrashRecord]]:
-        """Key and report of the crashes asked for: the record as read, or XML as the CrashAPI serves it."""
+    def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes]]:
+        """Key and report of the crashes asked for, in a form that :func:`trace_dag.crash.parse.read_report` reads."""
         ...
 
 
@@ -114,11 +113,8 @@ class TableSource:
         """See :class:`Source`. Each report is kept below the root."""
         taken = {}
         present = storage.list("reports")
-        for key, report in self._tables.reports(keys):
-            if isinstance(report, bytes):
-                data, name = report, _stored_name(key)
-            else:
-                data, name = reported_to_json(report), _stored_name(key, "json")
+        for key, data in self._tables.reports(keys):
+            name = _stored_name(key, "json" if is_json(data) else "xml")
             if name not in present or storage.read(name) != data:
                 storage.write(name, data)
             taken[key] = ReportSource("stored", name, hashlib.sha256(data).hexdigest())

@@ -1,59 +1,35 @@
-"""FARS national CSV files as a source: crashes listed for cohorts, and each as the XML the CrashAPI would serve.
-
-So stage 1 makes the same artefact from every source, and no later stage knows the source. Nothing is interpreted here:
-a column becomes an element of the same name, a row a member of one of CrashAPI's lists. Older names and codes are
-translated where reports are read.
-"""
+"""FARS national CSV files as a source: crashes listed for cohorts, and the rows of each as its report."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
-from lxml import etree
 from numpy.typing import NDArray
 
 from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.fars_files import TABLES, FarsRelease, find_releases
-from trace_dag.crash.keys import crash_key, fars_case, state_of
+from trace_dag.crash.fars_rows import FarsRows, Row, integer
+from trace_dag.crash.keys import crash_key, fars_case
 from trace_dag.crash.kind import kind_of_codes
 from trace_dag.crash.listing import CrashListing
+from trace_dag.crash.table_reports import report_to_json
 from trace_dag.errors import UserError
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Row: TypeAlias = dict[str, str]
 Rows: TypeAlias = dict[int, list[Row]]
 """Rows by ``ST_CASE``."""
 
-_VEHICLE_LISTS: Final = {
-    "person": ("Persons", "Person"),
-    "damage": ("Damages", "Damage"),
-    "vpicdecode": ("VinDeriveds", "VINDerived"),
-    "maneuver": ("Maneuvers", "Maneuver"),
-    "vevent": ("VEvents", "VEvent"),
-    "vsoe": ("Vsoes", "VSOEs"),
-}
-_SEQUENCE_LISTS: Final = {name: _VEHICLE_LISTS[name] for name in ("vevent", "vsoe")}
 _SEQUENCES: Final = ("cevent", "vevent", "vsoe")
 _OF_VEHICLES: Final = ("vevent", "vsoe")
-_TELLING_TABLES: Final = ("vsoe", "vevent", "maneuver", "damage")
-"""Tables that tell of vehicles by ``VEH_NO`` above 0: the events of all, the others of those in transport."""
-_CRASH_LISTS: Final = {
-    "weather": ("Weathers", "Weather"),
-    "cevent": ("CEvents", "CEvent"),
-    "pbtype": ("PbTypes", "PBType"),
-    "nmprior": ("NmPriors", "NMPrior"),
-    "nmcrash": ("NmCrashes", "NMCrash"),
-    "safetyeq": ("SafetyEQs", "SafetyEQ"),
-}
 _WITHOUT: Final = {
     "accident": "where and when the crashes were",
     "vehicle": "bodies, speeds, movements and crash types",
@@ -65,8 +41,7 @@ _WITHOUT: Final = {
     "maneuver": "what drivers avoided is unknown",
 }
 """Tables, and what is missing without them."""
-_NOT_XML: Final = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
-_INTEGER: Final = re.compile(r"[0-9]{1,9}(?:\.0*)?")
+_YEAR: Final = re.compile(r"[0-9]{1,9}")
 _DECIMAL: Final = re.compile(r"-?[0-9]{1,4}(?:\.[0-9]*)?")
 _MISSING_IN_R: Final = "NA"
 _BATCH: Final = 1000
@@ -100,7 +75,7 @@ class FarsCsvSource:
         return [found[key] for key in sorted(found)]
 
     def reports(self, keys: Iterable[str] | None = None) -> Iterator[tuple[str, bytes]]:
-        """Key and CrashAPI-shaped XML of the crashes asked for (None: all), once each; others are left out.
+        """Key and rows, as JSON, of the crashes asked for (None: all), once each; others are left out.
 
         Raises UserError for a malformed key.
         """
@@ -171,7 +146,7 @@ class _ReleaseTables:
                 )
             return self._release.year_in_path
         years = {year.strip().partition(".")[0] for year in table[column].to_pylist()}
-        if len(years) != 1 or not _INTEGER.fullmatch(year := next(iter(years))):
+        if len(years) != 1 or not _YEAR.fullmatch(year := next(iter(years))):
             raise UserError(
                 f"{self._release.label}: case years {', '.join(sorted(years))}; expected one year, each in "
                 "a folder of its own, since case numbers are given anew every year"
@@ -219,42 +194,42 @@ class _ReleaseTables:
         events = self._event_codes()
         crash_types: dict[int, list[tuple[int, int | None]]] = {}
         for case, row in self._all_rows("vehicle", ("VEH_NO", "ACC_TYPE")):
-            crash_types.setdefault(case, []).append((_integer(row, "VEH_NO") or 0, _integer(row, "ACC_TYPE")))
+            crash_types.setdefault(case, []).append((integer(row, "VEH_NO") or 0, integer(row, "ACC_TYPE")))
         moving = self._moving_vehicles() if self._table("accident") is None else {}
         rows = dict(self._all_rows("accident", _LISTED))
         for case in self.state_cases:
             pair, row = collided.get(case), rows.get(case, {})
-            vehicles = _integer(row, "VE_FORMS") or len(moving.get(case, ())) or None
+            vehicles = integer(row, "VE_FORMS") or len(moving.get(case, ())) or None
             yield CrashListing(
                 key=crash_key(self.year, case),
                 case_year=self.year,
                 state_case=case,
                 latitude_deg=_decimal(row, "LATITUDE"),
                 longitude_deg=_decimal(row, "LONGITUD"),
-                county_code=_integer(row, "COUNTY"),
-                city_code=_integer(row, "CITY"),
+                county_code=integer(row, "COUNTY"),
+                city_code=integer(row, "CITY"),
                 county_name=row.get("COUNTYNAME", ""),
                 city_name=row.get("CITYNAME", ""),
-                route_code=_integer(row, "ROUTE"),
-                function_class_code=_integer(row, "FUNC_SYS")
-                or FUNC_SYS_OF_ROAD_FNC.get(_integer(row, "ROAD_FNC") or 0),
+                route_code=integer(row, "ROUTE"),
+                function_class_code=integer(row, "FUNC_SYS") or FUNC_SYS_OF_ROAD_FNC.get(integer(row, "ROAD_FNC") or 0),
                 vehicles=vehicles,
-                kind=kind_of_codes(_integer(row, "HARM_EV"), vehicles, events.get(case, ())),
-                manner_of_collision_code=_integer(row, "MAN_COLL"),
-                intersection_type_code=_integer(row, "TYP_INT"),
-                junction_relation_code=_integer(row, "RELJCT2"),
+                kind=kind_of_codes(integer(row, "HARM_EV"), vehicles, events.get(case, ())),
+                manner_of_collision_code=integer(row, "MAN_COLL"),
+                intersection_type_code=integer(row, "TYP_INT"),
+                junction_relation_code=integer(row, "RELJCT2"),
                 crash_types=tuple(
                     code for number, code in sorted(crash_types.get(case, [])) if not pair or number in pair
                 ),
             )
 
     def reports(self, cases: Sequence[int]) -> Iterator[tuple[str, bytes]]:
-        """Key and XML of the crashes of those cases, which are in order."""
+        """Key and rows, as JSON, of the crashes of those cases, which are in order."""
         for start in range(0, len(cases), _BATCH):
             batch = cases[start : start + _BATCH]
             tables = {name: self._rows(name, batch) for name in self._release.files}
             for case in batch:
-                yield crash_key(self.year, case), _report(self.year, case, tables)
+                own = {name: rows[case] for name, rows in tables.items() if case in rows}
+                yield crash_key(self.year, case), report_to_json(FarsRows(self.year, case, own))
 
     def _rows(self, name: str, cases: Sequence[int]) -> Rows:
         table = self._table(name)
@@ -274,11 +249,11 @@ class _ReleaseTables:
 
     def _moving_vehicles(self) -> dict[int, set[int]]:
         """The vehicles that have events and were neither parked nor at work, of each crash."""
-        standing = {(case, _integer(row, "VEH_NO")) for case, row in self._all_rows("parkwork", ("VEH_NO",))}
+        standing = {(case, integer(row, "VEH_NO")) for case, row in self._all_rows("parkwork", ("VEH_NO",))}
         found: dict[int, set[int]] = {}
         for name in _OF_VEHICLES:
             for case, row in self._all_rows(name, ("VEH_NO",)):
-                if (number := _integer(row, "VEH_NO")) and (case, number) not in standing:
+                if (number := integer(row, "VEH_NO")) and (case, number) not in standing:
                     found.setdefault(case, set()).add(number)
         return found
 
@@ -287,10 +262,10 @@ class _ReleaseTables:
         columns = ("EVENTNUM", "SOE", "VNUMBER1", "VNUMBER2")
         found: dict[int, tuple[int, set[int]]] = {}
         for case, row in self._all_rows("cevent", columns):
-            if _integer(row, "SOE") == MOTOR_VEHICLE_IN_TRANSPORT:
-                number = _integer(row, "EVENTNUM") or 0
+            if integer(row, "SOE") == MOTOR_VEHICLE_IN_TRANSPORT:
+                number = integer(row, "EVENTNUM") or 0
                 if case not in found or number < found[case][0]:
-                    found[case] = (number, {_integer(row, "VNUMBER1") or 0, _integer(row, "VNUMBER2") or 0})
+                    found[case] = (number, {integer(row, "VNUMBER1") or 0, integer(row, "VNUMBER2") or 0})
         return {case: pair for case, (_, pair) in found.items()}
 
     def _event_codes(self) -> dict[int, list[int]]:
@@ -298,8 +273,8 @@ class _ReleaseTables:
         name = next((name for name in _SEQUENCES if name in self._release.files), _SEQUENCES[0])
         numbered: dict[int, list[tuple[int, int]]] = {}
         for case, row in self._all_rows(name, ("EVENTNUM", "SOE")):
-            if (code := _integer(row, "SOE")) is not None:
-                numbered.setdefault(case, []).append((_integer(row, "EVENTNUM") or 0, code))
+            if (code := integer(row, "SOE")) is not None:
+                numbered.setdefault(case, []).append((integer(row, "EVENTNUM") or 0, code))
         return {case: [code for _, code in sorted(rows, key=itemgetter(0))] for case, rows in numbered.items()}
 
     def _table(self, name: str) -> _SortedTable | None:
@@ -325,88 +300,6 @@ _LISTED: Final = (
     "TYP_INT",
     "RELJCT2",
 )
-
-
-def _report(year: int, case: int, tables: dict[str, Rows]) -> bytes:
-    """A ``GetCaseDetails`` response with the rows of one crash."""
-    root = etree.Element("ResponseOfListOfCaseDetail")
-    _child(root, "Count", "1")
-    _child(root, "Message", "Read from FARS national CSV files")
-    _child(root, "SearchCriteria", f"StateCase: {case} And CaseYear: {year} And State: {state_of(case)}")
-    details = etree.SubElement(etree.SubElement(etree.SubElement(root, "Results"), "ArrayOfCaseDetail"), "CaseDetail")
-    crash = etree.SubElement(details, "CrashResultSet")
-    _child(crash, "CaseYear", str(year))
-    for row in tables.get("accident", {}).get(case, [{"STATE": str(state_of(case)), "ST_CASE": str(case)}]):
-        _scalars(crash, row)
-    vehicles = etree.SubElement(crash, "Vehicles")
-    for row in _vehicle_rows(case, tables):
-        vehicle = etree.SubElement(vehicles, "Vehicle")
-        _scalars(vehicle, row)
-        _lists_of(vehicle, row, _VEHICLE_LISTS, case, tables)
-    for name, (members, member) in _CRASH_LISTS.items():
-        _list(crash, members, member, _by_number(tables.get(name, {}).get(case, []), "EVENTNUM"))
-    standing = _by_number(tables.get("parkwork", {}).get(case, []), "VEH_NO")
-    if standing:
-        parked = etree.SubElement(crash, "ParkWorks")
-    for row in standing:
-        vehicle = etree.SubElement(parked, "ParkWork")
-        _scalars(vehicle, row)
-        _lists_of(vehicle, row, _SEQUENCE_LISTS, case, tables)
-    outside = [entry for entry in tables.get("person", {}).get(case, []) if _integer(entry, "VEH_NO") in (None, 0)]
-    _list(crash, "NPersons", "Person", outside)
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-
-
-def _lists_of(
-    vehicle: etree._Element, row: Row, lists: Mapping[str, tuple[str, str]], case: int, tables: dict[str, Rows]
-) -> None:
-    """What the tables ``lists`` names tell of one vehicle, below its element."""
-    for name, (members, member) in lists.items():
-        own = [entry for entry in tables.get(name, {}).get(case, []) if _same_vehicle(entry, row)]
-        _list(vehicle, members, member, own)
-
-
-def _vehicle_rows(case: int, tables: dict[str, Rows]) -> list[Row]:
-    """The rows of the vehicles in transport, and a bare number for those that only other tables tell of.
-
-    Whether such a vehicle was moving or parked is decided where reports are read.
-    """
-    rows = tables.get("vehicle", {}).get(case, [])
-    known = {_integer(row, "VEH_NO") for row in (*rows, *tables.get("parkwork", {}).get(case, []))}
-    told_of = {_integer(row, "VEH_NO") for name in _TELLING_TABLES for row in tables.get(name, {}).get(case, [])}
-    bare = [{"VEH_NO": str(number)} for number in told_of - known if number]
-    return _by_number([*rows, *bare], "VEH_NO")
-
-
-def _scalars(parent: etree._Element, row: Row) -> None:
-    for name, value in row.items():
-        _child(parent, name, value)
-
-
-def _list(parent: etree._Element, members: str, member: str, rows: Iterable[Row]) -> None:
-    entries = list(rows)
-    if entries:
-        element = etree.SubElement(parent, members)
-        for row in entries:
-            _scalars(etree.SubElement(element, member), row)
-
-
-def _child(parent: etree._Element, name: str, text: str) -> None:
-    etree.SubElement(parent, name).text = _NOT_XML.sub("", text)
-
-
-def _same_vehicle(entry: Row, vehicle: Row) -> bool:
-    number = _integer(entry, "VEH_NO")
-    return number is not None and number == _integer(vehicle, "VEH_NO")
-
-
-def _by_number(rows: Iterable[Row], column: str) -> list[Row]:
-    return sorted(rows, key=lambda row: _integer(row, column) or 0)
-
-
-def _integer(row: Row, name: str) -> int | None:
-    value = row.get(name, "")
-    return int(value.split(".")[0]) if _INTEGER.fullmatch(value) else None
 
 
 def _decimal(row: Row, name: str) -> float | None:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory, collision_type, road_topology
 from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.fields import Fields
 from trace_dag.crash.keys import state_of
 from trace_dag.crash.kind import CrashKind, kind_of_codes
-from trace_dag.crash.parse import case_of, crash_element
+from trace_dag.crash.parse import case_of, report_element
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.xml_input import parse_untrusted
+from trace_dag.crash.table_reports import is_json, report_from_json
 
 
 @dataclass(frozen=True)
@@ -91,13 +92,14 @@ def list_record(record: CrashRecord) -> CrashListing:
 
 
 def list_report(data: bytes, *, name: str) -> CrashListing:
-    """The line of a report in CrashAPI XML. Raises :class:`trace_dag.errors.Rejection` as reading it does.
+    """The line of a report in any of its forms. Raises :class:`trace_dag.errors.Rejection` as reading it does.
 
     >>> list_report(report_xml, name="crash_319003.xml").manner_of_collision_code  # MAN_COLL 6: angle
     6
     """
-    root, _ = parse_untrusted(data, name=name, repair=True)
-    fields = Fields(crash_element(root, name=name), name)
+    if is_json(data) and isinstance(report := report_from_json(data, name=name), CrashRecord):
+        return list_record(complete_record(report))
+    fields = Fields(report_element(data, name=name, repair=True)[0], name)
     year, case, key = case_of(fields)
     vehicles = [Fields(element, name) for element in fields.members("Vehicles")]
     collided = _colliding_numbers(fields)

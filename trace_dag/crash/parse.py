@@ -1,4 +1,4 @@
-"""A crash report in CrashAPI XML to a :class:`CrashRecord`.
+"""A crash report to a :class:`CrashRecord`, whatever its source serves: CrashAPI's XML, a table's rows, a record.
 
 Every code is checked against the codes of its year. Missing values are filled from what other fields imply, and marked.
 Fields that disagree are listed. Whether the record says enough is decided in :mod:`trace_dag.crash.completeness`.
@@ -23,6 +23,7 @@ from trace_dag.crash.keys import crash_key, state_of
 from trace_dag.crash.persons import read_non_motorists
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.crash.sequence import known_by_events_alone, read_sequence, struck_standing_only
+from trace_dag.crash.table_reports import is_json, report_from_json
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
 from trace_dag.errors import Reason, Rejection
@@ -37,10 +38,12 @@ _NO_NAME: Final = frozenset({"NOT APPLICABLE", "NOT REPORTED", "UNKNOWN", "OTHER
 
 
 def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key: str | None = None) -> CrashRecord:
-    """The record of the crash a CrashAPI ``GetCaseDetails`` response describes.
+    """The record of the crash a report describes.
 
     Args:
-        data: the response as served (XML).
+        data: the report as its source serves it: a CrashAPI ``GetCaseDetails`` response (XML), the rows of FARS tables
+            (:class:`~trace_dag.crash.fars_rows.FarsRows`) or what a register's table says
+            (:mod:`trace_dag.crash.table_reports`), both as JSON.
         name: what to call it in messages, a file name or URL.
         settings: ``repair_malformed`` allows badly escaped characters to be repaired; the record is then marked.
         expected_key: the crash that was asked for, if one was; another one's report is malformed.
@@ -53,17 +56,39 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
     >>> read_report(report_xml, name="crash_319003.xml", settings=CrashSettings()).key
     '2023-319003'
     """
-    root, repaired = parse_untrusted(data, name=name, repair=settings.repair_malformed)
-    crash = crash_element(root, name=name)
-    try:
-        record = _read_crash(crash, name)
-    except UnknownCodeError as error:
-        raise malformed(
-            f"{name}: {error}; correct the code, or read it with a newer version of the code tables"
-        ) from error
+    if is_json(data) and isinstance(report := report_from_json(data, name=name), CrashRecord):
+        record = report
+    else:
+        crash, repaired = report_element(data, name=name, repair=settings.repair_malformed)
+        try:
+            record = replace(_read_crash(crash, name), repaired=repaired)
+        except UnknownCodeError as error:
+            raise malformed(
+                f"{name}: {error}; correct the code, or read it with a newer version of the code tables"
+            ) from error
     if expected_key is not None and record.key != expected_key:
         raise malformed(f"{name} is the report of crash {record.key}; expected crash {expected_key}")
-    return complete_record(replace(record, repaired=repaired))
+    return complete_record(record)
+
+
+def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etree._Element, bool]:
+    """The ``CrashResultSet`` of a report in FARS' own words, XML or rows, and whether its text had to be repaired.
+
+    Raises :class:`~trace_dag.errors.Rejection` as :func:`read_report` does.
+
+    >>> report_element(report_xml, name="crash_319003.xml")[0].findtext("STATENAME")
+    'Nebraska'
+    """
+    if not is_json(data):
+        root, repaired = parse_untrusted(data, name=name, repair=repair)
+        return crash_element(root, name=name), repaired
+    report = report_from_json(data, name=name)
+    if isinstance(report, CrashRecord):
+        raise malformed(f"{name} is the record of another register; expected FARS' own words")
+    try:
+        return report.element(), False
+    except ValueError as error:
+        raise malformed(f"{name}: {error}; expected the columns of FARS tables") from error
 
 
 def crash_element(root: etree._Element, *, name: str) -> etree._Element:

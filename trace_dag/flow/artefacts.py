@@ -103,7 +103,7 @@ ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
 
 
 def report_file(crash: CrashArtefacts) -> tuple[str, bytes]:
-    """The report of a crash with the name it has in packages: CrashAPI's XML, or what another register says as JSON."""
+    """The report of a crash with the name it has in packages: CrashAPI's XML, or what a table says as JSON."""
     artefact = REPORT_XML if crash.has(REPORT_XML) else REPORT_JSON
     return f"report.{artefact.extensions[0]}", crash.load(artefact)
 

@@ -19,6 +19,7 @@ from trace_dag.crash.listing import CrashListing, list_record
 from trace_dag.crash.record import CrashRecord, Octant
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
+from trace_dag.crash.table_reports import report_to_json
 from trace_dag.errors import UserError
 from trace_dag.messages.progress import OnProgress, silent
 from trace_dag.messages.wording import counted
@@ -77,9 +78,9 @@ class _Source(ABC):
         """One line per crash."""
         return [list_record(record) for record in self.records()]
 
-    def reports(self, keys: Collection[str]) -> Iterator[tuple[str, CrashRecord]]:
-        """Key and record of the crashes asked for."""
-        return ((record.key, record) for record in self.records() if record.key in keys)
+    def reports(self, keys: Collection[str]) -> Iterator[tuple[str, bytes]]:
+        """Key and record, as JSON, of the crashes asked for."""
+        return ((record.key, report_to_json(record)) for record in self.records() if record.key in keys)
 
     @cached_property
     def _read(self) -> tuple[list[CrashRecord], dict[str, str]]:

@@ -101,7 +101,7 @@ class Crash:
 
     @property
     def report(self) -> bytes:
-        """The report: XML as NHTSA's CrashAPI serves it; of another register, what its table says, as JSON."""
+        """The report: XML as NHTSA's CrashAPI serves it, or what a table says, as JSON."""
         return self._load(REPORT_XML if self._stored.has(REPORT_XML) else REPORT_JSON, "report")
 
     @property

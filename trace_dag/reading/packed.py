@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     import duckdb
     import pandas as pd
 
-    from trace_dag.crash.record import CrashRecord
     from trace_dag.sim.types import SimulationLog
 
 T = TypeVar("T")
@@ -223,7 +222,11 @@ class PackedCrash:
     def _parse(self, artefact: Artefact[T], reader: Any) -> T:
         name = self._name(artefact)
         if artefact is RECORD:
-            return self._record(name)  # type: ignore[return-value]
+            from trace_dag.crash.parse import read_report
+            from trace_dag.settings import CrashSettings
+
+            place = self._place(name)
+            return read_report(self._read(name), name=place, settings=CrashSettings(), expected_key=self.key)  # type: ignore[return-value]
         if artefact is EXTRACT:  # as OSM XML, and nothing beside the roads
             from trace_dag.osm.xml import read_osm
 
@@ -235,17 +238,6 @@ class PackedCrash:
         except (ValueError, Failure) as error:
             raise DamagedFile(self._place(name), f"not what a package holds ({_said(error)})", GET_AGAIN) from error
         return parsed
-
-    def _record(self, name: str) -> CrashRecord:
-        from trace_dag.crash.completed_record import complete_record
-        from trace_dag.crash.parse import read_report
-        from trace_dag.crash.reported_record import reported_from_json
-        from trace_dag.settings import CrashSettings
-
-        data, place = self._read(name), self._place(name)
-        if name == _REPORTS[0]:
-            return complete_record(reported_from_json(data, name=place, expected_key=self.key))
-        return read_report(data, name=place, settings=CrashSettings())
 
     def shown_log(self) -> SimulationLog:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`; a package has one. Raises :class:`DamagedFile`."""

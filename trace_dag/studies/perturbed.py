@@ -13,9 +13,10 @@ from fnmatch import fnmatchcase
 
 from trace_dag.cohorts.registry import RegisteredMap
 from trace_dag.crash.event_sequence import first_event_kind
+from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import EventKind
 from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
-from trace_dag.flow.artefacts import EXTRACT, RECORD, REPORT_XML, VERDICT
+from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState
@@ -115,8 +116,10 @@ def perturbed_controls(
 
 
 def _is_verified(crash: CrashFiles) -> bool:
-    """Whether the crash is verified, of a kind whose reports are changed here, and reported in CrashAPI's XML."""
-    return crash.has(REPORT_XML) and crash.has(VERDICT) and crash.load(VERDICT).accepted and _begins(crash) in PERTURBED
+    """Whether the crash is verified, of a kind whose reports are changed here, and reported in FARS' own words."""
+    if not crash.has(VERDICT) or crash.load(RECORD).register != FARS:
+        return False
+    return crash.load(VERDICT).accepted and _begins(crash) in PERTURBED
 
 
 def _begins(crash: CrashFiles) -> EventKind | None:

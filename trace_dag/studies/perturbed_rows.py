@@ -20,7 +20,7 @@ from trace_dag.cohorts.registry import CrashSource, RegisteredMap, ReportSource
 from trace_dag.crash.classes import CollisionType, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.errors import Reason
-from trace_dag.flow.artefacts import MAP_REPORT, RECORD, REPORT_XML, VERDICT, VERDICT_JSON
+from trace_dag.flow.artefacts import MAP_REPORT, RECORD, VERDICT, VERDICT_JSON, report_file
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState, status_of_valid
 from trace_dag.flow.records import Records
@@ -121,7 +121,7 @@ class _Perturbation:
         if scene.point is None and self._kind.needs in (Needs.OTHER_STREET, Needs.SAME_STREET):
             return None
         source = self._change.other or self._crash
-        changed = perturb(self._kind, source.load(REPORT_XML), scene)
+        changed = perturb(self._kind, report_file(source)[1], scene)
         if changed is None:
             return None
         other_key = None if self._change.other is None else source.key

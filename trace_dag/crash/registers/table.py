@@ -45,6 +45,7 @@ from trace_dag.crash.registers.mapping import (
     read_mapping,
 )
 from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
+from trace_dag.crash.table_reports import report_to_json
 from trace_dag.errors import Rejection, UserError
 from trace_dag.messages.wording import counted
 from trace_dag.schemas import Column, ColumnType
@@ -103,9 +104,9 @@ class RegisterTable:
         """One line per crash."""
         return [list_record(record) for record in self.records()]
 
-    def reports(self, keys: Collection[str]) -> Iterator[tuple[str, CrashRecord]]:
-        """Key and record of the crashes asked for."""
-        return ((record.key, record) for record in self.records() if record.key in keys)
+    def reports(self, keys: Collection[str]) -> Iterator[tuple[str, bytes]]:
+        """Key and record, as JSON, of the crashes asked for."""
+        return ((record.key, report_to_json(record)) for record in self.records() if record.key in keys)
 
     def narratives(self) -> dict[str, str]:
         """What happened, in words, by key, where the register has a column of that."""

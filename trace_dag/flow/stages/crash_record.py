@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.reported_record import reported_from_json
 from trace_dag.crash.tables import record_to_parquet
 from trace_dag.errors import Rejection
 from trace_dag.flow.products import Figure, StageProduct
@@ -20,11 +18,10 @@ def crash_record(
     key: str, report_xml: bytes | None, report_json: bytes | None, settings: CrashSettings
 ) -> StageProduct:
     """The report as a typed record, if it says enough; a record that does not is kept to look at."""
-    if report_xml is not None:  # named after the key: a copy of a report gives the same result
-        record = read_report(report_xml, name=f"{key}.xml", settings=settings, expected_key=key)
-    else:
-        assert report_json is not None
-        record = complete_record(reported_from_json(report_json, name=f"{key}.json", expected_key=key))
+    name, data = (f"{key}.xml", report_xml) if report_xml is not None else (f"{key}.json", report_json)
+    assert data is not None
+    # Named after the key: a copy of a report gives the same result.
+    record = read_report(data, name=name, settings=settings, expected_key=key)
     rejection = None
     try:
         check(record, settings)

@@ -28,7 +28,7 @@ def raw_report(key: str, report: ReportSource, services: Services) -> StageProdu
         raise Failure(f"{report.location}: the report is no longer there; put it back or ingest it again") from error
     if report.sha256 and hashlib.sha256(data).hexdigest() != report.sha256:
         raise Failure(f"{report.location}: the report has changed since it was registered; ingest it again")
-    if report.kind == "stored" and report.location.endswith(".json"):  # a source that has read the record itself
+    if report.kind == "stored" and report.location.endswith(".json"):  # what a table says
         return StageProduct({"json": data}, {"source": report.kind, "bytes": len(data)})
     try:
         found = identify(data, name=report.location)

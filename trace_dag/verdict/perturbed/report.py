@@ -1,4 +1,4 @@
-"""A report in CrashAPI XML that can be changed: each fact in all the elements that say it.
+"""A report in CrashAPI's elements that can be changed: each fact in all the elements that say it.
 
 Elements and their codes are those of the FARS/CRSS Coding and Validation Manual. What a report does not have is not
 added, unless a method says so; the label beside a changed code (``IMPACT1NAME``) goes, since it says the old one.
@@ -13,25 +13,24 @@ from lxml import etree
 
 from trace_dag.crash.codes.events import VEHICLE_EVENTS
 from trace_dag.crash.fields import Fields, local_name
-from trace_dag.crash.parse import crash_element
-from trace_dag.crash.xml_input import parse_untrusted
+from trace_dag.crash.parse import report_element
 
 _AREAS_OF_PARTIES: Final = (("VNUMBER1", "AOI1"), ("VNUMBER2", "AOI2"))
 
 
 class ChangedReport:
-    """A copy of a report to be changed element by element. ``data`` is a ``GetCaseDetails`` response.
+    """A copy of a report to be changed element by element. ``data`` is a ``GetCaseDetails`` response, or the
+    rows of FARS tables.
 
     Raises :class:`~trace_dag.errors.Rejection` for data that is not a report of one crash.
     """
 
     def __init__(self, data: bytes) -> None:
-        self._root, _ = parse_untrusted(data, name="report", repair=True)
-        self.crash = crash_element(self._root, name="report")
+        self.crash, _ = report_element(data, name="report", repair=True)
 
     def to_bytes(self) -> bytes:
         """The report as XML, UTF-8."""
-        return etree.tostring(self._root, xml_declaration=True, encoding="UTF-8")
+        return etree.tostring(self.crash.getroottree(), xml_declaration=True, encoding="UTF-8")
 
     # --- elements ------------------------------------------------------------------------------------------------
     def vehicle(self, number: int) -> etree._Element | None:

@@ -1,0 +1,54 @@
+"""The raw report of a crash that a table tells of, as a JSON document.
+
+Of FARS' tables it holds the rows as they are. Of another register, whose mapping is not kept, it holds the record as
+read, before it is completed: the fields that are not at their defaults.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from trace_dag.crash.fars_rows import FarsRows
+from trace_dag.crash.fields import malformed
+from trace_dag.crash.record import CrashRecord
+
+
+def is_json(data: bytes) -> bool:
+    """Whether a report is such a document, and not XML.
+
+    >>> is_json(report_xml), is_json(b'{"key": "tempe-1"}')
+    (False, True)
+    """
+    return data.lstrip()[:1] == b"{"
+
+
+def report_to_json(report: FarsRows | CrashRecord) -> bytes:
+    """The document of a table's report."""
+    kind: type = type(report)
+    return _adapter(kind).dump_json(report, exclude_defaults=True, indent=1) + b"\n"
+
+
+def report_from_json(data: bytes, *, name: str) -> FarsRows | CrashRecord:
+    """What a document holds. Raises :class:`trace_dag.errors.Rejection` (``malformed_report``) for another one's.
+
+    >>> report_from_json(report_to_json(record), name="a report").key
+    '2023-319003'
+    """
+    try:
+        kind = FarsRows if "tables" in json.loads(data) else CrashRecord
+        found: FarsRows | CrashRecord = _adapter(kind).validate_json(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        raise malformed(f"{name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    except (ValueError, RecursionError) as error:
+        raise malformed(f"{name} is not JSON: {error}") from error
+    return found
+
+
+@cache
+def _adapter(kind: type) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
