@@ -11,6 +11,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+import read_revisions_once  # noqa: F401 - for what it does
 
 from trace_dag.flow.executors import available_cores
 

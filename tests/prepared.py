@@ -22,13 +22,15 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+import read_revisions_once  # noqa: F401 - for what it does
+from dagster import DagsterInstance
+
 import trace_dag
 
 _STARTED: list[subprocess.Popen[bytes]] = []  # its standard input is a pipe of this process: it ends when this does
 PROGRAMS = {"trace-dag": "from trace_dag.cli.main import main\nmain()", "python": "import sys\nexec(sys.stdin.read())"}
 
 _IMPORTED_WHERE_USED = (
-    "dagster._core.storage.sqlite_storage",
     "mujoco",
     "pandas",
     "pyarrow.parquet",
@@ -86,12 +88,14 @@ def serve(listening: socket.socket) -> None:
 
 
 def import_all() -> None:
-    """Our modules, and what they import only where it is used."""
+    """Our modules, and what they and Dagster import and read only where it is used."""
     for module in pkgutil.walk_packages(trace_dag.__path__, "trace_dag."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
     for name in _IMPORTED_WHERE_USED:
         importlib.import_module(name)
+    with DagsterInstance.local_temp():
+        pass
 
 
 def run_command(asked: socket.socket) -> None:

@@ -74,6 +74,8 @@ def test_a_study_is_stored_and_shown(
     [
         ("published_benchmark", {"folder": "/nowhere"}, "/nowhere: no simulations/"),
         ("evaluations", {"variations": True, "courses": True}, "courses are of crashes, not of variations"),
+        ("evaluations", {"agents": ["brake"], "ego": ["third"]}, "'third' is none of first, second, striking, struck"),
+        ("evaluations", {"agents": ["brake"], "traffic": "heavy"}, "'heavy' is none of recorded, reactive, persistent"),
     ],
 )
 def test_what_cannot_be_asked_is_the_runs_failure_in_a_line(

@@ -6,6 +6,7 @@ up to date like after runs of stages (:mod:`trace_dag.assets.after_runs`).
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -48,6 +49,7 @@ from trace_dag.studies.variations import make_families
 
 GROUP = "studies"
 Found = TypeVar("Found")
+Kind = TypeVar("Kind", bound=StrEnum)
 _BARS = 40  # of a picture at the most
 _LEFT_OUT = "left_out"  # metadata: a sentence for each crash that could not take part
 
@@ -132,6 +134,14 @@ def _failing_in_a_line() -> Iterator[None]:
         yield
     except (UserError, BrokenPart) as error:
         raise Failure(str(error), allow_retries=False) from error
+
+
+def _one_of(kind: type[Kind], value: str) -> Kind:
+    """A setting that names one of a few things. Raises UserError for another."""
+    try:
+        return kind(value)
+    except ValueError as error:
+        raise UserError(f"{value!r} is none of {', '.join(kind)}") from error
 
 
 def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Callable[[Any], AssetsDefinition]:
@@ -260,12 +270,12 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
             workspace,
             cases,
             config.agents,
-            [AgentRole(role) for role in config.ego],
+            [_one_of(AgentRole, role) for role in config.ego],
             Conditions(
                 config.rate_hz,
                 Sensing(config.range_m, config.noise_m, config.occlusion),
                 config.seed,
-                Traffic(config.traffic),
+                _one_of(Traffic, config.traffic),
             ),
             limits,
             on_problem=left_out.add,

@@ -42,16 +42,6 @@ log = logging.getLogger(__name__)
 _CHUNKS_PER_WORKER = 4  # at least, so that the last chunk of a batch keeps nobody waiting long
 
 
-@dataclass
-class _Crash:
-    """A crash under way in the parent."""
-
-    key: str
-    source: CrashSource
-    records: Records
-    open: bool = True  # goes on to the next stage
-
-
 def work_of(
     workspace: Workspace,
     run_id: str,
@@ -143,16 +133,16 @@ class _Crashes:
 
     def __init__(self, work: Work, records: Mapping[str, Records], sources: Mapping[str, CrashSource]) -> None:
         self.work = work
-        self.by_key = {key: _Crash(key, sources[key], of_crash) for key, of_crash in records.items()}
+        self.by_key = {key: CrashTask(key, sources[key], of_crash) for key, of_crash in records.items()}
         self._whole = intact(work.storage, [record for each in records.values() for record in each.values()])
 
-    def has_work(self, crash: _Crash, definition: StageDefinition) -> bool:
+    def has_work(self, crash: CrashTask, definition: StageDefinition) -> bool:
         """Whether a stage has to run for a crash that reaches it."""
         now = made_from(self.work.recipes[definition.stage], crash.source, crash.records)
         record = crash.records.get(definition.stage)
         return definition.stage in self.work.force or bool(why_to_run(record, now, self._whole))
 
-    def first_to_run(self, crash: _Crash, stages: Collection[Stage]) -> Stage | None:
+    def first_to_run(self, crash: CrashTask, stages: Collection[Stage]) -> Stage | None:
         """The first of some stages that has to run; None where all are current, or an earlier one ends the crash."""
         for definition in self.work.flow.stages:
             if definition.stage in stages and self.has_work(crash, definition):
@@ -179,6 +169,7 @@ class _Batch:
         self.stages = tuple(each.stage for each in work.flow.stages if each.stage in stages)
         self._stored = _Crashes(work, read_records(work.storage, keys), sources)
         self.crashes = self._stored.by_key
+        self._ended: set[str] = set()  # keys of crashes that do not go on to the next stage
 
     def to_run(self) -> set[Stage]:
         """The stages that some crash may have to go through: from the first that is not current on."""
@@ -197,7 +188,7 @@ class _Batch:
         for segment in segments:
             waiting = []
             for crash in crashes.values():
-                if not crash.open:
+                if crash.key in self._ended:
                     continue
                 known = self._without_work(crash, segment)
                 if known is None:
@@ -222,7 +213,7 @@ class _Batch:
                         log_outcome(event.record)
                 yield from self._with_later(crash, event)
 
-    def _without_work(self, crash: _Crash, segment: Sequence[StageDefinition]) -> list[StageEvent] | None:
+    def _without_work(self, crash: CrashTask, segment: Sequence[StageDefinition]) -> list[StageEvent] | None:
         """The events of a segment all of whose stages are current or out of reach; None if there is work to do."""
         events: list[StageEvent] = []
         for definition in segment:
@@ -238,7 +229,7 @@ class _Batch:
             events.append(event)
         return events
 
-    def _ended_before(self, crash: _Crash, stage: Stage) -> StageEvent | None:
+    def _ended_before(self, crash: CrashTask, stage: Stage) -> StageEvent | None:
         """Why a crash cannot reach a stage that this run did not end: an earlier stage was not selected."""
         for definition in self.work.flow.stages:
             if definition.stage is stage:
@@ -250,20 +241,21 @@ class _Batch:
             return StageEvent(crash.key, stage, Action.NOT_REACHED if rejected else Action.BLOCKED, record)
         return None
 
-    def _with_later(self, crash: _Crash, event: StageEvent) -> list[StageEvent]:
+    def _with_later(self, crash: CrashTask, event: StageEvent) -> list[StageEvent]:
         """An event, and if it ends the crash, those of all later selected stages."""
         record = event.record
         if record is not None and record.outcome is Outcome.ACCEPTED and event.action is not Action.BLOCKED:
             return [event]
-        crash.open = False
+        self._ended.add(crash.key)
         action = Action.NOT_REACHED if record is not None and record.outcome is Outcome.REJECTED else Action.BLOCKED
         later = self.stages[self.stages.index(event.stage) + 1 :]
         return [event, *(StageEvent(crash.key, stage, action, record) for stage in later)]
 
-    def _chunks(self, crashes: Sequence[_Crash], segment: Sequence[StageDefinition], last: bool) -> list[Chunk]:
+    def _chunks(self, crashes: Sequence[CrashTask], segment: Sequence[StageDefinition], last: bool) -> list[Chunk]:
         if not crashes:
             return []
-        workers, tasks = self.executor.workers, {each.key: self._task(each) for each in crashes}
+        workers = self.executor.workers
+        tasks = {each.key: replace(each, records=dict(each.records)) for each in crashes}  # as they are now
         groups = self._groups(crashes, segment[0])
         if not groups:
             most = self.work.settings.execution.chunk_size
@@ -273,7 +265,7 @@ class _Batch:
         stages = tuple(definition.stage for definition in segment)
         return [Chunk(self.work, tuple(tasks[key] for key in group), stages, last) for group in groups]
 
-    def _groups(self, crashes: Sequence[_Crash], definition: StageDefinition) -> list[list[str]]:
+    def _groups(self, crashes: Sequence[CrashTask], definition: StageDefinition) -> list[list[str]]:
         """The groups a batch stage is best called with; none if it does not say, or if finding them fails."""
         if definition.grouping is None:
             return []
@@ -285,10 +277,7 @@ class _Batch:
             log.warning("%s: no groups (%s); going on without", definition.stage, error, exc_info=told)
             return []
 
-    def _task(self, crash: _Crash) -> CrashTask:
-        return CrashTask(crash.key, crash.source, dict(crash.records))
-
-    def _files(self, crash: _Crash) -> CrashFiles:
+    def _files(self, crash: CrashTask) -> CrashFiles:
         return CrashFiles.recorded(crash.key, crash.source, self.work.settings, self.work.storage, crash.records)
 
     def _lost(self, task: CrashTask, segment: Sequence[StageDefinition], lost: Lost) -> list[StageEvent]:

@@ -83,7 +83,7 @@ def execute_sql(connection: duckdb.DuckDBPyConnection, name: str, *, prefix: str
 
     sql = resources.files("trace_dag.warehouse").joinpath("sql", f"{name}.sql").read_text()
     try:
-        connection.execute(f"{prefix} {sql}")
+        connection.execute(f"BEGIN; {prefix} {sql}; COMMIT")  # else each comment on a column is written by itself
     except duckdb.Error as error:
         if (failure := disk_failure(error)) is not None:
             raise failure from error
