@@ -47,6 +47,7 @@ def measure_rules(network: RoadNetwork, log: VehicleLog, until_s: float) -> Rule
     moments = _moments(network, log, until_s)
     off_road = wrong_way = 0
     over_mps = 0.0
+    lane_map = LaneMap(network)
     for moment in moments:
         if not moment.matches:
             off_road += 1
@@ -56,7 +57,7 @@ def measure_rules(network: RoadNetwork, log: VehicleLog, until_s: float) -> Rule
         in_junction = any(network.road_by_id[match.lane.road_id].junction_id is not None for match in inside)
         if not own and not in_junction and moment.speed_mps > _MOVING_MPS:
             wrong_way += 1
-        limits = [LaneMap(network).speed_limit_mps(match.lane) for match in own]
+        limits = [lane_map.speed_limit_mps(match.lane) for match in own]
         known = [limit for limit in limits if limit is not None]
         if known:
             over_mps = max(over_mps, moment.speed_mps - max(known))

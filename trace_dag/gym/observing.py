@@ -76,12 +76,12 @@ class LanePoints:
     """Points on the centres of all lanes of a map, five metres apart, with heading, width and limit; made once."""
 
     def __init__(self, network: RoadNetwork) -> None:
-        rows = []
+        rows, lane_map = [], LaneMap(network)
         for ref in network.drivable_lanes():
             line = network.centreline(ref, _LANE_STEP_M)
             geometry = network.geometry(ref)
             width = geometry.width.at((geometry.begin_m + geometry.end_m) / 2)
-            limit = LaneMap(network).speed_limit_mps(ref) or 0.0
+            limit = lane_map.speed_limit_mps(ref) or 0.0
             rows.append(np.column_stack([line[:, [0, 1, 3]], np.full(len(line), width), np.full(len(line), limit)]))
         self.table = np.concatenate(rows) if rows else np.zeros((0, 5))
         """Shape (n, 5): x, y (m), heading (rad), width (m), speed limit (m/s)."""

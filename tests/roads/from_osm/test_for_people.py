@@ -20,13 +20,19 @@ from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.model import Crosswalk, LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.map.people import crosswalks, crosswalks_near, lanes_beside, sidewalks_at
+from trace_dag.roads.map.people import crosswalks, crosswalks_near, lanes_beside
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.settings import OsmSettings
 
 _LANE_M = 3.35  # of a residential street
+
+
+def _sidewalks_at(network, road_id, s_m):
+    """The sidewalk left and the one right of a road's reference line at a station."""
+    found = {beside.lane.lane_id > 0: beside for beside in lanes_beside(network, road_id, s_m, LaneType.SIDEWALK)}
+    return found.get(True), found.get(False)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +81,7 @@ def test_cycle_lane_next_to_traffic_then_parking_then_sidewalk() -> None:
     }
     (cycle,) = lanes_beside(network, road.id, 100.0, LaneType.BIKING)
     assert cycle.t_m == pytest.approx(-_LANE_M - 0.75)
-    left, right = sidewalks_at(network, road.id, 100.0)
+    left, right = _sidewalks_at(network, road.id, 100.0)
     assert left is None
     assert right is not None
     assert right.t_m == pytest.approx(-_LANE_M - 1.5 - 2.2 - 0.75)
@@ -90,12 +96,12 @@ def test_a_sidewalk_of_its_own_is_laid_where_it_is() -> None:
     town.walkway([(-60, 30), (40, 30)], footway="sidewalk")  # through a park
     network = town.network()
     road = network.roads[0]
-    left, right = sidewalks_at(network, road.id, 100.0)
+    left, right = _sidewalks_at(network, road.id, 100.0)
     assert right is None
     assert left is not None
     assert left.t_m == pytest.approx(6.0, abs=0.05)
-    assert sidewalks_at(network, road.id, 30.0) == (None, None)  # at x = -70 it has not begun
-    assert sidewalks_at(network, road.id, 150.0) == (None, None)
+    assert _sidewalks_at(network, road.id, 30.0) == (None, None)  # at x = -70 it has not begun
+    assert _sidewalks_at(network, road.id, 150.0) == (None, None)
 
 
 @pytest.mark.parametrize("path", [[(-60, 40), (40, 40)], [(10, -12), (10, 12)]], ids=["far away", "across"])
@@ -104,7 +110,7 @@ def test_sidewalks_that_run_along_no_street_are_left_out(path: list[tuple[float,
     town.street([(-100, 0), (100, 0)])
     town.walkway(path, footway="sidewalk")
     network = town.network()
-    assert sidewalks_at(network, network.roads[0].id, 100.0) == (None, None)
+    assert _sidewalks_at(network, network.roads[0].id, 100.0) == (None, None)
 
 
 def test_where_another_carriageway_lies_there_is_no_sidewalk() -> None:
@@ -114,7 +120,7 @@ def test_where_another_carriageway_lies_there_is_no_sidewalk() -> None:
     town.street([(100, 4), (-100, 4)], oneway="yes", lanes="2", sidewalk="both")
     network = town.network()
     for road in network.roads:
-        left, right = sidewalks_at(network, road.id, road.length_m / 2)
+        left, right = _sidewalks_at(network, road.id, road.length_m / 2)
         assert left is None
         assert right is not None
 

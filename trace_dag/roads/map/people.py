@@ -103,13 +103,6 @@ def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: Lane
     return tuple(sorted(found, key=lambda beside: -beside.t_m))
 
 
-def sidewalks_at(network: RoadNetwork, road_id: str, s_m: float) -> tuple[LaneBeside | None, LaneBeside | None]:
-    """The sidewalk left and the one right of the reference line of a road at a station, where the map has them."""
-    found = lanes_beside(network, road_id, s_m, LaneType.SIDEWALK)
-    left = next((each for each in found if each.lane.lane_id > 0), None)
-    return left, next((each for each in found if each.lane.lane_id < 0), None)
-
-
 def _cut(network: RoadNetwork, lane: LaneRef, from_m: float, to_m: float) -> shapely.Polygon:
     """What of a lane is between two stations, straight between its corners."""
     halves = [(s_m, network.width_m(lane, s_m) / 2) for s_m in (from_m, to_m)]
