@@ -1,6 +1,7 @@
 """What the Dagster UI does when its buttons are pressed: its GraphQL requests, and the daemon that carries them out.
 
-All in this process: the code location, the daemon's iterations, and the runs it launches.
+All in this process: the code location, the daemon's iterations, and the runs it launches. Dagster has no public name
+for one iteration of its daemon; the daemon itself looks every half minute.
 """
 
 from __future__ import annotations
