@@ -22,9 +22,6 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-import read_revisions_once  # noqa: F401 - for what it does
-from dagster import DagsterInstance
-
 import trace_dag
 
 _STARTED: list[subprocess.Popen[bytes]] = []  # its standard input is a pipe of this process: it ends when this does
@@ -88,7 +85,13 @@ def serve(listening: socket.socket) -> None:
 
 
 def import_all() -> None:
-    """Our modules, and what they and Dagster import and read only where it is used."""
+    """Our modules, and what they and Dagster import and read only where it is used.
+
+    Nothing of it at the top of this module, which processes that a command spawns read again.
+    """
+    import read_revisions_once  # noqa: F401 - for what it does
+    from dagster import DagsterInstance
+
     for module in pkgutil.walk_packages(trace_dag.__path__, "trace_dag."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)

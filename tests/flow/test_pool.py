@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import sys
 import time
 from dataclasses import dataclass
 
@@ -12,6 +14,8 @@ from trace_dag.flow.pool import Lost, Pool, Task
 
 @dataclass(frozen=True)
 class Work:
+    data: bytes = b""
+
     def prepare(self, name: str) -> str:
         if name == "broken":
             raise Failure("broken cannot be prepared")
@@ -52,3 +56,17 @@ def test_what_cannot_be_prepared_is_our_failure():
     (answer,) = pool.run([Task("broken", ("x",))])
     assert isinstance(answer.result, Failure)
     assert "cannot be prepared" in str(answer.result)
+
+
+def test_a_process_that_dies_as_it_starts_is_not_waited_for(tmp_path):
+    python = tmp_path / "python"
+    python.write_text(f'#!/bin/sh\ncase "$*" in *spawn_main*) exit 3;; esac\nexec {sys.executable} "$@"\n')
+    python.chmod(0o755)
+    more_than_a_pipe_holds = Work(bytes(2**20))
+    pool: Pool[str, str, str] = Pool(more_than_a_pipe_holds, workers=1)
+    multiprocessing.set_executable(str(python))
+    try:
+        (answer,) = pool.run([Task("a", ("x",))])
+    finally:
+        multiprocessing.set_executable(sys.executable)
+    assert answer.result == Lost("ended its process (exit code 3)")

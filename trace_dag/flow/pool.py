@@ -21,7 +21,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from trace_dag.errors import Failure
 from trace_dag.messages.logs import configure_logging
@@ -146,11 +146,13 @@ class Pool(Generic[C, S, R]):
     def _started(self) -> _Worker[S]:
         ours, theirs = _CONTEXT.Pipe()
         end, lifeline = _CONTEXT.Pipe(duplex=False)
-        arguments = (theirs, end, self._work, self._memory_mb)
-        process = _CONTEXT.Process(target=_serve, args=arguments, daemon=True)
+        process = _CONTEXT.Process(target=_serve, args=(theirs, end, self._memory_mb), daemon=True)
         process.start()
         theirs.close()
         end.close()
+        # Not among the arguments: there it would be waited for to be read, even by a process that has died.
+        with suppress(ConnectionError):
+            ours.send(self._work)
         self._running.append(_Worker(process, ours, lifeline))
         return self._running[-1]
 
@@ -162,7 +164,7 @@ class Pool(Generic[C, S, R]):
     def _give(self, worker: _Worker[S], task: Task[S], *, told: bool = True) -> None:
         worker.task, worker.told, worker.done = task, told, 0
         worker.deadline_s = time.monotonic() + _START_S if self._step_limit_s is not None else None
-        with suppress(BrokenPipeError):  # it died meanwhile: listening to it will say so
+        with suppress(ConnectionError):  # it died meanwhile: listening to it will say so
             worker.connection.send(task)
 
     def _until_next_look_s(self) -> float:
@@ -222,8 +224,8 @@ class Pool(Generic[C, S, R]):
         worker.lifeline.close()
 
 
-def _serve(connection: Connection, lifeline: Connection, work: StepWork[C, S, R], memory_mb: int | None) -> None:
-    """A worker's life: tasks in, an answer after each step out, until the parent hangs up."""
+def _serve(connection: Connection, lifeline: Connection, memory_mb: int | None) -> None:
+    """A worker's life: its work, then tasks in, an answer after each step out, until the parent hangs up."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle; it ends its workers in good order
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the processes are the parallelism
@@ -231,9 +233,12 @@ def _serve(connection: Connection, lifeline: Connection, work: StepWork[C, S, R]
     configure_logging()
     threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
     limited = memory_mb is None
+    work: StepWork[Any, Any, Any] | None = None
     while True:
         try:
-            task: Task[S] = connection.recv()
+            if work is None:
+                work = connection.recv()
+            task: Task[Any] = connection.recv()
         except EOFError:
             return
         try:
