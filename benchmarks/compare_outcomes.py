@@ -49,6 +49,8 @@ TOLERANCE = 1e-6
 
 def make(commit: str, folder: Path) -> None:
     """Compute all cohorts with the code of ``commit`` in ``folder/root``."""
+    if folder.exists():
+        raise SystemExit(f"{folder} exists already; name a folder that is to be made")
     folder.mkdir(parents=True)
     tree, environment = folder / "tree", folder / "venv"
     subprocess.run(["git", "-C", REPOSITORY, "worktree", "add", "--quiet", "--detach", tree, commit], check=True)
