@@ -12,9 +12,8 @@ from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.fields import Fields
 from trace_dag.crash.keys import state_of
 from trace_dag.crash.kind import CrashKind, kind_of_codes
-from trace_dag.crash.parse import case_of, report_element
+from trace_dag.crash.parse import case_of, open_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.table_reports import is_json, report_from_json
 
 
 @dataclass(frozen=True)
@@ -97,9 +96,10 @@ def list_report(data: bytes, *, name: str) -> CrashListing:
     >>> list_report(report_xml, name="crash_319003.xml").manner_of_collision_code  # MAN_COLL 6: angle
     6
     """
-    if is_json(data) and isinstance(report := report_from_json(data, name=name), CrashRecord):
+    report, _ = open_report(data, name=name, repair=True)
+    if isinstance(report, CrashRecord):
         return list_record(complete_record(report))
-    fields = Fields(report_element(data, name=name, repair=True)[0], name)
+    fields = Fields(report, name)
     year, case, key = case_of(fields)
     vehicles = [Fields(element, name) for element in fields.members("Vehicles")]
     collided = _colliding_numbers(fields)

@@ -56,12 +56,12 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
     >>> read_report(report_xml, name="crash_319003.xml", settings=CrashSettings()).key
     '2023-319003'
     """
-    if is_json(data) and isinstance(report := report_from_json(data, name=name), CrashRecord):
+    report, repaired = open_report(data, name=name, repair=settings.repair_malformed)
+    if isinstance(report, CrashRecord):
         record = report
     else:
-        crash, repaired = report_element(data, name=name, repair=settings.repair_malformed)
         try:
-            record = replace(_read_crash(crash, name), repaired=repaired)
+            record = replace(_read_crash(report, name), repaired=repaired)
         except UnknownCodeError as error:
             raise malformed(
                 f"{name}: {error}; correct the code, or read it with a newer version of the code tables"
@@ -79,12 +79,26 @@ def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etr
     >>> report_element(report_xml, name="crash_319003.xml")[0].findtext("STATENAME")
     'Nebraska'
     """
+    report, repaired = open_report(data, name=name, repair=repair)
+    if isinstance(report, CrashRecord):
+        raise malformed(f"{name} is the record of another register; expected FARS' own words")
+    return report, repaired
+
+
+def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashRecord | etree._Element, bool]:
+    """What a report holds, a register's record or a ``CrashResultSet``, and whether its text had to be repaired.
+
+    Raises :class:`~trace_dag.errors.Rejection` as :func:`read_report` does.
+
+    >>> open_report(report_xml, name="crash_319003.xml")[0].findtext("STATENAME")
+    'Nebraska'
+    """
     if not is_json(data):
         root, repaired = parse_untrusted(data, name=name, repair=repair)
         return crash_element(root, name=name), repaired
     report = report_from_json(data, name=name)
     if isinstance(report, CrashRecord):
-        raise malformed(f"{name} is the record of another register; expected FARS' own words")
+        return report, False
     try:
         return report.element(), False
     except ValueError as error:
