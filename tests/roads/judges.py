@@ -22,7 +22,7 @@ import pytest
 from lxml import etree
 
 from trace_dag.geometry import FloatArray
-from trace_dag.roads.map.model import LaneType
+from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.network import RoadNetwork
 
 _REPOSITORY = Path(__file__).resolve().parents[2]
@@ -84,6 +84,19 @@ def distance_from_carla(network: RoadNetwork, carla_map: Any, per_lane: int = 5)
             pose, place = geometry.pose(float(s)), waypoint.transform.location
             distances.append(math.dist((pose.x_m, pose.y_m, pose.z_m), (place.x, -place.y, place.z)))
     return np.array(distances)
+
+
+def carla_landmarks(network: RoadNetwork, carla_map: Any) -> dict[LaneRef, list[str]]:
+    """The types of the signals and signs that CARLA finds for each driving lane outside junctions, on its own road."""
+    found = {}
+    for ref in network.drivable_lanes():
+        if network.road_by_id[ref.road_id].junction_id is None and network.lane(ref).type is not LaneType.BIDIRECTIONAL:
+            begin_m, end_m = network.lane_span(ref)
+            start_m = begin_m + 0.01 if network.direction(ref) > 0 else end_m - 0.01
+            waypoint = carla_map.get_waypoint_xodr(int(ref.road_id), ref.lane_id, start_m)
+            seen = waypoint.get_landmarks(end_m - begin_m, True)
+            found[ref] = sorted(mark.type for mark in seen if mark.road_id == int(ref.road_id))
+    return found
 
 
 def official_check(files: Sequence[Path]) -> list[dict[str, Any]]:

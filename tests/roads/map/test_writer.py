@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from dataclasses import replace
 
 import pytest
 from lxml import etree
 
-from tests.roads.judges import carla_map, carla_steps
+from tests.roads.judges import carla_landmarks, carla_map, carla_steps
 from tests.roads.towns import FRAME, Town
+from trace_dag.roads.from_osm.left_hand import mirrored_network
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
@@ -156,3 +158,42 @@ def test_carla_drives_on_it_without_jumps(network: RoadNetwork) -> None:
     assert len(steps.distances_m) > 1000
     assert ((steps.distances_m >= 0.8) & (steps.distances_m <= 1.25)).mean() >= 0.998
     assert steps.distances_m.max() < 2.0
+
+
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_carla_gives_each_lane_its_approachs_lights_and_signs_and_no_others(left_hand: bool) -> None:
+    """A light and a stop at two junctions of an avenue with a limit from its middle on, a yield at a ramp's end."""
+    town = Town()
+    town.street([(-400, 0), (-200, 0)], highway="primary", name="West", lanes="4")
+    town.street([(-200, 0), (0, 0)], highway="primary", name="Middle", lanes="5", turn__lanes__both_ways="left")
+    town.street([(0, 0), (200, 0)], highway="primary", name="East", lanes="2", maxspeed="45 mph")
+    town.street([(-200, -150), (-200, 0)], highway="secondary", name="South", lanes="2")
+    town.street([(-200, 0), (-200, 150)], highway="secondary", name="North", lanes="2")
+    town.street([(0, -150), (0, 0)], highway="residential", name="Stopped", lanes="2")
+    town.street([(200, 0), (200, 150)], highway="residential", name="Yielding", oneway="-1", lanes="1")
+    town.street([(200, 0), (350, 0)], highway="primary", name="Far East", lanes="2")
+    town.sign(-200, 0, highway="traffic_signals")
+    town.sign(0, 0, highway="stop")
+    town.sign(200, 0, highway="give_way")
+    whole = town.network()
+    network = mirrored_network(whole) if left_hand else whole
+    found = defaultdict(set)
+    for ref, types in carla_landmarks(network, carla_map(write_opendrive(network))).items():
+        found[network.road_by_id[ref.road_id].name, network.direction(ref)].add(" ".join(types))
+    assert found == {
+        ("West", 1): {"1000001"},
+        ("West", -1): {""},
+        ("Middle", 1): {""},
+        ("Middle", -1): {"1000001"},
+        ("South", 1): {"1000001"},
+        ("South", -1): {""},
+        ("North", 1): {""},
+        ("North", -1): {"1000001"},
+        ("Stopped", 1): {"206"},
+        ("Stopped", -1): {""},
+        ("Yielding", 1): {"205"},
+        ("East", 1): {"274"},
+        ("East", -1): {"274"},
+        ("Far East", 1): {""},
+        ("Far East", -1): {""},
+    }

@@ -8,6 +8,7 @@ types are in :class:`trace_dag.roads.map.network.RoadNetwork`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
@@ -201,6 +202,21 @@ class Road:
     def direction(self, lane_id: int) -> int:
         """+1 for a lane whose traffic goes along the reference line, -1 for one against it."""
         return -1 if (lane_id > 0) != self.left_hand else 1
+
+    def lanes_under(self, signal: Signal) -> tuple[int, ...]:
+        """Return the ids of the lanes that a signal of this road applies to, centre turn lanes left out.
+
+        Where it stands between two lane sections, they are those of the section that traffic comes from.
+        """
+        sense = {"+": 1, "-": -1}.get(signal.orientation)
+        before_m = signal.s_m if sense == -1 else math.nextafter(signal.s_m, 0.0)
+        begun = [section for section in self.lane_sections if section.s_m <= before_m]
+        return tuple(
+            lane.id
+            for lane in (begun or self.lane_sections)[-1].lanes
+            if lane.id and lane.type.drivable and lane.type is not LaneType.BIDIRECTIONAL
+            if sense is None or self.direction(lane.id) == sense
+        )
 
     @property
     def one_way(self) -> bool:

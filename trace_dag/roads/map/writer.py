@@ -123,7 +123,7 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
     out.append("</lanes>\n<objects>\n")
     out.extend(map(_crosswalk, road.crosswalks))
     out.append("</objects>\n<signals>\n")
-    out.extend(map(_signal, road.signals))
+    out.extend(_signal(road, signal) for signal in road.signals)
     out.append("</signals>\n")
     out.append(_user_data("highway", road.highway))
     out.extend(_user_data("altName", name) for name in road.names)
@@ -227,7 +227,10 @@ def _road_mark(mark: RoadMark) -> str:
     )
 
 
-def _signal(signal: Signal) -> str:
+def _signal(road: Road, signal: Signal) -> str:
+    """Write a signal with the lanes it is for: without them CARLA gives it to those of the opposite direction."""
+    lanes = road.lanes_under(signal)
+    sides = [side for side in ([i for i in lanes if i < 0], [i for i in lanes if i > 0]) if side]
     value = "" if signal.value is None else f' value="{_number(signal.value)}"'
     unit = "" if signal.value is None or signal.unit is None else f' unit="{_text(signal.unit)}"'
     return (
@@ -236,7 +239,8 @@ def _signal(signal: Signal) -> str:
         f'zOffset="{_number(signal.z_offset_m)}" country="US" type="{_text(signal.type)}" '
         f'subtype="{_text(signal.subtype)}"{value}{unit} hOffset="0" pitch="0" roll="0" '
         f'height="{_number(signal.height_m)}" width="{_number(signal.width_m)}">\n'
-        f"{_user_data('osmNode', signal.osm_node_id)}</signal>\n"
+        + "".join(f'<validity fromLane="{min(side)}" toLane="{max(side)}"/>\n' for side in sides)
+        + f"{_user_data('osmNode', signal.osm_node_id)}</signal>\n"
     )
 
 
