@@ -8,6 +8,7 @@ import math
 import os
 import pickle
 import struct
+from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
@@ -19,13 +20,16 @@ from lxml import etree
 
 import trace_dag
 from tests.roads import judges
+from tests.roads.towns import Town
 from trace_dag.benchmark.export import export
 from trace_dag.errors import UserError
 from trace_dag.evaluation.drives import STEP_S
 from trace_dag.flow.artefacts import ROAD_MAP
 from trace_dag.formats import scenarionet
-from trace_dag.formats.sumo import floating_car_data
+from trace_dag.formats.sumo import floating_car_data, network_xml
 from trace_dag.roads.map.lane_shapes import lane_shapes
+from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.units import mps_to_mph
 
 KEY = "2023-319003"
 GPX = "{http://www.topografix.com/GPX/1/1}"
@@ -190,6 +194,32 @@ def test_a_network_for_sumo_keeps_its_places_and_the_same_map_gives_the_same_byt
     location = etree.parse(tmp_path / f"{KEY}.net.xml").find("location")
     assert location.get("netOffset") == "0.00,0.00"
     assert "+proj=tmerc" in location.get("projParameter")
+
+
+def test_in_sumo_the_higher_road_has_priority_and_a_lane_without_limit_its_classs_usual_speed():
+    """A primary road of one lane meets a wider side street, which a stop sign does not help; netconvert's own numbers
+    are priority 1, 13.89 m/s, and 1.39 m/s on a centre turn lane.
+    """
+    town = Town()
+    town.street([(-200, 0), (0, 0), (200, 0)], highway="primary", lanes="3", turn__lanes__both_ways="left")
+    town.street([(0, -200), (0, 0), (0, 200)], highway="residential", lanes="4")
+    town.street([(200, 0), (400, 0)], highway="primary", lanes="2", maxspeed="30 mph")
+    town.street([(200, -200), (200, 0)], highway="secondary", lanes="2")
+    town.sign(200, 0, highway="stop")
+    network = town.network()
+    program = judges.judges_environment() / "netconvert"
+    root = etree.fromstring(network_xml(str(program), "town", network, write_opendrive(network)))
+    speeds_mph = defaultdict(set)
+    for lane in root.iterfind("edge[@priority]/lane"):
+        assumed = lane.find("param[@key='assumedSpeed']") is not None
+        speeds_mph[int(lane.getparent().get("priority"))].add((round(mps_to_mph(float(lane.get("speed")))), assumed))
+    # 45 and 25 mph are usual on primary roads and residential streets; priority 0 is the stop sign's.
+    assert speeds_mph == {6: {(45, True), (30, False)}, 2: {(25, True)}, 5: {(45, True)}, 0: {(45, True)}}
+    names = {edge.get("id"): edge.get("priority") for edge in root.iterfind("edge[@priority]")}
+    ahead = {
+        (names[c.get("from")], c.get("state")) for c in root.iterfind("connection[@dir='s']") if c.get("from") in names
+    }
+    assert ahead == {("6", "M"), ("2", "m")}
 
 
 def test_a_trace_has_a_message_for_every_moment(home, tmp_path):

@@ -115,7 +115,7 @@ def form_of_map(
     if form == "sumo":
         from trace_dag.formats.sumo import netconvert, network_xml
 
-        return {"map.net.xml": network_xml(netconvert(), "map", xodr)}
+        return {"map.net.xml": network_xml(netconvert(), "map", network, xodr)}
     if form == "glb":
         from trace_dag.scenario.solid.scene import place_glb
 
