@@ -41,8 +41,10 @@ from trace_dag.reconstruction.planners.way_after import ways_on
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings, VerdictSettings
+from trace_dag.sim.matching import Happening
 from trace_dag.states.alternatives import ambiguity_of
 from trace_dag.states.analytic import NAME, VERSION, build_scene
+from trace_dag.states.objects import Resistance
 from trace_dag.states.ranking import leaders_first
 from trace_dag.states.types import EstimateCheck, EstimatorRun, Hypothesis, PlannedEvent, StateEstimate
 from trace_dag.units import clock_difference_h
@@ -54,6 +56,7 @@ _ASKED_LATER: Final = 2  # hypotheses in which later objects and overturns are l
 _AFTER_S: Final = 1.0  # an event of parties that were not there before comes so long after the one before it
 _CLOCK_POSITIONS: Final = VerdictSettings().max_clock_error_positions
 _DECIMALS: Final = 6
+_GRAZES_MPS: Final = 1.0  # of a body against an object: slower it bends nothing
 
 Plans: TypeAlias = Iterator[Plan | str]
 """Plans, and sentences that say why there are none, or no more of a kind."""
@@ -344,11 +347,18 @@ def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tupl
             continue
         tried = search.course(plan, as_it_is.events, course, tolerated=course.matching.strange)
         seen = tried.matching.matched[place]
-        if seen is not None and not _worse(tried, as_it_is, place):
+        if seen is not None and not _worse(tried, as_it_is, place) and not _grazes(tried, seen):
             detail = f"vehicle {number} {plan.detail} at {seen.time_s:.2f} s"
             return tried, EstimateCheck(event.name, True, detail)
         why_not = _why(tried, as_it_is, event, place)
     return as_it_is, EstimateCheck(event.name, False, why_not or f"vehicle {number} stays on its wheels")
+
+
+def _grazes(course: Course, seen: Happening) -> bool:
+    """Whether an object that stands firm is touched so lightly that nothing comes of it."""
+    item = course.log.object_of(seen.pair[1])
+    stands = item is not None and item.resistance in (Resistance.RIGID, Resistance.YIELDING)
+    return stands and seen.contact is not None and seen.contact.closing_speed_mps < _GRAZES_MPS
 
 
 def _worse(tried: Course, before: Course, place: int) -> bool:
@@ -374,6 +384,9 @@ def _why(tried: Course, before: Course, event: CrashEvent, place: int) -> str:
         return f"vehicle {other} would strike the {name} of event {event.number} too"
     if others:
         return f"vehicle {number} would strike the {name} before what came before it"
+    seen = tried.matching.matched[place]
+    if seen is not None and _grazes(tried, seen):
+        return f"vehicle {number} would only graze the {name}"
     if _worse(tried, before, place):
         return f"who meets whom would change by the {name} of event {event.number}"
     return f"vehicle {number} does not come to touch the {name} that was placed for it"

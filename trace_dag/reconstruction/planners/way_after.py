@@ -117,6 +117,11 @@ class Way:
         outlines = np.asarray(shapely.polygons(corners.reshape(-1, 4, 2)))
         return cls(network, area, log, driven, body, steps, poses, beyond_m, outlines)
 
+    @property
+    def speeds_mps(self) -> FloatArray:
+        """The speed at each of its steps."""
+        return np.hypot(self.driven.velocity_x_mps, self.driven.velocity_y_mps)[self.steps]
+
     def slip_rad(self, k: int) -> float:
         """The heading less the course at a step."""
         step = self.steps[k]

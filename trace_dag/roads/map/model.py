@@ -39,6 +39,11 @@ class LaneType(StrEnum):
         """Whether its surface is that of a road: not the verges, medians and borders of roads."""
         return self in _PAVED
 
+    @property
+    def kept_clear(self) -> bool:
+        """Whether vehicles use it, so that nothing fixed stands on it: lanes, shoulders, parking and cycle lanes."""
+        return self in _PAVED and self is not LaneType.SIDEWALK
+
 
 _DRIVABLE: Final = frozenset({LaneType.DRIVING, LaneType.BIDIRECTIONAL, LaneType.ENTRY, LaneType.EXIT})
 _PAVED: Final = _DRIVABLE | {LaneType.SHOULDER, LaneType.PARKING, LaneType.SIDEWALK, LaneType.BIKING}

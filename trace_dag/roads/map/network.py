@@ -184,6 +184,13 @@ class RoadNetwork:
         """The area that traffic drives on within some distance of a place, of roads at its level."""
         return self._area(self.drivable_lanes_of, self._is_near(x_m, y_m, reach_m, z_m))
 
+    def kept_clear_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> Area:
+        """As :meth:`carriageway_near` with what is kept clear beside it: shoulders, lanes for parking and cycling."""
+        return self._area(
+            lambda road: [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.kept_clear],
+            self._is_near(x_m, y_m, reach_m, z_m),
+        )
+
     def paved_near(
         self, x_m: float, y_m: float, reach_m: float, *, z_m: float, of: Callable[[Road], bool] | None = None
     ) -> Area:

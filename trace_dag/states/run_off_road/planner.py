@@ -25,12 +25,12 @@ from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER, Departure, DepartureManner
 from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import Pose, body_bearing_rad
-from trace_dag.roads.map.roadside import roadside_at
+from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.states import evidence
 from trace_dag.states.assemble import AFTER_IMPACT_M, driven
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.mapped_objects import mapped_object
-from trace_dag.states.object_extent import clear_of_others
+from trace_dag.states.object_ground import beyond_range_m, on_free_ground
 from trace_dag.states.object_placement import Led, PlannedContacts, as_mapped, objects_along, touching
 from trace_dag.states.objects import KINDS, FixedObject, PlacedBy
 from trace_dag.states.paths import Path
@@ -66,8 +66,11 @@ _POINT_MISSES_M: Final = 2.0
 _POINT_SCALE_M: Final = 2.0  # a coded point so much farther off the road is e times likelier beside the side left to
 _SIDE_AT_MOST: Final = 3.0  # judgement: a point may be on the wrong side for other reasons
 _FARTHEST_OFF_M: Final = 15.0  # farther off the road nothing is placed by a coded point: the clear zone ends there
-_EDGE_M: Final = 0.3  # by which a kerb may stand within the mapped edge
-_IN_LANE: Final = -4.0  # of a way on which the object would have to stand in a traffic lane
+_NO_GROUND: Final = -6.0  # of a way on which the object would have to stand in a lane, on a shoulder, off its bridge
+_OTHER_ZONE: Final = -3.0  # of a way to an object in the median, for one that is reported elsewhere, or the reverse
+_BETWEEN: Final = (RoadZone.MEDIAN, RoadZone.GORE)
+_ZONES: Final = {**dict.fromkeys((3, 10, 12), RoadZone.MEDIAN), **dict.fromkeys((4, 5, 6), None), 8: RoadZone.GORE}
+"""``REL_ROAD`` that places something between two roads, or beside both."""
 _ANGLE: Final = "angle of departure"
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
 
@@ -164,12 +167,41 @@ def _plan(
         terms["side of the reported point"] = _side_of_point(
             scene, base, place_m, SIGN[departure.side or DepartureSide.RIGHT]
         )
-    if objects[0].placed_by is PlacedBy.PROGRAM and scene.record.road_relation_code not in ON_ROADWAY:
-        inside_m = -float(scene.carriageway.beyond_m(*np.array(contact)[:, None])[0])
-        terms["object in a traffic lane"] = _IN_LANE if inside_m > _LEAST_OFF_M + _EDGE_M else 0.0
+    stood = _on_free_ground(scene, objects, planned)
+    if not stood:
+        terms["no ground for the object"] = _NO_GROUND
+    objects = stood or objects[:1]
+    terms["zone of the object"] = _zone_term(scene, contact)
     terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)
     option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
-    return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, planned, terms)
+    made = planned[: len(objects)]
+    return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, made, terms)
+
+
+def _on_free_ground(
+    scene: Scene, objects: tuple[FixedObject, ...], planned: PlannedContacts
+) -> tuple[FixedObject, ...]:
+    """The objects up to the first one that cannot stand where it would be struck."""
+    struck = [(item, xy_m) for item, (_, xy_m) in zip(objects, planned, strict=True)]
+    found: list[FixedObject] = []
+    for item, xy_m in struck:
+        relation = None if found else scene.record.road_relation_code
+        mapped = item.placed_by is PlacedBy.OPENSTREETMAP
+        stands = item if mapped else on_free_ground(item, xy_m, scene.network, struck, relation=relation)
+        if stands is None:
+            break
+        found.append(stands)
+    return tuple(found)
+
+
+def _zone_term(scene: Scene, contact_xy_m: tuple[float, float]) -> float:
+    """Log-likelihood of a place by whether it lies between two roads as reported."""
+    relation = scene.record.road_relation_code
+    if relation not in _ZONES:
+        return 0.0
+    place = roadside_at(scene.network, *contact_xy_m, z_m=scene.placement.z_m)
+    between = place.zone if place is not None and place.zone in _BETWEEN else None
+    return 0.0 if between is _ZONES[relation] else _OTHER_ZONE
 
 
 def _point_off_road_m(scene: Scene) -> float:
@@ -216,12 +248,10 @@ def _aside_to_object(
             if abs(missed_m) < _SAME_PLACE_M:
                 return led, (as_mapped(objects[0], mapped.thing), *objects[1:]), planned
             off_m += sign * float(error @ left)
-    beyond_m = _beyond_edge_m(scene, base.pose(place_m), sign, edge, code)
     _, point_m = base.project(0.0, 0.0, near_s_m=place_m)
-    told_m = sign * point_m - edge
-    off_road = scene.record.road_relation_code not in (*ON_ROADWAY, ON_SHOULDER)
-    if off_road and _point_off_road_m(scene) > 0.0 and 0.0 < told_m <= _FARTHEST_OFF_M:
-        beyond_m = told_m  # the reported point says how far off it stood
+    point_off_m = sign * point_m - edge
+    off_road = _point_off_road_m(scene) > 0.0 and 0.0 < point_off_m <= _FARTHEST_OFF_M
+    beyond_m = _beyond_edge_m(scene, base.pose(place_m), sign, edge, code, point_off_m if off_road else None)
     led = _aside(departure, base, place_m, edge + beyond_m, course, impact_mps, None)
     return led, *objects_along(departure, led, course, impact_mps)
 
@@ -257,7 +287,11 @@ def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float,
     half_width_m = departure.vehicle.width_m / 2
     ends = [end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
     end_m = None if None in ends else max(each for each in ends if each is not None)
-    reach_m = place_m if end_m is None else end_m + KINDS[first.code].beyond_edge_m
+    reach_m = place_m
+    if end_m is not None:
+        across = turned_by(base.pose(end_m), -math.pi / 2)
+        least_m, most_m = beyond_range_m(scene.network, across, 1.0, first.code)
+        reach_m = end_m + min(max(KINDS[first.code].beyond_edge_m, least_m), most_m)
     slip = course.slip_rad
     point = touching(departure.vehicle, first, slip, -slip)
     spot_m = point.ahead_m * math.cos(slip) - point.left_m * math.sin(slip)
@@ -270,20 +304,26 @@ def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float,
     return Led(base, reach_m - spot_m, across_rad, ended=end_m is not None)
 
 
-def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int) -> float:
-    """How far beyond the edge the object stands (metres): as usual for its kind, nearer if another road is in the way,
-    within the reported zone."""
+def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int, point_off_m: float | None) -> float:
+    """How far beyond the edge the object stands (metres): as the reported point where that is off the road, else as
+    usual for its kind, behind a shoulder, nearer if another road is in the way, within the reported zone."""
     usual = KINDS[code].beyond_edge_m
     relation = scene.record.road_relation_code
     if relation in ON_ROADWAY:
         return -0.5
+    at_edge = here.to_world(np.array([0.0, sign * (edge + 0.1)]))
     if relation == ON_SHOULDER:
-        at = here.to_world(np.array([0.0, sign * (edge + 0.3)]))
-        place = roadside_at(scene.network, float(at[0]), float(at[1]), z_m=here.z_m)
+        place = roadside_at(scene.network, float(at_edge[0]), float(at_edge[1]), z_m=here.z_m)
         usual = min(usual, 0.8 * place.shoulder_m if place is not None else usual)
-    for beyond_m in (usual, usual / 2, 0.3):
-        at = here.to_world(np.array([0.0, sign * (edge + beyond_m + 0.2)]))
-        if not scene.carriageway.has(float(at[0]), float(at[1])):
+        wanted = [usual, usual / 2, 0.3]
+    else:
+        at = Pose(float(at_edge[0]), float(at_edge[1]), here.heading_rad, here.z_m)
+        least_m, most_m = beyond_range_m(scene.network, at, sign, code)
+        first = [min(max(each, least_m), most_m) for each in (point_off_m or usual, usual)]
+        wanted = [*first, least_m, usual / 2, 0.3]
+    for beyond_m in wanted:
+        at_m = here.to_world(np.array([0.0, sign * (edge + beyond_m + 0.2)]))
+        if not scene.carriageway.has(float(at_m[0]), float(at_m[1])):
             return beyond_m
     return min(usual, 0.1)
 
@@ -305,7 +345,6 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
     if plan.course.slip_rad:
         state = skidding(state, plan.course.slip_rad, lead_s)
     first_xy = plan.planned[0][1]
-    struck = [(item, xy_m) for item, (_, xy_m) in zip(plan.objects, plan.planned, strict=True)]
     bearing = body_bearing_rad(*vehicle.clock_body(state.impact_pose), np.array(first_xy))
     state = replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
     planned = tuple(
@@ -320,5 +359,5 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
         impact_time_s=lead_s,
         impact_point_xy_m=first_xy,
         planned=planned,
-        objects=tuple(clear_of_others(item, xy_m, scene.network, struck) for item, xy_m in struck),
+        objects=plan.objects,
     )
