@@ -130,3 +130,28 @@ def test_a_simulation_shows_contacts_and_vehicles_that_overturn() -> None:
     assert (touch.pair, overturn.pair) == ((1, 2), (2, 2))
     assert overturn.time_s == pytest.approx(over_s, abs=0.1)
     assert [each.time_s for each in found] == sorted(each.time_s for each in found)
+
+
+@pytest.mark.parametrize(
+    ("happened", "matched"),
+    [
+        ([(1, 2), (1, 1), (3, 3)], [1, 3, 2]),  # of two vehicles either may overturn first
+        ([(1, 2), (3, 3), (1, 1)], [1, 2, 3]),
+        ([(1, 2), (1, 4), (3, 3)], [1, 3, 2]),  # after a contact of others that is reported later
+        ([(3, 3), (1, 2), (1, 1)], [2, None, 3]),  # before the contact it follows
+    ],
+)
+def test_events_of_other_parties_that_may_be_left_out_come_in_any_order(
+    happened: list[Pair], matched: list[float | None]
+) -> None:
+    last = Expected((1, 4)) if (1, 4) in happened else Expected((1, 1), required=False)
+    expected = [Expected((1, 2)), Expected((3, 3), required=False), last]
+    seen = [Happening(float(second), pair) for second, pair in enumerate(happened, start=1)]
+    assert seconds(match(seen, expected).matched) == matched
+
+
+def test_an_event_of_a_vehicle_before_its_own_earlier_one_does_not_count() -> None:
+    """Overturned before the pole it is reported to strike first: only what comes in its turn happens."""
+    expected = [Expected((1, 2)), LATER_POLE, LATER_OVERTURN]
+    seen = [Happening(1.0, (1, 2)), Happening(2.0, OVER), Happening(3.0, POLE)]
+    assert seconds(match(seen, expected).matched) == [1.0, None, 2.0]

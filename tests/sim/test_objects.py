@@ -45,6 +45,15 @@ def test_a_car_that_strikes_a_rigid_pole_stops_within_the_crush_of_its_class(veh
     assert log.termination is Termination.AT_REST
 
 
+def test_a_loaded_truck_breaks_the_tree_that_stops_a_car() -> None:
+    """17 t at 20 m/s have 3.4 MJ; breaking a trunk of 0.4 m, and the crush up to its force, take less than a tenth."""
+    truck = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.TRUCK, 9.0, 2.5, 3.4, 17000.0)
+    (contact,) = run(20.0, item(TREE, 8.0, 0.0), truck).contacts
+    assert -1.0 < contact.delta_v_1_mps[0] < 0.0
+    (contact,) = run(20.0, item(TREE, 8.0, 0.0)).contacts
+    assert contact.delta_v_1_mps[0] < -20.0
+
+
 def test_a_pole_throws_back_less_than_a_wall_in_the_ratio_of_their_forces() -> None:
     """At one speed a force goes with speed over crush: 14 m/s by 0.8 m for a pole, 15.6 m/s by 0.55 m for a wall. The
     tree takes 0.4 of 1.85 m of the front, and that much of it presses as a wall does."""

@@ -20,7 +20,7 @@ from trace_dag.sim.overturn import roll_model
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import Body, BodyKind, SimulationLog, Termination, VehicleLog, overturned_at
 from trace_dag.states.objects import FixedObject
-from trace_dag.states.types import Trajectory
+from trace_dag.states.types import LossOfControl, Trajectory
 
 MOTORCYCLE = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.MOTORCYCLE, 2.2, 0.8, 1.4, 300.0)
 TRACTOR = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.TRACTOR_TRAILER, 20.0, 2.5, 3.9, 30000.0)
@@ -36,12 +36,14 @@ def sliding(
     network: RoadNetwork | None = None,
     heading_rad: float = 0.0,
     y_m: float = -6.0,
+    digs_in: bool = False,
 ) -> SimulationLog:
     """A vehicle that slides northward with its left side ahead and is let go half a second after the start, when it
     comes to ``y_m``."""
     path = straight(0.0, y_m - speed_mps * 0.5, math.pi / 2, speed_mps, until_s=0.5)
     turned: Trajectory = replace(path, heading_rad=np.full_like(path.heading_rad, heading_rad), speed_mps=path.x_m * 0)
-    skids = replace(participant(1, turned, body), skids_from_s=0.0)
+    losses = (LossOfControl(0.5, digs_in=True),) if digs_in else ()
+    skids = replace(participant(1, turned, body), skids_from_s=0.0, losses_of_control=losses)
     simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75, network)
     return simulation.run((skids,), time_limit_s=20.0, objects=objects)
 
@@ -63,6 +65,17 @@ def test_a_car_that_slides_sideways_into_a_curb_overturns_above_the_critical_vel
         outcomes[share] = overturned_at(log.vehicles[0]) is not None
         assert len(log.contacts) == 1
     assert outcomes == {0.85: False, 1.15: True}
+
+
+def test_wheels_that_dig_in_catch_at_the_kerb_of_a_street() -> None:
+    """At the edge of a street, 3.5 m from its middle, from the critical sliding velocity on: pavement takes little of
+    the speed over the half metre before it."""
+    model = roll_model(CAR)
+    assert model is not None
+    before_m = 3.5 - CAR.width_m / 2 - 0.5
+    for share, digs_in, overturns in ((1.3, True, True), (0.8, True, False), (1.3, False, False)):
+        log = sliding(share * model.critical_mps, network=STREET, y_m=before_m, digs_in=digs_in)
+        assert (overturned_at(log.vehicles[0]) is not None) is overturns, (share, digs_in)
 
 
 def test_the_stability_of_a_class_is_its_static_stability_factor() -> None:

@@ -74,8 +74,10 @@ class Course:
         return next(each for each in self.states if each.vehicle_number == number)
 
     def last_event_s(self, number: int) -> float | None:
-        """When a party last touched somebody or something, or overturned; None if it did not."""
-        return max((each.time_s for each in happenings_of(self.log) if number in each.pair), default=None)
+        """When the last event planned so far of a party came about; None if none did. What was touched again, by bodies
+        that come to lie against each other, does not count."""
+        seen = (each for each in self.matching.matched if each is not None and number in each.pair)
+        return max((each.time_s for each in seen), default=None)
 
 
 @dataclass(frozen=True, eq=False)

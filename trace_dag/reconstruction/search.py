@@ -53,6 +53,7 @@ _FIRSTS: Final = 6  # hypotheses of the first event that are gone on from
 _TRIED: Final = 6  # plans of one event that are simulated
 _FOLLOWED: Final = 2  # of those in which it happens, how many are gone on from
 _ASKED_LATER: Final = 2  # hypotheses in which later objects and overturns are looked for
+_AS_GOOD: Final = 2.0  # one that is less likely by this (log-likelihood) may come first for more of them
 _AFTER_S: Final = 1.0  # an event of parties that were not there before comes so long after the one before it
 _CLOCK_POSITIONS: Final = VerdictSettings().max_clock_error_positions
 _DECIMALS: Final = 6
@@ -301,27 +302,32 @@ _LATER: Final[Mapping[EventKind, Callable[[Search, Course, CrashEvent], Plans]]]
 
 def _with_later_events(search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """The hypotheses with the later objects and overturns of the report: of those that go as reported up to there the
-    first, and the next one if not all can be brought about in it."""
+    first, and the next one if not all can be brought about in it; of the two the one with more of them comes first."""
     first = search.sequence.first
-    later = tuple(event for event in search.sequence.events if event.kind in _LATER and event is not first)
-    later = tuple(event for event in later if not all(_is_placed(event, each) for each in hypotheses))
-    if not later:
+    wanted = [event for event in search.sequence.events if event.kind in _LATER and event is not first]
+    if not wanted:
         return tuple(hypotheses)
-    found = [_off_the_road(each, later) for each in hypotheses]
-    planned = tuple(event for event in search.sequence.events if event not in later)
-    asked = 0
-    for place, each in enumerate(found):
-        course = search.course(Plan(each.participants, each.objects), planned)
+    found = list(hypotheses)
+    asked: list[tuple[int, int]] = []  # events that do not come about, and the place of the hypothesis
+    for place, each in enumerate(hypotheses):
+        later = [event for event in wanted if not _is_placed(event, each)]
+        made = _off_the_road(each, later)
+        planned = tuple(event for event in search.sequence.events if event not in later)
+        course = search.course(Plan(made.participants, made.objects), planned)
         if not course.comes_right:
             continue  # the crash does not go as reported: no verdict will be about this one
         checks = []
         for event in later:
             course, check = _with_later_event(search, course, event)
             checks.append(check)
-        found[place] = replace(each, participants=course.states, objects=course.objects, later_events=tuple(checks))
-        asked += 1
-        if all(check.passed for check in checks) or asked == _ASKED_LATER:
+        found[place] = replace(made, participants=course.states, objects=course.objects, later_events=tuple(checks))
+        asked.append((sum(not check.passed for check in checks), place))
+        if not asked[-1][0] or len(asked) == _ASKED_LATER:
             break
+    if asked:
+        least = found[asked[0][1]].score - _AS_GOOD
+        _, best = min(each for each in asked if found[each[1]].score >= least)
+        found.insert(asked[0][1], found.pop(best))
     return tuple(found)
 
 

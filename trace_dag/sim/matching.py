@@ -2,7 +2,8 @@
 
 What happens are contacts, each with the numbers of both bodies, and overturns. Contacts with vehicles, people and
 animals are required: each comes in its turn, and none before it. Objects that are struck later and overturns may be
-left out, so that one which does not happen takes nothing from those that follow.
+left out, so that one which does not happen takes nothing from those that follow. Such an event may also come after one
+that is reported later of other parties: nobody saw which of the two was first.
 """
 
 from __future__ import annotations
@@ -139,12 +140,26 @@ def _walked(seen: Sequence[Happening], expected: Sequence[Expected]) -> Matching
     turn = 0  # the next expected event
     for each in seen:
         place = _place_of(each.pair, expected, turn)
+        if place is None:
+            place = _passed_over(each.pair, expected, matched, turn)
         if place is not None:
             matched[place] = each
-            turn = place + 1
+            turn = max(turn, place + 1)
         elif each.contact is not None and each.pair not in [passed.pair for passed in expected[:turn]]:
             strange.append(each)
     return Matching(tuple(matched), tuple(strange))
+
+
+def _passed_over(
+    pair: Pair, expected: Sequence[Expected], matched: Sequence[Happening | None], turn: int
+) -> int | None:
+    """The event with these parties that was left out for one of other parties, if there is one."""
+    for place in reversed(range(turn)):
+        if matched[place] is not None and set(expected[place].pair) & set(pair):
+            return None
+        if expected[place].pair == pair:
+            return None if expected[place].required else place
+    return None
 
 
 def _place_of(pair: Pair, expected: Sequence[Expected], turn: int) -> int | None:

@@ -55,6 +55,7 @@ class Roadside:
         self._road_z_m = [vehicle.z for vehicle in run.vehicles]
         self._on_soil = [False] * len(run.vehicles)
         self._furrows_m = [0.0] * len(run.vehicles)  # so far each has slid sideways on soil
+        self._lead_paved = [False] * len(run.vehicles)  # the wheels that lead were on pavement in the step before
         self._overturned_s: float | None = None
         self._clear_until_step = 0  # no vehicle can touch an object before it
         # Where each vehicle was when the objects were looked at last, and how far from there it touches none.
@@ -191,6 +192,8 @@ class Roadside:
             dug = min(self._furrows_m[i] / _FURROW_M, 1.0)
             grip = self._soft_friction if self._on_soil[i] else self._run.friction
             vehicle.side_grip = 1.0 + dug * (_FURROW_GRIP / grip - 1.0)
+        if vehicle.digs_in and not vehicle.roll.over:
+            left_mps = self._catch_at_kerb(i, vehicle, left_mps)
         speed_mps = math.hypot(vehicle.vx, vehicle.vy)
         # Weight pulls at the centre of gravity, which tips nothing: what tips is what the tyres give.
         ground = vehicle.ground
@@ -199,6 +202,27 @@ class Roadside:
         vehicle.roll.advance(ay * c - ax * s, left_mps, speed_mps, self._run.step_s, weight)
         if self._overturned_s is None and abs(vehicle.roll.roll_rad) >= OVERTURNED_RAD:
             self._overturned_s = now_s
+
+    def _catch_at_kerb(self, i: int, vehicle: Vehicle, left_mps: float) -> float:
+        """Trip a vehicle whose leading wheels slide over the edge of a street with kerbs, and return the lateral speed
+        that is left."""
+        c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
+        lead_m = math.copysign(vehicle.model.body.width_m / 2, left_mps)
+        x_m, y_m = vehicle.x - lead_m * s, vehicle.y + lead_m * c
+        was_paved, self._lead_paved[i] = self._lead_paved[i], self._beyond.is_paved(x_m, y_m)
+        if not was_paved or self._lead_paved[i] or abs(left_mps) < _SLIDES_MPS or not self._beyond.has_kerb(x_m, y_m):
+            return left_mps
+        return self._turned_over_kerb(vehicle, left_mps)
+
+    def _turned_over_kerb(self, vehicle: Vehicle, left_mps: float) -> float:
+        """Turn the lateral speed of a vehicle against a kerb into rotation, and return what of it is left."""
+        assert vehicle.roll is not None
+        c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
+        lost_mps = vehicle.roll.trip(left_mps) - left_mps
+        vehicle.vx, vehicle.vy = vehicle.vx - lost_mps * s, vehicle.vy + lost_mps * c
+        self._run.state = None
+        self._run.taken_over()
+        return left_mps + lost_mps
 
     def carry(self, time_s: float) -> None:
         """Put every vehicle that skids, and has struck nothing yet, where its trajectory has it."""
@@ -283,14 +307,11 @@ class Roadside:
         """A vehicle that slides sideways against a kerb turns its lateral speed into rotation."""
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
         nx, ny = struck.contact().normal_x, struck.contact().normal_y
-        left_mps, ahead_mps = vehicle.vy * c - vehicle.vx * s, vehicle.vx * c + vehicle.vy * s
+        left_mps = vehicle.vy * c - vehicle.vx * s
         if vehicle.roll is None or abs(ny * c - nx * s) < _SQUARELY or abs(left_mps) < _SLIDES_MPS:
             return
-        left_mps = vehicle.roll.trip(left_mps)
-        vehicle.vx, vehicle.vy = ahead_mps * c - left_mps * s, ahead_mps * s + left_mps * c
+        self._turned_over_kerb(vehicle, left_mps)
         self._run.wheels.lose(vehicle)
-        self._run.state = None
-        self._run.taken_over()
 
 
 def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:

@@ -148,6 +148,13 @@ class RoadsideTerrain:
         """Whether a point lies on what is paved."""
         return self._paved is None or self._paved.has(x_m, y_m)
 
+    def has_kerb(self, x_m: float, y_m: float) -> bool:
+        """Whether the edge of what is paved that is nearest to a point has a kerb: roads of high speed have none."""
+        if self._open is None or self._kerbed is None:
+            return self._paved is not None and not self._profiles
+        point = shapely.Point(x_m, y_m)
+        return _distance_m(self._kerbed.edge_near(x_m, y_m), point) < _distance_m(self._open.edge_near(x_m, y_m), point)
+
     def at(self, x_m: float, y_m: float, *, paved: bool | None = None) -> Bank:
         """The ground at a point; ``paved`` says whether it is, where that is known."""
         for profile in self._profiles:

@@ -92,7 +92,7 @@ class LossOfControl:
     Its front wheels are turned to the left (``wheels_rad``; right: negative). It spins (``yaw_rps``, added to its yaw
     rate then), as one does that was struck off its middle. ``locked_wheels`` carry that share of its weight: with 0 it
     rolls on, with 1 it slides; None is what the settings have. Wheels that dig in (``digs_in``) hold it across as in
-    soil, on pavement too: bare rims gouge it.
+    soil, on pavement too: bare rims gouge it; they catch at the kerb of a street.
     """
 
     from_s: float

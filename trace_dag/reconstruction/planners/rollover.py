@@ -212,4 +212,5 @@ def later_overturn_plans(search: Search, course: Course, event: CrashEvent) -> I
         yield f"vehicle {number} meets nobody before it"
         return
     for on_its_way, assumed in ways_on(search, course, number, event.side, tripped=True):
-        yield Plan(on_its_way.states, on_its_way.objects, detail=f"overturns{assumed}")
+        if overturned_at(on_its_way.log.vehicle_log(number)) is not None:
+            yield Plan(on_its_way.states, on_its_way.objects, detail=f"overturns{assumed}")

@@ -45,15 +45,15 @@ def ways_on(
     """The courses that a vehicle can have gone on, each with what is assumed for it in words: as its wheels roll, then
     with its front wheels turned ever more to the side to which it left the road; to both where none is reported.
 
-    Where it is ``tripped`` it may spin instead, and its wheels may dig in: nearly all vehicles that overturn are
-    tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report says by what.
+    Where it is ``tripped`` its wheels dig in, or catch at a kerb, and it may spin instead: nearly all vehicles that
+    overturn are tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report says by what.
     """
     yield course, ""
     state, since_s = course.state_of(number), course.last_event_s(number)
     if since_s is None or state.vehicle_class is VehicleClass.MOTORCYCLE:
         return
     from_s = round(since_s + PULSE_S, 6)
-    for loss in _tripped(from_s) if tripped else _steered(from_s, side):
+    for loss in _tripped(from_s, side) if tripped else _steered(from_s, side):
         lost = replace(state, losses_of_control=(*state.losses_of_control, loss))
         yield search.changed(course, lost), f", taken to be out of control{_words(loss)}"
 
@@ -65,15 +65,24 @@ def stands_after(course: Course, number: int, since_s: float) -> bool:
 
 
 def _steered(from_s: float, side: DepartureSide | None) -> Iterator[LossOfControl]:
-    sides = [to for to in (DepartureSide.RIGHT, DepartureSide.LEFT) if side in (to, None)]
-    for locked, turned_deg, to in product((None, 0.0), _TURNED_DEG, sides):
-        yield LossOfControl(from_s, wheels_rad=round(SIGN[to] * math.radians(turned_deg), 6), locked_wheels=locked)
+    for locked, turned_deg, to in product((None, 0.0), _TURNED_DEG, _sides_of(side)):
+        yield LossOfControl(from_s, wheels_rad=_turned_rad(to, turned_deg), locked_wheels=locked)
 
 
-def _tripped(from_s: float) -> Iterator[LossOfControl]:
+def _tripped(from_s: float, side: DepartureSide | None) -> Iterator[LossOfControl]:
     yield LossOfControl(from_s, digs_in=True)
+    for turned_deg, to in product(_TURNED_DEG[-2:], _sides_of(side)):
+        yield LossOfControl(from_s, wheels_rad=_turned_rad(to, turned_deg), locked_wheels=0.0, digs_in=True)
     for yaw_rps in _SPINS_RPS:
         yield LossOfControl(from_s, yaw_rps=yaw_rps, locked_wheels=1.0, digs_in=True)
+
+
+def _sides_of(side: DepartureSide | None) -> list[DepartureSide]:
+    return [to for to in (DepartureSide.RIGHT, DepartureSide.LEFT) if side in (to, None)]
+
+
+def _turned_rad(to: DepartureSide, turned_deg: float) -> float:
+    return round(SIGN[to] * math.radians(turned_deg), 6)
 
 
 def _words(loss: LossOfControl) -> str:
