@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from tests.sim.motions import driven, participant, straight
 from tests.sim.test_towing import combination
 from tests.verdict.crashes import STREET
 from trace_dag.crash.codes.bodies import TRACTOR_OF_TRAILER
-from trace_dag.evaluation.drives import drives_of
+from trace_dag.evaluation.drives import STEP_S, course_of, drives_of
 
 RADIUS_M, SPEED_MPS = 20.0, 5.0
 AT = 200  # steps: most of a circle
@@ -41,3 +42,20 @@ def test_a_trailer_goes_on_behind_whoever_pulls_it() -> None:
     assert np.hypot(*towed.course[0, :2]) == pytest.approx(
         trailer.hitch_m - pulls.body.length_m / 2 + trailer.length_m / 2 - trailer.coupling_m
     )
+
+
+def test_one_that_skids_goes_on_as_it_moved_last_at_its_speed_over_the_ground() -> None:
+    """Sideways from 2 s on, when the speed along its heading is nothing; its plan ends at 3 s."""
+    planned = straight(0.0, 0.0, 0.0, 20.0, until_s=3.0)
+    sideways = planned.time_s >= 2.0
+    spun = replace(
+        planned,
+        heading_rad=np.where(sideways, math.pi / 2, 0.0),
+        speed_mps=np.where(sideways, 0.0, planned.speed_mps),
+    )
+    skids = replace(participant(1, spun), skids_from_s=2.0)
+    course = course_of(skids, 8.0)
+    times = np.arange(0.0, 8.05, STEP_S)
+    np.testing.assert_allclose(course[:, 0], 20.0 * times, atol=1e-6)
+    np.testing.assert_allclose(course[:, 4], 20.0, atol=1e-6)
+    np.testing.assert_allclose(course[times > 2.05, 3], math.pi / 2)

@@ -15,7 +15,7 @@ import numpy as np
 from trace_dag.crash.parties import trailer_body
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.lane_map import PathFollower, Route
-from trace_dag.geometry import FloatArray, Pose, arc_lengths
+from trace_dag.geometry import FloatArray, Pose, arc_lengths, gaps_m
 from trace_dag.sim.towing import pulled_body
 from trace_dag.sim.types import Participant
 
@@ -68,8 +68,18 @@ def drives_of(case: Case) -> tuple[Drive, ...]:
     return *parties, *(trailer for each in parties if (trailer := _trailer(each)) is not None)
 
 
+def meets(own: Drive, other: Drive) -> bool:
+    """Return whether two bodies would touch, each on its course."""
+    (x1, y1, _, h1, _), (x2, y2, _, h2, _) = own.course.T, other.course.T
+    (size_1, size_2) = ((each.body.length_m, each.body.width_m) for each in (own.participant, other.participant))
+    return bool((gaps_m((x1, y1, h1), size_1, (x2, y2, h2), size_2) < 0.0).any())
+
+
 def course_of(participant: Participant, end_s: float) -> FloatArray:
-    """A participant's plan every :data:`STEP_S` up to a time, columns as :class:`Drive` has them. Who stands stays."""
+    """Return a participant's plan every :data:`STEP_S` up to a time, columns as :class:`Drive` has them.
+
+    After its end the motion goes on as it was last. The speed of a vehicle that skids is that over the ground.
+    """
     t = participant.trajectory
     times = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
     if len(t.time_s) < 2:
@@ -77,6 +87,10 @@ def course_of(participant: Participant, end_s: float) -> FloatArray:
         return np.tile([pose.x_m, pose.y_m, pose.z_m, pose.heading_rad, 0.0], (len(times), 1))
     columns = (t.x_m, t.y_m, t.z_m, np.unwrap(t.heading_rad), t.speed_mps)
     course = np.column_stack([np.interp(times, t.time_s, values) for values in columns])
+    last_mps = np.diff([t.x_m[-2:], t.y_m[-2:]])[:, 0] / (t.time_s[-1] - t.time_s[-2])
+    course[:, :2] += np.outer(np.maximum(times - t.time_s[-1], 0.0), last_mps)
+    skids = times >= participant.skids_from_s
+    course[skids, 4] = np.hypot(*np.gradient(course[:, :2], STEP_S, axis=0).T)[skids]
     course[:, 3] = np.remainder(course[:, 3] + math.pi, math.tau) - math.pi
     return course
 
