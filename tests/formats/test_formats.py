@@ -25,6 +25,7 @@ from trace_dag.benchmark.export import export
 from trace_dag.errors import UserError
 from trace_dag.evaluation.drives import STEP_S
 from trace_dag.flow.artefacts import ROAD_MAP
+from trace_dag.formats import commonroad as commonroad_form
 from trace_dag.formats import scenarionet
 from trace_dag.formats.sumo import floating_car_data, network_xml
 from trace_dag.roads.map.lane_shapes import lane_shapes
@@ -83,6 +84,23 @@ def test_obstacles_drive_as_recorded_until_the_crash_and_on_as_if_there_were_non
     logged = np.column_stack([np.interp(times, other.time_s, values) for values in (other.x_m, other.y_m)])
     assert np.hypot(*(places[before] - logged).T).max() < 0.5, "what a driver plans and what the wheels do"
     assert len(states) * STEP_S > contact_s + 4.0
+
+
+def test_a_driver_has_a_file_where_its_course_meets_an_obstacle(home, monkeypatch):
+    """The second vehicle drives far from the first, as one does that only a thrown vehicle would have struck."""
+    stored = home[KEY].stored
+    case = commonroad_form.as_driven(stored)
+    away = case.participants[1]
+    moved = replace(away, trajectory=replace(away.trajectory, y_m=away.trajectory.y_m + 500.0))
+    monkeypatch.setattr(
+        commonroad_form, "as_driven", lambda crash: replace(case, participants=(case.participants[0], moved))
+    )
+    with pytest.raises(UserError, match="nobody who drives in it has anything to avoid"):
+        commonroad_form.CommonRoad([KEY]).of_crash(stored)
+
+
+def test_places_have_no_heights_which_the_drivability_checkers_borders_refuse(commonroad):
+    assert not [z for root in commonroad.values() for z in root.iter("z")]
 
 
 def test_lanelets_meet_and_refer_to_what_is_there(commonroad):

@@ -1,9 +1,9 @@
 """CommonRoad scenarios (format 2020a): the road as lanelets, and a planning problem for each driver.
 
-A file per driver. Its planning problem starts as that driver did and has to reach where the vehicle would have been
-without the crash (:class:`trace_dag.evaluation.drives.Goal`); everybody else is an obstacle that drives as recorded,
-without the crash: what agents are evaluated in. Times are steps of :data:`trace_dag.evaluation.drives.STEP_S`, places
-are in the crash's local frame, as in its OpenDRIVE map.
+A file per driver who has something to avoid. Its planning problem starts as that driver did and has to reach where the
+vehicle would have been without the crash (:class:`trace_dag.evaluation.drives.Goal`); everybody else is an obstacle
+that drives as recorded, without the crash: what agents are evaluated in. Times are steps of
+:data:`trace_dag.evaluation.drives.STEP_S`, places are in the crash's local frame, as in its OpenDRIVE map.
 
 A limit is a sign of the lanelets where it holds; stop signs and lights have a stop line. What a light shows is not
 known. Signs, and with them the benchmark's id, are of Zamunda, the format's country for no country in particular: its
@@ -35,6 +35,7 @@ from trace_dag.evaluation.drives import (
     STEP_S,
     Drive,
     drives_of,
+    meets,
 )
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
@@ -66,7 +67,11 @@ _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoN
 
 
 class CommonRoad:
-    """``<key>_V<number>.xml`` for each driver of a crash."""
+    """``<key>_V<number>.xml`` for each driver who leaves the road or would meet somebody, were nobody to react.
+
+    Who was struck by a vehicle that the crash had thrown there, or was struck on the trailer, which a planning problem
+    does not have, has nothing to avoid.
+    """
 
     def __init__(self, keys: Sequence[str]) -> None:
         """Nothing to prepare."""
@@ -75,12 +80,19 @@ class CommonRoad:
         """See :class:`trace_dag.formats.exporter.Exporter`."""
         case, record = as_driven(crash), crash.load(RECORD)
         drives = drives_of(case)
-        drivers = [each for each in drives if each.is_driven]
-        if not drivers:
-            raise UserError("nobody drives in it")
+        tested = {}
+        for own in filter(lambda drive: drive.is_driven, drives):
+            others = [each for each in drives if party_of_body(each.number) != own.number]  # not the own trailer
+            if own.number == case.departed or any(meets(own, each) for each in others):
+                tested[own] = others
+        if not tested:
+            raise UserError("nobody who drives in it has anything to avoid")
         road = _Lanelets(case.network)
         source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
-        return {f"{crash.key}_V{own.number}.xml": _scenario(record, road, own, drives, source) for own in drivers}
+        return {
+            f"{crash.key}_V{own.number}.xml": _scenario(record, road, own, others, source)
+            for own, others in tested.items()
+        }
 
     def beside(self) -> Mapping[str, bytes]:
         """Each file explains itself."""
@@ -239,7 +251,7 @@ def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
     _add(light, "active", "false")
 
 
-def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, drives: Sequence[Drive], source: str) -> bytes:
+def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, others: Sequence[Drive], source: str) -> bytes:
     year, _, number = record.key.partition("-")
     day = date(record.year or record.case_year, record.month or 1, record.day or 1)
     root = _root(f"{_COUNTRY}_Fars{year}x{number}V{own.number}-1_1_T-1", source, day)
@@ -247,7 +259,6 @@ def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, drives: Sequence
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
     road.write_into(root)
     next_id = road.next_id
-    others = [each for each in drives if party_of_body(each.number) != own.number]  # it pulls its own trailer
     for each in sorted(others, key=lambda each: not each.is_parked):  # those that stand come first
         _add_obstacle(root, next_id, each)
         next_id += 1
@@ -333,7 +344,7 @@ def _add_position(element: etree._Element, state: FloatArray) -> None:
 
 def _add_point(element: etree._Element, place: FloatArray) -> None:
     point = etree.SubElement(element, "point")
-    for name, value in zip("xyz", place, strict=False):
+    for name, value in zip("xy", place[:2], strict=True):  # readers refuse borders that have heights
         _add(point, name, _number(value))
 
 
