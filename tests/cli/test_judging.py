@@ -88,7 +88,7 @@ def test_another_set_of_rules_can_judge_without_a_new_run(root: Path) -> None:
 
 
 def test_controls_need_verdicts(tmp_path: Path) -> None:
-    done = trace_dag(tmp_path / "empty", "controls")
+    done = trace_dag(tmp_path, "controls")
     assert done.returncode == 2
     assert "no crash is registered" in done.stderr
 
@@ -164,6 +164,17 @@ def test_changed_reports_go_through_all_stages_again(root: Path, verified: list[
     assert {row["final_state"] for row in found} <= {"verified", "rejected"}
     (count,) = asked(root, "SELECT count(*) AS n FROM perturbed_controls")
     assert count["n"] == len(found)
+
+
+def test_a_changed_report_that_says_too_little_is_refused(root: Path, verified: list[str]) -> None:
+    kinds = ("blank", "tree_event_code", "type_single")
+    done = trace_dag(root, "controls", "--perturbed", "--only", *verified, "--json", "--kinds", *kinds)
+    assert done.returncode == 0, done.stderr
+    refused = [row for row in json.loads(done.stdout) if row["stage_reached"] == "crash_record"]
+    assert {"2023-319003"} <= {row["key"] for row in refused}
+    assert {(row["final_state"], row["accepted"], row["own_accepted"]) for row in refused} == {
+        ("rejected", False, False)
+    }
 
 
 def test_a_perturbation_there_is_not_is_said(root: Path) -> None:

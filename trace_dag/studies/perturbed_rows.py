@@ -49,9 +49,10 @@ class PerturbedRow:
     """One changed report of one crash, and what came of it.
 
     ``accepted`` is None where nothing was judged: no map covers the place, or a stage failed. ``own_accepted``: whether
-    the unchanged simulation is accepted by the changed report, the location left its own. ``moved_m``: the changed
-    report's place from the crash's. ``same_street``: whether the place lies on a street the report names; for reports
-    set down elsewhere alone. ``support`` and ``grade`` are the verdict's, None where it has none.
+    the unchanged simulation is accepted by the changed report, the location left its own; no if its record is rejected.
+    ``moved_m``: the changed report's place from the crash's. ``same_street``: whether the place lies on a street the
+    report names; for reports set down elsewhere alone. ``support`` and ``grade`` are the verdict's, None where it has
+    none.
     """
 
     key: str
@@ -169,7 +170,7 @@ class _Perturbation:
             record = files.load(RECORD)
             row = replace(
                 row,
-                own_accepted=self._own_accepted(record),
+                own_accepted=self._own_accepted(record, records[Stage.CRASH_RECORD].outcome),
                 moved_m=_apart_m(self._judged.record, record),
                 same_street=point.same_street if point else self._is_named_here(record),
             )
@@ -184,7 +185,9 @@ class _Perturbation:
             return None
         return is_same_street(_reported_names(record), self._names_here())
 
-    def _own_accepted(self, record: CrashRecord) -> bool | None:
+    def _own_accepted(self, record: CrashRecord, outcome: Outcome) -> bool | None:
+        if outcome is not Outcome.ACCEPTED:
+            return False  # The changed report says too little to be judged, by any simulation.
         crash = self._judged
         if self._change.other is not None:
             foreign = in_place_of(record, crash.record)
