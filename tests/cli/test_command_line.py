@@ -8,11 +8,15 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import pandas as pd
 import pytest
 from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
+
+from trace_dag.cli.main import cli
 
 
 @pytest.mark.parametrize(
@@ -71,12 +75,32 @@ def test_unusable_inputs_of_ingest_are_named(tmp_path):
     assert json.loads(trace_dag(tmp_path / "root", "status", "--json").stdout)["crashes"] == {}, "nothing registered"
 
 
-@pytest.mark.parametrize("looking", [["status"], ["show", "2023-319003"], ["sql", "SELECT 1"]])
-def test_a_root_that_is_not_there_is_said_and_not_made(tmp_path, looking):
-    done = trace_dag(tmp_path / "mistyped", *looking)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+def commands_with_a_root(group: click.Group) -> Iterator[tuple[list[str], click.Command]]:
+    """All commands but those that begin a root or need none, by what is typed."""
+    for name, command in group.commands.items():
+        if isinstance(command, click.Group):
+            yield from (([name, *words], found) for words, found in commands_with_a_root(command))
+        elif name not in ("demo", "ingest", "map", "settings", "plugins", "validate-simulator"):
+            yield [name], command
+
+
+@pytest.mark.parametrize(("words", "command"), list(commands_with_a_root(cli)), ids=str)
+def test_a_root_that_is_not_there_is_said_and_not_made(tmp_path, words, command):
+    options = {"release": ["--version", "1"], "rerun": ["--failed"], "osmium": ["--output", str(tmp_path / "x.json")]}
+    values = ["2023-319003" for each in command.params if isinstance(each, click.Argument) and each.required]
+    if words[-1] in ("compare-published", "add"):
+        values = [str(SAMPLE if words[-1] == "compare-published" else SAMPLE / "truth.json")]
+    done = trace_dag(tmp_path / "mistyped", *words, *values, *options.get(words[-1], []))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert "there is nothing there" in done.stderr
     assert not (tmp_path / "mistyped").exists()
+
+
+def test_a_disk_that_is_not_mounted_does_not_agree(tmp_path):
+    done = trace_dag(tmp_path, "verify")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "mounted" in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_unreadable_root_is_one_line(tmp_path):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.options import ManyValuesCommand, examples, pass_root
 from trace_dag.cli.printing import one_line, print_table, say, write_json
 from trace_dag.errors import Failure, UserError
 from trace_dag.messages.logs import print_problem
@@ -38,7 +38,7 @@ def cohort() -> None:
     ),
 )
 @click.option("--json", "as_json", is_flag=True, help="As JSON.")
-@click.pass_obj
+@pass_root
 def list_cohorts(root: str, as_json: bool) -> None:
     """List the cohorts with their crashes and maps."""
     from trace_dag.cohorts.registry import Registry
@@ -72,14 +72,14 @@ def list_cohorts(root: str, as_json: bool) -> None:
 )
 @click.argument("name")
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash and map included, as JSON.")
-@click.pass_obj
+@pass_root
 def show(root: str, name: str, as_json: bool) -> None:
     """Show a cohort's crashes, their kinds and where they come from."""
     from trace_dag.cohorts.listings import kinds_of
     from trace_dag.cohorts.registry import Registry
     from trace_dag.storage.files import Storage
 
-    storage = Storage.open(root)
+    storage = Storage.open(root, to_read=True)
     found = Registry(storage).cohort(name)
     kinds = kinds_of(storage, found.reports)
     if as_json:
@@ -118,7 +118,7 @@ def show(root: str, name: str, as_json: bool) -> None:
 )
 @click.option("--cohort", "name", help="Only of this cohort.")
 @click.option("--drop", multiple=True, metavar="FILE", help="Leave this map file out from now on; its path or name.")
-@click.pass_obj
+@pass_root
 def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     """List the map files of the cohorts, or leave some out.
 
@@ -128,7 +128,7 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     from trace_dag.cohorts.registry import Registry
     from trace_dag.storage.files import Storage
 
-    storage = Storage.open(root)
+    storage = Storage.open(root, to_read=not drop)
     registry = Registry(storage)
     if drop:
         for cohort_name, files in registry.drop_maps(drop, name).items():
@@ -151,7 +151,7 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
 @click.argument("name")
 @click.option("--output", required=True, type=click.Path(dir_okay=False, path_type=Path), help="File to write.")
 @click.option("--map", "map_name", default="crashes.osm.pbf", show_default=True, help="What osmium is to call the map.")
-@click.pass_obj
+@pass_root
 def osmium(root: str, name: str, output: Path, map_name: str) -> None:
     """Write the configuration with which osmium extract cuts a cohort's places out of a country's map.
 
@@ -189,7 +189,7 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
 @click.argument("name")
 @click.option("--only", multiple=True, metavar="KEY", help="Take away only these of its crashes.")
 @click.option("--artefacts", is_flag=True, help="Delete what was made of the crashes, too.")
-@click.pass_obj
+@pass_root
 def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None:
     """Take away a cohort, or some of its crashes, and their partitions.
 

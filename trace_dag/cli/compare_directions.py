@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from trace_dag.cli.compare_estimators import only_cohort
-from trace_dag.cli.options import examples, execution_overrides, executor_options
+from trace_dag.cli.options import examples, execution_overrides, executor_options, pass_root
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_bar
 
@@ -16,7 +16,7 @@ from trace_dag.cli.progress import progress_bar
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0), help="Of the draw.")
 @click.option("--json", "as_json", is_flag=True, help="Every crash, as JSON.")
 @executor_options
-@click.pass_obj
+@pass_root
 def compare_directions(
     root: str, cohort: str | None, sample: int, seed: int, as_json: bool, executor: str | None, workers: int | None
 ) -> None:

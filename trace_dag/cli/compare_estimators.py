@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import examples, execution_overrides, executor_options
+from trace_dag.cli.options import examples, execution_overrides, executor_options, pass_root
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.study import into_warehouse
@@ -41,7 +41,7 @@ _WITHOUT_KEY = (
 )
 @click.option("--json", "as_json", is_flag=True, help="Every crash of every estimator, as JSON.")
 @executor_options
-@click.pass_obj
+@pass_root
 def compare_estimators(
     root: str,
     estimators: str | None,

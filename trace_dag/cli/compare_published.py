@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
 from trace_dag.messages.logs import print_problem
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @click.option("--cohort", help="The cohort that holds the same cases; else each by itself.")
 @rules_option
 @click.option("--json", "as_json", is_flag=True, help="Every crash of both, as JSON.")
-@click.pass_obj
+@pass_root
 def compare_published(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None, as_json: bool) -> None:
     """Run a published benchmark's scenarios on its own maps, judged by the same rules, beside ours.
 

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options
+from trace_dag.cli.options import (
+    ManyValuesCommand,
+    examples,
+    execution_overrides,
+    executor_options,
+    pass_root,
+)
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
@@ -42,7 +48,7 @@ if TYPE_CHECKING:
 @click.option("--draws", default=1, show_default=True, type=click.IntRange(min=1), help="Of each change that is drawn.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0), help="Of what --perturbed draws.")
 @executor_options
-@click.pass_obj
+@pass_root
 def controls(
     root: str,
     cohort: str | None,

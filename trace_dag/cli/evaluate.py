@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, Within, agent_arguments, examples, traffic_option
+from trace_dag.cli.options import (
+    ManyValuesCommand,
+    Within,
+    agent_arguments,
+    examples,
+    pass_root,
+    traffic_option,
+)
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
@@ -110,7 +117,7 @@ _FAULTS_SHOWN = 5
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")
 @click.option("--remove", metavar="NAME", help="Delete the evaluations of this agent, and do nothing else.")
 @click.option("--json", "as_json", is_flag=True, help="Every evaluation, as JSON.")
-@click.pass_obj
+@pass_root
 def evaluate(
     root: str,
     agents: tuple[str, ...],

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.options import ManyValuesCommand, examples, pass_root
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_of
 from trace_dag.messages.wording import counted
@@ -33,7 +33,7 @@ from trace_dag.messages.wording import counted
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes, such as 2023-510179.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), help="Where to; else ./NAME.")
-@click.pass_obj
+@pass_root
 def export(root: str, export_format: str, cohort: str | None, only: tuple[str, ...], output: Path | None) -> None:
     """Write the verified crashes out, for use without this program.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say
 from trace_dag.cli.study import into_warehouse
 from trace_dag.messages.wording import counted
@@ -20,7 +20,7 @@ def leaderboard() -> None:
 
 @leaderboard.command(epilog=examples("trace-dag leaderboard weighted trace-bench.json"))
 @click.argument("bench", type=click.Path(dir_okay=False, path_type=Path))
-@click.pass_obj
+@pass_root
 def weighted(root: str, bench: Path) -> None:
     """How often each agent avoids the crash, as it is and with the weights of a release made with --national.
 
@@ -44,7 +44,7 @@ def weighted(root: str, bench: Path) -> None:
 
 @leaderboard.command(epilog=examples("trace-dag leaderboard add results.json"))
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
-@click.pass_obj
+@pass_root
 def add(root: str, file: Path) -> None:
     """Check a file of evaluate --results against the crashes of this root, and enter it.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say, write_json
 
 
@@ -20,7 +20,7 @@ from trace_dag.cli.printing import print_table, say, write_json
 @click.argument("tables", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--cohort", "cohorts", multiple=True, help="Only the stored crashes of this cohort; all by default.")
 @click.option("--json", "as_json", is_flag=True, help="Every kind, as JSON.")
-@click.pass_obj
+@pass_root
 def national_coverage(root: str, tables: tuple[Path, ...], cohorts: tuple[str, ...], as_json: bool) -> None:
     """Estimate the share of a country's fatal crashes that can be reconstructed.
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
 from trace_dag.errors import UserError
@@ -15,7 +15,7 @@ from trace_dag.messages.logs import print_problem
 
 @click.command("open", epilog=examples("trace-dag open", "trace-dag open 2023-510179"))
 @click.argument("key", required=False)
-@click.pass_obj
+@pass_root
 def open_page(root: str, key: str | None) -> None:
     """Open the benchmark page in a browser, or the page of one crash, and print where it is.
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import click
 
@@ -81,6 +82,20 @@ class Within(click.FloatRange):
         if math.isnan(number):
             self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
         return number
+
+
+def pass_root(command: F) -> F:
+    """Pass a command the storage root, once there is one: demo, ingest and map alone begin where nothing is."""
+
+    @click.pass_obj
+    @wraps(command)
+    def on_root(root: str, /, *arguments: Any, **options: Any) -> Any:
+        from trace_dag.storage.files import Storage
+
+        Storage.open(root, to_read=True)
+        return command(root, *arguments, **options)
+
+    return cast("F", on_root)
 
 
 def stage_option(*names: str, help: str) -> Callable[[F], F]:

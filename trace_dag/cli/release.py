@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.study import into_warehouse
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="FARS's accident table of a whole year (CSV or ZIP): weigh the crashes to the country's.",
 )
-@click.pass_obj
+@pass_root
 def release(
     root: str,
     version: str,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import agent_arguments, examples, traffic_option
+from trace_dag.cli.options import agent_arguments, examples, pass_root, traffic_option
 from trace_dag.cli.printing import say
 from trace_dag.storage.disk_errors import naming
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 )
 @traffic_option
 @click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="Where to; else ./replay-KEY.FORMAT.")
-@click.pass_obj
+@pass_root
 def replay(
     root: str,
     key: str,

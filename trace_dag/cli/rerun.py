@@ -11,6 +11,7 @@ from trace_dag.cli.options import (
     estimator_option,
     examples,
     executor_options,
+    pass_root,
     run_overrides,
     stage_option,
 )
@@ -34,7 +35,7 @@ from trace_dag.stage import Stage
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes; by itself, all their stages.")
 @estimator_option
 @executor_options
-@click.pass_obj
+@pass_root
 def rerun(
     root: str,
     failed: bool,

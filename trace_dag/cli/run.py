@@ -11,6 +11,7 @@ from trace_dag.cli.options import (
     estimator_option,
     examples,
     executor_options,
+    pass_root,
     run_overrides,
     stage_option,
 )
@@ -30,7 +31,7 @@ from trace_dag.stage import Stage
 @stage_option("--from", "first", help="Compute this stage and all after it again, changed or not.")
 @estimator_option
 @executor_options
-@click.pass_obj
+@pass_root
 def run(
     root: str,
     cohort: str | None,

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.sample import sample_folder
 from trace_dag.errors import DamagedFile, UserError
@@ -22,7 +22,7 @@ from trace_dag.stage import Stage
     ),
 )
 @click.option("--json", "as_json", is_flag=True, help="Every vehicle of every crash, as JSON.")
-@click.pass_obj
+@pass_root
 def score_truth(root: str, as_json: bool) -> None:
     """Compare the estimates of the bundled sample with the truth it was made from."""
     from trace_dag.cli.problems import Problems

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say, write_json
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _FIRST = 3  # figures that stand before all else
 @click.command(epilog=examples("trace-dag show 2023-510179"))
 @click.argument("key")
 @click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
-@click.pass_obj
+@pass_root
 def show(root: str, key: str, as_json: bool) -> None:
     """Show one crash: what happened, where it stands and why, what can be done, and where its files are."""
     from trace_dag.flow.crash_status import crash_status, valid_records

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say, write_csv, write_json
 from trace_dag.cli.row_files import FORMATS, PRINTED, write_rows
 from trace_dag.errors import UserError
@@ -34,7 +34,7 @@ from trace_dag.storage.disk_errors import naming
     type=click.Path(dir_okay=False, path_type=Path),
     help=f"The file to write: {', '.join(f'.{name}' for name in FORMATS)}.",
 )
-@click.pass_obj
+@pass_root
 def sql(root: str, query: str, output: str | None, path: Path | None) -> None:
     """Ask the warehouse in SQL (DuckDB), read-only.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import one_line, print_stale, print_statuses, print_table, say, write_json
 from trace_dag.messages.logs import print_problem
 
@@ -25,7 +25,7 @@ _MOST_SHOWN = 20
 )
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash included, as JSON.")
 @click.option("--cohort", help="Only crashes of this cohort.")
-@click.pass_obj
+@pass_root
 def status(root: str, as_json: bool, cohort: str | None) -> None:
     """Show the funnel and where each crash stands, from what is stored."""
     from trace_dag.flow.batch import stale_results

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table
 from trace_dag.errors import UserError
 
 
 @click.command(epilog=examples("trace-dag tables", "trace-dag tables verdicts"))
 @click.argument("table", required=False)
-@click.pass_obj
+@pass_root
 def tables(root: str, table: str | None) -> None:
     """List the tables and views of the warehouse with their meaning, or the columns of one of them."""
     from trace_dag.flow.workspace import Workspace

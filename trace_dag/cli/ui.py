@@ -8,7 +8,7 @@ import sys
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.errors import UserError
 
 
@@ -24,7 +24,7 @@ from trace_dag.errors import UserError
     "--allow-host", "allowed", multiple=True, metavar="NAME", help="A further name it is reached by, as by a proxy."
 )
 @click.option("--read-only", is_flag=True, help="To look at: nothing can be run, changed or deleted.")
-@click.pass_obj
+@pass_root
 def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: bool) -> None:
     """Open the Dagster UI on this storage root: the web server, and the daemon that runs what is launched there.
 

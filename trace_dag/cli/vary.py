@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, Within, examples
+from trace_dag.cli.options import ManyValuesCommand, Within, examples, pass_root
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
@@ -51,7 +51,7 @@ _SHARE, _SECONDS, _METRES = Within(0, 1, max_open=True), Within(0, 60), Within(0
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), help="Write a package of each there, too.")
 @click.option("--json", "as_json", is_flag=True, help="What came of each crash, as JSON.")
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")
-@click.pass_obj
+@pass_root
 def vary(
     root: str,
     count: int,

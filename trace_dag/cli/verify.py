@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import one_line, print_stale, print_table, say, write_json
 from trace_dag.cli.progress import progress_bar
 from trace_dag.messages.logs import print_problem
@@ -32,7 +32,7 @@ _SHOWN = 50
 @click.option("--repair", is_flag=True, help="Mend what can be, then look again.")
 @click.option("--contents", is_flag=True, help="Read every file and compare its SHA-256, not only its size.")
 @click.option("--json", "as_json", is_flag=True, help="Every disagreement, as JSON.")
-@click.pass_obj
+@pass_root
 def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     """Prove that the stored files, Dagster's records and the warehouse agree, or list where they do not.
 
@@ -43,12 +43,16 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     from trace_dag.assets.verify import repair_dagster
     from trace_dag.benchmark.verify import repair_benchmark
     from trace_dag.definitions.launch import dagster_records, summarise
+    from trace_dag.errors import UserError
     from trace_dag.flow.verify import DisagreementKind, Quarantine, repair_storage
     from trace_dag.flow.workspace import Workspace
+    from trace_dag.stage import Stage
     from trace_dag.warehouse.build import is_outdated
 
     workspace = Workspace.open(root)
     storage = workspace.storage
+    if not any(map(storage.list, ("cohorts", *Stage))):  # as where a disk is not mounted
+        raise UserError(f"verify: {storage.root} holds no cohort and no result; see that its disk is mounted")
     with dagster_records(workspace) as instance:
         report, found = _look(storage, workspace, instance, contents)
         before = found
