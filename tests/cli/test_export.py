@@ -18,7 +18,7 @@ from sample_runs import trace_dag
 
 from tests.roads.judges import official_check
 from tests.scenario.player import Scenario
-from trace_dag.benchmark.export import export, verified_keys
+from trace_dag.benchmark.export import accepted_keys, export
 from trace_dag.errors import UserError
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
@@ -168,12 +168,12 @@ def test_what_is_exported_already_is_left_alone(root: Path, packages: dict[str, 
 
 def test_only_verified_crashes_are_exported(root: Path) -> None:
     workspace = Workspace.open(str(root), FLOW)
-    rejected = sorted(set(workspace.registry.keys()) - set(verified_keys(workspace)))
+    rejected = sorted(set(workspace.registry.keys()) - set(accepted_keys(workspace)))
     assert rejected
     with pytest.raises(UserError, match=f"{rejected[0]}: not verified"):
-        verified_keys(workspace, only=[rejected[0]])
+        accepted_keys(workspace, only=[rejected[0]])
     with pytest.raises(UserError, match="is not a crash key"):
-        verified_keys(workspace, only=["2023-319003/../../x"])
+        accepted_keys(workspace, only=["2023-319003/../../x"])
 
 
 def test_the_published_layout_gives_the_same_verdicts(root: Path, packages: dict[str, Path], tmp_path: Path) -> None:

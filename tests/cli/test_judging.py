@@ -12,7 +12,7 @@ from sample_runs import asked, trace_dag
 
 from trace_dag.roads.map.writer import write_opendrive
 
-VERIFIED = "SELECT key FROM verdicts WHERE accepted ORDER BY key"
+VERIFIED = "SELECT key FROM verdicts WHERE label = 'verified' ORDER BY key"
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_controls_enter_the_warehouse(root: Path, verified: list[str]) -> None:
     assert done.returncode == 0, done.stderr
     assert "another crash's report" in done.stdout
     rows = asked(
-        root, "SELECT kind, count(*) AS n, avg(accepted::INTEGER) AS rate FROM negative_controls GROUP BY kind"
+        root, "SELECT kind, count(*) AS n, avg(verified::INTEGER) AS rate FROM negative_controls GROUP BY kind"
     )
     found = {row["kind"]: row for row in rows}
     assert found["other_report"]["n"] == len(verified) * (len(verified) - 1)
@@ -75,7 +75,7 @@ def test_of_a_large_cohort_so_many_meet_each_other(root: Path) -> None:
 
 
 def test_another_set_of_rules_can_judge_without_a_new_run(root: Path) -> None:
-    accepted = "SELECT rule_set, count(*) FILTER (accepted) AS n FROM negative_controls WHERE kind = {} GROUP BY 1"
+    accepted = "SELECT rule_set, count(*) FILTER (verified) AS n FROM negative_controls WHERE kind = {} GROUP BY 1"
     others = {}
     for rules in ("trace-dag", "strict"):
         assert trace_dag(root, "controls", "--rules", rules).returncode == 0
@@ -157,11 +157,11 @@ def test_changed_reports_go_through_all_stages_again(root: Path, verified: list[
     assert stored() == before
     for key in verified[:2]:
         same = rows[key, "nothing"]
-        assert (same["final_state"], same["own_accepted"], same["moved_m"]) == ("verified", True, 0.0)
-        assert not rows[key, "clocks_6h"]["own_accepted"]
+        assert (same["final_state"], same["own_verified"], same["moved_m"]) == ("verified", True, 0.0)
+        assert not rows[key, "clocks_6h"]["own_verified"]
         assert rows[key, "moved_30m_n"]["moved_m"] == pytest.approx(30.0, abs=0.01)
         assert rows[key, "foreign_site"]["other_key"] in set(verified) - {key}
-    assert {row["final_state"] for row in found} <= {"verified", "rejected"}
+    assert {row["final_state"] for row in found} <= {"verified", "first_event_only", "rejected"}
     (count,) = asked(root, "SELECT count(*) AS n FROM perturbed_controls")
     assert count["n"] == len(found)
 

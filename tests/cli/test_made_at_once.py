@@ -57,7 +57,7 @@ def test_a_worker_makes_what_would_be_made_later(workspace: Workspace) -> None:
     assert made_of(files.records) == made[VERIFIED].made_of
     for name in names:
         workspace.storage.delete(name)
-    assert make_files(files, verified=True) == made[VERIFIED].files  # sizes and SHA-256 are the same
+    assert make_files(files, accepted=True) == made[VERIFIED].files  # sizes and SHA-256 are the same
 
 
 def test_it_is_noted_until_the_benchmark_lists_it(workspace: Workspace) -> None:

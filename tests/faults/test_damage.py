@@ -12,7 +12,7 @@ import duckdb
 import pytest
 from sample_runs import finished, trace_dag
 
-from trace_dag.benchmark.export import export, verified_keys
+from trace_dag.benchmark.export import accepted_keys, export
 from trace_dag.benchmark.release import build_release
 from trace_dag.benchmark.verify import verify_benchmark
 from trace_dag.cohorts.registry import Registry
@@ -104,7 +104,7 @@ def test_a_damaged_map_costs_its_crash_and_no_other(root: Path, tmp_path: Path, 
     workspace = Workspace.open(str(root), FLOW)
     damage(root / f"road_map/{KEY}.xodr")
     heard: list[str] = []
-    others = [key for key in verified_keys(workspace) if key != KEY]
+    others = [key for key in accepted_keys(workspace) if key != KEY]
     export(workspace, [KEY, others[0]], tmp_path / "out", "packages", on_problem=lambda each: heard.append(str(each)))
     assert [folder.name for folder in (tmp_path / "out").iterdir()] == others[:1]
     rows = negative_controls(workspace, "sample", most=2, on_problem=lambda each: heard.append(str(each)))
@@ -126,7 +126,7 @@ def test_the_command_names_the_crash_does_the_rest_and_its_remedy_works(root: Pa
     assert remedy == ["run", "--only", KEY, "--from", "road_map"]
     assert trace_dag(root, *remedy).returncode == 0
     assert (root / f"road_map/{KEY}.xodr").read_bytes() == whole
-    assert KEY in verified_keys(Workspace.open(str(root), FLOW))
+    assert KEY in accepted_keys(Workspace.open(str(root), FLOW))
     assert trace_dag(root, "verify", "--contents").returncode == 0
 
 

@@ -47,9 +47,10 @@ def test_every_crash_is_in_exactly_one_final_state(make_workspace):
         ("mapped", 4),
         ("estimated", 4),
         ("collided", 3),
+        ("accepted", 1),
         ("verified", 1),
     ]
-    assert [step.published for step in funnel(crashes.values())] == [100, None, 65, None, None, 52]
+    assert [step.published for step in funnel(crashes.values())] == [100, None, 65, None, None, 52, None]
 
 
 def test_a_later_stage_built_on_something_replaced_does_not_count(make_workspace, tmp_path):

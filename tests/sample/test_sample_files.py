@@ -44,7 +44,7 @@ TRAJECTORIES = {
 
 
 def _reconstructable(truth: SampleTruth) -> list[str]:
-    return [crash.key for crash in truth.crashes if crash.expected.final_state == "verified"]
+    return [crash.key for crash in truth.crashes if crash.expected.final_state in ("verified", "first_event_only")]
 
 
 def _crash_of(sample: Path, key: str) -> ElementTree.Element:

@@ -9,7 +9,7 @@ def crash(number: int, **changes: Any) -> dict[str, Any]:
     """A row of the table of crashes, one of many around a town."""
     return {
         "key": f"2023-{510001 + number}",
-        "final_state": ("verified", "rejected", "failed", "pending")[number % 4],
+        "final_state": ("verified", "first_event_only", "rejected", "failed", "pending")[number % 5],
         "stage_reached": "verdict",
         "reason": "crash_off_road" if number % 4 == 1 else None,
         "detail": None,

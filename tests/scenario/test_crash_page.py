@@ -25,6 +25,7 @@ from trace_dag.verdict.types import (
     Fact,
     Grade,
     Happening,
+    Label,
     Reservation,
     Support,
     Verdict,
@@ -42,7 +43,7 @@ SUPPORT = Support(
 VERDICT = Verdict(
     "2023-510001",
     "trace-dag",
-    True,
+    Label.VERIFIED,
     0,
     1,
     (
@@ -150,7 +151,7 @@ def test_who_struck_a_person_is_left_open_where_no_event_tells():
 
 def test_what_did_not_happen_is_not_said_as_if_it_had():
     stays = Criterion("overturn", 0.0, 1.0, "", False, Reason.NO_OVERTURN, "vehicle 1 does not overturn", 1, 2)
-    verdict = replace(VERDICT, accepted=False, criteria=(stays,), reason=Reason.NO_OVERTURN)
+    verdict = replace(VERDICT, label=Label.REJECTED, criteria=(stays,), reason=Reason.NO_OVERTURN)
     page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=verdict))
     against = seen(page.get_element_by_id("against").getparent())
     assert "Vehicle 1 does not overturn" in against

@@ -94,5 +94,5 @@ def test_the_other_side_is_rejected() -> None:
     h = verdict.hypothesis
     judged = JudgedCrash(crash, STREET, made.hypotheses[h], logs[h])
     row = row_of_change(judged, "mirrored", mirrored_departure(judged))
-    assert row.accepted is False
+    assert row.verified is False
     assert row.reason in (Reason.WRONG_SIDE, Reason.NO_DEPARTURE, Reason.NO_OVERTURN)

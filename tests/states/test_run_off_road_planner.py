@@ -160,7 +160,7 @@ def test_the_other_side_and_a_moved_object_are_rejected(code: int) -> None:
     crash = judged_crash(left_road(code))
     mirrored = row_of_change(crash, "mirrored", mirrored_departure(crash))
     moved = row_of_change(crash, "moved", object_moved(crash, VerdictSettings()))
-    assert (mirrored.accepted, moved.accepted) == (False, False)
+    assert (mirrored.verified, moved.verified) == (False, False)
     assert mirrored.reason in (Reason.WRONG_SIDE, Reason.NO_DEPARTURE)
     assert moved.reason in (Reason.WRONG_LOCATION, Reason.NO_COLLISION)
 
@@ -168,7 +168,7 @@ def test_the_other_side_and_a_moved_object_are_rejected(code: int) -> None:
 def test_a_report_of_another_object_does_not_pass_for_the_own_one() -> None:
     crashes = [judged_crash(replace(left_road(code), key=f"2023-{code}")) for code in (TREE, POLE)]
     rows = changed_reports(crashes[0], crashes, VerdictSettings())
-    assert [(row.kind, row.other_key, row.reports_differ, row.accepted) for row in rows] == [
+    assert [(row.kind, row.other_key, row.reports_differ, row.verified) for row in rows] == [
         ("other_report", "2023-30", True, False)
     ]
 

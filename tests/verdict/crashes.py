@@ -152,5 +152,5 @@ def row_of_change(crash: JudgedCrash, name: str, changed: ChangedPlan | None) ->
 
 def acceptance_rate(rows: Sequence[ControlRow]) -> float | None:
     """Share accepted of the rows to which the control applies; None if there are none."""
-    judged = [row.accepted for row in rows if row.accepted is not None]
+    judged = [row.verified for row in rows if row.verified is not None]
     return sum(judged) / len(judged) if judged else None

@@ -134,7 +134,7 @@ def test_a_parked_vehicle_that_is_moved_aside_is_missed() -> None:
     assert abs(moved.initial_pose.y_m + 4.7) == pytest.approx(3.0)
     assert (moved.trajectory.y_m == moved.initial_pose.y_m).all()
     row = row_of_change(parked, "moved", changed)
-    assert (row.accepted, row.reason, row.shift_s) == (False, Reason.NO_COLLISION, None)
+    assert (row.verified, row.reason, row.shift_s) == (False, Reason.NO_COLLISION, None)
 
 
 # --- controls --------------------------------------------------------------------------------------------------------
@@ -144,7 +144,7 @@ def crash(report: CrashRecord) -> JudgedCrash:
 
 def test_one_contact_dropped_and_two_swapped_are_refused() -> None:
     rows = list(changed_reports(crash(queue_report()), [], SETTINGS))
-    assert [(row.kind, row.accepted) for row in rows] == [("dropped", False), ("dropped", False), ("swapped", False)]
+    assert [(row.kind, row.verified) for row in rows] == [("dropped", False), ("dropped", False), ("swapped", False)]
 
 
 def test_what_is_dropped_and_swapped() -> None:
@@ -168,7 +168,7 @@ def test_another_report_is_refused_where_it_says_something_else() -> None:
     struck_in_front = queue_report(contact(1, 1, 12, 2, 12), contact(2, 2, 12, 3, 6), key="2023-4")
     others = [crash(report) for report in (alike, star, struck_in_front)]
     rows = [row for row in changed_reports(crash(queue_report()), others, SETTINGS) if row.kind == "other_report"]
-    assert [(row.other_key, row.reports_differ, row.accepted) for row in rows] == [
+    assert [(row.other_key, row.reports_differ, row.verified) for row in rows] == [
         ("2023-2", False, True),
         ("2023-3", True, False),
         ("2023-4", True, False),

@@ -10,12 +10,14 @@ from tests.verdict.crashes import CROSSROADS, STREET, simulated
 from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HEAD_ON, HEAD_ON_RECORD, REPORT
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import check
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord, Heading, Moment, Octant, PreCrashMovement
 from trace_dag.errors import Reason, Rejection
 from trace_dag.settings import CrashSettings, VerdictSettings
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.observation import observe_crash
-from trace_dag.verdict.reservations import reservations_about
+from trace_dag.verdict.reservations import reservations_about, shortfalls
+from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, Verdict
 
 
@@ -76,7 +78,9 @@ def test_a_register_without_areas_is_judged_without_them_and_never_corroborated(
     verdict = judged(HEAD_ON, headed(without_areas, Octant.EAST, Octant.WEST))
     assert verdict.accepted
     hypothesis, log = simulated(*HEAD_ON)
-    found = reservations_about(without_areas, REPORT, None, observe_crash(STREET, hypothesis, log), ())
+    seen = observe_crash(STREET, hypothesis, log)
+    beside = Comparison.of(without_areas, sequence_of(without_areas), seen, VerdictSettings())
+    found = reservations_about(without_areas, REPORT, beside)
     assert Doubt.NO_AREAS in {each.doubt for each in found}
 
 
@@ -95,6 +99,6 @@ def test_a_harmless_impact_is_no_doubt_where_nobody_was_killed():
     )
     seen = observe_crash(STREET, hypothesis, gentle)
     hurt = replace(HEAD_ON_RECORD, register="town", injury_code=2)
-    assert Doubt.HARMLESS not in {each.doubt for each in reservations_about(hurt, REPORT, None, seen, ())}
+    assert shortfalls(hurt, seen, ()) == ()
     killed = replace(hurt, injury_code=4)
-    assert Doubt.HARMLESS in {each.doubt for each in reservations_about(killed, REPORT, None, seen, ())}
+    assert [each.doubt for each in shortfalls(killed, seen, ())] == [Doubt.HARMLESS]

@@ -42,8 +42,8 @@ def seen(
     turns_deg: Sequence[float] = (0.0, 0.0),
     apart_deg: float = 180.0,
 ) -> ObservedCrash:
-    """The two cars, but with the contact so far from the reported point, so many clock positions outside the reported
-    front, turned so far, and with that angle between their approaches."""
+    """The two cars, but with the contact so far from the reported point, so many clock positions from the middle of the
+    reported front, turned so far, and with that angle between their approaches."""
     real = simulated_once()
     contact = replace(real.events[0].contact, x_m=distance_m, y_m=0.0)
     (happening,) = happenings([contact])
@@ -53,8 +53,8 @@ def seen(
         (1, 2), clock_errors, bearing_errors, turns_deg, (0.0, apart_deg), strict=True
     ):
         clocks = {
-            "clock_h": (FRONT.clock_h + HALF_AREA_H + error) % 12,
-            "bearing_clock_h": (FRONT.clock_h + HALF_AREA_H + bearing) % 12,
+            "clock_h": (FRONT.clock_h + error) % 12,
+            "bearing_clock_h": (FRONT.clock_h + bearing) % 12,
         }
         sides[number] = replace(event.sides[number], **clocks)
         vehicles[number] = replace(

@@ -46,7 +46,7 @@ def test_another_persons_report_is_refused_where_it_says_something_else(
 ) -> None:
     (row,) = changed_reports(judged(), [other(fields)], SETTINGS)
     assert (row.kind, row.other_key, row.reports_differ) == ("other_report", "2023-2", differ)
-    assert row.accepted is not differ
+    assert row.verified is not differ
 
 
 def test_reports_of_another_kind_or_length_are_not_set_beside_it() -> None:
@@ -87,12 +87,12 @@ def late(crash: JudgedCrash) -> ControlRow:
 
 def test_a_person_two_seconds_late_is_not_struck_there() -> None:
     row = late(judged())
-    assert (row.accepted, row.shift_s) == (False, 2.0)
+    assert (row.verified, row.shift_s) == (False, 2.0)
 
 
 def test_who_goes_along_the_road_comes_so_late_that_the_place_is_another() -> None:
     row = late(planned(struck(walker(pedestrian_type_code=440))))
-    assert row.accepted is False
+    assert row.verified is False
     assert row.shift_s is not None
     assert row.shift_s * 1.57 > 10.0
 
@@ -114,7 +114,7 @@ def test_a_person_from_the_other_side_is_refused() -> None:
     street_y = was.impact_pose.y_m  # the street runs east: mirrored is north for south
     assert person.initial_pose.y_m - street_y == pytest.approx(street_y - was.initial_pose.y_m, abs=1e-3)
     assert person.initial_pose.x_m == pytest.approx(was.initial_pose.x_m, abs=1e-3)
-    assert row_of_change(crash, "mirrored", other_side).accepted is False
+    assert row_of_change(crash, "mirrored", other_side).verified is False
 
 
 def test_a_side_that_is_not_coded_has_no_mirror() -> None:

@@ -172,8 +172,9 @@ def test_vehicles_that_collide_afterwards_though_no_event_says_so_are_refused() 
     assert hard.reason is Reason.WRONG_SEQUENCE
     assert "vehicle 1 and vehicle 2 touch at" in hard.detail
     assert judged_after(1.1).accepted
-    said = EventRecord(2, 12, 1, area(12), 2, area(6))
-    assert judged_after(3.0, events=(*crash.events, said)).accepted
+    said = EventRecord(2, 12, 1, area(12), 2, area(8))
+    verdict = judged_after(3.0, events=(*crash.events, said))
+    assert verdict.accepted, verdict.detail
 
 
 def test_an_overtaken_cyclist_is_judged() -> None:

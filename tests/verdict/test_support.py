@@ -69,14 +69,13 @@ def test_enough_facts_and_support_and_nothing_against_is_corroborated() -> None:
     strong = {(name, Agreement.AGREES): LEAST_SUPPORT / LEAST_FACTS + 0.01 for name in names}
     weak = {(name, Agreement.AGREES): LEAST_SUPPORT / LEAST_FACTS - 0.01 for name in names}
     facts = [fact(name) for name in names]
-    assert grade_of(True, supported(facts, strong)) is Grade.CORROBORATED
-    assert grade_of(False, supported(facts, strong)) is Grade.REJECTED
-    assert grade_of(True, supported(facts, weak)) is Grade.CONSISTENT
-    assert grade_of(True, supported(facts[1:], dict.fromkeys(strong, 9.0))) is Grade.CONSISTENT
+    assert grade_of(supported(facts, strong)) is Grade.CORROBORATED
+    assert grade_of(supported(facts, weak)) is Grade.CONSISTENT
+    assert grade_of(supported(facts[1:], dict.fromkeys(strong, 9.0))) is Grade.CONSISTENT
     against = [*facts, fact("street", Agreement.DIFFERS, essential=True)]
-    assert grade_of(True, supported(against, dict.fromkeys(strong, 9.0))) is Grade.CONSISTENT
+    assert grade_of(supported(against, dict.fromkeys(strong, 9.0))) is Grade.CONSISTENT
     near = [*facts, fact("street", Agreement.NEAR, essential=True)]
-    assert grade_of(True, supported(near, strong)) is Grade.CORROBORATED
+    assert grade_of(supported(near, strong)) is Grade.CORROBORATED
 
 
 def test_a_report_as_it_was_is_refuted_by_nothing() -> None:

@@ -24,7 +24,13 @@ def note(storage: Storage, key: str, stage: Stage, run: int, reason: Reason | No
     """Store what a stage says of a crash in a run, a verdict with its document, as a batch does."""
     artefacts = ()
     if stage is Stage.VERDICT and not error:
-        document = {"key": key, "accepted": reason is None, "hypothesis": run, "rule_set": "x", "criteria": []}
+        document = {
+            "key": key,
+            "label": "verified" if reason is None else "rejected",
+            "hypothesis": run,
+            "rule_set": "x",
+            "criteria": [],
+        }
         document["criteria"] = [{"name": "contact_distance", "value": float(run), "unit": "m"}]
         artefacts = (storage.write(f"{stage}/{key}.json", json.dumps(document).encode()),)
     outcome = Outcome.FAILED if error else Outcome.REJECTED if reason else Outcome.ACCEPTED

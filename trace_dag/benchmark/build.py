@@ -1,7 +1,7 @@
-"""The benchmark: a scenario package for every verified crash, and a static site about all crashes.
+"""The benchmark: a scenario package for every accepted crash, and a static site about all crashes.
 
 ``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
-``thumbnails/`` moving pictures of verified crashes, ``replays/`` what ``replay.html`` shows of every crash that got so
+``thumbnails/`` moving pictures of accepted crashes, ``replays/`` what ``replay.html`` shows of every crash that got so
 far. Nothing is stored twice: pages link to the artefacts and pictures of the root. A crash whose artefacts, outcome and
 code have not changed is not made again. Belongs here: pages, and what goes where. Does not belong here: the other files
 of a crash (:mod:`trace_dag.benchmark.crash_files`), and what packages and pages look like (:mod:`trace_dag.scenario`).
@@ -120,7 +120,7 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     *of_table, outcomes = query.rows_of(warehouse, (*_TABLE, "stage_outcomes"))
     table = _table(*of_table)
     crashes = _crashes(workspace, outcomes, table)
-    verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
+    accepted = {row["key"] for row in table if FinalState(row["final_state"]).accepted}
     before = sound_manifest(storage, FOLDER)
     listed = before.files.values()
     damaged = {crash_of(file.name) for file, _ in not_as_listed(storage, listed, contents=contents)}
@@ -146,7 +146,7 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     index = _write_index(storage, warehouse, table, {crash.key: crash.rights for crash in crashes}, files)
     for name in before.files.keys() - files.keys() - {file.name for file in index}:
         storage.delete(name)
-    _remove_others(storage, {"packages": verified, "thumbnails": verified, REPLAYS: {crash.key for crash in crashes}})
+    _remove_others(storage, {"packages": accepted, "thumbnails": accepted, REPLAYS: {crash.key for crash in crashes}})
     all_files = files | {file.name: file for file in index}
     write_manifest(storage, FOLDER, Manifest(all_files, digests | {_BY_CODE: VERSION}))
     packages = sum(name.endswith(".zip") for name in files)
@@ -260,7 +260,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     storage, key = files.storage, files.key
     made = crash.made
     if made is None:
-        made = make_files(files, verified=crash.row["final_state"] == FinalState.VERIFIED)
+        made = make_files(files, accepted=FinalState(crash.row["final_state"]).accepted)
     sizes = {file.name: file.size for file in made}
     if package_name(key) in sizes:
         downloads = [Download("Scenario package", f"../packages/{key}.zip", sizes[package_name(key)])]
@@ -291,7 +291,7 @@ def is_made_by_this_code(storage: Storage) -> bool:
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
-    """By folder, files of crashes that are not among these keys: packages of crashes that are no longer verified."""
+    """By folder, files of crashes that are not among these keys: packages of crashes that are no longer accepted."""
     for folder, keys in kept.items():
         for name in storage.list(f"{FOLDER}/{folder}"):
             if Path(name).stem not in keys:

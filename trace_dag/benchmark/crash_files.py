@@ -16,7 +16,7 @@ from functools import partial
 from trace_dag.benchmark.packaging import package_of
 from trace_dag.flow.artefacts import ROAD_MAP, surroundings_of
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.crash_status import FinalState, status_of_valid, valid_records
+from trace_dag.flow.crash_status import status_of_valid, valid_records
 from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
 from trace_dag.flow.records import Records
 from trace_dag.flow.tasks import MadeFiles
@@ -39,7 +39,7 @@ MADE_WITH = (  # modules that take a while to load, also those that are imported
 
 
 def package_name(key: str) -> str:
-    """Where the package of a verified crash lies below the root."""
+    """Where the package of an accepted crash lies below the root."""
     return f"{FOLDER}/packages/{key}.zip"
 
 
@@ -49,12 +49,12 @@ def replay_name(key: str) -> str:
 
 
 def thumbnail_name(key: str) -> str:
-    """Where the moving picture of a verified crash lies below the root."""
+    """Where the moving picture of an accepted crash lies below the root."""
     return f"{FOLDER}/thumbnails/{key}.svg"
 
 
-def make_files(files: CrashFiles, *, verified: bool) -> tuple[StoredFile, ...]:
-    """Make and store what there can be of a crash: a replay if it was simulated, the rest if it is verified."""
+def make_files(files: CrashFiles, *, accepted: bool) -> tuple[StoredFile, ...]:
+    """Make and store what there can be of a crash: a replay if it was simulated, the rest if it is accepted."""
     from trace_dag.scenario.package import zip_files
     from trace_dag.scenario.replay import replay_script
     from trace_dag.scenario.thumbnail import moving_thumbnail
@@ -65,7 +65,7 @@ def make_files(files: CrashFiles, *, verified: bool) -> tuple[StoredFile, ...]:
         return ()
     replay = content_of(files, log)
     made = {replay_name(key): replay_script(replay)}
-    if verified:
+    if accepted:
         made[package_name(key)] = zip_files(package_of(files, replay), folder=key)
         made[thumbnail_name(key)] = moving_thumbnail(files.load(ROAD_MAP), log, surroundings_of(files)).encode()
     return tuple(storage.write(name, data) for name, data in made.items())
@@ -93,8 +93,8 @@ def _made_at_once(files: CrashFiles, already: Set[str]) -> MadeFiles | None:
     valid = valid_records(records)
     if valid.keys() != records.keys() or files.key in already:
         return None
-    verified = status_of_valid(files.key, valid).final_state is FinalState.VERIFIED
-    return MadeFiles(make_files(files, verified=verified), made_of(valid))
+    accepted = status_of_valid(files.key, valid).final_state.accepted
+    return MadeFiles(make_files(files, accepted=accepted), made_of(valid))
 
 
 def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:

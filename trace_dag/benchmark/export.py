@@ -12,7 +12,7 @@ from pathlib import Path
 from trace_dag.crash.keys import parse_key
 from trace_dag.errors import Failure, UserError
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.crash_status import FinalState, crash_status
+from trace_dag.flow.crash_status import crash_status
 from trace_dag.flow.records import OnProblem, log_problem, raised, read_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.plugins import PluginKind, load
@@ -22,13 +22,13 @@ from trace_dag.studies.stored_crashes import crash_files
 _AT_A_TIME = 200  # crashes whose records are read together
 
 
-def verified_keys(
+def accepted_keys(
     workspace: Workspace, cohort: str | None = None, only: Sequence[str] = (), *, on_problem: OnProblem = log_problem
 ) -> list[str]:
-    """Keys of the verified crashes, of a cohort or among those named, in order.
+    """Return the keys of the accepted crashes (verified, first_event_only), of a cohort or among those named, in order.
 
-    ``on_problem`` is called for damaged records: whether their crash is verified cannot be told. Raises
-    :class:`UserError` if there is none, or if one of those named is no key or not verified.
+    ``on_problem`` is called for damaged records, whose crash may have been accepted. Raises :class:`UserError` if there
+    is none, or if one of those named is no key or not accepted.
     """
     for key in only:
         parse_key(key)  # a path would lead elsewhere
@@ -39,13 +39,13 @@ def verified_keys(
         for key, records in read_records(
             workspace.storage, asked[start : start + _AT_A_TIME], on_problem=on_problem
         ).items()
-        if crash_status(key, records).final_state is FinalState.VERIFIED
+        if crash_status(key, records).final_state.accepted
     ]
     missing = sorted(set(only) - set(found))
     if missing:
-        raise UserError(f"{', '.join(missing)}: not verified; trace-dag status tells where a crash stands")
+        raise UserError(f"{', '.join(missing)}: not accepted; trace-dag status tells where a crash stands")
     if not found:
-        raise UserError(f"no verified crash in {workspace.storage.root}; trace-dag run makes them")
+        raise UserError(f"no accepted crash in {workspace.storage.root}; trace-dag run makes them")
     return sorted(found)
 
 

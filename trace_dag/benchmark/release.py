@@ -59,7 +59,7 @@ LEFT JOIN (
         count(travel_speed_mps) AS speeds_reported
     FROM vehicles WHERE in_transport GROUP BY key
 ) AS bodies USING (key)
-WHERE crashes.final_state = 'verified'
+WHERE crashes.final_state IN ('verified', 'first_event_only')
 ORDER BY crashes.key
 """
 
@@ -96,7 +96,7 @@ def build_release(
     unknown: Collection[str] = (),
     on_problem: OnProblem = raised,
 ) -> ReleaseReport:
-    """Release the verified crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
+    """Release the accepted crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
     Packages are brought up to date with the warehouse first, those that are not as they were made included. The
     workspace's ``page_listener`` hears how many of how many are, and then how many are in place. ``unknown`` are

@@ -39,14 +39,14 @@ def export(root: str, export_format: str, cohort: str | None, only: tuple[str, .
 
     Exported again, only what has changed is written.
     """
+    from trace_dag.benchmark.export import accepted_keys
     from trace_dag.benchmark.export import export as write
-    from trace_dag.benchmark.export import verified_keys
     from trace_dag.cli.problems import Problems
     from trace_dag.flow.workspace import Workspace
 
     workspace, folder = Workspace.open(root, to_read=True), output or Path(export_format)
     problems, exported = Problems(), 0
-    keys = verified_keys(workspace, cohort, only, on_problem=problems.add)
+    keys = accepted_keys(workspace, cohort, only, on_problem=problems.add)
     with progress_of("crashes", len(keys)) as told:
 
         def on_progress(key: str) -> None:

@@ -34,7 +34,7 @@ def print_statuses(crashes: Mapping[str, CrashStatus]) -> None:
         [(step.step, step.crashes, step.published) for step in funnel(crashes.values())],
     )
     say()
-    said = {state: f"{states[state]} {state}" for state in FinalState}
+    said = {state: f"{states[state]} {state.replace('_', ' ')}" for state in FinalState}
     if states[FinalState.VERIFIED]:
         said[FinalState.VERIFIED] += f" ({sum(crash.corroborated for crash in crashes.values())} of them corroborated)"
     say(", ".join(said.values()) + f"; {len(crashes)} in all")

@@ -62,14 +62,14 @@ def release(
     An interrupted release goes on where it stopped. A finished one is never changed: other content needs another
     version.
     """
-    from trace_dag.benchmark.export import verified_keys
+    from trace_dag.benchmark.export import accepted_keys
     from trace_dag.benchmark.release import build_release, check_version
     from trace_dag.cli.problems import Problems
     from trace_dag.flow.workspace import Workspace
 
     check_version(version)
     workspace, problems = Workspace.open(root), Problems()
-    verified_keys(workspace, cohort, on_problem=problems.add)  # says so if there is none to release
+    accepted_keys(workspace, cohort, on_problem=problems.add)  # says so if there is none to release
     built = into_warehouse(workspace, problems)
     with progress_bar("pages, then packages") as on_progress:
         made = build_release(

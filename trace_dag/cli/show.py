@@ -66,7 +66,7 @@ def _said(workspace: Workspace, crash: CrashStatus, records: Records) -> dict[st
     storage = workspace.storage
     source = workspace.registry.sources([crash.key])[crash.key]
     stored = CrashFiles.recorded(crash.key, source, workspace.settings, storage, records)
-    outcome = crash.final_state.value
+    outcome = crash.final_state.value.replace("_", " ")
     if crash.corroborated:
         outcome += ", corroborated"
     if crash.reason is not None:

@@ -141,6 +141,12 @@ class EventSequence:
         """The events in which vehicles touch each other, people or animals."""
         return tuple(event for event in self.events if event.is_contact)
 
+    def has(self, number: int) -> bool:
+        """Return whether an event of the report belongs to the sequence, as its own event, part of one, or left out."""
+        beyond = (event.number for event in self.not_modelled)
+        own = (each for event in self.events for each in (event.number, *event.going_on))
+        return number in {*own, *beyond, *self.unclear}
+
     def goes_on_with(self, number: int) -> CrashEvent | None:
         """The event to which the report's event of a number belongs; None for one of its own."""
         return next((event for event in self.events if number in event.going_on), None)

@@ -291,7 +291,8 @@ class Package(Crashes):
         record, verdict = self.only.record, self.only.verdict
         row = {name: getattr(record, name) for name in _OF_THE_RECORD}
         row |= {
-            "grade": verdict.grade.value,
+            "label": verdict.label.value,
+            "grade": verdict.grade.value if verdict.grade else None,
             "contact_distance_m": verdict.worst("reported_distance"),
             "delta_v_max_mps": verdict.worst("delta_v"),
             "events_reported": len(verdict.events),

@@ -29,6 +29,7 @@ from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.scenario.video import encode_mp4
 from trace_dag.sim.types import Body, SimulationLog, VehicleLog, moment_of
 from trace_dag.units import mps_to_mph
+from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -210,7 +211,7 @@ def _header(
 ) -> Image:
     """Which crash it is and how it ended; below it the clock, and the speed of each party in its colour."""
     canvas = Canvas((0.0, 0.0, float(width_px), float(_HEADER_PX)), float(width_px))
-    outcome = "" if verdict is None else "verified" if verdict.accepted else f"not verified: {verdict.reason}"
+    outcome = "" if verdict is None else label_in_words(verdict)
     if drive is not None:
         outcome = drive.title
     canvas.text("   ".join(filter(None, (record.key, outcome))), 8, 32, 15, "black", 1, anchor="start")

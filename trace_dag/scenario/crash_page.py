@@ -27,8 +27,8 @@ from trace_dag.scenario.page_templates import templates, words
 from trace_dag.sim.sampled import Interval, SampledRuns
 from trace_dag.states.types import StateEstimate
 from trace_dag.units import mps_to_mph
-from trace_dag.verdict.in_words import events_in_words, length_in_words, numbers_of
-from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Happening, Verdict
+from trace_dag.verdict.in_words import events_in_words, label_in_words, length_in_words, numbers_of
+from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Happening, Label, Verdict
 from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
@@ -76,7 +76,9 @@ def write_crash_page(page: CrashPage) -> bytes:
         if page.verdict
         else [],
         happens=_happens(accepted) if accepted else [],
-        grade_means=_GRADES.get(accepted.grade, "") if accepted and accepted.grade else "",
+        label=label_in_words(accepted) if accepted else "",
+        label_means=_LABELS[accepted.label] if accepted else "",
+        grade_means=_GRADES[accepted.grade] if accepted and accepted.grade else "",
         outcomes={each.event_number: words(each.outcome) for each in page.verdict.events} if page.verdict else {},
         events=events_in_words(accepted) if accepted else "",
         alternatives=accepted.alternatives if accepted else "",
@@ -94,6 +96,10 @@ def write_crash_page(page: CrashPage) -> bytes:
     ).encode()
 
 
+_LABELS = {
+    Label.VERIFIED: "every reported event that can be simulated happens in one motion on this road",
+    Label.FIRST_EVENT_ONLY: "the first reported event happens, and not all that the report says came of it",
+}
 _GRADES = {
     Grade.CORROBORATED: "enough facts of the report agree with it, and nothing essential speaks against it",
     Grade.CONSISTENT: "it agrees with the report, with no more support than that",

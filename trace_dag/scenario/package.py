@@ -41,6 +41,7 @@ from trace_dag.sim.sampled import SampledRuns, samples_to_json
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.types import StateEstimate
+from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.json_io import verdict_to_json
 from trace_dag.verdict.types import Verdict
 from trace_dag.version import __version__
@@ -283,6 +284,7 @@ def _readme(crash: PackageInput, files: list[_File]) -> bytes:
         frame=crash.network.frame,
         contact=crash.log.first_contact,
         verdict=crash.verdict,
+        label_in_words=label_in_words,
         judged=[criterion for criterion in crash.verdict.criteria if criterion.reason is not None],
         log=crash.log,
         people={party_label(number): body for number, body in sorted(crash.log.bodies.items()) if body.is_figure},

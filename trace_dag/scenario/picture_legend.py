@@ -17,6 +17,7 @@ from trace_dag.scenario.picture_sheet import Sign
 from trace_dag.sim.types import SimulationLog, overturned_at
 from trace_dag.states.types import Hypothesis
 from trace_dag.units import mps_to_mph
+from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import Verdict
 
 _PATH_COLOUR: Final = "#555555"
@@ -43,7 +44,7 @@ def outcome_line(verdict: Verdict | None) -> str:
     """
     if verdict is None:
         return ""
-    outcome = f"verified, {verdict.grade}" if verdict.accepted else f"not verified: {verdict.reason}"
+    outcome = ", ".join(filter(None, (label_in_words(verdict), verdict.grade)))
     return f"{outcome}   {verdict.detail}".rstrip()
 
 

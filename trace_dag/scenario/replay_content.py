@@ -31,6 +31,7 @@ from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.sim.sampled_courses import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.sim.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.units import mps_to_mph
+from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import Happening, Verdict
 
 if TYPE_CHECKING:
@@ -172,9 +173,7 @@ def _events(verdict: Verdict) -> list[dict[str, object]]:
 def _outcome(verdict: Verdict | None) -> str:
     if verdict is None:
         return "not judged"
-    if verdict.accepted:
-        return "verified"
-    return f"not verified: {(verdict.reason or '').replace('_', ' ')} ({verdict.detail})"
+    return label_in_words(verdict) if verdict.accepted else f"{label_in_words(verdict)} ({verdict.detail})"
 
 
 def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFeature], *, dark: bool) -> str:

@@ -83,7 +83,7 @@ def static_files() -> dict[str, bytes]:
     return {name: text.encode() for name, text in files.items()} | site_files()
 
 
-_FINAL_STATES = ("verified", "rejected", "failed", "pending")
+_FINAL_STATES = ("verified", "first_event_only", "rejected", "failed", "pending")
 _FILTERS = {
     "final_state": "Outcome",
     "grade": "Grade",

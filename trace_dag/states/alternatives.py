@@ -21,7 +21,7 @@ from trace_dag.units import wrap_angle
 
 _GUESSED: Final = 0.25
 """Ambiguity above which other sides are named: one in four is too many not to know of."""
-UNSURE: Final = 0.5
+_UNSURE: Final = 0.5
 """Ambiguity above which the best hypothesis is more likely wrong than right."""
 _MOVED_M: Final = 2.0  # of travel, from which on a course is known
 _LEAST_SHARE: Final = 0.05  # of an approach that is named
@@ -30,11 +30,21 @@ _OCTANTS: Final = ("east", "north-east", "north", "north-west", "west", "south-w
 
 
 @dataclass(frozen=True)
+class Approached:
+    """The share (0 to 1) of the likely courses in which a party comes from one side, an octant of the compass."""
+
+    party: int
+    side: str
+    share: float
+
+
+@dataclass(frozen=True)
 class Alternatives:
-    """What is as likely as the best hypothesis, as a clause, and whether a party comes from another side in it."""
+    """Other likely courses as a clause, and the shares of each side from which a party can have come; none where
+    the other courses differ in lanes or speeds alone."""
 
     clause: str
-    of_approaches: bool
+    sides: tuple[Approached, ...] = ()
 
 
 def alternatives(estimate: StateEstimate) -> Alternatives | None:
@@ -47,19 +57,22 @@ def alternatives(estimate: StateEstimate) -> Alternatives | None:
     """
     if estimate.ambiguity <= _GUESSED:
         return None
-    clauses = []
+    clauses: list[str] = []
+    sides: list[Approached] = []
     for state in estimate.best.participants:
-        told = _approaches(estimate, state.vehicle_number)
-        if len(told) > 1:
-            clauses.append(f"{party_in_words(state.vehicle_number)} {' or '.join(told)}")
+        possible = _approaches(estimate, state.vehicle_number)
+        if len(possible) > 1:
+            named = [f"from the {each.side} ({100 * each.share:.0f} %)" for each in possible]
+            clauses.append(f"{party_in_words(state.vehicle_number)} {' or '.join(named)}")
+            sides += possible
     if clauses:
-        return Alternatives(f"{'; '.join(clauses)}: the report does not say", True)
-    if estimate.ambiguity <= UNSURE:
+        return Alternatives(f"{'; '.join(clauses)}: the report does not say", tuple(sides))
+    if estimate.ambiguity <= _UNSURE:
         return None
     others = counted(len(estimate.hypotheses) - 1, "other course")
     share = f"{100 * estimate.ambiguity:.0f} % together"
     have = "has" if len(estimate.hypotheses) == 2 else "have"
-    return Alternatives(f"{others}, in other lanes or at other speeds, {have} {share}: the report does not say", False)
+    return Alternatives(f"{others}, in other lanes or at other speeds, {have} {share}: the report does not say")
 
 
 def ambiguity_of(hypotheses: Sequence[Hypothesis]) -> float:
@@ -80,8 +93,8 @@ def _octant(bearing_rad: float) -> int:
     return round(bearing_rad / (math.pi / 4)) % len(_OCTANTS)
 
 
-def _approaches(estimate: StateEstimate, number: int) -> list[str]:
-    """From where a party comes, with the share of each side, the likeliest first. Less than 45 degrees apart is one.
+def _approaches(estimate: StateEstimate, number: int) -> list[Approached]:
+    """Return the sides that a party can have come from, the likeliest first. Less than 45 degrees apart is one.
 
     The share of hypotheses from the same sides is that of the first of them.
     """
@@ -100,7 +113,7 @@ def _approaches(estimate: StateEstimate, number: int) -> list[str]:
             else:
                 shares[same] = (shares[same][0], shares[same][1] + share)
     likely = sorted((each for each in shares if each[1] >= _LEAST_SHARE), key=lambda each: -round(each[1], 6))
-    return [f"from the {_OCTANTS[_octant(bearing)]} ({100 * share:.0f} %)" for bearing, share in likely]
+    return [Approached(number, _OCTANTS[_octant(bearing)], round(share, 4)) for bearing, share in likely]
 
 
 def bearing_from_rad(state: ParticipantState) -> float | None:

@@ -356,10 +356,13 @@ _FACES = {
     CollisionType.FRONT_TO_FRONT: ("front", "front"),
     CollisionType.REAR_TO_REAR: ("rear", "rear"),
     CollisionType.REAR_TO_SIDE: ("rear", "side"),
+    CollisionType.ANGLE: ("any", "side"),
 }
 
 
 def _on_face(along: FloatArray, face: str) -> NDArray[np.bool_]:
+    if face == "any":
+        return np.ones_like(along, dtype=bool)
     if face == "front":
         return along > _FACE_COSINE
     if face == "rear":

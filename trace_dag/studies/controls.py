@@ -43,7 +43,7 @@ def negative_controls(
     settings = workspace.settings
     kinds = {crash.judged.record.key: crash.judged.record.kind.value for crash in crashes}
     rows = [true_pairing(crash.judged, settings.verdict) for crash in crashes]
-    verified = [crash.judged for crash in crashes if crash.accepted]
+    verified = [crash.judged for crash in crashes if crash.verified]
     backend = EmbeddedBackend(settings.sim)
 
     for done, crash in enumerate(verified, 1):

@@ -119,7 +119,7 @@ def _is_verified(crash: CrashFiles) -> bool:
     """Whether the crash is verified, of a kind whose reports are changed here, and reported in FARS' own words."""
     if not crash.has(VERDICT) or crash.load(RECORD).register != FARS:
         return False
-    return crash.load(VERDICT).accepted and _begins(crash) in PERTURBED
+    return crash.load(VERDICT).verified and _begins(crash) in PERTURBED
 
 
 def _begins(crash: CrashFiles) -> EventKind | None:

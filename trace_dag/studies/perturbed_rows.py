@@ -48,8 +48,8 @@ _REPORT = "report.xml"
 class PerturbedRow:
     """One changed report of one crash, and what came of it.
 
-    ``accepted`` is None where nothing was judged: no map covers the place, or a stage failed. ``own_accepted``: whether
-    the unchanged simulation is accepted by the changed report, the location left its own; no if its record is rejected.
+    ``verified`` is None where nothing was judged: no map covers the place, or a stage failed. ``own_verified``: whether
+    the unchanged simulation is verified by the changed report, the location left its own; no if its record is rejected.
     ``moved_m``: the changed report's place from the crash's. ``same_street``: whether the place lies on a street the
     report names; for reports set down elsewhere alone. ``support`` and ``grade`` are the verdict's, None where it has
     none.
@@ -65,10 +65,10 @@ class PerturbedRow:
     stage_reached: Stage | None = None
     reason: Reason | None = None
     outcome_detail: str = ""
-    accepted: bool | None = None
+    verified: bool | None = None
     grade: str | None = None
     support: float | None = None
-    own_accepted: bool | None = None
+    own_verified: bool | None = None
     moved_m: float | None = None
     same_street: bool | None = None
 
@@ -164,13 +164,13 @@ class _Perturbation:
             stage_reached=stands.stage_reached,
             reason=stands.reason,
             outcome_detail=stands.detail,
-            accepted=stands.final_state is FinalState.VERIFIED if judged else None,
+            verified=stands.final_state is FinalState.VERIFIED if judged else None,
         )
         if files.has(RECORD):
             record = files.load(RECORD)
             row = replace(
                 row,
-                own_accepted=self._own_accepted(record, records[Stage.CRASH_RECORD].outcome),
+                own_verified=self._own_verified(record, records[Stage.CRASH_RECORD].outcome),
                 moved_m=_apart_m(self._judged.record, record),
                 same_street=point.same_street if point else self._is_named_here(record),
             )
@@ -185,7 +185,7 @@ class _Perturbation:
             return None
         return is_same_street(_reported_names(record), self._names_here())
 
-    def _own_accepted(self, record: CrashRecord, outcome: Outcome) -> bool | None:
+    def _own_verified(self, record: CrashRecord, outcome: Outcome) -> bool | None:
         if outcome is not Outcome.ACCEPTED:
             return False  # The changed report says too little to be judged, by any simulation.
         crash = self._judged
@@ -195,7 +195,7 @@ class _Perturbation:
                 return None
             record = foreign
         settings = self._crash.settings.verdict
-        return judge_hypothesis(record, crash.network, crash.hypothesis, crash.log, settings).accepted
+        return judge_hypothesis(record, crash.network, crash.hypothesis, crash.log, settings).verified
 
     def _through_all_stages(self, changed: Changed, key: str, storage: Storage) -> Records:
         """The outcomes of all stages on the changed report, in a storage of its own."""

@@ -33,7 +33,7 @@ class StoredCrash:
 
     files: CrashFiles
     judged: JudgedCrash
-    accepted: bool
+    verified: bool
 
 
 def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
@@ -115,7 +115,7 @@ def read_judged(files: CrashFiles) -> StoredCrash:
         files.load(ESTIMATE).hypotheses[verdict.hypothesis],
         files.load(LOGS)[verdict.hypothesis],
     )
-    return StoredCrash(files, crash, verdict.accepted)
+    return StoredCrash(files, crash, verdict.verified)
 
 
 def drawn(crashes: Sequence[CrashFiles], most: int, seed: int) -> list[CrashFiles]:

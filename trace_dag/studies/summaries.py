@@ -61,35 +61,35 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
         for title, group in groups:
             if not group:
                 continue
-            judged = [row for row in group if row.accepted is not None]
-            accepted = [row for row in judged if row.accepted]
-            kept = [row for row in accepted if row.speeds_kept is not False]
-            rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (accepted, kept)]
-            lines.append((cohort, kind, title, len(judged), len(accepted), *rates))
-    names = ["cohort", "kind", "judged against", "judgements", "accepted", "rate", "speeds kept too"]
+            judged = [row for row in group if row.verified is not None]
+            verified = [row for row in judged if row.verified]
+            kept = [row for row in verified if row.speeds_kept is not False]
+            rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (verified, kept)]
+            lines.append((cohort, kind, title, len(judged), len(verified), *rates))
+    names = ["cohort", "kind", "judged against", "judgements", "verified", "rate", "speeds kept too"]
     shares = [
         Share(
-            f"{kind.replace('_', ' ')}: {title}" if len(found) == 1 else f"{cohort}, {kind}: {title}", accepted, judged
+            f"{kind.replace('_', ' ')}: {title}" if len(found) == 1 else f"{cohort}, {kind}: {title}", verified, judged
         )
-        for cohort, kind, title, judged, accepted, *_ in lines
+        for cohort, kind, title, judged, verified, *_ in lines
     ]
     return StudyTable(names, lines, shares, "Accepted by the verdict")
 
 
 def perturbed_table(rows: Sequence[PerturbedRow]) -> StudyTable:
-    """A line per perturbation: changed reports judged, verified, corroborated, and accepted of the crash's own
+    """A line per perturbation: changed reports judged, verified, corroborated, and verified of the crash's own
     simulation."""
     lines: list[tuple[Any, ...]] = []
     for name, kind in KINDS.items():
         of_kind = [row for row in rows if row.perturbation == name]
         if not of_kind:
             continue
-        judged = [row for row in of_kind if row.accepted is not None]
-        own = [row.own_accepted for row in of_kind if row.own_accepted is not None]
+        judged = [row for row in of_kind if row.verified is not None]
+        own = [row.own_verified for row in of_kind if row.own_verified is not None]
         corroborated = sum(row.grade == Grade.CORROBORATED for row in judged)
-        accepted = sum(bool(row.accepted) for row in judged)
+        verified = sum(bool(row.verified) for row in judged)
         crashes = len({row.key for row in of_kind})
-        lines.append((name, kind.title, crashes, len(judged), accepted, corroborated, f"{sum(own)} of {len(own)}"))
+        lines.append((name, kind.title, crashes, len(judged), verified, corroborated, f"{sum(own)} of {len(own)}"))
     names = ["perturbation", "changed", "crashes", "judged", "verified", "corroborated", "own"]
     shares = [Share(changed, verified, judged) for _, changed, _, judged, verified, *_ in lines]
     return StudyTable(names, lines, shares, "Still verified, by what was changed")

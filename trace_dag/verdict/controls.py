@@ -60,7 +60,7 @@ class JudgedCrash:
 class ControlRow:
     """One judgement of a control. ``kind``: "true", "other_report", "shifted", "mirrored" (a person that comes from the
     other side than reported, a vehicle that leaves the road to it), "dropped" or "swapped" (of several contacts),
-    or "moved" (an object, a parked vehicle); ``crash_kind`` is the crash's; ``accepted`` is None where the control does
+    or "moved" (an object, a parked vehicle); ``crash_kind`` is the crash's; ``verified`` is None where the control does
     not apply. Residuals as in the verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond
     the paper's criteria: every reported speed is driven; None where none is reported.
     """
@@ -70,7 +70,7 @@ class ControlRow:
     other_key: str | None = None
     shifted_vehicle: int | None = None
     shift_s: float | None = None
-    accepted: bool | None = None
+    verified: bool | None = None
     reason: Reason | None = None
     contact_distance_m: float | None = None
     clock_error_max_positions: float | None = None
@@ -89,7 +89,7 @@ def changed_reports(
     that follow each other swapped.
 
     >>> rows = changed_reports(judged_queue, [judged_queue, judged_collision], VerdictSettings())
-    >>> [(row.kind, row.accepted) for row in rows]
+    >>> [(row.kind, row.verified) for row in rows]
     [('dropped', False), ('dropped', False), ('swapped', False)]
     """
     for other in others:
@@ -115,14 +115,14 @@ def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) 
     """A judgement as a row.
 
     >>> row = row_of("true", record.key, verdict)
-    >>> row.accepted, row.clock_error_max_positions, row.speeds_kept
+    >>> row.verified, row.clock_error_max_positions, row.speeds_kept
     (True, 0.0, True)
     """
     return ControlRow(
         kind=kind,
         key=key,
         other_key=other_key,
-        accepted=verdict.accepted,
+        verified=verdict.verified,
         reason=verdict.reason,
         contact_distance_m=verdict.worst("contact_distance", "station_distance"),
         clock_error_max_positions=verdict.worst("clock_error"),

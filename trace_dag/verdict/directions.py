@@ -144,11 +144,13 @@ def relation_error_deg(measured_deg: float, allowed_deg: frozenset[float]) -> fl
 @dataclass(frozen=True)
 class Direction:
     """``approach_rad``: direction of the road the vehicle came on, where the crash happened; ``turn_deg``: how far
-    its route departs from it, positive to the left; ``offered_turns_deg``: the turns its lane offered on the way."""
+    its route departs from it, positive to the left; ``offered_turns_deg``: the turns its lane offered on the way;
+    ``road_id``: the last road that it drove along in that direction, None if it drove on none."""
 
     approach_rad: float
     turn_deg: float
     offered_turns_deg: frozenset[float] = frozenset()
+    road_id: str | None = None
 
 
 def direction(
@@ -164,7 +166,21 @@ def direction(
         np.interp(contact_s, trajectory.time_s, np.unwrap(trajectory.heading_rad))
     )
     turn = wrap_angle(contact.heading_rad - approach) + remaining
-    return Direction(approach, math.degrees(wrap_angle(turn)), offered)
+    road_id = _approach_road(network, driven, contact_s, approach)
+    return Direction(approach, math.degrees(wrap_angle(turn)), offered, road_id)
+
+
+def _approach_road(network: RoadNetwork, driven: VehicleLog, contact_s: float, approach_rad: float) -> str | None:
+    """Return the last road, no movement through a junction, on which a vehicle was headed as it approached."""
+    before = max(int(np.searchsorted(driven.time_s, contact_s)), 1)
+    for i in reversed(_places(driven, before)):
+        at = Pose(float(driven.x_m[i]), float(driven.y_m[i]), float(driven.heading_rad[i]), float(driven.z_m[i]))
+        found = _lane_at(network, at, at.heading_rad)
+        if found is None or network.road_by_id[found[0].road_id].junction_id is not None:
+            continue
+        if abs(wrap_angle(at.heading_rad - approach_rad)) <= _ALONG_LANE_RAD:
+            return found[0].road_id
+    return None
 
 
 def _heading_beyond(trajectory: Trajectory, contact_s: float) -> float:

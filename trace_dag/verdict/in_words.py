@@ -64,6 +64,16 @@ def _first(verdict: Verdict, *names: str) -> float | None:
     return next((c.value for c in verdict.criteria if c.name in names and c.value is not None), None)
 
 
+def label_in_words(verdict: Verdict) -> str:
+    """Return the label, with the reason of a rejected crash.
+
+    >>> label_in_words(verdict)
+    'verified'
+    """
+    label = verdict.label.replace("_", " ")
+    return label if verdict.accepted else f"{label}: {(verdict.reason or '').replace('_', ' ')}"
+
+
 def events_in_words(verdict: Verdict) -> str:
     """How many of the reported harmful events happen; empty where the report lists none.
 

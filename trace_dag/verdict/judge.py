@@ -15,17 +15,17 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog, moment_of
-from trace_dag.states.alternatives import UNSURE, alternatives
+from trace_dag.states.alternatives import alternatives
 from trace_dag.states.mapped_ground import OFF_GROUND_M, Way, astray
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.articulation import articulation_shown
 from trace_dag.verdict.happened import event_outcomes
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
-from trace_dag.verdict.reservations import reservations_about
+from trace_dag.verdict.reservations import reservations_about, shortfalls
 from trace_dag.verdict.rules import Comparison, criteria, judgement, required_reasons
 from trace_dag.verdict.shown import shown_measures
 from trace_dag.verdict.support import facts_of, grade_of, supported
-from trace_dag.verdict.types import Criterion, Grade, Verdict
+from trace_dag.verdict.types import Criterion, Grade, Label, Verdict
 
 
 def judge(
@@ -38,10 +38,9 @@ def judge(
 ) -> Verdict:
     """Judge the logs of an estimate's hypotheses, given in its order; :class:`Failure` if they are not its logs.
 
-    The verdict is graded by what else of the report the map, the course and the report itself bear out
-    (:mod:`trace_dag.verdict.support`), no higher than consistent where there is a doubt about it
-    (:mod:`trace_dag.verdict.reservations`), and shows how far the contact is from where the crash was placed on the
-    map.
+    The verdict is graded by the other facts of the report that agree with the map, the course and the report itself
+    (:mod:`trace_dag.verdict.support`), no higher than consistent where there is a doubt about street, course or areas
+    (:mod:`trace_dag.verdict.reservations`). It gives the distance from the contact to the crash's place on the map.
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
@@ -56,17 +55,16 @@ def judge(
         judge_observed(record, each, settings, sequence=sequence, report=report, index=i, of=len(logs))
         for i, each in enumerate(observed)
     ]
-    verdict = next((verdict for verdict in judged if verdict.accepted), judged[0])
+    verdict = max(judged, key=lambda each: (each.verified, each.accepted))  # the first of the best
     seen = observed[verdict.hypothesis]
     beside = Comparison.of(record, sequence, seen, settings)
-    events = event_outcomes(beside)
-    unsure = alternatives(estimate)
-    doubted = unsure if estimate.ambiguity > UNSURE else None
-    doubts = reservations_about(record, report, doubted, seen, events) if verdict.accepted else ()
+    doubts = (*verdict.reservations, *reservations_about(record, report, beside)) if verdict.accepted else ()
     support = supported(facts_of(record, network, report, beside))
-    grade = grade_of(verdict.accepted, support, doubts)
-    clause = unsure.clause if unsure is not None else ""
-    return replace(verdict, grade=grade, support=support, events=events, reservations=doubts, alternatives=clause)
+    verdict = replace(verdict, support=support, reservations=doubts)
+    if verdict.accepted:
+        verdict = replace(verdict, grade=grade_of(support, doubts))
+    unsure = alternatives(estimate)
+    return verdict if unsure is None else replace(verdict, alternatives=unsure.clause, direction_open=unsure.sides)
 
 
 def judge_hypothesis(
@@ -110,16 +108,21 @@ def judge_observed(
                     f"; the reported point is {placed.moved_m:.1f} m from its place on the road that was taken for the "
                     f"crash's (by {placed.matched_by}), and the contact {distance_m:.1f} m from that place"
                 )
+    events = event_outcomes(beside)
+    missing = shortfalls(record, observed, events) if result.accepted else ()
+    accepted = Label.FIRST_EVENT_ONLY if missing else Label.VERIFIED
     return Verdict(
         key=record.key,
         rule_set=settings.rule_set,
-        accepted=result.accepted,
+        label=accepted if result.accepted else Label.REJECTED,
         hypothesis=index,
         hypotheses_judged=of,
         criteria=found,
         reason=result.reason,
         detail=detail,
-        grade=Grade.CONSISTENT if result.accepted else Grade.REJECTED,
+        grade=Grade.CONSISTENT if result.accepted else None,
+        events=events,
+        reservations=missing,
     )
 
 

@@ -71,19 +71,14 @@ def heading_error(seen: ObservedVehicle, reported: VehicleRecord) -> float | Non
 
 
 def clock_error_positions(clock_h: float, area: ImpactArea | None) -> float | None:
-    """Clock positions (30 degrees each) between a place on the body and the area reported; 0 inside it, None if none
-    is.
+    """Return the clock positions (30 degrees each) from a place on the body to the middle of the reported area; None
+    if no area is reported.
 
-    A clock position is an area too, half an hour either side of its hour, so that "within two clock positions" lets
-    five of the twelve pass, as counting positions does.
-
-    >>> three = record.vehicles[0].impact  # 2:30 to 3:30
-    >>> clock_error_positions(3.4, three), round(clock_error_positions(5.0, three), 6)
-    (0.0, 1.5)
+    >>> three = record.vehicles[0].impact  # 3 o'clock
+    >>> round(clock_error_positions(3.4, three), 6), round(clock_error_positions(5.0, three), 6)
+    (0.4, 2.0)
     """
-    if area is None:
-        return None
-    return max(0.0, clock_difference_h(clock_h, area.clock_h) - area.half_width_rad * 6 / math.pi)
+    return None if area is None else clock_difference_h(clock_h, area.clock_h)
 
 
 def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> float | None:

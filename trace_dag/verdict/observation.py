@@ -61,6 +61,7 @@ class ObservedVehicle:
     arrival_error_m: float
     path_error_p99_m: float
     tracked_speed_error_p99_rel: float
+    road_id: str | None = None  # of the road that it came along
 
 
 @dataclass(frozen=True)
@@ -315,6 +316,7 @@ def observed_vehicle(
         arrival_error_m=math.hypot(side.pose.x_m - state.impact_pose.x_m, side.pose.y_m - state.impact_pose.y_m),
         path_error_p99_m=float(np.percentile(distance, 99)),
         tracked_speed_error_p99_rel=float(np.percentile(speed_error / np.maximum(planned, LEAST_SPEED_MPS), 99)),
+        road_id=went.road_id,
     )
 
 

@@ -1,7 +1,7 @@
 """What a report says of the place, beside the map: its streets, the road, the intersection, the point itself.
 
-Lanes, division, control, limit and kind of intersection were compared when the map was built
-(:mod:`trace_dag.roads.crash_site.agreement`); what only the report says is on the map by the report's word and is no
+Lanes, division, control and limit of each vehicle's form are compared with the road that the vehicle drives along
+(:mod:`trace_dag.roads.crash_site.agreement`). What only the report says is on the map by the report's word and is no
 fact here.
 """
 
@@ -24,6 +24,7 @@ from trace_dag.roads.crash_site.agreement import (
     NOT_COMPARABLE,
     SiteStreets,
     bend_rad,
+    compare,
     streets_at,
 )
 from trace_dag.roads.crash_site.placement import class_steps, is_at_intersection
@@ -78,8 +79,7 @@ def place_facts(
     yield from _street_names(record, network, report.placement, streets)
     yield from _road_class(record, network, report.placement, streets)
     yield from _land_use(record, network, report.placement)
-    for comparison in report.comparisons:
-        yield from _compared(comparison)
+    yield from _compared_roads(record, network, report, seen)
     yield _moved(report.placement)
     yield from _alignment(record, network, report.placement, seen)
 
@@ -184,6 +184,20 @@ def _land_use(record: CrashRecord, network: RoadNetwork, placement: CrashPlaceme
         agreement = Agreement.DIFFERS if urban else Agreement.AGREES
     found = f"{junctions} junctions within {_NEIGHBOURHOOD_M:.0f} m"
     yield Fact("land use", ComparedWith.MAP, agreement, RUR_URB.meaning(record.rural_urban_code), found)
+
+
+def _compared_roads(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, seen: Sequence[ObservedVehicle]
+) -> Iterator[Fact]:
+    """Yield the map's comparisons, those of a vehicle's form with the road that the vehicle drives along.
+
+    What the map had not by itself, before gaps were filled from the report, is compared with nothing.
+    """
+    driven = {vehicle.number: vehicle.road_id for vehicle in seen if vehicle.road_id is not None}
+    own = {each.attribute: each for each in compare(network, record, report.placement, driven)} if driven else {}
+    for comparison in report.comparisons:
+        known = comparison.attribute != INTERSECTION and comparison.agreement != NOT_COMPARABLE
+        yield from _compared(own.get(comparison.attribute, comparison) if known else comparison)
 
 
 def _compared(comparison: Comparison) -> Iterator[Fact]:

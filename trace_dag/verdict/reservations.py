@@ -1,45 +1,74 @@
-"""Doubts about an accepted crash: each keeps it from being corroborated, whatever supports it.
+"""Doubts about an accepted crash. A doubt is not outweighed by support (:mod:`trace_dag.verdict.support`).
 
-Support (:mod:`trace_dag.verdict.support`) weighs facts; a doubt is not outweighed. Belongs here: what makes a motion
-that agrees with its report one that can hardly have happened, or one among several that are as likely.
+A harmful event that does not happen, and harm that cannot have come of the simulated impacts, keep a crash from being
+verified; every other doubt keeps it from being corroborated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 from trace_dag.crash.record import CrashRecord, Severity
 from trace_dag.crash.summary import event_in_words, event_named
-from trace_dag.roads.crash_site.contradicted_road import has_name_of_another
+from trace_dag.roads.crash_site.contradicted_road import has_name_of_another, is_on_ramp
+from trace_dag.roads.crash_site.placement import is_at_intersection
+from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.states.alternatives import Alternatives
-from trace_dag.units import mps_to_mph
-from trace_dag.verdict.observation import LEAST_RECORDED_MPS, ObservedCrash
+from trace_dag.units import kmh_to_mps, mps_to_mph
+from trace_dag.verdict.course_events import course_doubts
+from trace_dag.verdict.observation import ObservedCrash
 from trace_dag.verdict.place_facts import names_at
+from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, EventOutcome, Happening, Reservation
+
+_OTHER_ROAD: Final[Mapping[str, tuple[float, str]]] = {
+    "speed limit": (-1.0, "the speed limit differs by 14 mph or more"),
+    "not on the street named first": (-1.0, "it is not on the street named first"),
+    "street not named": (-1.0, "the report does not name that street"),
+    "not on the map": (-1.0, "it comes out of a driveway that neither the map nor the report has"),
+    "driveway reported": (-1.0, "it comes along a street, and a driveway is reported"),
+}
+"""Evidence terms of a hypothesis by which a vehicle is on another road than its form says: from which log-likelihood
+down, and the sentence."""
+_LEAST_HARM_MPS: Final = {Severity.KILLED: kmh_to_mps(16.0), Severity.SERIOUS: kmh_to_mps(8.0)}
+"""Least change of velocity of any vehicle that can have done the harm, by the severity of the crash. A death: 10 mph,
+at which the risk is 4 in 10,000 by Joksch (1993), (delta-v / 71 mph)^4. A serious injury: what an event data recorder
+has to record (49 CFR 563.5). Lesser injuries come of any impact."""
 
 
 def reservations_about(
     record: CrashRecord,
     report: MapReport,
-    unsure: Alternatives | None,
-    observed: ObservedCrash,
-    events: Sequence[EventOutcome],
+    beside: Comparison,
 ) -> tuple[Reservation, ...]:
-    """Every doubt about a simulated hypothesis that agrees with its report.
+    """Return the doubts about street, course and areas of an accepted crash.
 
-    >>> reservations_about(record, map_report, None, observed_crash, verdict.events)
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.settings import VerdictSettings
+    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
+    >>> reservations_about(record, map_report, beside)
     ()
     """
     found = (
-        _other_street(record, observed.network, report),
-        *_missed(record, events),
-        _harmless(record, observed),
+        _other_street(record, beside.observed.network, report),
+        *_other_roads(record, beside.observed),
+        *course_doubts(beside),
         _no_areas(record),
-        _ambiguous(unsure),
     )
     return tuple(each for each in found if each is not None)
+
+
+def shortfalls(record: CrashRecord, observed: ObservedCrash, events: Sequence[EventOutcome]) -> tuple[Reservation, ...]:
+    """Return the doubts that keep a crash from being verified: harmful events that do not happen, and no harm.
+
+    >>> shortfalls(record, observed_crash, verdict.events)
+    ()
+    """
+    harmless = _harmless(record, observed)
+    return (*_missed(record, events), *([] if harmless is None else [harmless]))
 
 
 def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) -> Reservation | None:
@@ -53,8 +82,32 @@ def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) 
     return Reservation(Doubt.OTHER_STREET, detail)
 
 
+def _other_roads(record: CrashRecord, observed: ObservedCrash) -> Iterator[Reservation]:
+    """Yield a doubt for each evidence term by which a vehicle's own road is not the one that its form describes."""
+    for name, value in observed.hypothesis.evidence.items():
+        term, _, whose = name.partition(" (")
+        limit, sentence = _OTHER_ROAD.get(term, (-math.inf, ""))
+        if value <= limit:
+            yield Reservation(Doubt.OTHER_STREET, f"{whose.rstrip(')') or 'the crash'}: {sentence}")
+    named = [name for name in (record.trafficway_1, record.trafficway_2) if name]
+    if len(named) < 2 or not is_at_intersection(record) or is_on_ramp(record):
+        return
+    vehicles = {number: drove for event in observed.events for number, drove in event.vehicles.items()}
+    for number, drove in vehicles.items():
+        road = observed.network.road_by_id.get(drove.road_id or "")
+        if road is None:
+            continue
+        likeness = [similarity(name, road.names) for name in named]  # None: a number beside a name cannot be compared
+        if all(value is not None and value < SAME_STREET for value in likeness) or (
+            not road.names and road.highway == "service"
+        ):
+            called = ", ".join(road.names) or "a service road without a name"
+            detail = f"vehicle {number} comes along {called}; the report names {' and '.join(named)}"
+            yield Reservation(Doubt.OTHER_STREET, detail)
+
+
 def _missed(record: CrashRecord, events: Sequence[EventOutcome]) -> Iterator[Reservation]:
-    """Each harmful event of the report that can be modelled and does not happen."""
+    """Yield a doubt for each harmful event of the report that can be modelled and does not happen."""
     by_number = {event.number: event for event in record.events}
     for each in events:
         if each.outcome is Happening.MISSED:
@@ -73,24 +126,18 @@ def _no_areas(record: CrashRecord) -> Reservation | None:
 
 
 def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | None:
-    """Somebody was killed, and no vehicle changes its velocity by what an event data recorder records, none overturns,
-    and nobody outside a vehicle is struck."""
-    if (
-        record.severity is not Severity.KILLED
-        or not observed.events
-        or any(event.overturn or event.person for event in observed.events)
-    ):
+    """Return the doubt that no vehicle changes its velocity enough for the reported harm, none overturns, and nobody
+    outside a vehicle is struck."""
+    least_mps = _LEAST_HARM_MPS.get(record.severity) if record.severity else None
+    if least_mps is None or not observed.events or any(event.overturn or event.person for event in observed.events):
         return None
     changes = [side.delta_v_mps for event in observed.events for side in event.sides.values()]
     change_mps = max(changes, default=0.0)
-    if change_mps >= LEAST_RECORDED_MPS:
+    if change_mps >= least_mps:
         return None
+    harm = "a death" if record.severity is Severity.KILLED else "a serious injury"
     detail = (
-        f"the simulated impact is harmless (a change of velocity of {mps_to_mph(change_mps):.0f} mph at most): it does "
-        "not explain a death"
+        f"no vehicle changes its velocity by more than {mps_to_mph(change_mps):.0f} mph, which does not explain {harm} "
+        f"(at least {mps_to_mph(least_mps):.0f} mph)"
     )
     return Reservation(Doubt.HARMLESS, detail)
-
-
-def _ambiguous(unsure: Alternatives | None) -> Reservation | None:
-    return Reservation(Doubt.AMBIGUOUS, unsure.clause) if unsure is not None and unsure.of_approaches else None

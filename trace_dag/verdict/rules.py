@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, EventSequence
@@ -29,10 +30,10 @@ from trace_dag.crash.zones import Zone, reported_zones, zones_of_first_event
 from trace_dag.errors import Reason
 from trace_dag.messages.wording import beside_limit
 from trace_dag.roads.crash_site.street_names import SAME_STREET
-from trace_dag.roads.map.roadside import RoadZone
+from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.settings import RuleSetName, VerdictSettings
 from trace_dag.sim.matching import Happening, Matching, expected_of, happenings_of, match
-from trace_dag.units import wrap_angle
+from trace_dag.units import clock_difference_h, wrap_angle
 from trace_dag.verdict.departed_street import street_likeness
 from trace_dag.verdict.metrics import (
     clock_error_positions,
@@ -73,6 +74,11 @@ _REJECTING = (
     Reason.WRONG_DIRECTION,
     Reason.WRONG_SPEED,
 )
+_TRAFFICWAY_M: Final = 9.0
+"""Distance beyond the edge at which a trafficway ends: the clear zone of AASHTO's Roadside Design Guide (2011)."""
+_OVERTURNING_M: Final = 5.0  # a tripped vehicle slides and turns on before it is over
+_LARGEST_ANGLE_DEG: Final = 150.0
+"""Between the headings in an angle crash of two fronts: above it the two meet head on (``MAN_COLL`` 2)."""
 _OF_STRIKES: Final = frozenset({EventKind.PERSON_STRUCK, EventKind.ANIMAL_STRUCK})
 _REQUIRED: Final[Mapping[EventKind, tuple[Reason, ...]]] = {
     EventKind.VEHICLE_CONTACT: (
@@ -275,6 +281,30 @@ def _station_distance(each: Beside) -> Values:
     yield None, each.seen.departure.along_m
 
 
+def _across_distance(each: Beside) -> Values:
+    """Yield how far the event is beyond the carriageway's edge, less what the reported point is and the zone allows."""
+    left = each.seen.departure
+    if left is None or left.place is None or reported_zone(each.of.record) is RoadZone.MEDIAN:
+        return
+    point = roadside_at(each.of.observed.network, 0.0, 0.0)
+    allowed_m = max(point.beyond_m, 0.0) if point is not None else 0.0
+    if reported_zone(each.of.record) is RoadZone.OUTSIDE:
+        allowed_m = max(allowed_m, _TRAFFICWAY_M)
+    if each.event.kind is EventKind.OVERTURN:
+        allowed_m += _OVERTURNING_M
+    yield None, max(left.place.beyond_m - allowed_m, 0.0)
+
+
+def _head_on_angle(each: Beside) -> Values:
+    """Yield the angle between the headings of two vehicles struck at their fronts in a reported angle crash."""
+    if each.of.record.collision_type is not CollisionType.ANGLE:
+        return
+    fronts = [clock_difference_h(each.of.rules.clock_h(side), 12.0) <= 1.0 for side in each.seen.sides.values()]
+    if len(fronts) == 2 and all(fronts):
+        contact = each.seen.contact
+        yield None, abs(math.degrees(wrap_angle(contact.pose_1.heading_rad - contact.pose_2.heading_rad)))
+
+
 def _zone_error(each: Beside) -> Values:
     """How far from the reported part of the road the event was."""
     event, seen, record = each.event, each.seen, each.of.record
@@ -366,6 +396,22 @@ RULES: Final[Sequence[Rule]] = (
         lambda s: s.max_contact_distance_m,
         Reason.WRONG_LOCATION,
     ),
+    Rule(
+        "across_distance",
+        _is_first_off_road,
+        _across_distance,
+        "m",
+        lambda s: s.max_contact_distance_m,
+        Reason.WRONG_LOCATION,
+    ),
+    Rule(
+        "head_on_angle",
+        lambda e: e.first and e.event.kind is EventKind.VEHICLE_CONTACT,
+        _head_on_angle,
+        "deg",
+        lambda _: _LARGEST_ANGLE_DEG,
+        Reason.WRONG_IMPACT,
+    ),
     Rule("zone_error", lambda e: e.first, _zone_error, "m", lambda s: s.max_zone_error_m, Reason.WRONG_ZONE),
     Rule(
         "clock_error",
@@ -417,14 +463,6 @@ RULES: Final[Sequence[Rule]] = (
     ),
     Rule(
         "initial_speed_error", lambda e: True, _speed_errors, "rel", lambda s: s.max_speed_error_rel, Reason.WRONG_SPEED
-    ),
-    Rule(
-        "later_clock_error",
-        lambda e: not e.first and e.event.kind is EventKind.OBJECT_STRUCK,
-        _clock_errors,
-        "h",
-        lambda s: s.max_clock_error_positions,
-        None,
     ),
 )
 """Every criterion on a size. What asks for a thing to happen stands in :func:`criteria`."""

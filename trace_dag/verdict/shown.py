@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from trace_dag.crash.event_sequence import OFF_THE_ROAD
 from trace_dag.crash.parties import EventKind
-from trace_dag.sim.leaving_road import left_road_after_contact
 from trace_dag.units import wrap_angle
 from trace_dag.verdict.metrics import speed_error_rel
 from trace_dag.verdict.observation import ObservedEvent, ObservedVehicle, StruckSide
@@ -96,11 +95,6 @@ def _beside_the_road(each: Beside) -> Iterator[Criterion]:
             yield shown("outside_carriageway", place.beyond_m if place else None, "m", number, event.number)
             yield shown("angle_to_road", _angle_to_road_deg(seen), "deg", number, event.number)
             yield shown("departure_time", left.left_s, "s", number, event.number)
-    elif event.side is not None and event.kind is EventKind.OBJECT_STRUCK:
-        sides = left_road_after_contact(each.of.observed.network, each.of.observed.log, number, seen.time_s)
-        held = event.side in sides
-        detail = "" if held else f"the vehicle leaves the road {' or '.join(sides)}, reported is {event.side}"
-        yield Criterion("later_side", float(held), 1.0, "", held, None, detail, number, event.number)
     if seen.overturn is not None:
         over = seen.overturn
         yield shown("overturn_time", seen.time_s, "s", number, event.number)

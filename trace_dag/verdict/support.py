@@ -173,16 +173,15 @@ def _sentence(fact: Fact) -> str:
     return f"{fact.name}{whose}: reported {fact.reported}, {where} has {fact.found}"
 
 
-def grade_of(accepted: bool, support: Support | None, reservations: Sequence[Reservation] = ()) -> Grade:
-    """What a verdict is worth: a crash about which there is a reservation is not corroborated.
+def grade_of(support: Support | None, reservations: Sequence[Reservation] = ()) -> Grade:
+    """Return the grade of an accepted crash. An event that does not happen is a matter of its label, not of support.
 
-    >>> grade_of(False, None).value, grade_of(True, None).value
-    ('rejected', 'consistent')
+    >>> grade_of(None).value
+    'consistent'
     """
-    if not accepted:
-        return Grade.REJECTED
+    doubted = any(not each.doubt.bars_verification for each in reservations)
     supported = support is not None and not support.detail
-    return Grade.CORROBORATED if supported and not reservations else Grade.CONSISTENT
+    return Grade.CORROBORATED if supported and not doubted else Grade.CONSISTENT
 
 
 @cache

@@ -9,6 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from trace_dag.errors import Reason
+from trace_dag.states.alternatives import Approached
 
 
 @dataclass(frozen=True)
@@ -31,12 +32,19 @@ class Criterion:
     event_number: Annotated[int | None, Field(exclude_if=lambda number: number is None)] = None
 
 
+class Label(StrEnum):
+    """What happens in the simulation, beside what the report says happened."""
+
+    VERIFIED = "verified"  # every harmful event that can be modelled, in order, and the harm can have come of it
+    FIRST_EVENT_ONLY = "first_event_only"  # accepted by its first event; something reported does not happen, or no harm
+    REJECTED = "rejected"
+
+
 class Grade(StrEnum):
-    """What a verdict is worth: accepted and borne out by enough independent facts; accepted, no more; not accepted."""
+    """Support for an accepted crash: corroborated by enough independent facts, or consistent and no more."""
 
     CORROBORATED = "corroborated"
     CONSISTENT = "consistent"
-    REJECTED = "rejected"
 
 
 class Agreement(StrEnum):
@@ -120,13 +128,24 @@ class EventOutcome:
 
 
 class Doubt(StrEnum):
-    """Why an accepted crash is not corroborated, whatever supports it."""
+    """A difference between an accepted crash and its report that no support outweighs."""
 
-    OTHER_STREET = "other_street"
-    EVENT_MISSED = "event_missed"
+    EVENT_MISSED = "event_missed"  # a harmful event; with this or the next the crash is not verified
     HARMLESS = "harmless"
-    AMBIGUOUS = "ambiguous"
+    OTHER_STREET = "other_street"  # from here on: verified, and not corroborated
+    CENTRELINE_NOT_CROSSED = "centreline_not_crossed"
+    MEDIAN_NOT_CROSSED = "median_not_crossed"
+    DEPARTURE_MISSED = "departure_missed"
+    RETURN_MISSED = "return_missed"
+    NOT_AIRBORNE = "not_airborne"
+    OTHER_ZONE = "other_zone"
+    UNREPORTED_OVERTURN = "unreported_overturn"
     NO_AREAS = "no_areas"  # of impact, in a register that has none
+
+    @property
+    def bars_verification(self) -> bool:
+        """Return whether a crash with this doubt is accepted by its first event only."""
+        return self in (Doubt.EVENT_MISSED, Doubt.HARMLESS)
 
 
 @dataclass(frozen=True)
@@ -139,27 +158,39 @@ class Reservation:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The judgement of one crash: of the first hypothesis (in the estimate's order) that satisfies the rules, or of
-    the first one if none does.
+    """The judgement of one crash: of the first hypothesis (in the estimate's order) that is verified, else of the first
+    that is accepted, else of the first.
 
-    ``support`` is None where no simulation came to a contact, and where one simulation is set beside many reports.
-    ``events`` are the harmful events of the report in order; with any of the ``reservations`` the crash is not
-    corroborated. Both are empty where one simulation is set beside many reports.
+    ``label`` answers what happens, ``grade`` how well it is supported (None for a rejected crash), ``direction_open``
+    how open it is: the sides that the report leaves open, empty where one is likely. ``support`` is None where no
+    simulation came to a contact, and where one simulation is compared with many reports. ``events`` are the harmful
+    events of the report in order, ``reservations`` the doubts about an accepted crash.
     """
 
     key: str
     rule_set: str
-    accepted: bool
+    label: Label
     hypothesis: int  # index in the estimate
     hypotheses_judged: int
     criteria: tuple[Criterion, ...]
     reason: Reason | None = None  # why it is rejected
     detail: str = ""
-    grade: Grade = Grade.REJECTED
+    grade: Grade | None = None
     support: Support | None = None
     events: tuple[EventOutcome, ...] = ()
     reservations: tuple[Reservation, ...] = ()
-    alternatives: str = ""  # what else is likely, in words; "" where no other side has a quarter
+    alternatives: str = ""  # other likely courses, in words; "" where no other side has a quarter
+    direction_open: tuple[Approached, ...] = ()
+
+    @property
+    def accepted(self) -> bool:
+        """Return whether no criterion of the rule set rejects the crash."""
+        return self.label is not Label.REJECTED
+
+    @property
+    def verified(self) -> bool:
+        """Return whether every reported harmful event that can be modelled happens and can have done the harm."""
+        return self.label is Label.VERIFIED
 
     def criterion(self, name: str, vehicle_number: int | None = None) -> Criterion | None:
         """The criterion of that name (and vehicle), if it was measured."""

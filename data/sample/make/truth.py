@@ -42,6 +42,11 @@ class LocalFrame:
         }  # fmt: skip
 
 
+HARMLESS = frozenset({319005, 319030, 319037, 319038, 319039, 319043, 319045, 319046, 319047})
+"""Cases whose two vehicles graze each other or back together: lane changes, a merge, backing, two glancing turns. A
+change of velocity below 16 km/h does not explain the death that every report of the sample has."""
+
+
 def truth_of(crash: Crash, report: Report, collision: Collision) -> dict[str, Any]:
     """The row of one crash."""
     frame = LocalFrame(report)
@@ -49,7 +54,7 @@ def truth_of(crash: Crash, report: Report, collision: Collision) -> dict[str, An
     return {
         "key": report.key,
         "title": crash.title,
-        "expected": {"final_state": "verified", "reason": None},
+        "expected": {"final_state": "first_event_only" if report.case in HARMLESS else "verified", "reason": None},
         "latitude_deg": report.latitude_deg,
         "longitude_deg": report.longitude_deg,
         "lead_time_s": LEAD_TIME_S,

@@ -97,6 +97,21 @@ def test_words_that_name_no_street_are_no_name(text: str) -> None:
     assert parse_street(text).names == ()
 
 
+@pytest.mark.parametrize(
+    ("reported", "mapped", "alike"),
+    [
+        ("4300 WISCONSIN AVE NW", "Wisconsin Avenue Northwest", True),
+        ("4300 BLK OF WISCONSIN AVE NW", "Wisconsin Avenue Northwest", True),
+        ("1200 N MAIN ST", "North Main Street", True),
+        ("142 STREET", "142nd Street", True),
+        ("12 MILE RD", "Mile Road", False),
+        ("42 ST", "43rd Street", False),
+    ],
+)
+def test_the_number_of_a_house_or_block_is_no_part_of_a_name(reported: str, mapped: str, alike: bool) -> None:
+    assert (similarity(reported, [mapped]) >= SAME_STREET) is alike
+
+
 def test_ramps_are_seen_as_such() -> None:
     ramp = parse_street("SR-303 RAMP")
     assert ramp.ramp

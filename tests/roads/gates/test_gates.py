@@ -249,6 +249,8 @@ def test_a_file_that_breaks_rules_is_measured_no_further(network: RoadNetwork, c
     xodr = write_opendrive(network).replace(b'type="driving"', b'type="asphalt"', 1)
     (gate,) = check_map(network, crossing, StoredMap(xodr))
     assert (gate.name, gate.passed) == ("opendrive_rules", False)
+    assert len(gate.road_ids) == 1
+    assert set(gate.road_ids) <= set(network.road_by_id)
     with pytest.raises(Rejection, match="enumeration"):
         require([gate])
 

@@ -41,9 +41,14 @@ LOOSE_OBJECTS: Final = LYING_OBJECTS | {16, 73}
 RAN_OFF_RIGHT: Final = 63
 RAN_OFF_LEFT: Final = 64
 CROSSED_MEDIAN: Final = 65
+AIRBORNE: Final = 67
+CROSSED_CENTRELINE: Final = 68
+CAME_BACK: Final = 69
 RAN_OFF_AT_END: Final = 71
 RAN_OFF: Final = 79
-DEPARTURES: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, CROSSED_MEDIAN, 68, 69, RAN_OFF_AT_END, RAN_OFF})
+DEPARTURES: Final = frozenset(
+    {RAN_OFF_RIGHT, RAN_OFF_LEFT, CROSSED_MEDIAN, CROSSED_CENTRELINE, CAME_BACK, RAN_OFF_AT_END, RAN_OFF}
+)
 """Events in which a vehicle left its side of the road, its roadway, or came back onto it."""
 HARM_EV = code_table("HARM_EV")
 UNKNOWN_EVENT: Final = 99

@@ -9,6 +9,7 @@ from trace_dag.errors import Reason, Rejection
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.verdict.json_io import verdict_to_json
 from trace_dag.verdict.judge import judge
+from trace_dag.verdict.types import Label
 
 if TYPE_CHECKING:
     from trace_dag.crash.record import CrashRecord
@@ -32,8 +33,13 @@ def verdict(
     figures: dict[str, Figure] = {
         "rule_set": found.rule_set,
         "hypothesis": found.hypothesis,
-        "grade": found.grade.value,
+        "label": found.label.value,
+        "grade": found.grade.value if found.grade else None,
     }
+    if found.label is Label.FIRST_EVENT_ONLY:
+        figures["not_verified_because"] = "; ".join(
+            each.detail for each in found.reservations if each.doubt.bars_verification
+        )
     if found.support is not None:
         figures |= {
             "support": round(found.support.total, 2),

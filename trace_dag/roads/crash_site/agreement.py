@@ -1,17 +1,19 @@
 """The map against the report, at the crash: lanes, limit, division, traffic control, and kind of intersection.
 
 Each attribute agrees, differs, or cannot be compared because one of the two does not say. If both say something, the
-map keeps OSM's value and the difference is recorded. Each vehicle is compared with the street it was on. At a crossing
-the report does not say which of the two streets that was. The one that fits its lanes, limit, trafficway and control
-better is taken; the crash's own street if both fit equally well. Gaps in OSM are filled from the report in
+map keeps OSM's value and the difference is recorded. Each vehicle is compared with the street it was on: the road that
+it drives along in a simulation, where there is one. At a crossing the report does not say which of the two streets that
+was. The one that fits its lanes, limit, trafficway and control better is taken; the crash's own street if both fit
+equally well. Gaps in OSM are filled from the report in
 :mod:`trace_dag.roads.crash_site.gap_filling`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 from trace_dag.crash.classes import RoadTopology
@@ -44,6 +46,7 @@ DIVISION: Final = "trafficway"
 CONTROL: Final = "traffic control"
 LIMIT: Final = "speed limit"
 
+_NOBODY: Final[Mapping[int, str]] = MappingProxyType({})
 _SIGNAL_TYPES: Final = {"1000001": Control.SIGNAL, "206": Control.STOP, "205": Control.YIELD}
 _CROSSING_CONTROL_M: Final = 60.0  # a signal or sign this near to a crossing applies to it
 _CRASH_CONTROL_M: Final = 20.0  # between crossings: one this near to the crash
@@ -77,13 +80,20 @@ class SiteStreets:
     of_vehicle: tuple[tuple[VehicleRecord, StreetAtCrash], ...]
 
 
-def compare(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> tuple[Comparison, ...]:
-    """The attributes that report and map have in common, compared, in a fixed order.
+def compare(
+    network: RoadNetwork,
+    record: CrashRecord,
+    placement: CrashPlacement,
+    driven: Mapping[int, str] = MappingProxyType({}),
+) -> tuple[Comparison, ...]:
+    """Compare the attributes that report and map have in common, in a fixed order.
+
+    ``driven``: the roads that vehicles drive along, by number, in place of the streets that fit their forms best.
 
     >>> [(each.attribute, each.reported, each.mapped) for each in compare(network, record, map_report.placement)][:2]
     [('lanes', '4', '4'), ('intersection type', 'four_way', 'four_way')]
     """
-    streets = streets_at(network, record, placement)
+    streets = streets_at(network, record, placement, driven)
     return (
         _per_vehicle(LANES, streets, _reported_lanes, _mapped_lanes),
         _intersection(network, record, placement, streets.crossing),
@@ -93,8 +103,13 @@ def compare(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement
     )
 
 
-def streets_at(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> SiteStreets:
-    """The streets at the crash, and which one each vehicle was on.
+def streets_at(
+    network: RoadNetwork,
+    record: CrashRecord,
+    placement: CrashPlacement,
+    driven: Mapping[int, str] = MappingProxyType({}),
+) -> SiteStreets:
+    """Return the streets at the crash, and which one each vehicle was on: that of its ``driven`` road where given.
 
     >>> streets = streets_at(network, record, map_report.placement)
     >>> {road.name for road in streets.own.roads}, {road.name for road in streets.cross.roads}
@@ -104,18 +119,28 @@ def streets_at(network: RoadNetwork, record: CrashRecord, placement: CrashPlacem
     if placement.junction_id is not None:
         crossings = (c for c in find_crossings(network) if placement.junction_id in c.junction_ids)
         crossing = next((c for c in crossings if c.kind is not None), None)
-    if crossing is None:
-        street = _street(network, placement, (placement.road_id,), None)
-        return SiteStreets(street, None, None, tuple((vehicle, street) for vehicle in pair_of(record)))
-    cross_ids = [road_id for road_id in placement.cross_road_ids if road_id in crossing.road_ids]
-    own_ids = [road_id for road_id in crossing.street_of(placement.road_id) if road_id not in cross_ids]
+    cross_ids: list[str] = []
+    own_ids: Sequence[str] = (placement.road_id,)
+    if crossing is not None:
+        cross_ids = [road_id for road_id in placement.cross_road_ids if road_id in crossing.road_ids]
+        own_ids = [road_id for road_id in crossing.street_of(placement.road_id) if road_id not in cross_ids]
     own = _street(network, placement, own_ids, crossing)
     cross = _street(network, placement, cross_ids, crossing) if cross_ids else None
-    chosen = tuple((vehicle, _street_of(vehicle, own, cross)) for vehicle in pair_of(record))
-    return SiteStreets(own, cross, crossing, chosen)
+
+    def street_of(vehicle: VehicleRecord) -> StreetAtCrash:
+        road_id = driven.get(vehicle.number)
+        if road_id is None:
+            return _street_by_form(vehicle, own, cross)
+        road = network.road_by_id[road_id]
+        for street in (own, cross):
+            if street and any(road is each or set(road.names) & set(each.names) for each in street.roads):
+                return street
+        return _street(network, placement, crossing.street_of(road_id) if crossing else (road_id,), crossing)
+
+    return SiteStreets(own, cross, crossing, tuple((vehicle, street_of(vehicle)) for vehicle in pair_of(record)))
 
 
-def _street_of(vehicle: VehicleRecord, own: StreetAtCrash, cross: StreetAtCrash | None) -> StreetAtCrash:
+def _street_by_form(vehicle: VehicleRecord, own: StreetAtCrash, cross: StreetAtCrash | None) -> StreetAtCrash:
     if cross is None:
         return own
     gain = _fit(vehicle, cross) - _fit(vehicle, own)

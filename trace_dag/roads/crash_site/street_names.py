@@ -177,6 +177,8 @@ _WORDS: Final = {
     "TWELFTH": "12",
 }
 _PLACEHOLDERS: Final = frozenset({"UNNAMED", "UNAMED", "UNKNOWN", "PRIVATE", "NONE"})
+_BLOCK: Final = frozenset({"BLK", "BLOCK", "OF"})
+_LEAST_ADDRESS: Final = 100
 _NO_NAMES: Final = frozenset((*_TYPES, *_VARIANTS, *_DIRECTIONS, *_PLACEHOLDERS))
 _RAMP: Final = re.compile(r"\bRAMPS?\b")
 _ORDINAL: Final = re.compile(r"^(\d+)(?:ST|ND|RD|TH)$")
@@ -327,7 +329,7 @@ def _route(match: re.Match[str]) -> NumberedRoute:
 
 def _plain_name(text: str) -> PlainName | None:
     tokens = [token for token in re.split(r"[^A-Z0-9']+", text) if token]
-    tokens = [token.replace("'", "") for token in tokens]
+    tokens = _without_address([token.replace("'", "") for token in tokens])
     if len(tokens) > 1 and tokens[0] == "ST" and tokens[1] not in _DIRECTIONS:
         tokens[0] = "SAINT"
     directions, tokens = _take_directions(tokens)
@@ -340,6 +342,19 @@ def _plain_name(text: str) -> PlainName | None:
     if not core or (len(core) == 1 and core[0] in (_NO_NAMES if not kind else _PLACEHOLDERS)):
         return None
     return PlainName(core, kind, directions)
+
+
+def _without_address(tokens: list[str]) -> list[str]:
+    """Return a name without the number of a house or block before it: "4300 BLK OF WISCONSIN AVE NW".
+
+    Numbers below 100 are names: "12 MILE RD". So is one that a type follows: "142 STREET".
+    """
+    if len(tokens) < 2 or not tokens[0].isdecimal() or int(tokens[0]) < _LEAST_ADDRESS or tokens[1] in _TYPES:
+        return tokens
+    rest = tokens[1:]
+    while len(rest) > 1 and rest[0] in _BLOCK:
+        rest = rest[1:]
+    return rest
 
 
 def _take_directions(tokens: list[str]) -> tuple[tuple[str, ...], list[str]]:

@@ -20,6 +20,7 @@ from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates import measures
 from trace_dag.roads.gates.against_osm import MapComparison
 from trace_dag.roads.map.lane_geometry import lane_ends, sample_at
+from trace_dag.roads.map.rules import roads_of
 from trace_dag.roads.report import CrashPlacement, MapGate
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ def check_map(
     Everything is measured on the file as read back. If it breaks more rules than allowed, nothing else is measured.
     """
     limits = limits or MapLimits()
-    rules = _count_gate("opendrive_rules", stored_map.violations, "violations", limits.rule_violations)
+    broken = stored_map.violations
+    rules = _count_gate("opendrive_rules", broken, "violations", limits.rule_violations, roads_of(broken))
     if not rules.passed:
         return (rules,)
     stored = stored_map.network

@@ -9,6 +9,7 @@ this project could break are checked here in milliseconds: element order and att
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from trace_dag.roads.map.reader import parse_opendrive
 _POSITION_TOLERANCE_M: Final = 1e-3
 _HEADING_TOLERANCE_RAD: Final = 1e-3
 _S_TOLERANCE_M: Final = 1e-4
+_ROAD: Final = re.compile(r"\(road ([^,)]+)")
 
 _Order = tuple[str, ...]
 _TAIL: Final[_Order] = ("userData", "include", "dataQuality")
@@ -127,6 +129,15 @@ def violations_of(root: etree._Element) -> list[str]:
     for rule in _RULES:
         found += rule(root)
     return [*found, *broken_links(root)]
+
+
+def roads_of(violations: Iterable[str]) -> list[str]:
+    """Return the ids of the roads that violations name as their places.
+
+    >>> roads_of(["no lane section (road 12)", "no geoReference"])
+    ['12']
+    """
+    return [found[1] for each in violations if (found := _ROAD.search(each)) is not None]
 
 
 def _place(element: etree._Element) -> str:

@@ -35,7 +35,7 @@
     cell(row, link);
     const state = document.createElement("span");
     state.className = `state ${crash.final_state}`;
-    state.textContent = crash.outdated ? `${crash.final_state}, outdated` : crash.final_state;
+    state.textContent = words(crash.outdated ? `${crash.final_state}, outdated` : crash.final_state);
     cell(row, state);
     cell(row, words(crash.grade));
     cell(row, words(crash.reason));

@@ -4,7 +4,7 @@
 window.crashMap = (figure, pick, moved) => {
   const SVG = "http://www.w3.org/2000/svg";
   const NEAR_PX = 56, MARGIN_PX = 48, LEAST_SPAN_DEG = 0.01, DEG_M = 111195;
-  const STATES = ["verified", "rejected", "failed", "pending"];
+  const STATES = ["verified", "first_event_only", "rejected", "failed", "pending"];
   const svg = figure.querySelector("svg");
   let crashes = [];
   let view = { lat: 0, lon: 0, scale: 1 }; // middle, and pixels per degree of latitude
@@ -83,7 +83,7 @@ window.crashMap = (figure, pick, moved) => {
   }
 
   const SHAPES = {
-    verified: "M-6 0a6 6 0 1 0 12 0a6 6 0 1 0 -12 0z", rejected: "M-5-5h10v10h-10z",
+    verified: "M-6 0a6 6 0 1 0 12 0a6 6 0 1 0 -12 0z", first_event_only: "M0-7l7 7-7 7-7-7z", rejected: "M-5-5h10v10h-10z",
     failed: "M-6-4l2-2 4 4 4-4 2 2-4 4 4 4-2 2-4-4-4 4-2-2 4-4z", pending: "M0-7l7 7-7 7-7-7z",
   };
 

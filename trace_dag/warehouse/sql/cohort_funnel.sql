@@ -4,7 +4,8 @@ WITH passed AS (
     SELECT
         crashes.key,
         crashes.cohort,
-        coalesce(max(stage_number) FILTER (outcome = 'accepted'), 0) AS stages
+        coalesce(max(stage_number) FILTER (outcome = 'accepted'), 0)
+            + bool_or(final_state = 'verified')::INTEGER AS stages
     FROM crashes
     LEFT JOIN stage_outcomes USING (key)
     GROUP BY crashes.key, crashes.cohort
@@ -14,7 +15,7 @@ FROM passed
 CROSS JOIN (
     VALUES
         (1, 'registered', 0), (2, 'complete', 2), (3, 'mapped', 4), (4, 'estimated', 5), (5, 'collided', 6),
-        (6, 'verified', 7)
+        (6, 'accepted', 7), (7, 'verified', 8)
 ) AS steps (step_number, step, needed)
 GROUP BY cohort, step_number, step
 ORDER BY cohort, step_number;

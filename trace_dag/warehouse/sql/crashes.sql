@@ -110,7 +110,7 @@ COMMENT ON COLUMN crashes.state_case IS 'Case number, unique in its year (ST_CAS
 COMMENT ON COLUMN crashes.cohort IS 'Cohort that registered it';
 COMMENT ON COLUMN crashes.latitude_deg IS 'Reported latitude, WGS84, degrees';
 COMMENT ON COLUMN crashes.longitude_deg IS 'Reported longitude, WGS84, degrees';
-COMMENT ON COLUMN crashes.final_state IS 'verified, rejected, failed or pending';
+COMMENT ON COLUMN crashes.final_state IS 'verified, first_event_only, rejected, failed or pending';
 COMMENT ON COLUMN crashes.stage_reached IS 'Stage that rejected or failed it, else the last one that accepted it; null before the first';
 COMMENT ON COLUMN crashes.reason IS 'Reason code of a rejection';
 COMMENT ON COLUMN crashes.collision_type IS 'Coverage class of the manner of collision (MAN_COLL)';

@@ -1,4 +1,4 @@
--- Verified crashes whose place is not what the report or the map says: somebody is off mapped ground or in a building
+-- Accepted crashes whose place is not what the report or the map says: somebody is off mapped ground or in a building
 -- before the first event, or the crash stands on a street that the report contradicts. There should be none.
 CREATE VIEW doubtful_places AS
 SELECT key, criterion AS what, detail
@@ -7,10 +7,10 @@ WHERE accepted AND criterion = 'mapped_ground' AND passed IS NOT TRUE
 UNION ALL
 SELECT key, fact, reported || ' is reported, the map has ' || found
 FROM support
-WHERE grade <> 'rejected' AND fact IN ('first street', 'carriageways') AND agreement = 'differs'
+WHERE grade IS NOT NULL AND fact IN ('first street', 'carriageways') AND agreement = 'differs'
 ORDER BY ALL;
 
-COMMENT ON VIEW doubtful_places IS 'Verified crashes off mapped ground, through a building, or on a street that the report contradicts';
+COMMENT ON VIEW doubtful_places IS 'Accepted crashes off mapped ground, through a building, or on a street that the report contradicts';
 COMMENT ON COLUMN doubtful_places.key IS 'Key of the crash';
 COMMENT ON COLUMN doubtful_places.what IS 'What is doubtful: mapped_ground, first street or carriageways';
 COMMENT ON COLUMN doubtful_places.detail IS 'What was found, in words';

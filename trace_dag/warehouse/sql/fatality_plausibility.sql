@@ -9,7 +9,7 @@ WITH violence AS (
         coalesce(max(greatest(contacts.delta_v_1_mps, contacts.delta_v_2_mps)), 0) AS delta_v_mps
     FROM verdicts
     LEFT JOIN contacts ON contacts.key = verdicts.key AND contacts.hypothesis = verdicts.hypothesis
-    WHERE verdicts.accepted
+    WHERE verdicts.label = 'verified'
     GROUP BY verdicts.key
 ),
 

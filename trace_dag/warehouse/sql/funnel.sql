@@ -1,8 +1,11 @@
--- How many crashes got past each step, beside the 100 reports, 65 maps and 52 verified reconstructions of the published
+-- How many crashes got past each step, beside the 100 reports, 65 maps and 52 accepted reconstructions of the published
 -- study (TRACE, FSE Companion '26).
 CREATE VIEW funnel AS
 WITH passed AS (
-    SELECT crashes.key, coalesce(max(stage_number) FILTER (outcome = 'accepted'), 0) AS stages
+    SELECT
+        crashes.key,
+        coalesce(max(stage_number) FILTER (outcome = 'accepted'), 0)
+            + bool_or(final_state = 'verified')::INTEGER AS stages
     FROM crashes
     LEFT JOIN stage_outcomes USING (key)
     GROUP BY crashes.key
@@ -16,7 +19,8 @@ RIGHT JOIN (
         (3, 'mapped', 4, 65),
         (4, 'estimated', 5, NULL),
         (5, 'collided', 6, NULL),
-        (6, 'verified', 7, 52)
+        (6, 'accepted', 7, 52),
+        (7, 'verified', 8, NULL)
 ) AS steps (step_number, step, needed, published) ON true
 GROUP BY step_number, step
 ORDER BY step_number;

@@ -4,7 +4,8 @@ WITH passed AS (
     SELECT
         crashes.key,
         coalesce(crashes.kind, 'not_known') AS kind,
-        coalesce(max(stage_number) FILTER (outcome = 'accepted'), 0) AS stages
+        coalesce(max(stage_number) FILTER (outcome = 'accepted'), 0)
+            + bool_or(final_state = 'verified')::INTEGER AS stages
     FROM crashes
     LEFT JOIN stage_outcomes USING (key)
     GROUP BY crashes.key, crashes.kind
@@ -17,7 +18,8 @@ SELECT
     count(*) FILTER (stages >= 4) AS mapped,
     count(*) FILTER (stages >= 5) AS estimated,
     count(*) FILTER (stages >= 6) AS collided,
-    count(*) FILTER (stages >= 7) AS verified
+    count(*) FILTER (stages >= 7) AS accepted,
+    count(*) FILTER (stages >= 8) AS verified
 FROM passed
 GROUP BY kind
 ORDER BY registered DESC, kind;
@@ -30,4 +32,5 @@ COMMENT ON COLUMN funnel_by_kind.complete IS 'Of those, with a report that says 
 COMMENT ON COLUMN funnel_by_kind.mapped IS 'Of those, with a road map';
 COMMENT ON COLUMN funnel_by_kind.estimated IS 'Of those, with an estimate of the states';
 COMMENT ON COLUMN funnel_by_kind.collided IS 'Of those, that collide in simulation';
-COMMENT ON COLUMN funnel_by_kind.verified IS 'Of those, verified';
+COMMENT ON COLUMN funnel_by_kind.accepted IS 'Of those, accepted: by their first event at least';
+COMMENT ON COLUMN funnel_by_kind.verified IS 'Of those, verified: everything reported that can be modelled happens';

@@ -45,8 +45,8 @@ COMMENT ON COLUMN head_on.speed_limit_mph IS 'Speed limit, the highest of the ve
 COMMENT ON COLUMN head_on.vehicles IS 'Motor vehicles in the report';
 COMMENT ON COLUMN head_on.fatalities IS 'Persons killed (FATALS)';
 COMMENT ON COLUMN head_on.kind IS 'Kind of crash, by first harmful event and vehicles (HARM_EV, VE_FORMS, SOE)';
-COMMENT ON COLUMN head_on.final_state IS 'verified, rejected, failed or pending';
-COMMENT ON COLUMN head_on.grade IS 'What the verdict is worth: corroborated, consistent or rejected';
+COMMENT ON COLUMN head_on.final_state IS 'verified, first_event_only, rejected, failed or pending';
+COMMENT ON COLUMN head_on.grade IS 'How well it is supported: corroborated or consistent; null of a rejected crash';
 COMMENT ON COLUMN head_on.contact_distance_m IS 'First contact, or overturn, from the reported point, m';
 COMMENT ON COLUMN head_on.delta_v_max_mph IS 'Change of velocity, the larger of the vehicles, mph';
 COMMENT ON COLUMN head_on.summary IS 'The crash in words';

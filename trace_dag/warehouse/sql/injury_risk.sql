@@ -21,7 +21,7 @@ WITH shown AS (
     SELECT contacts.*
     FROM contacts
     JOIN verdicts USING (key, hypothesis)
-    WHERE verdicts.accepted
+    WHERE verdicts.label = 'verified'
 ),
 
 struck AS (

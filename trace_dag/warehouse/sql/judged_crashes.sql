@@ -3,6 +3,7 @@ CREATE VIEW judged_crashes AS
 SELECT
     crashes.*,
     verdicts.grade,
+    verdicts.direction_open,
     verdicts.contact_distance_m,
     verdicts.delta_v_max_mps,
     verdicts.delta_v_max_mps / 0.44704 AS delta_v_max_mph,
@@ -14,7 +15,8 @@ LEFT JOIN verdicts USING (key)
 LEFT JOIN (SELECT key, max(speed_limit_mph) AS speed_limit_mph FROM vehicles GROUP BY key) AS limits USING (key);
 
 COMMENT ON VIEW judged_crashes IS 'Every registered crash with grade, change of velocity and speed limit: crashes and verdicts in one';
-COMMENT ON COLUMN judged_crashes.grade IS 'What the verdict is worth: corroborated, consistent or rejected';
+COMMENT ON COLUMN judged_crashes.grade IS 'How well it is supported: corroborated or consistent; null of a rejected crash';
+COMMENT ON COLUMN judged_crashes.direction_open IS 'Sides that the report leaves open, with the share of each: party, side, share';
 COMMENT ON COLUMN judged_crashes.contact_distance_m IS 'First contact, or overturn, from the reported point, m';
 COMMENT ON COLUMN judged_crashes.delta_v_max_mps IS 'Change of velocity, the larger of the vehicles, m/s';
 COMMENT ON COLUMN judged_crashes.delta_v_max_mph IS 'Change of velocity, the larger of the vehicles, mph';
@@ -31,7 +33,7 @@ COMMENT ON COLUMN judged_crashes.state_case IS 'Case number, unique in its year 
 COMMENT ON COLUMN judged_crashes.cohort IS 'Cohort that registered it';
 COMMENT ON COLUMN judged_crashes.latitude_deg IS 'Reported latitude, WGS84, degrees';
 COMMENT ON COLUMN judged_crashes.longitude_deg IS 'Reported longitude, WGS84, degrees';
-COMMENT ON COLUMN judged_crashes.final_state IS 'verified, rejected, failed or pending';
+COMMENT ON COLUMN judged_crashes.final_state IS 'verified, first_event_only, rejected, failed or pending';
 COMMENT ON COLUMN judged_crashes.stage_reached IS 'Stage that rejected or failed it, else the last one that accepted it; null before the first';
 COMMENT ON COLUMN judged_crashes.reason IS 'Reason code of a rejection';
 COMMENT ON COLUMN judged_crashes.collision_type IS 'Coverage class of the manner of collision (MAN_COLL)';

@@ -13,7 +13,7 @@ FROM read_json(
         'reports_differ': 'BOOLEAN',
         'shifted_vehicle': 'INTEGER',
         'shift_s': 'DOUBLE',
-        'accepted': 'BOOLEAN',
+        'verified': 'BOOLEAN',
         'reason': 'VARCHAR',
         'detail': 'VARCHAR',
         'contact_distance_m': 'DOUBLE',
@@ -35,7 +35,7 @@ COMMENT ON COLUMN negative_controls.other_key IS 'Key of the crash whose report 
 COMMENT ON COLUMN negative_controls.reports_differ IS 'Whether the two reports contradict each other in an impact or a direction';
 COMMENT ON COLUMN negative_controls.shifted_vehicle IS 'Party that came late or from the other side: a vehicle, or 1000 and the number of a person';
 COMMENT ON COLUMN negative_controls.shift_s IS 'How late, s';
-COMMENT ON COLUMN negative_controls.accepted IS 'Whether the verdict accepts it; null where the control does not apply';
+COMMENT ON COLUMN negative_controls.verified IS 'Whether it is verified; null where the control does not apply';
 COMMENT ON COLUMN negative_controls.reason IS 'Why not';
 COMMENT ON COLUMN negative_controls.detail IS 'The same as a sentence';
 COMMENT ON COLUMN negative_controls.contact_distance_m IS 'First contact to the reported location, m';

@@ -16,10 +16,10 @@ FROM read_json(
         'stage_reached': 'VARCHAR',
         'reason': 'VARCHAR',
         'outcome_detail': 'VARCHAR',
-        'accepted': 'BOOLEAN',
+        'verified': 'BOOLEAN',
         'grade': 'VARCHAR',
         'support': 'DOUBLE',
-        'own_accepted': 'BOOLEAN',
+        'own_verified': 'BOOLEAN',
         'moved_m': 'DOUBLE',
         'same_street': 'BOOLEAN'
     }
@@ -35,13 +35,13 @@ COMMENT ON COLUMN perturbed_controls.draw IS 'Which draw of what is drawn at ran
 COMMENT ON COLUMN perturbed_controls.seed IS 'Seed it was drawn with';
 COMMENT ON COLUMN perturbed_controls.detail IS 'What was changed, in words';
 COMMENT ON COLUMN perturbed_controls.other_key IS 'Crash whose report was set down at this place';
-COMMENT ON COLUMN perturbed_controls.final_state IS 'verified, rejected or failed, as the changed report ends';
+COMMENT ON COLUMN perturbed_controls.final_state IS 'verified, first_event_only, rejected or failed, as the changed report ends';
 COMMENT ON COLUMN perturbed_controls.stage_reached IS 'Stage that ended it, or the last one';
 COMMENT ON COLUMN perturbed_controls.reason IS 'Why it was rejected';
 COMMENT ON COLUMN perturbed_controls.outcome_detail IS 'The same as a sentence';
-COMMENT ON COLUMN perturbed_controls.accepted IS 'Whether it is verified; null where nothing was judged: no map covers the place, or a stage failed';
+COMMENT ON COLUMN perturbed_controls.verified IS 'Whether it is verified; null where nothing was judged: no map covers the place, or a stage failed';
 COMMENT ON COLUMN perturbed_controls.grade IS 'Grade of its verdict; null where it has none';
 COMMENT ON COLUMN perturbed_controls.support IS 'Support of its verdict, log-likelihood ratio; null where it has none';
-COMMENT ON COLUMN perturbed_controls.own_accepted IS 'Whether the unchanged simulation is accepted by the changed report, the location left its own';
+COMMENT ON COLUMN perturbed_controls.own_verified IS 'Whether the unchanged simulation is accepted by the changed report, the location left its own';
 COMMENT ON COLUMN perturbed_controls.moved_m IS 'Place of the changed report from that of the crash, m';
 COMMENT ON COLUMN perturbed_controls.same_street IS 'Whether that place is on a street the report names; null for reports at their own place';

@@ -17,7 +17,7 @@ ORDER BY ALL;
 
 COMMENT ON TABLE support IS 'What supports each verdict, one row per fact of the report';
 COMMENT ON COLUMN support.key IS 'Key of the crash';
-COMMENT ON COLUMN support.grade IS 'What the verdict is worth: corroborated, consistent or rejected';
+COMMENT ON COLUMN support.grade IS 'How well it is supported: corroborated or consistent; null of a rejected crash';
 COMMENT ON COLUMN support.fact IS 'What the report speaks of';
 COMMENT ON COLUMN support.against IS 'What it is compared with: map, course (as simulated) or record (other fields of the report)';
 COMMENT ON COLUMN support.vehicle_number IS 'Vehicle it is about, if one';

@@ -2,12 +2,14 @@
 CREATE TABLE verdict_criteria AS
 SELECT
     key,
-    accepted,
+    label <> 'rejected' AS accepted,
+    label,
     grade,
     support.total AS support,
     support.independent_facts AS independent_facts,
     nullif(support.detail, '') AS support_detail,
     nullif(alternatives, '') AS alternatives,
+    nullif(direction_open, []) AS direction_open,
     hypothesis,
     rule_set,
     measured.name AS criterion,
@@ -19,13 +21,19 @@ SELECT
     measured.passed,
     measured.reason,
     nullif(measured.detail, '') AS detail
-FROM (SELECT key, accepted, grade, support, alternatives, hypothesis, rule_set, unnest(criteria) AS measured FROM verdict)
+FROM (
+    SELECT
+        key, label, grade, support, alternatives, direction_open, hypothesis, rule_set, unnest(criteria) AS measured
+    FROM verdict
+)
 ORDER BY ALL;
 
 COMMENT ON TABLE verdict_criteria IS 'Every criterion of every verdict, one row each';
 COMMENT ON COLUMN verdict_criteria.key IS 'Key of the crash';
 COMMENT ON COLUMN verdict_criteria.accepted IS 'Whether the crash is accepted';
-COMMENT ON COLUMN verdict_criteria.grade IS 'What the verdict is worth: corroborated, consistent or rejected';
+COMMENT ON COLUMN verdict_criteria.label IS 'What happens: verified, first_event_only or rejected';
+COMMENT ON COLUMN verdict_criteria.direction_open IS 'Sides that the report leaves open, with the share of each; of the verdict';
+COMMENT ON COLUMN verdict_criteria.grade IS 'How well it is supported: corroborated or consistent; null of a rejected crash';
 COMMENT ON COLUMN verdict_criteria.support IS 'Sum of the weights of all facts of the report, natural logarithm';
 COMMENT ON COLUMN verdict_criteria.independent_facts IS 'Different facts that agree with the map or the course';
 COMMENT ON COLUMN verdict_criteria.alternatives IS 'What else is likely beside the course that was judged, in words; of the verdict';

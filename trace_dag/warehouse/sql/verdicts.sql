@@ -23,7 +23,9 @@ SELECT
     any_value(told.events_reported) AS events_reported,
     any_value(told.events_happened) AS events_happened,
     any_value(told.events_not_modelled) AS events_not_modelled,
-    any_value(alternatives) AS alternatives
+    any_value(alternatives) AS alternatives,
+    any_value(direction_open) AS direction_open,
+    any_value(label) AS label
 FROM verdict_criteria
 LEFT JOIN maps USING (key)
 LEFT JOIN (
@@ -40,8 +42,9 @@ ORDER BY key;
 
 COMMENT ON VIEW verdicts IS 'Every verdict in one row';
 COMMENT ON COLUMN verdicts.key IS 'Key of the crash';
-COMMENT ON COLUMN verdicts.accepted IS 'Whether the simulated crash is the reported one';
-COMMENT ON COLUMN verdicts.grade IS 'What it is worth: corroborated (enough facts and support, nothing essential against), consistent (accepted, no more) or rejected';
+COMMENT ON COLUMN verdicts.accepted IS 'Whether the first reported event happens as reported';
+COMMENT ON COLUMN verdicts.label IS 'What happens: verified (all reported that can be modelled), first_event_only or rejected';
+COMMENT ON COLUMN verdicts.grade IS 'How well it is supported: corroborated (enough facts and support, no doubt against) or consistent; null of a rejected crash';
 COMMENT ON COLUMN verdicts.support IS 'Sum of the weights of all facts of the report, natural logarithm; its rows are in table support';
 COMMENT ON COLUMN verdicts.independent_facts IS 'Different facts of the report that agree with the map or the simulated course';
 COMMENT ON COLUMN verdicts.support_detail IS 'Why the crash is not corroborated; null if it is';
@@ -52,6 +55,7 @@ COMMENT ON COLUMN verdicts.events_reported IS 'Harmful events of the report';
 COMMENT ON COLUMN verdicts.events_happened IS 'Harmful events that happen in the simulation';
 COMMENT ON COLUMN verdicts.events_not_modelled IS 'Harmful events that no simulation can have';
 COMMENT ON COLUMN verdicts.alternatives IS 'What else is likely beside the course that was judged: other sides with a quarter or more together; null where there is none';
+COMMENT ON COLUMN verdicts.direction_open IS 'Sides that the report leaves open, with the share of each: party, side, share';
 COMMENT ON COLUMN verdicts.clock_error_max_positions IS 'Impact against the reported clock position, the worse vehicle, hours';
 COMMENT ON COLUMN verdicts.direction_ok IS 'Whether every direction that could be judged is as reported';
 COMMENT ON COLUMN verdicts.speed_error_initial_max_rel IS 'Initial speed against the reported one, the worse vehicle, relative; null if none is reported';

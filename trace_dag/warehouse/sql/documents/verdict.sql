@@ -2,12 +2,13 @@
 SELECT
     key,
     unnest(from_json(content, '{
-        "accepted": "BOOLEAN", "grade": "VARCHAR", "hypothesis": "INTEGER", "rule_set": "VARCHAR",
+        "label": "VARCHAR", "grade": "VARCHAR", "hypothesis": "INTEGER", "rule_set": "VARCHAR",
         "criteria": [{
             "name": "VARCHAR", "value": "DOUBLE", "threshold": "DOUBLE", "unit": "VARCHAR", "passed": "BOOLEAN",
             "reason": "VARCHAR", "detail": "VARCHAR", "vehicle_number": "INTEGER", "event_number": "INTEGER"
         }],
         "alternatives": "VARCHAR",
+        "direction_open": [{"party": "INTEGER", "side": "VARCHAR", "share": "DOUBLE"}],
         "events": [{"event_number": "INTEGER", "code": "INTEGER", "outcome": "VARCHAR", "why": "VARCHAR"}],
         "reservations": [{"doubt": "VARCHAR", "detail": "VARCHAR"}],
         "support": {

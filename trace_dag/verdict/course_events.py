@@ -1,0 +1,203 @@
+"""Comparison of the reported events that are not harmful with the simulated course.
+
+FARS lists what a vehicle did between harmful events: it ran off the road, came back, crossed the centreline or the
+median, left the ground. An event of the report that the course does not show, and an overturn that the course shows and
+the report does not, are doubts. A criterion of :mod:`trace_dag.verdict.rules` judges the departure before the first
+event; here are all others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from trace_dag.crash.codes import events as codes
+from trace_dag.crash.departure_side import SIDE_OF_EVENT, DepartureSide
+from trace_dag.crash.record import EventRecord, VehicleClass
+from trace_dag.crash.summary import event_in_words
+from trace_dag.geometry import Pose, rectangle_corners
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.roadside import RoadZone, roadside_at
+from trace_dag.sim.leaving_road import left_road
+from trace_dag.sim.types import Body, SimulationLog, VehicleLog, overturned_at
+from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone
+from trace_dag.verdict.rules import Comparison
+from trace_dag.verdict.types import Doubt, Reservation
+
+_STEP_S: Final = 0.1
+_REACH_M: Final = 150.0
+_OPPOSED: Final = -math.cos(math.radians(50))
+"""Cosine of the angle between a vehicle's course and a lane from which on the lane is one of oncoming traffic."""
+_BETWEEN_ROADS: Final = frozenset({RoadZone.MEDIAN, RoadZone.GORE})
+_DEPARTURES: Final = frozenset({*SIDE_OF_EVENT, codes.RAN_OFF})
+_CROSSED: Final = {
+    codes.CROSSED_CENTRELINE: ("centreline", Doubt.CENTRELINE_NOT_CROSSED),
+    codes.CROSSED_MEDIAN: ("median", Doubt.MEDIAN_NOT_CROSSED),
+}
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """One stay of a vehicle beyond the carriageway: when it left (s), to which sides, when it was back (None: not)."""
+
+    left_s: float
+    back_s: float | None
+    sides: tuple[DepartureSide, ...]
+
+
+def course_doubts(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each reported event of the course that does not happen, and for each unreported overturn.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.settings import VerdictSettings
+    >>> list(course_doubts(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
+    []
+    """
+    for vehicle in beside.record.vehicles:
+        events = [each for each in beside.record.events if each.party_1 == vehicle.number and not each.is_harmful]
+        if events and vehicle.number in {each.number for each in beside.observed.log.parties}:
+            yield from _missed_events(beside, vehicle.number, events)
+    yield from _other_zone(beside)
+    yield from _unreported_overturns(beside)
+
+
+def _missed_events(beside: Comparison, number: int, events: list[EventRecord]) -> Iterator[Reservation]:
+    """Yield a doubt for each of a vehicle's events that its course does not show."""
+    driven, body = beside.observed.log.vehicle_log(number), beside.observed.log.bodies[number]
+    network = beside.observed.network
+    for event in events:
+        if event.code == codes.AIRBORNE:
+            yield _doubt(Doubt.NOT_AIRBORNE, event, "no vehicle leaves the ground in this simulation")
+        elif event.code in _CROSSED:
+            what, doubt = _CROSSED[event.code]
+            if not _crosses(network, driven, body, *_window(beside, event), median=doubt is Doubt.MEDIAN_NOT_CROSSED):
+                yield _doubt(doubt, event, f"vehicle {number} does not cross the {what}")
+    moves = [event for event in events if event.code in _DEPARTURES or event.code == codes.CAME_BACK]
+    if moves:
+        yield from _missed_departures(beside, moves, list(_excursions(network, beside.observed.log, number)))
+
+
+def _missed_departures(
+    beside: Comparison, moves: list[EventRecord], excursions: list[Excursion]
+) -> Iterator[Reservation]:
+    """Yield a doubt for each departure and return of a vehicle that its ``excursions`` do not show in that order."""
+    first = beside.seen(beside.sequence.first)
+    judged = first is not None and first.departure is not None  # by the criterion on the first event's departure
+    current: Excursion | None = None
+    remaining = iter(excursions)
+    for event in moves:
+        vehicle = f"vehicle {event.party_1}"
+        begin_s, end_s = _window(beside, event)
+        if event.code == codes.CAME_BACK:
+            if current is None or current.back_s is None or current.back_s > end_s:
+                yield _doubt(Doubt.RETURN_MISSED, event, f"{vehicle} does not come back onto the road then")
+            continue
+        current = next((each for each in remaining if each.left_s >= begin_s - _STEP_S), None)
+        if (
+            judged
+            and event.party_1 == beside.sequence.first.vehicle.number
+            and event.number < beside.sequence.first.number
+        ):
+            continue
+        side = SIDE_OF_EVENT.get(event.code)
+        if current is None or current.left_s > end_s:
+            yield _doubt(Doubt.DEPARTURE_MISSED, event, f"{vehicle} does not leave the road then")
+        elif side is not None and side not in current.sides:
+            went = " or ".join(SIDES_IN_WORDS[each] for each in current.sides)
+            yield _doubt(Doubt.DEPARTURE_MISSED, event, f"{vehicle} leaves the road {went}")
+
+
+def _window(beside: Comparison, event: EventRecord) -> tuple[float, float]:
+    """Return the times (s) between which an event of the report belongs: its vehicle's harmful events around it."""
+    before_s, after_s = -math.inf, math.inf
+    for each in beside.sequence.events:
+        seen = beside.seen(each) if event.party_1 in each.pair else None
+        if seen is not None and each.number < event.number:
+            before_s = max(before_s, seen.time_s)
+        elif seen is not None:
+            after_s = min(after_s, seen.time_s)
+    return before_s, after_s
+
+
+def _steps(driven: VehicleLog, begin_s: float, end_s: float) -> Iterator[int]:
+    """Yield the steps of a log in a span of time, ten a second."""
+    next_s = -math.inf
+    for k in np.flatnonzero((driven.time_s >= begin_s) & (driven.time_s <= end_s)).tolist():
+        if driven.time_s[k] >= next_s:
+            next_s = float(driven.time_s[k]) + _STEP_S
+            yield k
+
+
+def _pose(driven: VehicleLog, k: int) -> Pose:
+    return Pose(float(driven.x_m[k]), float(driven.y_m[k]), float(driven.heading_rad[k]), float(driven.z_m[k]))
+
+
+def _crosses(
+    network: RoadNetwork, driven: VehicleLog, body: Body, begin_s: float, end_s: float, *, median: bool
+) -> bool:
+    """Return whether a corner of the body is on a lane of oncoming traffic, or its centre in a ``median``."""
+    for k in _steps(driven, begin_s, end_s):
+        pose = _pose(driven, k)
+        course_rad = math.atan2(float(driven.velocity_y_mps[k]), float(driven.velocity_x_mps[k]))
+        for x_m, y_m in rectangle_corners(pose, body.length_m, body.width_m).tolist():
+            for lane in network.nearest_lanes(x_m, y_m, 0.0, z_m=pose.z_m):
+                if math.cos(network.pose(lane.lane, lane.s_m).heading_rad - course_rad) <= _OPPOSED:
+                    return True
+        if median:
+            place = roadside_at(network, pose.x_m, pose.y_m, z_m=pose.z_m)
+            if place is not None and place.zone is RoadZone.MEDIAN:
+                return True
+    return False
+
+
+def _excursions(network: RoadNetwork, log: SimulationLog, number: int) -> Iterator[Excursion]:
+    """Yield the stays of a vehicle beyond the carriageway, in order.
+
+    After its first contact a side is seen along its course, or along the way it came: a report can mean either.
+    """
+    driven, body = log.vehicle_log(number), log.bodies[number]
+    met = next((each for each in log.meetings if number in (each.number_1, each.number_2)), None)
+    came, came_s = (None, 0.0) if met is None else (log.pose_at_contact(met, number), met.time_s)
+    steps = list(_steps(driven, -math.inf, math.inf))
+    middle = _pose(driven, steps[len(steps) // 2])
+    area = network.carriageway_near(middle.x_m, middle.y_m, _REACH_M, z_m=middle.z_m)
+    corners = np.stack([rectangle_corners(_pose(driven, k), body.length_m, body.width_m) for k in steps])
+    outside = (~area.contains(corners[..., 0], corners[..., 1])).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], outside, [False]]).astype(int)))
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        time_s = float(driven.time_s[steps[begin]])
+        came_rad = came.heading_rad if came is not None and time_s > came_s else None
+        left_s, sides = left_road(network, driven, body, time_s, came_rad=came_rad)
+        back_s = float(driven.time_s[steps[end]]) if end < len(steps) else None
+        yield Excursion(time_s if left_s is None else left_s, back_s, sides)
+
+
+def _other_zone(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt where the first event is in another part of the road than reported (``REL_ROAD``)."""
+    event, zone = beside.begins, reported_zone(beside.record)
+    seen = None if event is None else beside.seen(event)
+    place = None if seen is None or seen.departure is None else seen.departure.place
+    if zone is None or place is None or place.zone is zone or not {zone, place.zone} & _BETWEEN_ROADS:
+        return
+    if {zone, place.zone} & {RoadZone.SHOULDER, RoadZone.ROADWAY}:  # beside a median too; a criterion judges the edge
+        return
+    yield Reservation(Doubt.OTHER_ZONE, f"the first event is in the {place.zone}, reported is the {zone}")
+
+
+def _unreported_overturns(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each vehicle on four wheels or more that overturns and by its report does not."""
+    reported = {each.party_1 for each in beside.record.events if each.code == codes.OVERTURN}
+    for vehicle in beside.record.vehicles:
+        if vehicle.number in reported or vehicle.rollover_code or vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
+            continue
+        driven = next((each for each in beside.observed.log.parties if each.number == vehicle.number), None)
+        if driven is not None and overturned_at(driven) is not None:
+            yield Reservation(Doubt.UNREPORTED_OVERTURN, f"vehicle {vehicle.number} overturns, which no event reports")
+
+
+def _doubt(doubt: Doubt, event: EventRecord, found: str) -> Reservation:
+    return Reservation(doubt, f"event {event.number}, {event_in_words(event)}: {found}")
