@@ -108,24 +108,24 @@ def play(scenario: Path, step_s: float, work: Path) -> tuple[Collision | None, d
     is where the two boxes overlap."""
     log = work / f"{scenario.parent.name}-{scenario.stem}.csv"
     met, errors = collisions(scenario, step_s, "--csv_logger", log.resolve())
-    places = _places(log)
+    found = places(log)
     if not met:
-        return None, places, errors
+        return None, found, errors
     entities = Scenario(scenario.read_bytes())
-    times = next(iter(places.values()))[:, 0]
+    times = next(iter(found.values()))[:, 0]
     (time_s, *pair), *_ = met
     k = int(np.argmin(np.abs(times - float(time_s))))
-    one, two = (entities.box_at(entity, *places[entity][k, 1:]) for entity in pair)
+    one, two = (entities.box_at(entity, *found[entity][k, 1:]) for entity in pair)
     middle = one.intersection(two).centroid if one.intersects(two) else one.centroid
-    return Collision(float(times[k]), middle.x, middle.y, (pair[0], pair[1])), places, errors
+    return Collision(float(times[k]), middle.x, middle.y, (pair[0], pair[1])), found, errors
 
 
-def _places(log: Path) -> dict[str, np.ndarray]:
+def places(log: Path) -> dict[str, np.ndarray]:
     """Rows of time, x, y, h by entity from a log with 31 columns an entity."""
-    places: dict[str, list[list[float]]] = {}
+    found: dict[str, list[list[float]]] = {}
     with log.open(newline="") as lines:
         for row in list(csv.reader(lines, skipinitialspace=True))[7:]:
             for first in range(2, len(row) - 30, 31):
                 numbers = [row[1], *(row[first + i] for i in (11, 12, 24))]
-                places.setdefault(row[first].strip(), []).append([float(number) for number in numbers])
-    return {entity: np.array(rows) for entity, rows in places.items()}
+                found.setdefault(row[first].strip(), []).append([float(number) for number in numbers])
+    return {entity: np.array(rows) for entity, rows in found.items()}

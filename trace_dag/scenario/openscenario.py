@@ -264,13 +264,13 @@ def _storyboard(record: CrashRecord, log: SimulationLog, flavour: Flavour, drive
     logged = {party_label(each.number): each for each in log.vehicles}
     for name, motion in driven.items():
         free = logged[name].number == flavour.free
-        begins = [teleported(*motion.poses[0]), _speed(logged[name], flavour)]
-        actions.append(element("Private", *begins, _handing_over(flavour) if free else None, entityRef=name))
-        if free:
-            continue
-        met = flavour.free if flavour.keeps_conflict else None
+        met = flavour.free if flavour.keeps_conflict and not free else None
         kept = None if met is None else KeptConflict.of(log, met, logged[name].number, driven)
-        act.append(_follow(name, motion, flavour, kept))
+        waits = kept is not None and kept.walks  # with a speed it would walk before it sets out
+        begins = [teleported(*motion.poses[0]), _speed(0.0 if waits else logged[name].speed_mps[0], flavour)]
+        actions.append(element("Private", *begins, _handing_over(flavour) if free else None, entityRef=name))
+        if not free:
+            act.append(_follow(name, motion, flavour, kept))
     for item in _shown_objects(log, flavour):
         actions.append(element("Private", standing_at(item), entityRef=party_label(item.number)))
     act.extend([element("StartTrigger", _group(_at_start("start_act", flavour))), element("StopTrigger")])
@@ -278,9 +278,9 @@ def _storyboard(record: CrashRecord, log: SimulationLog, flavour: Flavour, drive
     return element("Storyboard", element("Init", actions), story, _stop(log, flavour))
 
 
-def _speed(vehicle: VehicleLog, flavour: Flavour) -> Element:
+def _speed(first_mps: float, flavour: Flavour) -> Element:
     """The speed that an entity begins with."""
-    speed_mps = round(float(vehicle.speed_mps[0]), 3) + 0.0
+    speed_mps = round(float(first_mps), 3) + 0.0
     at_once = element("SpeedActionDynamics", dynamicsShape="step", value=0.0, dynamicsDimension="time")
     value = element("AbsoluteTargetSpeed", value=max(speed_mps, 0.0) if flavour.carla else speed_mps)
     action = element("SpeedAction", at_once, element("SpeedActionTarget", value))
@@ -328,18 +328,21 @@ def _follow(name: str, driven: _Driven, flavour: Flavour, kept: KeptConflict | N
     return element(
         "ManeuverGroup",
         element("Actors", element("EntityRef", entityRef=name), selectTriggeringEntities=False),
-        element("Maneuver", event, _arriving(name, kept), name=f"{name}_maneuver"),
+        element("Maneuver", event, name=f"{name}_maneuver"),
+        _arriving(name, kept),
         name=f"{name}_group",
         maximumExecutionCount=1,
     )
 
 
 def _arriving(name: str, kept: KeptConflict | None) -> Element | None:
-    """The event in which somebody is made to arrive together with the free vehicle; None of who needs none."""
+    """The manoeuvre in which a vehicle is made to arrive together with the free one, until it would have to be too
+    quick; None of who needs none."""
     action = None if kept is None else kept.synchronized()
-    if action is None:
+    if kept is None or action is None:
         return None
-    return element(
+    conditions, goes_on = kept.keeps_speed(name)
+    arrives = element(
         "Event",
         element("Action", action, name=f"{name}_arrives"),
         element("StartTrigger", _group(_when(f"{name}_arrives_start", _MOVES_S, "greaterThan"))),
@@ -347,6 +350,15 @@ def _arriving(name: str, kept: KeptConflict | None) -> Element | None:
         priority="parallel",
         maximumExecutionCount=1,
     )
+    gives_up = element(
+        "Event",
+        element("Action", goes_on, name=f"{name}_goes_on"),
+        element("StartTrigger", *map(_group, conditions)),
+        name=f"{name}_keeps_speed",
+        priority="override",
+        maximumExecutionCount=1,
+    )
+    return element("Maneuver", arrives, gives_up, name=f"{name}_adapting")
 
 
 def _poses(motion: TimedPoses) -> list[_Pose]:

@@ -2,14 +2,18 @@
 
 Vehicles go along their trajectories without a clock, and a ``SynchronizeAction`` brings them to their place of the
 contact when the free vehicle is at its own, at the speed they had there; whoever drives ahead of it at the recorded
-share of its speed. (A headway in seconds would not do: the slower the one who follows, the longer it is.) People begin
+share of its speed. (A headway in seconds would not do: the slower the one who follows, the longer it is.) A vehicle
+that would need more than 0.4 g or 1.25 times its highest speed for that keeps the speed it has then. People begin
 to walk when the free vehicle, at its pace of now, is as long from the place of the contact as it was recorded to be at
-the start: a time-to-collision condition. Everybody else goes by the clock.
+the start: a time-to-collision condition. Everybody else goes by the clock, and so does whoever met a free vehicle that
+stood on its way there, or could not arrive within these bounds at the recorded pace.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,8 +21,10 @@ import numpy as np
 
 from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.evaluation.conflicts import is_ahead
+from trace_dag.evaluation.persistent import FASTEST_PACE
 from trace_dag.scenario.openscenario_elements import Element, element
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.states.speeds import BRAKING_MPS2
 
 _STANDS_MPS = 0.5
 _BEFORE_S = 0.05
@@ -35,7 +41,8 @@ class Motion(Protocol):
 @dataclass(frozen=True)
 class KeptConflict:
     """The free vehicle by name, its and the other's places (x, y, z, heading, pitch, roll) at the contact, when that
-    was recorded (s), how fast either came there (m/s), whether the other one is a person, and whether it drives ahead.
+    was recorded (s), how fast either came there and how fast the other one may be (m/s), whether it is a person, and
+    whether it drives ahead.
     """
 
     free: str
@@ -44,6 +51,7 @@ class KeptConflict:
     contact_s: float
     free_mps: float
     speed_mps: float
+    most_mps: float
     walks: bool
     leads: bool
 
@@ -59,13 +67,17 @@ class KeptConflict:
             for each in (log.vehicle_log(free), log.vehicle_log(other))
         )
         walks = log.is_figure(other)
-        if speed_mps < _STANDS_MPS and not walks:
+        own, others = (log.vehicle_log(each) for each in (free, other))
+        before = others.time_s < contact.time_s
+        stood = np.abs(own.speed_mps[own.time_s < contact.time_s]).min(initial=math.inf) < _STANDS_MPS
+        most_mps = FASTEST_PACE * float(np.abs(others.speed_mps[before]).max(initial=0.0))
+        if stood or (not walks and not _arrives_within(others, contact.time_s, speed_mps, most_mps)):
             return None
         names = party_label(free), party_label(other)
         free_place, place = (motions[name].pose_at(contact.time_s) for name in names)
         (x, y, _, heading, *_), (other_x, other_y, _, other_heading, *_) = free_place, place
         leads = is_ahead((x, y, heading), (other_x, other_y, other_heading))
-        return cls(names[0], free_place, place, contact.time_s, free_mps, speed_mps, walks, leads)
+        return cls(names[0], free_place, place, contact.time_s, free_mps, speed_mps, most_mps, walks, leads)
 
     def timing(self) -> Element:
         """The time reference of the trajectory."""
@@ -105,11 +117,46 @@ class KeptConflict:
         )
         return element("PrivateAction", action)
 
+    def keeps_speed(self, name: str) -> tuple[list[Element], Element]:
+        """Return the conditions on any of which a vehicle stops adapting, and the action that it goes on with."""
+        by = element("TriggeringEntities", element("EntityRef", entityRef=name), triggeringEntitiesRule="any")
+        limit_mps2 = round(BRAKING_MPS2, 3)
+        limits = (
+            element("SpeedCondition", value=round(self.most_mps, 3), rule="greaterThan"),
+            element("AccelerationCondition", value=limit_mps2, rule="greaterThan", direction="longitudinal"),
+            element("AccelerationCondition", value=-limit_mps2, rule="lessThan", direction="longitudinal"),
+        )
+        conditions = [
+            element(
+                "Condition",
+                element("ByEntityCondition", copy(by), element("EntityCondition", limit)),
+                name=f"{name}_limit_{number}",
+                delay=0.0,
+                conditionEdge="none",
+            )
+            for number, limit in enumerate(limits, 1)
+        ]
+        at_once = element("SpeedActionDynamics", dynamicsShape="step", value=0.0, dynamicsDimension="time")
+        same = element("RelativeTargetSpeed", entityRef=name, value=0.0, speedTargetValueType="delta", continuous=False)
+        action = element("SpeedAction", at_once, element("SpeedActionTarget", same))
+        return conditions, element("PrivateAction", element("LongitudinalAction", action))
+
     def _final_speed(self) -> Element:
         if self.leads and self.free_mps > _STANDS_MPS:
             share = round(self.speed_mps / self.free_mps, 4)
             return element("RelativeSpeedToMaster", value=share, speedTargetValueType="factor")
         return element("AbsoluteSpeed", value=round(self.speed_mps, 3))
+
+
+def _arrives_within(other: VehicleLog, contact_s: float, speed_mps: float, most_mps: float) -> bool:
+    """Return whether a vehicle arrives as recorded by two even changes of its speed, the way players do it, within the
+    bounds of persistent traffic; one that stands there does not arrive."""
+    before = other.time_s <= contact_s
+    length_m = float(np.hypot(np.diff(other.x_m[before]), np.diff(other.y_m[before])).sum())
+    first_mps = abs(float(other.speed_mps[0]))
+    middle_mps = 2 * length_m / contact_s - (first_mps + speed_mps) / 2
+    harshest_mps2 = max(abs(middle_mps - first_mps), abs(speed_mps - middle_mps)) / (contact_s / 2)
+    return speed_mps >= _STANDS_MPS and 0.0 <= middle_mps <= most_mps and harshest_mps2 <= BRAKING_MPS2
 
 
 def _world(place: Sequence[float], name: str = "Position") -> Element:
