@@ -12,6 +12,7 @@ from dagster import AssetKey, DagsterRun, build_run_status_sensor_context
 from tests.assets.dagster_ui import DagsterUi, dagster_ui, launch_in_this_process
 from trace_dag.assets.after_runs import summary_after_runs
 from trace_dag.assets.batch import SUMMARY_TAG
+from trace_dag.assets.studies import STUDIES
 from trace_dag.definitions.launch import open_instance
 from trace_dag.flow.selection import select_again
 from trace_dag.stage import Stage
@@ -95,6 +96,19 @@ def test_what_is_up_to_date_is_said_to_be_and_can_be_forced(made, ui):
     ui.materialize(one, config={"ops": {"crashes": {"config": {"force": ["verdict"]}}}})
     after = fake_flow.calls(Path(made.workspace.root))
     assert {where for where in after if after[where] != before[where]} == {("verdict", KEYS[0])}
+
+
+def test_all_is_materialized_though_studies_lack_their_input(campaign, monkeypatch, tmp_path):
+    monkeypatch.setenv("TRACE_DAG_EXECUTION__EXECUTOR", "in_process")
+    made = campaign(dict.fromkeys(KEYS, "reject:crash_record"))
+    launch_in_this_process(made.workspace.dagster_home)
+    with open_instance(made.workspace) as instance, dagster_ui(instance, made.workspace.root, tmp_path) as ui:
+        backfill = ui.materialize(WHOLE_GRAPH | dict.fromkeys(STUDIES))
+        assert instance.get_backfill(backfill).status.value == "COMPLETED_SUCCESS"
+        shown = {name: instance.get_latest_materialization_event(AssetKey(name)) for name in STUDIES}
+    said = {name: event.asset_materialization.metadata["skipped"].value for name, event in shown.items() if event}
+    assert said.keys() == STUDIES.keys()
+    assert "no folder; name that of the published benchmark" in said["published_benchmark"]
 
 
 def test_what_is_made_of_all_crashes_is_made_once(made, ui):

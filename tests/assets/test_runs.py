@@ -70,7 +70,7 @@ def test_verdict_carries_its_sketch_inline_and_links_its_picture(campaign):
     made = campaign({KEYS[0]: ""})
     made.run()
     ((_, metadata),) = materializations(made, Stage.VERDICT)
-    assert str(metadata["picture"]) == f"![{KEYS[0]} from above](/site/pictures/{KEYS[0]}.png)"
+    assert metadata["picture, served by trace-dag ui"] == f"/site/pictures/{KEYS[0]}.png"
     assert str(metadata["sketch"]).startswith(f"![{KEYS[0]} from above](data:image/png;base64,")
     assert Path(str(metadata["picture file"])).read_bytes().startswith(b"\x89PNG")
 
@@ -80,7 +80,7 @@ def test_verdict_of_every_crash_names_its_page_and_of_a_simulated_one_the_comman
     made.run()
     root = made.workspace.storage.root
     shown = dict(materializations(made, Stage.VERDICT))
-    assert {key: metadata["page"] for key, metadata in shown.items()} == {
+    assert {key: metadata["page, served by trace-dag ui"] for key, metadata in shown.items()} == {
         key: f"/site/benchmark/crashes/{key}.html" for key in KEYS[:2]
     }
     assert shown[KEYS[0]]["page file"] == f"{root}/benchmark/crashes/{KEYS[0]}.html"

@@ -136,17 +136,18 @@ def _tags(workspace: Workspace, keys: Sequence[str]) -> dict[str, str]:
 
 
 def _summary(failed: dict[str, StageEvent], total: int) -> str:
-    named = [f"{key} in {_stage(event)}" for key, event in list(failed.items())[:_FAILURES_NAMED]]
+    named = [f"{key} in {_stage(event)} ({_detail(event)})" for key, event in list(failed.items())[:_FAILURES_NAMED]]
     more = f" and {len(failed) - len(named)} more" if len(failed) > len(named) else ""
     return f"{len(failed)} of {counted(total, 'crash', 'crashes')} failed: {', '.join(named)}{more}"
 
 
 def _table(failed: dict[str, StageEvent]) -> str:
-    rows = [
-        (key, _stage(event), (event.record.detail if event.record else "has not run")[:_DETAIL_SHOWN])
-        for key, event in failed.items()
-    ]
+    rows = [(key, _stage(event), _detail(event)) for key, event in failed.items()]
     return markdown.table(["crash", "stage", "what happened"], rows)
+
+
+def _detail(event: StageEvent) -> str:
+    return (event.record.detail if event.record else "has not run")[:_DETAIL_SHOWN]
 
 
 def _tracebacks(failed: dict[str, StageEvent]) -> dict[str, MetadataValue[Any]]:

@@ -1,9 +1,9 @@
 """Checks of single crashes, one evaluation per partition: its outcome, the gates of its road map, its criteria.
 
 By the check ``verified`` the UI tells partitions by outcome, and filters them: it holds for the crashes that are
-verified and is evaluated for all that are through. The step that runs the stages evaluates the others for the crashes
-whose map or verdict it has looked at; a crash that did not get there has none ("skipped"). A check that does not hold
-warns: the rejection it stands for is data.
+verified. All are evaluated for all crashes that are through: what an earlier stage rejected does not hold either, with
+that reason, for Dagster shows a check without an evaluation as skipped. A check that does not hold warns: the rejection
+it stands for is data.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dagster import (
 )
 
 from trace_dag.assets.partitions import CRASHES
-from trace_dag.flow.tasks import Action, StageEvent
+from trace_dag.flow.tasks import StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.stage import Stage
 
@@ -33,17 +33,13 @@ def _check(name: str, stage: Stage, description: str) -> AssetCheckSpec:
         return AssetCheckSpec(name, asset=stage.value, partitions_def=CRASHES, description=description)
 
 
-_VERIFIED: Final = _check(
-    "verified", Stage.VERDICT, "The crash is verified. Where it is not, the reason says what it is rejected for."
-)
-_OF_ITS_OWN_STAGE: Final = {
-    Stage.ROAD_MAP: _check(
-        "gates", Stage.ROAD_MAP, "The crash's road map passes every gate, and the crash lies on one of its roads."
+CRASH_CHECKS: Final = (
+    _check("gates", Stage.ROAD_MAP, "The crash's road map passes every gate, and the crash lies on one of its roads."),
+    _check("criteria", Stage.VERDICT, "The simulated crash meets every criterion that decides."),
+    _check(
+        "verified", Stage.VERDICT, "The crash is verified. Where it is not, the reason says what it is rejected for."
     ),
-    Stage.VERDICT: _check("criteria", Stage.VERDICT, "The simulated crash meets every criterion that decides."),
-}
-
-CRASH_CHECKS: Final = (*_OF_ITS_OWN_STAGE.values(), _VERIFIED)
+)
 
 
 class CrashChecks:
@@ -56,10 +52,9 @@ class CrashChecks:
         """Log the evaluations that follow from what a stage says of a crash."""
         if event.record is None:
             return
-        if event.stage is Stage.VERDICT:
-            self._log(_VERIFIED, event.key, event.record)
-        if event.action in (Action.COMPUTED, Action.UNCHANGED) and event.stage in _OF_ITS_OWN_STAGE:
-            self._log(_OF_ITS_OWN_STAGE[event.stage], event.key, event.record)
+        for check in CRASH_CHECKS:
+            if check.asset_key.to_user_string() == event.stage.value:
+                self._log(check, event.key, event.record)
 
     def finish(self) -> Iterator[Output[None]]:
         """Tell Dagster that the step is done with the checks it selected: it would log them as missing, since it does

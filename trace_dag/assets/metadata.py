@@ -68,7 +68,7 @@ def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = N
     if event.stage is Stage.VERDICT:
         metadata.update(picture_metadata(record, storage, site_url))
         # Of every crash, rejected or not; made or brought up to date when the runs are done.
-        metadata["page"] = MetadataValue.url(f"{site_url or _SITE}/{page_name(event.key)}")
+        metadata[_linked("page", site_url)] = MetadataValue.url(f"{site_url or _SITE}/{page_name(event.key)}")
         metadata["page file"] = MetadataValue.path(storage.path(page_name(event.key)))
     if event.action is Action.NOT_REACHED:
         return metadata
@@ -93,8 +93,8 @@ def fallback_in_words(record: OutcomeRecord) -> str:
 
 
 def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | None = None) -> dict[str, Any]:
-    """The crash's picture: small in place, whole a click away, and where the file lies. Nothing if there is none, or if
-    it is damaged.
+    """Return the crash's picture: small in place, a link to it whole, and where the file lies. Nothing if there is
+    none, or if it is damaged.
 
     The whole picture is linked: in the event log it would be kept a second and a third time.
     """
@@ -107,6 +107,11 @@ def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | No
         return {"picture": str(damaged)}
     return {
         "sketch": MetadataValue.md(f"![{record.key} from above](data:image/png;base64,{small})"),
-        "picture": MetadataValue.md(f"![{record.key} from above]({site_url or _SITE}/{picture.name})"),
+        _linked("picture", site_url): MetadataValue.url(f"{site_url or _SITE}/{picture.name}"),
         "picture file": MetadataValue.path(storage.path(picture.name)),
     }
+
+
+def _linked(what: str, site_url: str | None) -> str:
+    """Return the name of a link, which plain Dagster shows as well, though it does not serve the site."""
+    return what if site_url else f"{what}, served by trace-dag ui"

@@ -4,9 +4,9 @@ Each is unpartitioned and has the options of its command as configuration. After
 up to date like after runs of stages (:mod:`trace_dag.assets.after_runs`).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
+from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -127,15 +127,6 @@ class _LeftOut(list[str]):
         self.append(str(failure))
 
 
-@contextmanager
-def _failing_in_a_line() -> Iterator[None]:
-    """Turn errors that trying again cannot mend into a failure of the run, with their message."""
-    try:
-        yield
-    except (UserError, BrokenPart) as error:
-        raise Failure(str(error), allow_retries=False) from error
-
-
 def _one_of(kind: type[Kind], value: str) -> Kind:
     """A setting that names one of a few things. Raises UserError for another."""
     try:
@@ -145,14 +136,30 @@ def _one_of(kind: type[Kind], value: str) -> Kind:
 
 
 def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Callable[[Any], AssetsDefinition]:
-    return asset(
-        deps=list(deps),
-        group_name=GROUP,
-        kinds={"duckdb"},
-        owners=OWNERS,
-        required_resource_keys={"workspace"},
-        description=description,
-    )
+    """Make a study an asset. Errors that trying again cannot mend fail its run, with their message; one that was asked
+    nothing in particular, as by *Materialize all*, and lacks its input is skipped: it shows that message in place of
+    its table, since Dagster counts an asset that a successful run left out among the failures of a backfill."""
+
+    def as_asset(study: Callable[[AssetExecutionContext, Any], MaterializeResult[Any]]) -> AssetsDefinition:
+        @wraps(study)
+        def run(context: AssetExecutionContext, config: Config) -> MaterializeResult[Any]:
+            try:
+                return study(context, config)
+            except (UserError, BrokenPart) as error:
+                if isinstance(error, UserError) and config == type(config)():
+                    return MaterializeResult(metadata={"skipped": str(error)})
+                raise Failure(str(error), allow_retries=False) from error
+
+        return asset(
+            deps=list(deps),
+            group_name=GROUP,
+            kinds={"duckdb"},
+            owners=OWNERS,
+            required_resource_keys={"workspace"},
+            description=description,
+        )(run)
+
+    return as_asset
 
 
 def _of_each(workspace: Workspace, config: CohortConfig, study: Callable[[str], Found]) -> dict[str, Found]:
@@ -182,12 +189,11 @@ def controls(context: AssetExecutionContext, config: ControlsConfig) -> Material
     """As ``trace-dag controls``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
-    with _failing_in_a_line():
-        found = _of_each(
-            workspace,
-            config,
-            lambda name: negative_controls(workspace, name, most=config.most, on_problem=left_out.add),
-        )
+    found = _of_each(
+        workspace,
+        config,
+        lambda name: negative_controls(workspace, name, most=config.most, on_problem=left_out.add),
+    )
     return _result(controls_table(found), left_out)
 
 
@@ -197,12 +203,11 @@ def perturbed(context: AssetExecutionContext, config: PerturbedConfig) -> Materi
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     request = Request(config.most, (), tuple(config.kinds), config.draws, config.seed)
-    with _failing_in_a_line():
-        found = _of_each(
-            workspace,
-            config,
-            lambda name: perturbed_controls(workspace, name, request, on_problem=left_out.add),
-        )
+    found = _of_each(
+        workspace,
+        config,
+        lambda name: perturbed_controls(workspace, name, request, on_problem=left_out.add),
+    )
     rows = [row for of_cohort in found.values() for row in of_cohort]
     return _result(perturbed_table(rows), left_out, changed_reports=len(rows))
 
@@ -212,16 +217,15 @@ def published_benchmark(context: AssetExecutionContext, config: PeerConfig) -> M
     """As ``trace-dag compare-published``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
-    with _failing_in_a_line():
-        if not config.folder:
-            raise UserError(
-                "published_benchmark: no folder; name that of the published benchmark, with simulations/ and maps/"
-            )
-        compared = _of_each(
-            workspace,
-            config,
-            lambda name: published_comparison(workspace, name, Path(config.folder), on_problem=left_out.add),
-        ).values()
+    if not config.folder:
+        raise UserError(
+            "published_benchmark: no folder; name that of the published benchmark, with simulations/ and maps/"
+        )
+    compared = _of_each(
+        workspace,
+        config,
+        lambda name: published_comparison(workspace, name, Path(config.folder), on_problem=left_out.add),
+    ).values()
     left_out += [f"{key}: {why}" for each in compared for key, why in each.left_out.items()]
     return _result(peer_table([row for each in compared for row in each.rows]), left_out)
 
@@ -230,10 +234,9 @@ def published_benchmark(context: AssetExecutionContext, config: PeerConfig) -> M
 def estimators(context: AssetExecutionContext, config: EstimatorsConfig) -> MaterializeResult[Any]:
     """As ``trace-dag compare-estimators``."""
     workspace: Workspace = context.resources.workspace
-    with _failing_in_a_line():
-        truth = load_truth(Path(config.truth)) if config.truth else None
-        names = config.estimators or usual_estimators(workspace.settings.states)
-        found = _of_each(workspace, config, lambda name: estimators_compared(workspace, name, names, truth=truth))
+    truth = load_truth(Path(config.truth)) if config.truth else None
+    names = config.estimators or usual_estimators(workspace.settings.states)
+    found = _of_each(workspace, config, lambda name: estimators_compared(workspace, name, names, truth=truth))
     rows = [row for of_cohort in found.values() for row in of_cohort]
     failed = [f"{row.key} with {row.estimator}: {row.detail}" for row in rows if row.outcome == "failed"]
     return _result(estimators_table(rows), failed)
@@ -244,9 +247,8 @@ def variations(context: AssetExecutionContext, config: VariationsConfig) -> Mate
     """As ``trace-dag vary``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
-    with _failing_in_a_line():
-        cases = _cases(workspace, config.cohort, left_out)
-        reports = make_families(workspace, cases, FamilyRequest(config.count, config.seed))
+    cases = _cases(workspace, config.cohort, left_out)
+    reports = make_families(workspace, cases, FamilyRequest(config.count, config.seed))
     left_out += [f"{each.key}: {each.error.strip().splitlines()[-1]}" for each in reports if each.error]
     return _result(families_table(reports), left_out)
 
@@ -256,30 +258,29 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
     """As ``trace-dag evaluate``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
-    with _failing_in_a_line():
-        if config.variations and config.courses:
-            raise UserError("courses are of crashes, not of variations; choose one of them")
-        cases = _cases(workspace, config.cohort, left_out)
-        if config.variations:
-            cases = stored_variations(workspace, cases, on_problem=left_out.add)
-        if config.courses:
-            cases = likely_courses(cases)
-        limits = AgentLimits()
-        try_agents(config.agents, limits)
-        rows = evaluate_agents(
-            workspace,
-            cases,
-            config.agents,
-            [_one_of(AgentRole, role) for role in config.ego],
-            Conditions(
-                config.rate_hz,
-                Sensing(config.range_m, config.noise_m, config.occlusion),
-                config.seed,
-                _one_of(Traffic, config.traffic),
-            ),
-            limits,
-            on_problem=left_out.add,
-        )
+    if config.variations and config.courses:
+        raise UserError("courses are of crashes, not of variations; choose one of them")
+    cases = _cases(workspace, config.cohort, left_out)
+    if config.variations:
+        cases = stored_variations(workspace, cases, on_problem=left_out.add)
+    if config.courses:
+        cases = likely_courses(cases)
+    limits = AgentLimits()
+    try_agents(config.agents, limits)
+    rows = evaluate_agents(
+        workspace,
+        cases,
+        config.agents,
+        [_one_of(AgentRole, role) for role in config.ego],
+        Conditions(
+            config.rate_hz,
+            Sensing(config.range_m, config.noise_m, config.occlusion),
+            config.seed,
+            _one_of(Traffic, config.traffic),
+        ),
+        limits,
+        on_problem=left_out.add,
+    )
     return _result(evaluations_table(rows, lambda row: row["outcome"], "outcome"), left_out)
 
 
@@ -288,14 +289,13 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
     """As ``trace-dag release``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
-    with _failing_in_a_line():
-        made = build_release(
-            workspace,
-            config.version,
-            Path(config.output),
-            cohort=config.cohort or None,
-            on_problem=left_out.add,
-        )
+    made = build_release(
+        workspace,
+        config.version,
+        Path(config.output),
+        cohort=config.cohort or None,
+        on_problem=left_out.add,
+    )
     if made.missing:
         raise Failure(
             f"{made.folder} is not finished, for it lacks {counted(made.missing, 'crash', 'crashes')}: "

@@ -52,6 +52,8 @@ def verdict(
         vehicle = f" of {party_in_words(criterion.vehicle_number)}" if criterion.vehicle_number is not None else ""
         vehicle += f" in event {criterion.event_number}" if criterion.event_number is not None else ""
         held = {True: "pass", False: "fail", None: "not judged"}[criterion.passed]
+        if criterion.reason is None:  # it rejects nothing, so it does not fail
+            held = f"limit {criterion.threshold:g}, not required"
         value = "not evaluated"
         if criterion.value is not None:
             value = f"{round(criterion.value, 2) + 0.0:g} {criterion.unit}".rstrip()  # no minus before a zero
