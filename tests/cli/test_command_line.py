@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -314,3 +315,20 @@ def test_root_from_the_environment(finished_root, tmp_path):
         env={"PATH": "", "HOME": str(tmp_path), "TRACE_DAG_ROOT": str(finished_root)},
     )
     assert Path(json.loads(done.stdout)["root"]) == finished_root
+
+
+def test_a_database_of_dagsters_that_does_not_answer_is_one_line(tmp_path):
+    pytest.importorskip("dagster_postgres")
+    with socket.socket() as free:  # bound and not listened on: connections are refused
+        free.bind(("127.0.0.1", 0))
+        url = f"postgresql://crash:secret@127.0.0.1:{free.getsockname()[1]}/history"
+        down = trace_dag(tmp_path, "ingest", "--reports", str(SAMPLE / "reports"), TRACE_DAG_POSTGRES=url)
+    assert (down.returncode, down.stderr.count("\n")) == (1, 1), down.stderr
+    assert "TRACE_DAG_POSTGRES" in down.stderr
+    assert "refused" in down.stderr
+    assert "secret" not in down.stderr
+    for wrong in ({}, {"TRACE_DAG_POSTGRES": "crash:secret@history"}):
+        done = trace_dag(tmp_path, "verify", **wrong)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+        assert "TRACE_DAG_POSTGRES does not name the database" in done.stderr
+        assert "secret" not in done.stderr

@@ -9,6 +9,7 @@ import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ from dagster import (
     JsonMetadataValue,
     RunsFilter,
 )
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy import NullPool, create_engine, make_url
+from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 from yaml import YAMLError  # type: ignore[import-untyped]
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
@@ -29,7 +31,7 @@ from trace_dag.assets.partitions import CRASHES, add_partitions
 from trace_dag.assets.run_requests import PROCESS_TAG, batch_config, range_tags
 from trace_dag.assets.summaries import DAMAGED, SUMMARY
 from trace_dag.definitions import build_definitions
-from trace_dag.errors import DamagedFile, Failure
+from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.flow.selection import PlannedBatch, Selection, has_large_map, plan, plan_maps_first
 from trace_dag.flow.workspace import ROOT_VARIABLE, Workspace
 from trace_dag.processes import is_gone, this_process
@@ -68,6 +70,7 @@ storage:
     postgres_url:
       env: {POSTGRES_VARIABLE}
 """
+_CONNECT_S = 5
 _INTERRUPTED = "UNEXPECTED_TERMINATION"  # Dagster's reason for the failure of a run that was broken off
 
 
@@ -98,6 +101,8 @@ def prepare_dagster_home(workspace: Workspace) -> Path:
 def open_instance(workspace: Workspace) -> DagsterInstance:
     """Dagster's records of this root. Runs whose process is gone are closed as failed."""
     folder = str(prepare_dagster_home(workspace))
+    if _ON_POSTGRES in (Path(folder) / "dagster.yaml").read_text(errors="replace"):
+        _reach_postgres(folder)
     try:
         instance = DagsterInstance.get()
         _close_orphans(instance)
@@ -118,7 +123,35 @@ def dagster_records(workspace: Workspace) -> Iterator[DagsterInstance]:
             raise _unusable(str(workspace.dagster_home), error) from error
 
 
+def _reach_postgres(folder: str) -> None:
+    """Connect to the database once: Dagster tries for 18 seconds, and its errors are tracebacks. Raises
+    :class:`UserError` where there is nothing to connect by, :class:`Failure` where the server refuses."""
+    kept = f"Dagster's records of {folder} are in PostgreSQL"
+    if find_spec("dagster_postgres") is None:
+        raise UserError(f"{kept}, which needs dagster-postgres: pip install 'trace-dag[postgres]'")
+    try:
+        # SQLAlchemy 2.1 takes psycopg 3 where no driver is named, and dagster-postgres brings psycopg2.
+        url = make_url(os.environ.get(POSTGRES_VARIABLE, "")).set(drivername="postgresql+psycopg2")
+    except ArgumentError as error:
+        expected = "postgresql://user:password@host/database"
+        raise UserError(f"{kept}, and {POSTGRES_VARIABLE} does not name the database: set it to {expected}") from error
+    os.environ[POSTGRES_VARIABLE] = url.render_as_string(hide_password=False)
+    try:
+        create_engine(url, poolclass=NullPool, connect_args={"connect_timeout": _CONNECT_S}).connect().close()
+    except SQLAlchemyError as error:
+        raise _refused(error) from error
+
+
+def _refused(error: SQLAlchemyError) -> Failure:
+    return Failure(
+        f"Dagster's database, which {POSTGRES_VARIABLE} names, does not answer: {getattr(error, 'orig', None)}; "
+        "see that the server runs and that user, password and database are right, and run again"
+    )
+
+
 def _unusable(folder: str, error: BaseException) -> Failure:
+    if POSTGRES_VARIABLE in os.environ and isinstance(error, SQLAlchemyError):
+        return _refused(error)
     found = f"Dagster cannot read its records ({type(error).__name__})"
     remedy = "delete that folder; trace-dag verify --repair tells Dagster anew"
     return disk_failure(error, f"a database of Dagster in {folder}") or DamagedFile(folder, found, remedy)
