@@ -172,7 +172,7 @@ def test_a_changed_report_that_says_too_little_is_refused(root: Path, verified: 
     assert done.returncode == 0, done.stderr
     refused = [row for row in json.loads(done.stdout) if row["stage_reached"] == "crash_record"]
     assert {"2023-319003"} <= {row["key"] for row in refused}
-    assert {(row["final_state"], row["accepted"], row["own_accepted"]) for row in refused} == {
+    assert {(row["final_state"], row["verified"], row["own_verified"]) for row in refused} == {
         ("rejected", False, False)
     }
 

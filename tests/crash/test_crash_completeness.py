@@ -13,7 +13,7 @@ from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.settings import CrashSettings
 
 DEPARTED = {"SOE": 65, "VNUMBER1": 2, "VNUMBER2": 5555}
-SILENT = {"P_CRASH1": 99, "P_CRASH2": 99, "ACC_TYPE": 98}
+SILENT = {"P_CRASH1": 99, "P_CRASH2": 99, "ACC_TYPE": 98, "TRAV_SP": 998}
 """Codes of a vehicle that say nothing about how it moved."""
 
 

@@ -12,7 +12,13 @@ from trace_dag.crash.classes import RoadTopology, collision_type, road_topology
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.contradictions import contradictions_of
 from trace_dag.crash.crash_types import vehicle_trajectory
-from trace_dag.crash.derive import UNSAID_MOVEMENTS, implied_movement, with_crash_types, with_impacts
+from trace_dag.crash.derive import (
+    UNSAID_MOVEMENTS,
+    implied_movement,
+    movement_of_crash,
+    with_crash_types,
+    with_impacts,
+)
 from trace_dag.crash.implied_types import with_implied_types
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.summary import summarise
@@ -35,11 +41,12 @@ def complete_record(record: CrashRecord) -> CrashRecord:
     topology_implied = TYP_INT.known(typ_int) is None and topology is RoadTopology.NOT_AN_INTERSECTION
     completed = replace(
         record,
-        vehicles=tuple(map(_with_movement, vehicles)),
+        vehicles=vehicles,
         collision_type=collision_type(man_coll),
         road_topology=topology,
         implied=(*record.implied, "road_topology") if topology_implied else record.implied,
     )
+    completed = replace(completed, vehicles=tuple(_with_movement(completed, vehicle) for vehicle in vehicles))
     completed = replace(completed, vehicle_trajectory=vehicle_trajectory(_crash_types(completed)))
     completed = replace(completed, contradictions=(*record.contradictions, *contradictions_of(completed)))
     return replace(completed, summary=summarise(completed))
@@ -78,10 +85,10 @@ def _as_reported(vehicle: VehicleRecord) -> VehicleRecord:
 _COMPLETED = frozenset({"crash_type_code", "movement", "impact"})
 
 
-def _with_movement(vehicle: VehicleRecord) -> VehicleRecord:
-    if vehicle.movement not in UNSAID_MOVEMENTS:
+def _with_movement(record: CrashRecord, vehicle: VehicleRecord) -> VehicleRecord:
+    if vehicle.movement not in UNSAID_MOVEMENTS or not vehicle.in_transport:
         return vehicle
-    implied = implied_movement(vehicle) if vehicle.in_transport else None
+    implied = implied_movement(vehicle) or movement_of_crash(record, vehicle)
     if implied is None:
         return vehicle
     return replace(vehicle, movement=implied, implied=(*vehicle.implied, "movement"))

@@ -40,6 +40,7 @@ _SQUARELY_H: Final = 0.5
 """Half an hour to either side: a corner may be struck by one that turns or crosses."""
 
 _OF_PEOPLE: Final = frozenset({EventKind.PERSON_STRUCK, EventKind.ANIMAL_STRUCK})
+_ANGLE: Final = 6
 _DIRECTED_MANNERS: Final = frozenset({1, 2, 7, 8, 10})
 """``MAN_COLL`` values that say how the two vehicles were headed relative to each other."""
 
@@ -173,9 +174,16 @@ def _trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: Vehi
         or (
             partner is not None
             and record.first_harmful_event_code == MOTOR_VEHICLE_IN_TRANSPORT
-            and record.manner_of_collision_code in _DIRECTED_MANNERS
+            and (record.manner_of_collision_code in _DIRECTED_MANNERS or _front_into_side(record, vehicle, partner))
         )
     )
+
+
+def _front_into_side(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord) -> bool:
+    """Return whether an angle crash (``MAN_COLL`` 6) is of a front and a side: their ways crossed, or one turned."""
+    areas = (vehicle.impact, partner.impact)
+    fronts = [area is not None and is_near(area, _FRONT_H) for area in areas]
+    return record.manner_of_collision_code == _ANGLE and None not in areas and any(fronts)
 
 
 def _struck_from_behind(vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
@@ -263,7 +271,9 @@ def _course_of(record: CrashRecord, vehicles: Sequence[VehicleRecord]) -> str | 
 def _untold_course(vehicle: VehicleRecord) -> str:
     return (
         f"nothing tells how vehicle {vehicle.number} moved: P_CRASH1 {_movement(vehicle.movement)}, ACC_TYPE "
-        f"{_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}"
+        f"{_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}; nor is there a departure "
+        "among its events, the manoeuvre before a person it strikes (MOTMAN, PEDCGP, BIKECGP), a speed above 25 mph "
+        "(TRAV_SP), a centreline crossed by the other one (SOE 68), or MAN_COLL with both areas of impact"
     )
 
 

@@ -28,6 +28,12 @@ SIDE_OF_EVENT: Final = {
     codes.RAN_OFF_AT_END: DepartureSide.AHEAD,
 }
 """``SOE`` of a departure from the road to a known side."""
+SIDE_AFTER_EVENT: Final = {
+    **SIDE_OF_EVENT,
+    codes.CROSSED_CENTRELINE: DepartureSide.LEFT,
+    codes.CROSSED_MEDIAN: DepartureSide.LEFT,
+}
+"""Side that a vehicle is on after an event, on which it leaves the road if no later one says so."""
 _SIDE_OF_TYPE: Final = {Side.RIGHT: DepartureSide.RIGHT, Side.LEFT: DepartureSide.LEFT}
 _OFF_THE_END: Final = 14  # P_CRASH2
 _SIDE_OF_CRITICAL: Final = {12: DepartureSide.LEFT, 13: DepartureSide.RIGHT, _OFF_THE_END: DepartureSide.AHEAD}

@@ -12,11 +12,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
+from trace_dag.crash.classes import RoadTopology
+from trace_dag.crash.codes.events import CROSSED_CENTRELINE, HARM_EV, PERSON_EVENTS, VEHICLE_EVENTS
 from trace_dag.crash.codes.vehicle import CURVED
 from trace_dag.crash.crash_types import crash_type, crash_type_of
-from trace_dag.crash.record import EventRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_vehicle_contact
-from trace_dag.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, wrap_angle
+from trace_dag.crash.record import (
+    CrashRecord,
+    EventRecord,
+    ImpactArea,
+    PreCrashMovement,
+    VehicleRecord,
+    first_vehicle_contact,
+)
+from trace_dag.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, mph_to_mps, wrap_angle
 
 HOUR_RAD: Final = math.pi / 6
 SAME_AREA_H: Final = 1.5
@@ -111,6 +119,26 @@ _MOVEMENT_OF_CRITICAL_EVENT: Final[Mapping[int, PreCrashMovement]] = {
     20: PreCrashMovement.BACKING,
     21: PreCrashMovement.U_TURN,
 }
+_MOVEMENT_OF_MOTORIST: Final[Mapping[int, PreCrashMovement]] = {
+    1: PreCrashMovement.TURNING_LEFT,
+    2: PreCrashMovement.TURNING_RIGHT,
+    3: PreCrashMovement.GOING_STRAIGHT,
+}
+"""``MOTMAN``."""
+_MOVEMENT_OF_GROUP: Final[Mapping[int, PreCrashMovement]] = {
+    200: PreCrashMovement.BACKING,
+    **dict.fromkeys((310, 400, 600, 720, 740, 750, 910), PreCrashMovement.GOING_STRAIGHT),
+}
+"""``PEDCGP``: working, walking along, in the roadway, multiple threat, dash, crossing before one that does not turn."""
+_MOVEMENT_OF_CYCLIST_GROUP: Final[Mapping[int, PreCrashMovement]] = {
+    210: PreCrashMovement.TURNING_LEFT,
+    215: PreCrashMovement.TURNING_RIGHT,
+    600: PreCrashMovement.BACKING,
+    **dict.fromkeys((145, 158, 230, 310), PreCrashMovement.GOING_STRAIGHT),
+}
+"""``BIKECGP``: motorist turns, backs, overtakes, or meets a cyclist who failed to yield."""
+_FASTEST_TURN_MPS: Final = mph_to_mps(25)
+"""No vehicle turns faster at an intersection: at the 15 m radius of a wide left turn that takes 0.85 g."""
 UNSAID_MOVEMENTS: Final = frozenset({PreCrashMovement.OTHER, PreCrashMovement.UNKNOWN})
 
 
@@ -128,6 +156,40 @@ def implied_movement(vehicle: VehicleRecord) -> PreCrashMovement | None:
     if movement is PreCrashMovement.GOING_STRAIGHT and vehicle.alignment_code in CURVED:
         return PreCrashMovement.NEGOTIATING_CURVE
     return movement
+
+
+def movement_of_crash(record: CrashRecord, vehicle: VehicleRecord) -> PreCrashMovement | None:
+    """Return the movement that other fields of the crash imply for a vehicle; None if they imply none.
+
+    The typing of a person that it strikes names its manoeuvre (``MOTMAN``, ``PEDCGP``, ``BIKECGP``). A
+    vehicle goes straight on that strikes a person with its front away from intersections, or after another vehicle did,
+    that meets one that has crossed the centreline, or that is too fast to turn.
+
+    >>> silent = replace(pedestrian_record.vehicles[0], movement=PreCrashMovement.UNKNOWN)
+    >>> movement_of_crash(pedestrian_record, silent).name
+    'GOING_STRAIGHT'
+    """
+    strikes = [event for event in record.events if event.code in PERSON_EVENTS]
+    for index, event in enumerate(strikes):
+        if event.party_1 != vehicle.number:
+            continue
+        person = next((each for each in record.non_motorists if each.party == event.party_2), None)
+        if person is not None:
+            movement = (
+                _MOVEMENT_OF_MOTORIST.get(person.motorist_manoeuvre_code or 0)
+                or _MOVEMENT_OF_GROUP.get(person.pedestrian_group_code or 0)
+                or _MOVEMENT_OF_CYCLIST_GROUP.get(person.cyclist_group_code or 0)
+            )
+            if movement is not None:
+                return movement
+        front = vehicle.impact is not None and is_near(vehicle.impact, _FRONT)
+        if index or (front and record.road_topology is RoadTopology.NOT_AN_INTERSECTION):
+            return PreCrashMovement.GOING_STRAIGHT
+    if (vehicle.travel_speed_mps or 0.0) > _FASTEST_TURN_MPS:
+        return PreCrashMovement.GOING_STRAIGHT
+    crossed = {event.party_1 for event in record.events if event.code == CROSSED_CENTRELINE}
+    pair = {each.number for each in record.colliding_vehicles or ()}
+    return PreCrashMovement.GOING_STRAIGHT if vehicle.number in pair and crossed & pair else None
 
 
 # --- impact --------------------------------------------------------------------------------------------------------

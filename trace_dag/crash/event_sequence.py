@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.codes import events as codes
-from trace_dag.crash.departure_side import SIDE_OF_EVENT, DepartureSide
+from trace_dag.crash.departure_side import SIDE_AFTER_EVENT, DepartureSide
 from trace_dag.crash.event_parties import ORDER_OF_IMPACTS
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party
@@ -322,7 +322,7 @@ class _Reader:
             area=None if event.kind is EventKind.OVERTURN else self._area(vehicle, event.area_1),
             partner=partner,
             partner_area=self._area(partner, event.area_2) if isinstance(partner, VehicleRecord) else None,
-            side=None if left is None else SIDE_OF_EVENT[left.code],
+            side=None if left is None else SIDE_AFTER_EVENT[left.code],
             departure=None if left is None else left.number,
         )
 
@@ -359,7 +359,7 @@ class _Reader:
 def _last_departure(record: CrashRecord, until: EventRecord) -> EventRecord | None:
     """A vehicle's last departure to a known side before another event of it."""
     own = [each for each in record.events if each.number < until.number and each.party_1 == until.party_1]
-    return next((each for each in reversed(own) if each.code in SIDE_OF_EVENT), None)
+    return next((each for each in reversed(own) if each.code in SIDE_AFTER_EVENT), None)
 
 
 # --- what is missing -------------------------------------------------------------------------------------------------

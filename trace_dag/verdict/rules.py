@@ -521,9 +521,11 @@ def _right_party(beside: Comparison, begins: CrashEvent | None) -> Iterator[Crit
     if seen.pair in [event.pair for event in possible] and right_object:
         return
     if seen.object_code is not None:
-        detail = (
-            f"an object of SOE {seen.object_code} is struck first, reported is SOE {first.code} in event {first.number}"
-        )
+        detail = f"an object of SOE {seen.object_code} is struck first"
+        if first.kind is EventKind.OBJECT_STRUCK and seen.object_code == first.code:
+            detail += f", but not that of event {first.number}"
+        else:
+            detail += f", reported is SOE {first.code} in event {first.number}"
     else:
         parties = " and ".join(map(party_in_words, seen.pair))
         detail = f"the first contact is between {parties}, which by the report do not touch first"

@@ -1,0 +1,125 @@
+"""Reported events that are not harmful beside the simulated course, and the road that each vehicle drives along."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.sim.motions import straight
+from tests.verdict.crashes import CROSSROADS, STREET, simulated, vehicle
+from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HALF, HEAD_ON, HEAD_ON_RECORD, REPORT
+from trace_dag.crash.classes import CollisionType, RoadTopology
+from trace_dag.crash.event_sequence import sequence_of
+from trace_dag.crash.record import CrashRecord, EventRecord
+from trace_dag.errors import Reason
+from trace_dag.roads.crash_site.agreement import compare
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.settings import VerdictSettings
+from trace_dag.verdict.course_events import course_doubts
+from trace_dag.verdict.judge import judge_hypothesis
+from trace_dag.verdict.observation import observe_crash
+from trace_dag.verdict.reservations import reservations_about
+from trace_dag.verdict.rules import Comparison
+from trace_dag.verdict.types import Doubt
+
+CENTRELINE, MEDIAN, RIGHT, BACK, AIRBORNE = 68, 65, 63, 69, 67
+# As HEAD_ON, with vehicle 2 in its own lane and vehicle 1 over the centreline: y is 0 on it, positive in the lane of 2.
+OVER_THE_LINE = (
+    straight(-HALF - 60.0, 1.5, 0.0, 20.0, until_s=8.0),
+    straight(HALF + 45.0, 1.75, math.pi, 15.0, until_s=8.0),
+)
+
+
+def beside(trajectories: tuple, report: CrashRecord, network: RoadNetwork = STREET) -> Comparison:
+    seen = observe_crash(network, *simulated(*trajectories))
+    return Comparison.of(report, sequence_of(report), seen, VerdictSettings())
+
+
+def with_events_before(report: CrashRecord, *codes: int, of: int = 1) -> CrashRecord:
+    before = tuple(EventRecord(number, code, of, None, None, None) for number, code in enumerate(codes, 1))
+    collision = replace(report.events[0], number=len(codes) + 1)
+    return replace(report, events=(*before, collision))
+
+
+@pytest.mark.parametrize(
+    ("trajectories", "of", "doubts"),
+    [
+        (OVER_THE_LINE, 1, []),  # vehicle 1 is in the lane of vehicle 2
+        (OVER_THE_LINE, 2, [Doubt.CENTRELINE_NOT_CROSSED]),  # vehicle 2 keeps to its own
+        (HEAD_ON, 2, []),
+        (HEAD_ON, 1, [Doubt.CENTRELINE_NOT_CROSSED]),
+    ],
+)
+def test_a_reported_crossing_of_the_centreline_is_looked_for(trajectories: tuple, of: int, doubts: list[Doubt]) -> None:
+    report = with_events_before(HEAD_ON_RECORD, CENTRELINE, of=of)
+    assert [each.doubt for each in course_doubts(beside(trajectories, report))] == doubts
+
+
+def test_departures_returns_and_flights_that_do_not_happen_are_doubts_with_their_names() -> None:
+    report = with_events_before(HEAD_ON_RECORD, RIGHT, BACK, AIRBORNE, MEDIAN, of=1)
+    found = {each.doubt: each.detail for each in course_doubts(beside(HEAD_ON, report))}
+    assert list(found) == [
+        Doubt.NOT_AIRBORNE,
+        Doubt.MEDIAN_NOT_CROSSED,
+        Doubt.DEPARTURE_MISSED,
+        Doubt.RETURN_MISSED,
+    ]
+    assert "vehicle 1 does not leave the road" in found[Doubt.DEPARTURE_MISSED]
+
+
+def test_a_vehicle_off_the_road_before_the_contact_has_left_it() -> None:
+    """The carriageway ends 3.5 m from the centreline; a car 1.8 m wide whose middle is 5 m from it is beyond."""
+    outside = (
+        straight(-HALF - 60.0, -5.0, 0.0, 20.0, until_s=8.0),
+        straight(HALF + 45.0, -5.0, math.pi, 15.0, until_s=8.0),
+    )
+    report = with_events_before(HEAD_ON_RECORD, RIGHT, of=1)
+    assert Doubt.DEPARTURE_MISSED not in {each.doubt for each in course_doubts(beside(outside, report))}
+
+
+def test_each_vehicle_is_compared_with_the_road_that_it_drives_along() -> None:
+    """Road 1 runs east and has a limit of 20 m/s, road 2 runs north and has 10 m/s. Vehicle 1 drives north."""
+    roads = [replace(road, speed_mps=limit) for road, limit in zip(CROSSROADS.roads, (20.0, 10.0), strict=True)]
+    network = RoadNetwork(CROSSROADS.frame, tuple(roads))
+    seen = beside(ANGLE, ANGLE_RECORD, network).observed.events[0].vehicles
+    assert {number: drove.road_id for number, drove in seen.items()} == {1: "2", 2: "1"}
+    fast = replace(ANGLE_RECORD.vehicles[0], speed_limit_mps=20.0)
+    report = replace(ANGLE_RECORD, vehicles=(fast, ANGLE_RECORD.vehicles[1]))
+    limit = compare(network, report, REPORT.placement, {1: "2", 2: "1"})[-1]
+    assert (limit.attribute, limit.agreement) == ("speed limit", "differs")
+    assert compare(network, report, REPORT.placement, {1: "1", 2: "2"})[-1].agreement == "agrees"
+
+
+def test_a_vehicle_on_neither_of_the_named_streets_is_on_another_one() -> None:
+    roads = [
+        replace(road, name=name) for road, name in zip(CROSSROADS.roads, ("Main Street", "Oak Street"), strict=True)
+    ]
+    network = RoadNetwork(CROSSROADS.frame, tuple(roads))
+    at = replace(ANGLE_RECORD, road_topology=RoadTopology.FOUR_WAY, trafficway_1="MAIN ST")
+
+    def other_streets(second: str) -> list[str]:
+        report = replace(at, trafficway_2=second)
+        found = reservations_about(report, REPORT, beside(ANGLE, report, network))
+        return [each.detail for each in found if each.doubt is Doubt.OTHER_STREET]
+
+    assert other_streets("OAK ST") == []
+    assert other_streets("SR-17") == []  # a number cannot be compared with a name
+    (detail,) = other_streets("PINE RD")
+    assert detail == "vehicle 1 comes along Oak Street; the report names MAIN ST and PINE RD"
+
+
+@pytest.mark.parametrize(("manner", "accepted"), [(CollisionType.FRONT_TO_FRONT, True), (CollisionType.ANGLE, False)])
+def test_two_fronts_that_meet_head_on_are_no_angle_crash(manner: CollisionType, accepted: bool) -> None:
+    report = replace(HEAD_ON_RECORD, collision_type=manner)
+    verdict = judge_hypothesis(report, STREET, *simulated(*HEAD_ON), VerdictSettings())
+    assert verdict.accepted is accepted
+    if not accepted:
+        assert verdict.reason is Reason.WRONG_IMPACT
+        assert "head on angle" in verdict.detail
+
+
+def test_an_angle_crash_into_a_side_keeps_its_right_angle() -> None:
+    report = replace(ANGLE_RECORD, collision_type=CollisionType.ANGLE, vehicles=(vehicle(1, 9, 89), vehicle(2, 12, 88)))
+    assert judge_hypothesis(report, CROSSROADS, *simulated(*ANGLE), VerdictSettings()).accepted
