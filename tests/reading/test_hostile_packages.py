@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import io
 import json
@@ -95,7 +96,47 @@ def test_a_member_that_is_no_file_is_none(tmp_path: Path, kind: bytes) -> None:
         member = tarfile.TarInfo(f"{KEY}/manifest.json")
         member.type, member.linkname = kind, "/dev/zero"
         archive.addfile(member)
-    assert "an archive without manifest.json" in line(lambda: trace_dag.open(tmp_path / "package.tar"))
+    said = "an archive without manifest.json" if kind == tarfile.DIRTYPE else "no plain file"
+    assert said in line(lambda: trace_dag.open(tmp_path / "package.tar"))
+
+
+def test_a_size_that_the_directory_of_a_zip_hides_is_counted(tmp_path: Path) -> None:
+    place = tmp_path / "package.zip"
+    with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("package/manifest.json", bytes(70_000_000))
+    written = place.read_bytes()
+    place.write_bytes(written.replace((70_000_000).to_bytes(4, "little"), (1000).to_bytes(4, "little")))
+    assert "manifest.json: damaged: " in line(lambda: trace_dag.open(place).only.record)
+
+
+def test_lists_without_number_are_refused_before_they_are_made(tmp_path: Path) -> None:
+    many = b'{"key": "2023-319003", "files": {}, "x": [' + b",".join([b"[]"] * 1_500_000) + b"]}"
+    said = line(lambda: trace_dag.open(zipped(tmp_path, {"manifest.json": many})).only.record)
+    assert "at most 2,000,000 are read" in said
+
+
+@pytest.mark.parametrize("packed", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_ways_to_pack_that_cannot_be_bounded_are_refused(tmp_path: Path, packed: int) -> None:
+    with zipfile.ZipFile(tmp_path / "package.zip", "w", packed) as archive:
+        archive.writestr("package/manifest.json", b"{}")
+    assert "stored or deflated" in line(lambda: trace_dag.open(tmp_path / "package.zip"))
+
+
+def test_a_name_of_a_gigabyte_in_a_packed_tar_is_not_unpacked(tmp_path: Path) -> None:
+    header = tarfile.TarInfo("././@LongLink")
+    header.type, header.size = tarfile.GNUTYPE_LONGNAME, 1_000_000_000
+    with gzip.open(tmp_path / "release.tar.gz", "wb") as file:
+        file.write(header.tobuf(tarfile.GNU_FORMAT))
+        file.write(bytes(1_000_000))
+    assert "has 1,000 MB, at most 64 are read" in line(lambda: trace_dag.open(tmp_path / "release.tar.gz"))
+
+
+def test_holes_in_place_of_data_are_refused(tmp_path: Path) -> None:
+    with tarfile.open(tmp_path / "release.tar", "w", format=tarfile.PAX_FORMAT) as archive:
+        member = tarfile.TarInfo("release/index.parquet")
+        member.pax_headers = {"GNU.sparse.size": "1000000000", "GNU.sparse.numblocks": "0", "GNU.sparse.map": "0,0"}
+        archive.addfile(member)
+    assert "no plain file" in line(lambda: trace_dag.open(tmp_path / "release.tar"))
 
 
 @pytest.mark.parametrize("report", [b"[]", b"null", b"{}", b'{"placement": 7}', b"7", DEEP, b"{", b"\xff"])

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import hashlib
 import io
+import lzma
 import tarfile
 import zipfile
 import zlib
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -31,7 +35,7 @@ from trace_dag.flow.artefacts import (
     CrashArtefacts,
 )
 from trace_dag.reading.crashes import Crashes
-from trace_dag.reading.untrusted import GET_AGAIN, check_json, check_size
+from trace_dag.reading.untrusted import GET_AGAIN, MOST_BYTES, check_json, check_size
 from trace_dag.scenario.package import MANIFEST
 from trace_dag.schemas import table_from_parquet
 from trace_dag.units import mps_to_mph
@@ -48,6 +52,8 @@ T = TypeVar("T")
 INDEX = "index.parquet"
 _SAID = 200  # characters of what a library says
 _ZIP = b"PK\x03\x04"
+_PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_UNPACK: dict[bytes, Callable[[Any], IO[bytes]]] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zX": lzma.open}
 _FILES = {
     REPORT_XML: "report.xml",
     REPORT_JSON: "report.json",
@@ -114,7 +120,7 @@ class FolderFiles:
 
 
 class ArchiveFiles:
-    """The files of a zip or tar archive, read one at a time into memory; links among them are not followed."""
+    """The files of a zip or tar archive, read one at a time into memory, and no more of each than is read of any."""
 
     def __init__(self, place: str, archive: zipfile.ZipFile | tarfile.TarFile) -> None:
         self.place = place
@@ -122,11 +128,13 @@ class ArchiveFiles:
         self._members: dict[str, zipfile.ZipInfo | tarfile.TarInfo] = {}
         for member in archive.infolist() if isinstance(archive, zipfile.ZipFile) else archive:
             if isinstance(member, zipfile.ZipInfo):
-                name, size = member.filename, member.file_size
-            elif member.isreg():
-                name, size = member.name, member.size
+                name, size, plain = member.filename, member.file_size, member.compress_type in _PACKED
             else:
-                continue
+                name, size, plain = member.name, member.size, member.isreg() and not member.issparse()
+                if member.isdir():
+                    continue
+            if not plain:  # a link, a pipe, holes in place of data, or packed in a way that has no limit
+                raise DamagedFile(f"{place}: {name}", "no plain file, stored or deflated", GET_AGAIN)
             check_size(f"{place}: {name}", size)  # before a packed tar is unpacked up to its next member
             self._members[name.partition("/")[2]] = member
 
@@ -139,8 +147,18 @@ class ArchiveFiles:
             source.seek(0)
             if begins == _ZIP:  # zipfile.is_zipfile takes a tar that ends with a package for that package
                 return cls(place, zipfile.ZipFile(source))
-            return cls(place, tarfile.open(fileobj=source))
-        except (tarfile.TarError, zipfile.BadZipFile, NotImplementedError, EOFError, OSError, zlib.error) as error:
+            unpack = next((each for magic, each in _UNPACK.items() if begins.startswith(magic)), None)
+            plain = source if unpack is None else unpack(source)
+            return cls(place, tarfile.open(fileobj=_Bounded(plain, place), mode="r:"))  # type: ignore[call-overload]
+        except (
+            tarfile.TarError,
+            zipfile.BadZipFile,
+            NotImplementedError,
+            EOFError,
+            OSError,
+            zlib.error,
+            lzma.LZMAError,
+        ) as error:
             raise UserError(
                 f"{place}: neither a zip nor a tar archive ({error}); expected a package or a release"
             ) from error
@@ -152,20 +170,44 @@ class ArchiveFiles:
         member = self._members[name]
         try:
             if isinstance(self._archive, zipfile.ZipFile):
-                return self._archive.read(member)  # type: ignore[arg-type] # of its own archive
-            found = self._archive.extractfile(member)  # type: ignore[arg-type]
-            data = found.read() if found is not None else None
-        except (tarfile.TarError, zipfile.BadZipFile, zlib.error, RuntimeError, OSError, EOFError) as error:
+                found: IO[bytes] | None = self._archive.open(member)  # type: ignore[arg-type] # of its own archive
+            else:
+                found = self._archive.extractfile(member)  # type: ignore[arg-type]
+            data = found.read(MOST_BYTES + 1) if found is not None else None
+        except (
+            tarfile.TarError,
+            zipfile.BadZipFile,
+            zlib.error,
+            lzma.LZMAError,
+            RuntimeError,
+            OSError,
+            EOFError,
+        ) as error:
             # RuntimeError is zipfile's for files with a password and, as NotImplementedError, for ways to pack that it
             # does not know.
             raise DamagedFile(f"{self.place}: {name}", f"cannot be read ({error})", GET_AGAIN) from error
         if data is None:
             raise FileNotFoundError(f"{self.place}: {name} is not a file")
+        check_size(f"{self.place}: {name}", len(data))  # the archive's directory can say less
         return data
 
     def has(self, name: str) -> bool:
         """See :class:`Files`."""
         return name in self._members
+
+
+class _Bounded:
+    """A file that is read in pieces of a bounded size: tarfile takes headers for names as large as they say."""
+
+    def __init__(self, file: IO[bytes], place: str) -> None:
+        self.tell, self.seek = file.tell, file.seek
+        self._file = file
+        self._place = place
+
+    def read(self, size: int) -> bytes:
+        """Read some bytes. Raises :class:`DamagedFile` for more than a file of ours has."""
+        check_size(self._place, size - 1)
+        return self._file.read(size)
 
 
 class _File(BaseModel):

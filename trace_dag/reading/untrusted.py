@@ -13,6 +13,8 @@ MOST_BYTES: Final = 64_000_000
 """Of one file: a crash's largest has some two million."""
 _DEEPEST: Final = 32
 """Lists and objects within each other: ours go to ten."""
+_MOST_ELEMENTS: Final = 2_000_000
+"""Of a JSON file: a crash's largest has some 200,000, and each takes up to a hundred bytes of memory."""
 GET_AGAIN: Final = "get it again from where it came from"
 _TEXT: Final = re.compile(rb'"(?:[^"\\]|\\.)*+"')
 _NO_NUMBER: Final = re.compile(rb"NaN|Infinity|[0-9][eE]\+?[0-9]{3}")
@@ -30,14 +32,16 @@ def check_size(name: str, size: int) -> None:
 
 
 def check_json(name: str, data: bytes) -> None:
-    """Raise :class:`DamagedFile` for JSON that is nested too deep, or has numbers that are none.
+    """Raise :class:`DamagedFile` for JSON that has too many elements, is nested too deep, or has numbers that are none.
 
     >>> check_json("manifest.json", b'{"key": "[[[[", "files": {}}')
     """
     bare = _TEXT.sub(b"", data)
-    letters = np.frombuffer(bare, np.uint8)
-    opens, closes = (np.isin(letters, list(each)) for each in (b"[{", b"]}"))
-    depth = int((opens.astype(np.int32) - closes).cumsum().max(initial=0))
+    elements = sum(map(bare.count, (b",", b"[", b"{")))
+    if elements > _MOST_ELEMENTS:
+        raise DamagedFile(name, f"JSON with {elements:,} elements, at most {_MOST_ELEMENTS:,} are read", GET_AGAIN)
+    brackets = np.frombuffer(re.sub(rb"[^\[\]{}]+", b"", bare), np.uint8)
+    depth = int(np.where(np.isin(brackets, list(b"[{")), 1, -1).cumsum().max(initial=0))
     if depth > _DEEPEST:
         raise DamagedFile(name, f"JSON that is nested {depth:,} deep, at most {_DEEPEST} are read", GET_AGAIN)
     if found := _NO_NUMBER.search(bare):
