@@ -229,7 +229,8 @@ def write_table(rows: Sequence[Reported], recorded: Sequence[Recorded]) -> None:
         "}",
         '"""Speed at the impact as a share of the one before, by role."""',
     ]
-    TABLE.write_text("\n".join(lines) + "\n")
+    by_hand = TABLE.read_text()  # decelerations and limits
+    TABLE.write_text("\n".join(lines) + "\n\n" + by_hand[by_hand.index("BRAKING_G: Final") :])
 
 
 def asked_speeds(about: str) -> tuple[list[Reported], list[Recorded]]:

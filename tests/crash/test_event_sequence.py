@@ -91,6 +91,20 @@ def test_running_over_whom_one_has_struck_is_the_same_event() -> None:
     assert [(event.pair, event.going_on) for event in sequence.events] == [((1, 1001), (2,))]
 
 
+@pytest.mark.parametrize(("people", "parties"), [(2, [1001, 1002]), (1, [1001]), (None, [1001])])
+def test_of_people_who_are_not_listed_each_event_has_its_own_where_the_report_counts_so_many(
+    people: int | None, parties: list[int]
+) -> None:
+    events = numbered(PERSON_STRUCK, PERSON_STRUCK)
+    sequence = sequence_of(read(report(ONE | {"HARM_EV": 8, "PEDS": people}, [{}], events)))
+    assert [event.party for event in sequence.events] == parties
+
+
+def test_people_whom_no_event_strikes_are_not_simulated_and_counted() -> None:
+    record = read(report(ONE | {"HARM_EV": 8, "PEDS": 3}, [{}], numbered(PERSON_STRUCK)))
+    assert "not simulated: 2 of 3 people outside vehicles, whom no event strikes" in record.ambiguities
+
+
 def test_a_vehicle_is_first_struck_at_its_initial_impact_where_the_event_does_not_say_it() -> None:
     vehicles = [{"IMPACT1": 12}, {"VEH_NO": 2, "IMPACT1": 6}, {"VEH_NO": 3, "IMPACT1": 9}]
     unknown = {"AOI1": 99, "AOI2": 99}

@@ -149,6 +149,17 @@ def test_throws_lie_between_searles_bounds(vehicle: Body) -> None:
     assert sum(inside) / len(inside) >= 0.8
 
 
+@pytest.mark.parametrize("speed", [4.0, 12.0, 22.0])
+@pytest.mark.parametrize("vehicle", [CAR, VAN, TRUCK], ids=["car", "van", "truck"])
+def test_who_does_not_brake_carries_nobody_for_longer_than_two_seconds(vehicle: Body, speed: float) -> None:
+    """Let go by then, people lie no farther than what was driven until then and a throw at that speed (Searle)."""
+    driver, person = crossing(vehicle, ADULT, speed)
+    log = run(replace(driver, after_striking=AfterStriking(math.inf, 0.0)), person)
+    first = log.contacts[0]
+    assert max(each.time_s + each.duration_s for each in log.contacts) - first.time_s < 2.0 + 0.6
+    assert thrown_m(log) < 2.0 * speed + searle(speed)[1]
+
+
 @pytest.mark.parametrize("speed", [10.0, 30.0])
 @pytest.mark.parametrize("vehicle", [CAR, VAN, TRUCK], ids=["car", "van", "truck"])
 def test_nobody_gets_through_a_vehicle(vehicle: Body, speed: float) -> None:

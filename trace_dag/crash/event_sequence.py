@@ -273,7 +273,10 @@ class _Reader:
         self._vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
         self._met: set[int] = set()  # vehicles that have touched somebody or something
         self._animal: int | None = None  # number of the first event with one: there is only one animal
-        self._unlisted: dict[int, NonMotorist] = {}  # by code: a person whom the report strikes and does not list
+        struck = [event for event in record.events if event.kind is EventKind.PERSON_STRUCK]
+        self._of_each_event = len(struck) <= (record.people_outside or 1)
+        self._unlisted: dict[int, NonMotorist] = {}  # people whom the report strikes and does not list: by event where
+        # it counts one for each of them (PEDS), else one by code
         self.events: list[CrashEvent] = []
         self.unclear: dict[int, str] = {}
 
@@ -353,7 +356,8 @@ class _Reader:
             return replace(named, person_type_code=_PERSON_TYPE[event.code])
         if named is not None or listed:
             return named
-        return self._unlisted.setdefault(event.code, NonMotorist(1 + len(self._unlisted), _PERSON_TYPE[event.code]))
+        which = event.number if self._of_each_event else event.code
+        return self._unlisted.setdefault(which, NonMotorist(1 + len(self._unlisted), _PERSON_TYPE[event.code]))
 
 
 def _last_departure(record: CrashRecord, until: EventRecord) -> EventRecord | None:

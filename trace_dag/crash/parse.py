@@ -20,8 +20,9 @@ from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.event_parties import with_event_parties
 from trace_dag.crash.fields import Fields, local_name, malformed
 from trace_dag.crash.keys import crash_key, state_of
+from trace_dag.crash.parties import EventKind
 from trace_dag.crash.persons import read_non_motorists
-from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.crash.record import CrashRecord, EventRecord, VehicleRecord
 from trace_dag.crash.sequence import known_by_events_alone, read_sequence, struck_standing_only
 from trace_dag.crash.table_reports import is_json, report_from_json
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
@@ -131,6 +132,15 @@ def crash_element(root: etree._Element, *, name: str) -> etree._Element:
     )
 
 
+def _not_struck(people_outside: int | None, events: Iterable[EventRecord]) -> Iterator[str]:
+    """That people outside vehicles are struck in no event, as a sentence: no body is simulated for them."""
+    strikes = [event for event in events if event.kind is EventKind.PERSON_STRUCK]
+    bodies = len({each.party_2 for each in strikes if each.party_2 is not None} or strikes)
+    if people_outside is not None and 0 < bodies < people_outside:
+        left_out = f"{people_outside - bodies} of {people_outside}"
+        yield f"not simulated: {left_out} people outside vehicles, whom no event strikes"
+
+
 def _read_crash(element: etree._Element, name: str) -> CrashRecord:
     fields = Fields(element, name)
     case_year, state_case, key = case_of(fields)
@@ -173,8 +183,9 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
         weather_code=_weather(fields),
         fatalities=fields.integer("FATALS", low=0),
         vehicles_in_transport=fields.integer("VE_FORMS", low=0),
+        people_outside=fields.integer("PEDS", low=0),
         non_motorists=persons.non_motorists,
-        ambiguities=(*struck.ambiguities, *persons.ambiguities),
+        ambiguities=(*struck.ambiguities, *persons.ambiguities, *_not_struck(fields.integer("PEDS"), struck.events)),
         implied=(
             *sequence.implied,
             *struck.implied,

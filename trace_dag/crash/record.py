@@ -398,6 +398,7 @@ class CrashRecord:
     fatalities: int | None = None  # FATALS
     injury_code: int | None = None  # INJ_SEV of who was hurt worst, where the report has it of the crash
     vehicles_in_transport: int | None = None  # VE_FORMS, which may be more than the report lists
+    people_outside: int | None = None  # PEDS: people who are in no motor vehicle in transport, as stated
     non_motorists: tuple[NonMotorist, ...] = ()
     implied: tuple[str, ...] = ()
     contradictions: tuple[str, ...] = ()

@@ -202,6 +202,7 @@ CRASH_RECORD: Final = TableSchema(
         Column("fatalities", _INTEGER, "Persons killed", source="FATALS"),
         Column("injury_code", _INTEGER, "How badly who was hurt worst was, as reported of the crash", source="INJ_SEV"),
         Column("vehicles_in_transport", _INTEGER, "Motor vehicles in transport, as stated", source="VE_FORMS"),
+        Column("people_outside", _INTEGER, "People in no motor vehicle in transport, as stated", source="PEDS"),
         Column("non_motorists", None, "Persons outside motor vehicles", repeated=True, fields=NON_MOTORIST_COLUMNS),
         Column("implied", _TEXT, "Fields of the crash derived from others", repeated=True),
         Column("contradictions", _TEXT, "Fields that disagree, as sentences", repeated=True),

@@ -40,6 +40,7 @@ VEHICLE_FRICTION = 0.9
 _CARRIED_FRICTION = 0.3
 """Of who lies on a vehicle afterwards: clothes on sheet metal slide at 0.2 to 0.4 (Simms and Wood, Pedestrian and
 Cyclist Impact, 2009), so that people slide off the hood when the driver brakes."""
+_SLIPS = 1e-3
 _IMPLICIT_FROM_S = 0.004
 """Steps from which on velocities are integrated implicitly: limbs that spin in flight gain energy by explicit ones."""
 _MOST_WHEEL_LOAD_N = 44_500.0
@@ -154,6 +155,15 @@ class FigureBodies(RigidBodies):
         trees = [tree for tree in self._trees if tree.person is self._people[pair[1] - self._count]]
         for tree in trees:
             self._model.pair_friction[self._meetings(pair[0], tree), :2] = _CARRIED_FRICTION
+
+    def let_go(self, pair: tuple[int, int], off_mps: tuple[float, float]) -> None:
+        """Let a person whom a vehicle carries slide off it without friction, at a velocity to its side."""
+        for tree in self._trees:
+            if tree.person is self._people[pair[1] - self._count]:
+                self._model.pair_friction[self._meetings(pair[0], tree), :2] = _SLIPS
+                vx, vy, vz = tree.velocity
+                tree.velocity = vx + off_mps[0], vy + off_mps[1], vz
+                tree.moving[:2] += off_mps
 
     def follow(self) -> None:
         """Update the state of touched people roughly: it is the pelvis's."""

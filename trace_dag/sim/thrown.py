@@ -27,6 +27,8 @@ _NEAR_STEP_S = 0.0025
 _FLIGHT_STEP_S = 0.005
 _TOUCHED_S = 0.03  # so long after a touch the next one of the same strike is waited for with short steps
 _PUSHED_MPS = 3.0  # of the pelvis against the vehicle: who moves faster is struck again
+_CARRIED_S = 2.0  # longer than this nobody stays on a vehicle: judgement
+_ROLLS_OFF_MPS = 3.0
 _NEAR_M = 0.1  # a figure's hands and feet may reach so far out of its outline
 
 
@@ -48,6 +50,8 @@ class ThrownPeople:
         self._run = run
         self._on_road = False
         self._sliding: set[tuple[int, int]] = set()  # pairs whose strike is over
+        self._touched_s: dict[tuple[int, int], float] = {}  # when each pair touched first
+        self._let_go: set[tuple[int, int]] = set()
         self._apart_until_step = 0  # no vehicle can touch a person before it
         self._strikes_in_parts = max(1, math.ceil(run.step_s / _STRIKE_STEP_S - 1e-9))
         self._near_in_parts = max(1, math.ceil(run.step_s / _NEAR_STEP_S - 1e-9))
@@ -206,6 +210,7 @@ class ThrownPeople:
             episode = of_combinations(episode, (Pulled(by, motion, motion), None), 0.0)
         seen_for_s = 0.0 if person.crashed else person.in_the_lane_s(vehicle.outline(), now_s)
         person.crashed = True
+        self._touched_s.setdefault(pair, now_s)
         self._run.wheels.react(vehicle, now_s, seen_for_s=seen_for_s)
         return episode
 
@@ -214,8 +219,23 @@ class ThrownPeople:
         if time_s > episode.pulse_end_s and pair not in self._sliding:
             self._sliding.add(pair)
             self.bodies.let_slide(pair)
+        if pair in self._sliding - self._let_go and pair in self.bodies.touches:
+            self._let_go_of(pair, time_s)
         if not episode.one.crashed and self._run.wheels.is_crash(episode.impulse_ns, episode.masses_kg[0]):
             self._run.wheels.lose(episode.one)
+
+    def _let_go_of(self, pair: tuple[int, int], time_s: float) -> None:
+        """Let a person who is still carried slide off the vehicle once it brakes, or else roll off to its side."""
+        vehicle, person = self._vehicle(pair), self._person(pair)
+        carried_s = time_s - self._touched_s[pair]
+        late = carried_s > _CARRIED_S
+        if not late and not (vehicle.stops and carried_s > _CARRIED_S / 2):
+            return
+        self._let_go.add(pair)
+        c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
+        left_m = (person.y - vehicle.y) * c - (person.x - vehicle.x) * s
+        off_mps = math.copysign(_ROLLS_OFF_MPS, left_m) if late else 0.0
+        self.bodies.let_go(pair, (-off_mps * s, off_mps * c))
 
     def _vehicle(self, pair: tuple[int, int]) -> Vehicle:
         return self._run.vehicles[pair[0]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Final, Protocol, TypeVar
@@ -34,6 +35,15 @@ class Scored:
     def score(self) -> float:
         """Log-likelihood, rounded so that an order by it does not depend on the last bits."""
         return round(sum(self.terms.values()), _DECIMALS)
+
+
+def drawn(key: str, about: str) -> float:
+    """Return the number between 0 and 1 that is drawn for a crash and a question about it, the same every time.
+
+    >>> drawn("2023-319003", "side") == drawn("2023-319003", "side"), 0.0 <= drawn("2023-319003", "side") < 1.0
+    (True, True)
+    """
+    return int.from_bytes(hashlib.sha256(f"{key} {about}".encode()).digest()[:6], "big") / 2**48
 
 
 def first_of_groups(ordered: Iterable[Found], group_of: Callable[[Found], Hashable]) -> list[Found]:

@@ -27,10 +27,10 @@ from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.record import HEAVY_VEHICLES, PreCrashMovement, VehicleClass
 from trace_dag.roads.map.model import Road
 from trace_dag.states.pre_crash_scenarios import Party
-from trace_dag.states.speed_coefficients import BRAKING, LEVELS, SHIFTS_MPH, SPREAD_MPH
+from trace_dag.states.ranking import drawn
+from trace_dag.states.speed_coefficients import BRAKING, BRAKING_G, LEVELS, SHIFTS_MPH, SPREAD_MPH
 from trace_dag.states.speeds import (
     BRAKING_AVOIDANCE,
-    BRAKING_MPS2,
     STARTING_MPS2,
     STOP_CONTROLS,
     SpeedProfile,
@@ -40,7 +40,7 @@ from trace_dag.states.speeds import (
     travel_speed,
 )
 from trace_dag.states.types import SpeedSource
-from trace_dag.units import mph_to_mps
+from trace_dag.units import GRAVITY_MPS2, mph_to_mps
 
 NO_BRAKING: Final = frozenset({1, 5, 6, 7, 10, 11, 12})  # P_CRASH3: nothing was done, or something else than braking
 _SIGNALS: Final = frozenset({1, 2, 3, 4})  # VTRAFCON
@@ -50,7 +50,8 @@ _FREEWAYS: Final = frozenset({1, 2})  # FUNC_SYS
 _CLEAR: Final = frozenset({None, 1, 10})  # WEATHER: clear, cloudy
 _LOW_LIMIT_MPS: Final = mph_to_mps(32)
 _STARTING_TIME_S: Final = 3.0
-_LONGEST_BRAKING_S: Final = 2.0  # before that a driver of a reported speed had it
+_LONGEST_BRAKING_S: Final = 4.0  # before that a driver of a reported speed had it: recorders have five seconds
+_LEAST_KEPT: Final = 0.25  # share of the speed: who has nearly stopped kills nobody
 _FASTEST_MPS: Final = mph_to_mps(151)  # the highest TRAV_SP
 
 
@@ -163,7 +164,6 @@ def features(party: Party, rule: TravelSpeed) -> dict[str, bool]:
         "freeway": record.function_class_code in _FREEWAYS,
         "signal": vehicle.traffic_control_code in _SIGNALS,
         "limit of 30 mph or less": vehicle.speed_limit_mps is not None and vehicle.speed_limit_mps < _LOW_LIMIT_MPS,
-        "no limit reported": vehicle.speed_limit_mps is None,
     }
     of_slow_ones = {
         "turning": party.turn is not None,
@@ -211,24 +211,27 @@ def speed_kept_distribution(party: Party) -> Distribution:
 
 
 def speed_profile(party: Party, initial_mps: float) -> SpeedProfile:
-    """The speed before the impact of a vehicle: it starts if the record says so; else it loses what half of the
-    vehicles of its role lose, by :func:`speed_kept_distribution`; who is reported to have braked, what half of those
-    lose that lost anything.
+    """The speed before the impact of a vehicle: it starts if the record says so; else it loses what one vehicle of its
+    role lost, drawn from :func:`speed_kept_distribution`, at a deceleration that is drawn from those of recorders; who
+    is reported to have braked, what one of those lost that lost anything. A crash always has the same draw.
 
     >>> from trace_dag.states.pre_crash_scenarios import party
     >>> speed_profile(party(record, record.vehicles[0]), 6.7)  # who turns keeps its speed
     SpeedProfile(initial_mps=6.7, impact_mps=6.7, change_time_s=0.0)
-    >>> behind = speed_profile(party(queue_record, queue_record.vehicles[0]), 20.0)
-    >>> round(behind.impact_mps, 1), round(behind.change_time_s, 1)  # who runs into another
-    (17.2, 0.7)
+    >>> behind = party(queue_record, queue_record.vehicles[0])  # who runs into another
+    >>> speed_profile(behind, 20.0) == speed_profile(behind, 20.0), speed_profile(behind, 20.0).impact_mps <= 20.0
+    (True, True)
     """
     if starts(party.vehicle, initial_mps):
         return SpeedProfile(0.0, STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
-    kept = speed_kept_distribution(party)
-    told = brakes(party.vehicle) and party.turn is None
-    share = min(kept.at(kept.probability_below(1.0) / 2) if told else kept.median, 1.0)
-    lost_mps = min((1.0 - share) * initial_mps, BRAKING_MPS2 * _LONGEST_BRAKING_S)
-    return SpeedProfile(initial_mps, initial_mps - lost_mps, lost_mps / BRAKING_MPS2)
+    kept, key, number = speed_kept_distribution(party), party.record.key, party.vehicle.number
+    probability = drawn(key, f"braking of vehicle {number}")
+    if brakes(party.vehicle) and party.turn is None:
+        probability *= kept.probability_below(1.0)
+    lost_mps = (1.0 - min(max(kept.at(probability), _LEAST_KEPT), 1.0)) * initial_mps
+    usual_g = Distribution(BRAKING_G).at(drawn(key, f"deceleration of vehicle {number}"))
+    hard_mps2 = max(usual_g * GRAVITY_MPS2, lost_mps / _LONGEST_BRAKING_S)
+    return SpeedProfile(initial_mps, initial_mps - lost_mps, lost_mps / hard_mps2)
 
 
 def quantiles(values: Sequence[float]) -> tuple[float, ...]:

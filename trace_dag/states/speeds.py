@@ -16,6 +16,7 @@ from trace_dag.crash.record import STOPPED_MOVEMENTS, PreCrashMovement, VehicleC
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.model import Road
+from trace_dag.states.speed_coefficients import LIMITS_MPH
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import GRAVITY_MPS2, mph_to_mps
 
@@ -91,8 +92,11 @@ def as_on_the_right(turn: Turn, road: Road | None) -> Turn:
 
 
 def class_speed_mps(road: Road | None) -> float:
-    """The usual speed on a road of its class (m/s), if neither map nor report has a limit."""
-    return road_class(road.highway if road is not None else "").speed_mps
+    """The usual speed on a road of its class (m/s), if neither map nor report has a limit: the median limit of fatal
+    crashes on such roads."""
+    highway = road.highway if road is not None else ""
+    limit_mph = LIMITS_MPH.get(highway)
+    return road_class(highway).speed_mps if limit_mph is None else mph_to_mps(limit_mph)
 
 
 def brakes(vehicle: VehicleRecord) -> bool:

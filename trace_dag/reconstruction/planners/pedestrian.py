@@ -7,7 +7,8 @@ gets past.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from typing import Final
@@ -29,15 +30,18 @@ from trace_dag.states.pedestrian_impact.hypothesis import (
     least_gap_m,
     next_way,
 )
-from trace_dag.states.pedestrian_impact.planner import impact_plans
-from trace_dag.states.ranking import leaders_first
+from trace_dag.states.pedestrian_impact.planner import MANOEUVRES, ImpactPlan, impact_plans
+from trace_dag.states.ranking import drawn, leaders_first
 from trace_dag.states.scene import Scene
-from trace_dag.states.types import Hypothesis
+from trace_dag.states.types import Hypothesis, Manoeuvre
+from trace_dag.states.walking_directions import CROSSING
+from trace_dag.states.walking_directions import Course as Walking
 
 LONGEST_CHAIN_S: Final = 12.0
 """From the first strike to the last."""
 _SETTLES_S: Final = 1.0  # after a thrown person has come to rest
 _RESTS_M: Final = 0.05  # nearer to where it ends up, a person is at rest
+_FAR: Final = 50.0  # of log-likelihoods
 _LATER_S: Final = (0.0, 2.0, 4.0, 6.0, 8.0)  # a slower vehicle comes so much later, else it would be in the way
 
 
@@ -82,6 +86,8 @@ def strike_hypotheses(
     first, together = sequence.first, companions_of(sequence)
     followed = any(event.is_contact and event.vehicle.number != first.vehicle.number for event in sequence.events)
     plans = leaders_first(impact_plans(scene, first), lambda plan: plan.group)
+    shown = _drawn_course(scene.record.key, plans)
+    plans = sorted(plans, key=lambda plan: plan.walk.reading.course is not shown)
     found: list[Hypothesis] = []
     kept = 0
     for plan in plans:
@@ -98,7 +104,27 @@ def strike_hypotheses(
         examined = f" in any of {counted(len(plans), 'plan')} examined" if plans else ""
         why = scene.no_way_that(f"leads the vehicle to whom it struck as reported{examined}")
         raise Rejection(Reason.NO_FEASIBLE_STATE, why, measured=len(plans))
-    return tuple(sorted(found, key=lambda each: (-each.score, each.name)))
+    first_shown = None if shown is None else MANOEUVRES[shown]
+    return tuple(sorted(found, key=lambda each: (_walks(each, first) is not first_shown, -each.score, each.name)))
+
+
+def _drawn_course(key: str, plans: Sequence[ImpactPlan]) -> Walking | None:
+    """The course of the person that is shown: that of the likeliest plan, but of two that cross from either side one
+    that is drawn by their shares, so that over many crashes the sides come as often as they are likely."""
+    best = {plan.walk.reading.course: plan.score for plan in sorted(plans, key=lambda plan: plan.score)}
+    if not best:
+        return None
+    likeliest = max(best, key=lambda course: (best[course], course))
+    if likeliest not in CROSSING or not best.keys() >= CROSSING:
+        return likeliest
+    left, right = best[Walking.FROM_LEFT], best[Walking.FROM_RIGHT]
+    share = 1.0 / (1.0 + math.exp(min(right - left, _FAR)))
+    return Walking.FROM_LEFT if drawn(key, "side of the person") < share else Walking.FROM_RIGHT
+
+
+def _walks(hypothesis: Hypothesis, strike: CrashEvent) -> Manoeuvre:
+    """What the person of a strike does in a hypothesis."""
+    return next(s.manoeuvre for s in hypothesis.participants if s.vehicle_number == strike.person.party)
 
 
 # --- later -----------------------------------------------------------------------------------------------------------

@@ -34,6 +34,7 @@ _STATION_STEP_M: Final = 0.25
 _TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
 _CROSSWALK_M: Final = 8.0  # farthest from the place: on another leg of the intersection it would be another crosswalk
 _CROSSWALK_SIGMA_M: Final = 0.7  # people in a crosswalk also walk beside its lines
+_IN_CROSSWALK_SIGMA_M: Final = 0.1  # but are in it where the report says so
 _UNDRAWN_M: Final = 2.0  # where nobody drew one it may lie so far to either side of the end of the road
 _BESIDE_SHARE: Final = 0.07
 """Share of pedestrians struck elsewhere in an intersection that has a crosswalk: 50 of 683 (PEDLOC 1, PBCWALK 1, by
@@ -85,12 +86,13 @@ class Crosswalks(NamedTuple):
 
         >>> stripes, x_m, y_m = shapely.box(0.0, 0.0, 3.0, 10.0), np.array([1.0, 3.7, 9.0]), np.full(3, 5.0)
         >>> Crosswalks(stripes, 0.0).log_likelihood(x_m, y_m)[:2].round(3) + 0.0  # within, and 0.7 m beside them
-        array([ 0. , -0.5])
+        array([  0. , -24.5])
         >>> Crosswalks(stripes, 0.07).log_likelihood(x_m, y_m).round(3) + 0.0  # seldom beside them
         array([ 0.   , -0.456, -2.659])
         """
         off_m = shapely.distance(self.shape, shapely.points(x_m, y_m))
-        inside = (1.0 - self.beside_share) * np.exp(-0.5 * (off_m / _CROSSWALK_SIGMA_M) ** 2)
+        sigma_m = _CROSSWALK_SIGMA_M if self.beside_share else _IN_CROSSWALK_SIGMA_M
+        inside = (1.0 - self.beside_share) * np.exp(-0.5 * (off_m / sigma_m) ** 2)
         with np.errstate(divide="ignore"):
             return np.maximum(np.log(inside + self.beside_share), _LEAST)
 

@@ -45,7 +45,7 @@ from trace_dag.states.speed_prior import speed_profile
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.types import Manoeuvre
 from trace_dag.states.walking_directions import COMPASS_DEG, CROSSING, RELATIVE_DEG, Course, CourseReading, readings
-from trace_dag.states.walking_speeds import Gait, dashes, gait_of, usual_speed_mps
+from trace_dag.states.walking_speeds import Gait, gait_of, usual_speed_mps
 from trace_dag.units import GRAVITY_MPS2
 
 _COMPASS_RAD: Final = math.radians(45)  # a coded direction is a quarter of the compass
@@ -55,9 +55,9 @@ _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
 behind its curb, beside both."""
 _OUTWARD: Final = (Zone.BESIDE, Zone.WALKED, Zone.OUTSIDE)
 _DRIFT_G: Final = 0.08  # of a driver who drifts off the road
-_DASH_BEYOND_M: Final = 0.8  # a person who runs out starts this far beyond the edge
+_DASH_BEYOND_M: Final = 0.8  # who crosses starts this far beyond the edge
 _AS_THEY_ARE: Final = frozenset({PartyKind.CYCLIST, PartyKind.CONVEYANCE, PartyKind.ANIMAL})
-_MANOEUVRES: Final = {
+MANOEUVRES: Final = {
     Course.FROM_LEFT: Manoeuvre.CROSS_FROM_LEFT,
     Course.FROM_RIGHT: Manoeuvre.CROSS_FROM_RIGHT,
     Course.ALONG: Manoeuvre.GO_ALONG,
@@ -104,7 +104,7 @@ class Walk:
     @property
     def manoeuvre(self) -> Manoeuvre:
         """The course as a manoeuvre."""
-        return _MANOEUVRES[self.reading.course]
+        return MANOEUVRES[self.reading.course]
 
     def along_m(self, until_s: FloatArray) -> FloatArray:
         """Stations at times before the strike (negative after it)."""
@@ -311,9 +311,9 @@ def _walk(
     pose = Pose(float(x), float(y), math.remainder(heading, math.tau), drive.pose.z_m)
     path, station = _line(scene, drive, pose, reading.course)
     set_off = math.inf
-    if dashes(person) and reading.course in CROSSING:
-        back = Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2)
-        set_off = edge_m(scene, back, 1.0) + _DASH_BEYOND_M
+    if reading.course in CROSSING:  # from the edge of the road on: who waits there does not walk out of a lane
+        from_m = edge_m(scene, Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2), 1.0)
+        set_off = from_m + _DASH_BEYOND_M if from_m else math.inf
     return Walk(person, kind, size, reading, gait, path, station, path.pose(station), speed_mps, set_off)
 
 
