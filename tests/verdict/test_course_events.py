@@ -94,7 +94,8 @@ def test_each_vehicle_is_compared_with_the_road_that_it_drives_along() -> None:
 
 def test_a_vehicle_on_neither_of_the_named_streets_is_on_another_one() -> None:
     roads = [
-        replace(road, name=name) for road, name in zip(CROSSROADS.roads, ("Main Street", "Oak Street"), strict=True)
+        replace(road, name=name, names=(name,))
+        for road, name in zip(CROSSROADS.roads, ("Main Street", "Oak Street"), strict=True)
     ]
     network = RoadNetwork(CROSSROADS.frame, tuple(roads))
     at = replace(ANGLE_RECORD, road_topology=RoadTopology.FOUR_WAY, trafficway_1="MAIN ST")
