@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from cases import SETTINGS, Case
 from loopback import Answer, Request
 
-from benchmarks.narratives import StandIn
+from lab.narratives import StandIn
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import build_scene, parties, solve_all

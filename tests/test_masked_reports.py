@@ -15,8 +15,8 @@ from loopback import Loopback, Request, serving
 from model_server import KEY, MODEL, READY, as_coordinates, completion, is_trial, right_answer
 from sample_runs import reports_of
 
-from benchmarks.masked_reports import by_estimator, came_in_same_lane, lane_rows, movement_rows, recovered
-from benchmarks.masking import collisions, without_area, without_lanes, without_movement, without_types
+from lab.masked_reports import by_estimator, came_in_same_lane, lane_rows, movement_rows, recovered
+from lab.masking import collisions, without_area, without_lanes, without_movement, without_types
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.crash.record import PreCrashMovement
 from trace_dag.flow.batch import run_stages

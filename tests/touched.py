@@ -52,7 +52,7 @@ def module_of(name: str) -> str:
 def importers() -> dict[str, set[str]]:
     """The files that import or name a module, by the module's name."""
     found: dict[str, set[str]] = defaultdict(set)
-    for folder in ("trace_dag", "tests", "benchmarks"):
+    for folder in ("trace_dag", "tests", "lab"):
         for path in sorted((REPOSITORY / folder).rglob("*.py")):
             for module in imported(path) | named(path):
                 found[module].add(path.relative_to(REPOSITORY).as_posix())

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("carla", reason="the carla extra is not installed")
 
-from benchmarks.carla_kit.run import CRASHES, main
+from lab.carla_kit.run import CRASHES, main
 from tests.sim.carla_stand_in import StandIn
 
 

@@ -132,7 +132,7 @@ def test_removing_crashes_leaves_the_others_and_what_was_made_of_them(storage):
 
 
 def test_thousands_of_crashes_are_registered_and_become_partitions(tmp_path, storage):
-    """A tenth of a national year; how long it takes is measured by ``benchmarks/registering.py``."""
+    """A tenth of a national year."""
     from dagster import DagsterInstance
 
     folder = fars_folder(tmp_path / "csv", 4_000)

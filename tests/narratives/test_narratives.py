@@ -15,7 +15,7 @@ from loopback import serving
 from model_server import KEY, MODEL, narrating
 from sample_runs import SAMPLE, asked, trace_dag
 
-from benchmarks.narratives import NARRATIVES, StandIn, compared
+from lab.narratives import NARRATIVES, StandIn, compared
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.record import CrashRecord, Heading, Moment, Octant, Origin, PreCrashMovement, origins
 from trace_dag.crash.registers.mapping import read_mapping

@@ -27,7 +27,7 @@ from trace_dag.settings import OsmSettings, RoadSettings
 
 _SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"
 _SAMPLE_SITES = 8
-_REAL_SITES = 6  # of each kind; benchmarks/roads.py goes over all of them
+_REAL_SITES = 6  # of each kind; lab/roads.py goes over all of them
 _RULES_RUN_AT_1_7 = 22  # of the checker's 23; below 1.7 most are skipped
 
 Maps = dict[str, tuple[RoadNetwork, Path]]
@@ -85,7 +85,7 @@ def _fars_sites(shared_data: Path) -> Iterator[Site]:
 def test_carla_drives_on_without_jumps(which: str, request: pytest.FixtureRequest) -> None:
     """Steps of 1 m along the reference line; on the outside of a bend they are longer, on the inside shorter.
 
-    The sites chosen here have more tight bends than all together, of which benchmarks/roads.py measures the share.
+    The sites chosen here have more tight bends than all together, of which lab/roads.py measures the share.
     """
     maps: Maps = request.getfixturevalue(which)
     distances = []

@@ -88,7 +88,7 @@ def test_between_levels_a_distribution_is_straight() -> None:
 
 def test_the_tables_are_what_the_data_give(shared_data) -> None:
     """Fitted anew to the reports and recorders at hand, as their docstring says they were."""
-    from benchmarks.fit_speeds import fit_braking, fit_shifts, fit_spread, masked, read_reports, recorded_speeds
+    from lab.fit_speeds import fit_braking, fit_shifts, fit_spread, masked, read_reports, recorded_speeds
 
     tables = sorted((shared_data / "fars-csv").iterdir())
     rows = list(masked(read_reports(tables, [shared_data / "va-2023" / "reports"])))

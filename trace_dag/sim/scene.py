@@ -34,7 +34,7 @@ from trace_dag.units import GRAVITY_MPS2
 _VEHICLE_RATE_RPS, _VEHICLE_DAMPING_RATIO = 40.0, 2.6
 """Of the contact of a person and a vehicle: struck at 10 m/s a segment presses some four centimetres in, at 30 m/s
 thirteen, as legs, clothes and sheet metal give, and comes back so slowly that nothing rebounds. Throws are right over
-a range of these: 95 to 97 % of a car's and a van's at rates of 35 to 40, ratios of 2.6 to 3.4 (benchmarks/throws)."""
+a range of these: 95 to 97 % of a car's and a van's at rates of 35 to 40, ratios of 2.6 to 3.4."""
 VEHICLE_FRICTION = 0.9
 """Of people on a vehicle while they are struck: the sheet metal gives way under a body and holds it in its dent."""
 _CARRIED_FRICTION = 0.3

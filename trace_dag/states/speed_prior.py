@@ -3,8 +3,8 @@ strikes.
 
 Travel speeds are learned from those that police reported in FARS, as differences from the rule of
 :mod:`trace_dag.states.speeds` (limit, manoeuvre, class of the road). The loss of speed before the impact is learned
-from the last five seconds of event data recorders. ``benchmarks/fit_speeds.py`` fits both and writes the tables in
-:mod:`trace_dag.states.speed_coefficients`; ``benchmarks/mask_and_predict.py`` says how good they are.
+from the last five seconds of event data recorders. ``lab/fit_speeds.py`` fits both and writes the tables in
+:mod:`trace_dag.states.speed_coefficients`; ``lab/mask_and_predict.py`` says how good they are.
 
 A reported speed is taken as the speed before braking. For vehicles that go along the road the median reported speed is
 the limit; recorders show that five seconds before the impact, and less at the impact. For vehicles that turn, reported

@@ -1,6 +1,6 @@
 """How often each fact of a report came out so, in true reports at their places and in controls.
 
-Written by ``benchmarks/fit_support.py``, measured on FARS reports of Virginia 2023 and of Arizona, California, Ohio and
+Written by ``lab/fit_support.py``, measured on FARS reports of Virginia 2023 and of Arizona, California, Ohio and
 South Dakota 2012 to 2016. A module and no file beside, so that a verdict's fingerprint covers it.
 """
 

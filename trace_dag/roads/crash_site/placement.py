@@ -4,7 +4,7 @@ The reported point is a coded point: some metres beside the road, on the wrong c
 the road is chosen by what the report says about it: its name or number, who numbers it, class, lanes, limit, whether it
 is divided or a ramp, and how far the point lies from it. Each of these gives a log-likelihood ratio (how many times
 likelier such a report is for this road than for another), and they are added up. The weights are what
-``benchmarks/placement_weights.py`` measures on stored maps: 127 roads that bear the reported name against 316 others
+``lab/placement_weights.py`` measures on stored maps: 127 roads that bear the reported name against 316 others
 within 100 m (crashes in Virginia in 2023 and FARS 2012 to 2016); by judgement where it says so. Facts of a road hang
 together (a wide road has a high limit), so they are counted at half of what each says alone.
 

@@ -1,0 +1,255 @@
+"""The readers of each form, as judges: run by ``lab/formats.py``, each in an environment with its reader alone.
+
+    python -m lab format_judges JUDGES FOLDER
+
+Prints a line of JSON per judge: who, which version, over how many files, how many it took, and what it says besides.
+Nothing of trace-dag is imported: what these say rests on the files alone.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+
+class Verdict(NamedTuple):
+    """What a judge says of a form: ``taken`` of ``files`` had nothing wrong; ``says`` is more, in words."""
+
+    judge: str
+    files: int
+    taken: int
+    says: str = ""
+
+
+def commonroad(folder: Path) -> Iterator[Verdict]:
+    """The reader of commonroad-io, what it finds in the networks, and the schema that comes with it."""
+    import commonroad.common.file_reader as reading
+    from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
+    from commonroad.scenario.traffic_sign_interpreter import TrafficSignInterpreter
+    from lxml import etree
+
+    files = sorted(folder.glob("*.xml"))
+    lanelets = problems = read = on_a_lanelet = signs = lights = stop_lines = limits = 0
+    for file in files:
+        scenario, planning = reading.CommonRoadFileReader(str(file)).open()
+        network = scenario.lanelet_network
+        lanelets, signs = lanelets + len(network.lanelets), signs + len(network.traffic_signs)
+        lights += len(network.traffic_lights)
+        stop_lines += sum(each.stop_line is not None for each in network.lanelets)
+        limit_of = TrafficSignInterpreter(SupportedTrafficSignCountry.ZAMUNDA, network).speed_limit
+        limits += sum(limit_of(frozenset([each.lanelet_id])) is not None for each in network.lanelets)
+        found = list(planning.planning_problem_dict.values())
+        problems, read = problems + len(found), read + (len(found) == 1)
+        on_a_lanelet += all(network.find_lanelet_by_position([each.initial_state.position])[0] for each in found)
+    who = f"commonroad-io {version('commonroad-io')}"
+    says = (
+        f"{lanelets} lanelets, {limits} of them with a limit; {signs} signs, {lights} lights, {stop_lines} stop lines, "
+        f"{problems} planning problems"
+    )
+    yield Verdict(f"{who}, reader", len(files), read, says)
+    yield Verdict(f"{who}, drivers begin on a lanelet", len(files), on_a_lanelet)
+    (path,) = Path(reading.__file__).parents[1].rglob("XML_commonRoad_XSD.xsd")
+    schema = etree.XMLSchema(etree.parse(str(path)))
+    valid = sum(schema.validate(etree.parse(str(file))) for file in files)
+    yield Verdict(f"{who}, schema 2020a", len(files), valid)
+
+
+def scenarionet(folder: Path) -> Iterator[Verdict]:
+    """MetaDrive's check, and its engine replaying everybody."""
+    import logging
+
+    import metadrive
+
+    # The engine fetches its pictures and shapes at its first start. Without a window it shows none: an empty folder
+    # with the version it looks for stands in for them, and vehicles are boxes of the size that a track has.
+    assets = Path(metadrive.__file__).parent / "assets"
+    if not assets.exists():
+        (assets / "textures" / "grass1").mkdir(parents=True)
+        (assets / "version.txt").write_text(version("metadrive-simulator"))
+        (assets / "textures" / "grass1" / "GroundGrassGreen002_COL_1K.jpg").touch()
+    from metadrive.envs.scenario_env import ScenarioEnv
+    from metadrive.policy.replay_policy import ReplayEgoCarPolicy
+    from metadrive.scenario.scenario_description import ScenarioDescription
+    from metadrive.scenario.utils import read_dataset_summary, read_scenario_data
+
+    _, names, where = read_dataset_summary(folder)
+    for name in names:
+        ScenarioDescription.sanity_check(read_scenario_data(folder / where[name] / name))
+    who = f"metadrive-simulator {version('metadrive-simulator')}"
+    yield Verdict(f"{who}, sanity_check", len(names), len(names))
+    env = ScenarioEnv(
+        {
+            "data_directory": str(folder),
+            "num_scenarios": len(names),
+            "agent_policy": ReplayEgoCarPolicy,
+            "use_render": False,
+            "log_level": logging.ERROR,
+            "store_map": False,
+            "store_data": False,
+        }
+    )
+    ended = steps = 0
+    farthest_m = 0.0
+    for number in range(len(names)):
+        env.reset(seed=number)
+        scenario = env.engine.data_manager.current_scenario  # the engine moves it to where the ego starts
+        track = scenario["tracks"][scenario["metadata"]["sdc_id"]]["state"]["position"]
+        over, step = False, 0
+        while not over and step < scenario["length"]:
+            _, _, terminated, truncated, _ = env.step([0, 0])
+            over, step = terminated or truncated, step + 1
+            x_m, y_m = env.agent.position
+            near = track[max(step - 1, 0) : step + 2, :2] - (x_m, y_m)
+            farthest_m = max(farthest_m, float((near**2).sum(axis=1).min() ** 0.5))
+        ended, steps = ended + 1, steps + step
+    env.close()
+    yield Verdict(
+        f"{who}, engine, all replayed",
+        len(names),
+        ended,
+        f"{steps} steps; ego at most {farthest_m:.2f} m off its track",
+    )
+
+
+def sumo(folder: Path) -> Iterator[Verdict]:
+    """SUMO itself, its schema, and sumolib."""
+    import sumo as home
+    import sumolib
+    import xmlschema
+
+    who, nets = f"eclipse-sumo {version('eclipse-sumo')}", sorted(folder.glob("*.net.xml"))
+    ran = 0
+    for net in nets:
+        command = [str(Path(home.SUMO_HOME) / "bin" / "sumo"), "--net-file", str(net), "--end", "1", "--no-step-log"]
+        done = subprocess.run([*command, "--xml-validation.net", "never"], capture_output=True, check=False)
+        ran += done.returncode == 0
+    yield Verdict(f"{who}, sumo runs the network", len(nets), ran)
+    traces = sorted(folder.glob("*.fcd.xml"))
+    schema = xmlschema.XMLSchema(str(Path(home.SUMO_HOME) / "data" / "xsd" / "fcd_file.xsd"))
+    yield Verdict(f"{who}, fcd_file.xsd", len(traces), sum(schema.is_valid(str(trace)) for trace in traces))
+    on_a_lane = vehicles = edges = 0
+    for net, trace in zip(nets, traces, strict=True):
+        network = sumolib.net.readNet(str(net))
+        edges += len(network.getEdges())
+        first = next(iter(sumolib.xml.parse(str(trace), "timestep")))
+        for vehicle in first.vehicle or []:
+            vehicles += 1
+            on_a_lane += bool(network.getNeighboringLanes(float(vehicle.x), float(vehicle.y), 3.0))
+    says = f"{edges} edges; {on_a_lane} of {vehicles} vehicles begin within 3 m of a lane's middle"
+    yield Verdict(f"sumolib {version('sumolib')}", len(nets), len(nets), says)
+
+
+def osi(folder: Path) -> Iterator[Verdict]:
+    """Two readers of traces; the second has its own reading of the messages."""
+    import betterosi
+    from osi_utilities import ChannelSpecification, MessageType, open_channel
+
+    files = sorted(folder.glob("*.osi"))
+    messages = 0
+    for file in files:
+        with open_channel(ChannelSpecification(path=file, message_type=MessageType.GROUND_TRUTH)) as channel:
+            messages += sum(1 for _ in channel)
+    yield Verdict(f"asam-osi-utilities {version('asam-osi-utilities')}", len(files), len(files), f"{messages} messages")
+    good = lanes = moments = 0
+    for file in files:
+        truth = list(betterosi.read(str(file)))
+        times = [each.timestamp.seconds + each.timestamp.nanos / 1e9 for each in truth]
+        ids = {lane.id.value for lane in truth[0].lane}
+        linked = {
+            pairing.successor_lane_id.value
+            for lane in truth[0].lane
+            for pairing in lane.classification.lane_pairing
+            if pairing.successor_lane_id is not None
+        }
+        good += times == sorted(times) and bool(ids) and linked <= ids and all(each.moving_object for each in truth)
+        lanes, moments = lanes + len(ids), moments + len(truth)
+    says = f"{moments} moments in order, {lanes} lanes whose links hold"
+    yield Verdict(f"betterosi {version('betterosi')}", len(files), good, says)
+
+
+def omega(folder: Path) -> Iterator[Verdict]:
+    """omega-prime, which reads everybody's motion and the lanes of traces of OSI."""
+    import warnings
+
+    import omega_prime
+
+    warnings.simplefilter("ignore")  # traces are in the frame of their map already
+    files = sorted(folder.glob("*.osi"))
+    opened = valid = rows = lanes = 0
+    for file in files:
+        recording = omega_prime.Recording.from_file(str(file), parse_map=True)
+        opened += len(recording.df) > 0 and len(recording.map.lanes) > 0
+        rows, lanes = rows + len(recording.df), lanes + len(recording.map.lanes)
+        try:
+            omega_prime.Recording.from_file(str(file), validate=True)
+            valid += 1
+        except Exception as error:
+            print(f"{file.name}: {' '.join(str(error).split())[:500]}", file=sys.stderr)
+    says = f"{rows} states, {lanes} lanes; {valid} valid by its own schema too"
+    yield Verdict(f"omega-prime {version('omega-prime')}", len(files), opened, says)
+
+
+def designer(folder: Path) -> Iterator[Verdict]:
+    """CommonRoad's designer, which makes lanelets of OpenDRIVE."""
+    import logging
+    import warnings
+
+    from crdesigner.map_conversion.map_conversion_interface import opendrive_to_commonroad
+
+    warnings.simplefilter("ignore")
+    logging.disable(logging.CRITICAL)
+    files = sorted(folder.rglob("map.xodr"))
+    made = lanelets = 0
+    for file in files:
+        try:
+            found = len(opendrive_to_commonroad(file).lanelet_network.lanelets)
+        except Exception as error:
+            print(f"{file}: {type(error).__name__}: {error}", file=sys.stderr)
+            continue
+        made, lanelets = made + (found > 0), lanelets + found
+    who = f"commonroad-scenario-designer {version('commonroad-scenario-designer')}, opendrive_to_commonroad"
+    yield Verdict(who, len(files), made, f"{lanelets} lanelets")
+
+
+def openlabel(folder: Path) -> Iterator[Verdict]:
+    """ASAM's schema and the checks of openlabel-checker."""
+    files = sorted(folder.glob("*.json"))
+    program = str(Path(sys.executable).with_name("openlabel-check"))
+    clean = tags = 0
+    for file in files:
+        done = subprocess.run([program, str(file), "--json"], capture_output=True, text=True, check=False)
+        summary = json.loads(done.stdout)["summary"]
+        clean += not any(summary.values())
+        tags += len(json.loads(file.read_text())["openlabel"]["tags"])
+    who = f"openlabel-checker {version('openlabel-checker')}, schema 1.0.0"
+    yield Verdict(who, len(files), clean, f"{tags} tags, no error, warning or note")
+
+
+def points(folder: Path) -> Iterator[Verdict]:
+    """geopandas and gpxpy."""
+    import geopandas
+    import gpxpy
+
+    frame = geopandas.read_parquet(folder / "crashes.parquet")
+    in_place = (frame.geometry.x == frame.longitude_deg) & (frame.geometry.y == frame.latitude_deg)
+    says = f"{frame.crs.name}, geometry {frame.geometry.geom_type.unique()[0]}, at the reported places"
+    yield Verdict(f"geopandas {version('geopandas')}", len(frame), int(in_place.sum()), says)
+    waypoints = gpxpy.parse((folder / "crashes.gpx").read_text()).waypoints
+    yield Verdict(f"gpxpy {version('gpxpy')}", len(frame), sum(point.name in set(frame.key) for point in waypoints))
+
+
+def main() -> None:
+    """Print what the judges of one form say of a folder."""
+    all_judges = (commonroad, scenarionet, sumo, osi, omega, openlabel, points, designer)
+    judges: dict[str, Any] = {each.__name__: each for each in all_judges}
+    for verdict in judges[sys.argv[1]](Path(sys.argv[2])):
+        print(json.dumps(verdict._asdict()), flush=True)
+
+
+if __name__ == "__main__":
+    main()
