@@ -32,9 +32,26 @@ def test_a_simulated_crash_can_be_watched(
     root: Path, verified: list[str], tmp_path: Path, image_format: str, begins: bytes
 ) -> None:
     target = tmp_path / f"crash.{image_format}"
-    done = trace_dag(root, "replay", verified[0], "--format", image_format, "--output", str(target))
+    done = trace_dag(root, "replay", verified[0], "--output", str(target))
     assert done.returncode == 0, done.stderr
     assert target.read_bytes().startswith(begins)
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (("replay", "2023-319003", "--output", "x.docx"), "name the file .html, .glb, .webp, .gif, .mp4"),
+        (("replay", "2023-319003", "--output", "nodir/x.html"), "there is no folder nodir"),
+        (("sql", "FROM funnel", "--output", "nodir/x.csv"), "there is no folder nodir"),
+        (("sql", "FROM funnel", "--format", "csv", "--output", "{root}/warehouse.duckdb"), "not written over"),
+        (("export", "--output", "/dev/full/crash"), "output /dev/full/crash: cannot read and write there"),
+    ],
+)
+def test_what_cannot_be_written_is_said_before_the_work(root: Path, command: tuple[str, ...], said: str) -> None:
+    done = trace_dag(root, *(word.format(root=root) for word in command))
+    assert done.returncode == 2, done.stderr
+    assert said in done.stderr
+    assert "storage root /dev" not in done.stderr
 
 
 def test_a_crash_that_was_not_simulated_has_no_replay(root: Path) -> None:

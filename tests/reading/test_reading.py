@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,13 @@ def test_questions_in_sql_come_as_pandas_and_as_arrow(home):
     assert answer.to_arrow_table().num_rows == 1
     with pytest.raises(UserError, match="no_such_table"):
         home.sql("FROM no_such_table")
+
+
+def test_a_root_is_asked_by_two_homes_and_many_threads(home):
+    with ThreadPoolExecutor(8) as pool:
+        homes = [home, *pool.map(lambda _: trace_dag.open(home.place), range(8))]
+        counts = pool.map(lambda each: len(each.sql("FROM judged_crashes").df()), 5 * homes)
+        assert set(counts) == {len(home)}
 
 
 def test_steps_are_the_log_row_by_row_with_units(home):

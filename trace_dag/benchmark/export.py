@@ -67,7 +67,7 @@ def export(
     offers.
     """
     exporter = load(PluginKind.EXPORTER, export_format)(keys)
-    target, written = Storage.open(folder), 0
+    target, written = Storage.open(folder, output=True), 0
     for files in _crashes(workspace, keys):
         try:
             contents = exporter.of_crash(files)

@@ -148,7 +148,7 @@ def build_release(
         raise UserError(_other_content(folder, version, complete, sums))
     if complete and missing:
         return ReleaseReport(folder, None, len(rows), 0, len(missing))  # as it was finished
-    target = Storage.open(folder)
+    target = Storage.open(folder, output=True)
     written = 0
     for done, row in enumerate(rows, 1):
         written += write_if_changed(target, row["package"], workspace.storage.read_whole(packages[row["key"]]))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, examples, pass_root
+from trace_dag.cli.options import ManyValuesCommand, OutputFile, examples, pass_root
 from trace_dag.cli.printing import one_line, print_table, say, write_json
 from trace_dag.errors import Failure, UserError
 from trace_dag.messages.logs import print_problem
@@ -149,7 +149,7 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     ),
 )
 @click.argument("name")
-@click.option("--output", required=True, type=click.Path(dir_okay=False, path_type=Path), help="File to write.")
+@click.option("--output", required=True, type=OutputFile(), help="File to write.")
 @click.option("--map", "map_name", default="crashes.osm.pbf", show_default=True, help="What osmium is to call the map.")
 @pass_root
 def osmium(root: str, name: str, output: Path, map_name: str) -> None:

@@ -12,6 +12,7 @@ import click
 
 from trace_dag.cli.options import (
     ManyValuesCommand,
+    OutputFile,
     Within,
     agent_arguments,
     examples,
@@ -62,7 +63,7 @@ _FAULTS_SHOWN = 5
 )
 @click.option(
     "--results",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=OutputFile(),
     help="Also write the results of a --split to this file, to hand in: leaderboard add takes it.",
 )
 @click.option(

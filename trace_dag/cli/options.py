@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import click
 
+from trace_dag.errors import UserError
 from trace_dag.stage import Stage
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -96,6 +98,37 @@ def pass_root(command: F) -> F:
         return command(root, *arguments, **options)
 
     return cast("F", on_root)
+
+
+class OutputFile(click.Path):
+    """A file to write: in a folder that is there, over no file of the storage root, and of a known kind if it names
+    one. Checked before the work is done."""
+
+    def __init__(self) -> None:
+        super().__init__(dir_okay=False, path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """See :class:`click.ParamType`."""
+        path = super().convert(value, param, ctx)
+        if not path.parent.is_dir():
+            self.fail(f"{path}: there is no folder {path.parent}; make it first", param, ctx)
+        root = ctx.obj if ctx is not None and isinstance(ctx.obj, str) else ""
+        if root and path.exists() and path.resolve().is_relative_to(Path(root).resolve()):
+            self.fail(f"{path} is a file of the storage root, which is not written over; name another", param, ctx)
+        return path
+
+
+def kind_of_file(command: str, path: Path | None, chosen: str | None, kinds: Iterable[str]) -> str | None:
+    """Return the kind of file to write: the one chosen, else the one that the file's name says; None without either.
+
+    Raises :class:`UserError` for a name of another kind.
+    """
+    if path is None or chosen is not None:
+        return chosen
+    named = path.suffix.lower().removeprefix(".")
+    if named not in kinds:
+        raise UserError(f"{command}: {path}: name the file .{', .'.join(kinds)}, or say its kind with --format")
+    return named
 
 
 def stage_option(*names: str, help: str) -> Callable[[F], F]:

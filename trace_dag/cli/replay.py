@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import click
 
-from trace_dag.cli.options import agent_arguments, examples, pass_root, traffic_option
+from trace_dag.cli.options import OutputFile, agent_arguments, examples, kind_of_file, pass_root, traffic_option
 from trace_dag.cli.printing import say
 from trace_dag.storage.disk_errors import naming
 
 if TYPE_CHECKING:
     from trace_dag.studies.replays import ReplayFormat
+
+_FORMATS = ("html", "glb", "webp", "gif", "mp4")
 
 
 @click.command(
@@ -28,10 +30,9 @@ if TYPE_CHECKING:
 @click.option(
     "--format",
     "replay_format",
-    type=click.Choice(["html", "glb", "webp", "gif", "mp4"]),
-    default="html",
-    show_default=True,
-    help="A page with a time slider, glTF in three dimensions, an animated picture, or a video (the extra mp4).",
+    type=click.Choice(_FORMATS),
+    help="A page with a time slider, glTF in three dimensions, an animated picture, or a video (the extra mp4); else "
+    "the file's name says it, and a page is written without one.",
 )
 @click.option(
     "--agent",
@@ -49,12 +50,12 @@ if TYPE_CHECKING:
     help="Whose place the agent takes.",
 )
 @traffic_option
-@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="Where to; else ./replay-KEY.FORMAT.")
+@click.option("--output", type=OutputFile(), help="Where to; else ./replay-KEY.FORMAT.")
 @pass_root
 def replay(
     root: str,
     key: str,
-    replay_format: ReplayFormat,
+    replay_format: ReplayFormat | None,
     agents: tuple[str, ...],
     arguments: tuple[str, ...],
     ego: str,
@@ -73,6 +74,7 @@ def replay(
     from trace_dag.studies.replays import replay_with
     from trace_dag.studies.stored_crashes import stored_crash
 
+    replay_format = cast("ReplayFormat", kind_of_file("replay", output, replay_format, _FORMATS) or _FORMATS[0])
     workspace = Workspace.open(root, to_read=True)
     if not agents:
         content = made_of(stored_crash(workspace, key), replay_format)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from trace_dag.cli.options import examples, pass_root
+from trace_dag.cli.options import OutputFile, examples, kind_of_file, pass_root
 from trace_dag.cli.printing import print_table, say, write_csv, write_json
 from trace_dag.cli.row_files import FORMATS, PRINTED, write_rows
 from trace_dag.errors import UserError
@@ -31,7 +31,7 @@ from trace_dag.storage.disk_errors import naming
 @click.option(
     "--output",
     "path",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=OutputFile(),
     help=f"The file to write: {', '.join(f'.{name}' for name in FORMATS)}.",
 )
 @pass_root
@@ -44,10 +44,7 @@ def sql(root: str, query: str, output: str | None, path: Path | None) -> None:
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.asking import ask
 
-    if path is not None and output is None:
-        output = path.suffix.lower().removeprefix(".")
-        if output not in FORMATS:
-            raise UserError(f"sql: {path}: name the file .{', .'.join(FORMATS)}, or say its kind with --format")
+    output = kind_of_file("sql", path, output, FORMATS)
     if (path is not None and output not in FORMATS) or (path is None and output in FORMATS and output not in PRINTED):
         raise UserError(f"sql: --format {output} {'needs --output FILE' if path is None else 'is for the terminal'}")
     workspace = Workspace.open(root, to_read=True)

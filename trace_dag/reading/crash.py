@@ -49,8 +49,10 @@ class CrashReplay:
     title: str
 
     def save(self, path: str | Path) -> Path:
-        """Write it to a file; the path."""
+        """Write it to a file, and return the path. Raises :class:`UserError` for a name of another format."""
         target = Path(path)
+        if target.suffix.lower() != f".{self.format}":
+            raise UserError(f"{target}: the replay is {self.format}; name it so, or ask for replay(format)")
         target.write_bytes(self.content)
         return target
 

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
+from weakref import WeakSet
 
 from trace_dag.errors import UserError
 from trace_dag.messages.wording import counted
@@ -26,6 +27,7 @@ class Crashes(Mapping[str, Crash], ABC):
     def __init__(self, place: str) -> None:
         self.place = place
         self._read: dict[str, Crash] = {}
+        self._asked: WeakSet[duckdb.DuckDBPyConnection] = WeakSet()
 
     @property
     @abstractmethod
@@ -57,7 +59,9 @@ class Crashes(Mapping[str, Crash], ABC):
         import duckdb
 
         try:
-            found = self._connection.sql(query)
+            # Each question has a cursor of its own: a connection refuses a second one while it is busy.
+            self._asked.add(cursor := self._connection.cursor())
+            found = cursor.sql(query)
         except duckdb.Error as error:
             raise UserError(f"sql: {str(error).strip()}") from error
         if found is None:  # a statement without an answer, which DuckDB's stubs do not know
@@ -65,8 +69,9 @@ class Crashes(Mapping[str, Crash], ABC):
         return found
 
     def interrupt(self) -> None:
-        """Break off what :meth:`sql` is answering in another thread."""
-        self._connection.interrupt()
+        """Break off what :meth:`sql` is answering in other threads."""
+        for cursor in list(self._asked):
+            cursor.interrupt()
 
     @property
     @abstractmethod

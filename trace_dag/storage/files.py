@@ -111,10 +111,11 @@ class Storage:
         return base / hashlib.sha256(self.root.encode()).hexdigest()[:16]
 
     @classmethod
-    def open(cls, root: str | os.PathLike[str], *, to_read: bool = False) -> Storage:
+    def open(cls, root: str | os.PathLike[str], *, to_read: bool = False, output: bool = False) -> Storage:
         """The storage at ``root``, made if need be, after a look at whether one can read and write there.
 
-        With ``to_read`` it has to be there, and need only be readable. Raises :class:`UserError` where it is not.
+        With ``to_read`` it has to be there, and need only be readable; ``output``: it is a folder for results, no root.
+        Raises :class:`UserError` where it is not.
         """
         storage = cls(root)
         if storage.local_root is None and "://" not in storage.root:
@@ -137,9 +138,10 @@ class Storage:
                 storage.delete(probe)
         except (OSError, Failure, ImportError, ValueError) as error:
             what = "read" if to_read else "read and write"
+            named = "output" if output else "storage root"
+            remedy = "choose another" if output else "copy it, or choose another with --root or TRACE_DAG_ROOT"
             raise UserError(
-                f"storage root {storage.root}: cannot {what} there ({error}); give this user the rights to it, copy "
-                "it, or choose another with --root or TRACE_DAG_ROOT"
+                f"{named} {storage.root}: cannot {what} there ({error}); give this user the rights to it, {remedy}"
             ) from error
         return storage
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from trace_dag.errors import DamagedFile, Failure, UserError
@@ -24,6 +25,7 @@ MAX_ROWS = 5_000_000
 
 _DESCRIBE = re.compile(r'\s*DESC(?:RIBE)?\s+"?(?P<table>\w+)"?\s*;?\s*', re.IGNORECASE)
 _HELD_BY = re.compile(r"Conflicting lock is held in (?P<program>.+) \(PID (?P<pid>\d+)\)")
+_OPENING = Lock()  # connections of one process share the configuration that the first one locks
 _BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, and so does trace-dag run"
 
 
@@ -38,14 +40,18 @@ def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
 
     check_warehouse(path)
     try:
-        connection = duckdb.connect(
-            str(path), read_only=True, config={"enable_external_access": "false", "autoload_known_extensions": "false"}
-        )
-        # Without external access DuckDB still allows COPY TO the open file itself and to its log. It reads on through
-        # the handle it has when no file can be opened any more. Who connects a second time finds it locked already.
-        if connection.execute("SELECT current_setting('lock_configuration')").fetchone() != (True,):
-            connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
-            connection.execute("SET lock_configuration = true")
+        with _OPENING:
+            connection = duckdb.connect(
+                str(path),
+                read_only=True,
+                config={"enable_external_access": "false", "autoload_known_extensions": "false"},
+            )
+            # Without external access DuckDB still allows COPY TO the open file itself and to its log. It reads on
+            # through the handle it has when no file can be opened any more. A second connection finds it locked
+            # already. An answer that is not read to its end keeps the connection busy.
+            if connection.execute("SELECT current_setting('lock_configuration')").fetchall() != [(True,)]:
+                connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
+                connection.execute("SET lock_configuration = true")
     except duckdb.Error as error:
         if held := _HELD_BY.search(str(error)):
             raise Failure(
