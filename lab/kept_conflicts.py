@@ -26,7 +26,7 @@ import trace_dag
 from tests.scenario import esmini
 from tests.scenario.player import driven_without_reacting
 from trace_dag.crash.parties import party_label, trailer_body
-from trace_dag.evaluation.persistent import FASTEST_PACE
+from trace_dag.evaluation.progress import FASTEST_PACE
 from trace_dag.geometry import FloatArray
 from trace_dag.reading.crash import Crash
 from trace_dag.roads.map.writer import write_opendrive

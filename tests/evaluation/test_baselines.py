@@ -12,6 +12,7 @@ from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, rear
 from tests.scenario import esmini
 from tests.sim.motions import driven, participant, straight
 from tests.verdict.crashes import STREET
+from trace_dag.evaluation.agents import Motion, Observation, Scenario
 from trace_dag.evaluation.baselines import (
     BrakeOnTimeToCollision,
     CarefulHuman,
@@ -39,7 +40,7 @@ def test_replay_is_the_recorded_crash(of, ego):
 def test_brakes_avoid_what_they_can_and_soften_what_they_cannot():
     # From 1.5 s before a standing car: v * 1.5 s against v^2 / (2 * 7.35 m/s2) plus the pedal's lag of 0.1 s.
     slow, fast = drive(rear_end(15.0), BrakeOnTimeToCollision()), drive(rear_end(30.0), BrakeOnTimeToCollision())
-    assert slow.outcome in AVOIDED
+    assert slow.outcome is DriveOutcome.DID_NOT_ARRIVE, "it stands behind a car that stands"
     assert fast.outcome is DriveOutcome.MITIGATED
     assert slow.metrics is not None
     assert 6.5 < slow.metrics.max_deceleration_mps2 < 7.5
@@ -66,6 +67,38 @@ def test_the_cautious_one_gives_way_at_a_crossing_where_the_lane_keeper_does_not
     assert drive(crossing(), CautiousLaneKeeper()).outcome in AVOIDED
     lane_keeper = drive(crossing(), IdmLaneKeeper())
     assert lane_keeper.outcome not in AVOIDED
+
+
+class Motions:
+    """Wishes for one motion all the time."""
+
+    def __init__(self, motion: Motion) -> None:
+        self._motion = motion
+
+    def reset(self, scenario: Scenario) -> None:
+        """Nothing to remember."""
+
+    def act(self, observation: Observation) -> Motion:
+        return self._motion
+
+
+@pytest.mark.parametrize(
+    ("motion", "outcome"),
+    [
+        (Motion(target_speed_mps=1.0), DriveOutcome.DID_NOT_ARRIVE),
+        (Motion(acceleration_mps2=0.0, steer_rad=0.6), DriveOutcome.DID_NOT_ARRIVE),
+        (Motion(target_speed_mps=60.0), DriveOutcome.RULES_BROKEN),
+    ],
+)
+def test_nobody_avoids_a_conflict_by_creeping_leaving_the_road_or_speeding(motion, outcome):
+    assert drive(crossing(), Motions(motion)).outcome is outcome
+
+
+def test_brakes_let_go_when_the_danger_is_over():
+    found = drive(crossing(), BrakeOnTimeToCollision())
+    assert found.outcome is DriveOutcome.COLLISION_AVOIDED
+    assert found.metrics.arrived
+    assert found.metrics.over_traffic_mps == 0.0
 
 
 def test_the_careful_human_reacts_after_perception_and_delay() -> None:

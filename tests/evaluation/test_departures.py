@@ -64,7 +64,8 @@ def test_overturning_weighs_more_than_delta_v() -> None:
         measures = Metrics(
             collided, None, None, None, None, delta_v, delta_v, 8.0, 8.0, None, None, off, 0, 0, 0, 0, 0, 0
         )
-        return outcome_of(replace(measures, overturned=over, recorded_overturned=recorded_over), departed=True)
+        measures = replace(measures, overturned=over, recorded_overturned=recorded_over, arrived=True)
+        return outcome_of(measures, departed=True)
 
     assert outcome(collided=True, delta_v=2.0, off=1.0, over=True, recorded_over=False) is DriveOutcome.WORSE
     assert outcome(collided=True, delta_v=9.0, off=1.0, over=False, recorded_over=True) is DriveOutcome.MITIGATED

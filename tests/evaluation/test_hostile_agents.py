@@ -49,8 +49,8 @@ def driven(name: str, around: Isolation | None = None, **arguments: str) -> Eval
     ("name", "said"),
     [
         ("Interrupting", "KeyboardInterrupt"),
-        ("Looping", "took longer than 3 s"),
-        ("Deaf", "took longer than 3 s"),
+        ("Looping", "took longer than 3 s of processor time"),
+        ("Deaf", "took longer than 15 s"),
         ("Bomb", "started more than the 8 processes that are allowed"),
         ("Talkative", "printed more than 256 kB"),
         ("Hungry", "MemoryError"),

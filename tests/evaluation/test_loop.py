@@ -56,7 +56,7 @@ class Answers:
 
 def test_the_example_agent_avoids_a_rear_end_crash():
     found = drive(rear_end(), CarefulFollower())
-    assert found.outcome is DriveOutcome.STOPPED
+    assert found.outcome is DriveOutcome.DID_NOT_ARRIVE
     assert found.metrics is not None
     assert found.metrics.max_deceleration_mps2 < 7.0  # full brakes would be 7.35
 

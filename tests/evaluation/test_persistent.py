@@ -81,7 +81,7 @@ def test_recorded_traffic_lets_slowness_pass() -> None:
 
 def test_a_full_stop_before_the_conflict_is_counted_apart() -> None:
     found = drive(crossing(), StopsAtOnce(), 1, PERSISTENT)
-    assert found.outcome is DriveOutcome.STOPPED
+    assert found.outcome is DriveOutcome.DID_NOT_ARRIVE
     assert not found.metrics.finished
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import math
 import warnings
 import webbrowser
 
@@ -98,7 +100,28 @@ def test_persistent_traffic_waits_for_who_is_slow(home):
     assert info["key"] == info["case_id"] == KEY
     *_, (_, _, terminated, _, told) = driven(env, np.array([-0.1, 0.0], np.float32), seed=1)
     assert told["key"] == KEY
-    assert terminated or told["outcome"] == "stopped"
+    assert terminated or told["outcome"] == "did_not_arrive"
+
+
+@pytest.mark.parametrize("action", [[math.nan, 0.0], [0.0, math.inf], [0.0], 0.5])
+def test_an_action_that_is_not_two_finite_numbers_is_refused_as_an_evaluation_does(home, action):
+    env = make(home, actions="continuous")
+    env.reset(seed=1)
+    with pytest.raises(UserError, match="expected two finite numbers"):
+        env.unwrapped.step(action)
+
+
+@pytest.mark.parametrize("action", [math.nan, -1, 11])
+def test_a_manoeuvre_that_there_is_not_is_refused(home, action):
+    env = make(home, actions="discrete")
+    env.reset(seed=1)
+    with pytest.raises(UserError, match="expected a number below 11"):
+        env.unwrapped.step(action)
+
+
+def test_a_copy_of_an_environment_says_what_to_do_in_its_place(home):
+    with pytest.raises(UserError, match="an environment cannot be copied"):
+        copy.deepcopy(make(home, actions="discrete"))
 
 
 def test_persistent_traffic_is_that_of_evaluations(home):
@@ -126,7 +149,7 @@ def braked_log(home):
 
 def test_who_stands_still_in_time_has_stopped_and_gets_nothing_for_the_way(home):
     *steps, (_, reward, terminated, truncated, info) = driven(make(home, actions="discrete"), BRAKE_HARD, seed=1)
-    assert (terminated, truncated, info["outcome"]) == (False, True, "stopped")
+    assert (terminated, truncated, info["outcome"]) == (False, True, "did_not_arrive")
     assert not info["metrics"]["finished"]
     assert reward < 0.0
     driving = driven(make(home, actions="discrete"), RECORDED, seed=1)

@@ -10,7 +10,7 @@ from trace_dag.warehouse.documents import execute_sql
 OUTCOMES = {
     "careful": "conflict_avoided collision_avoided unchanged unchanged",
     "trial": "conflict_avoided",
-    "blind": "unchanged stopped worse mitigated",
+    "blind": "unchanged did_not_arrive worse mitigated",
 }
 
 

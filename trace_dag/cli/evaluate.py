@@ -97,7 +97,7 @@ _FAULTS_SHOWN = 5
     type=Within(min=0.1, max=86_400),
     default=20.0,
     show_default=True,
-    help="Seconds one evaluation may take; an agent that takes longer is faulty there.",
+    help="Processor time of an agent in one evaluation, s; five times that in all. Beyond either it is faulty there.",
 )
 @click.option(
     "--memory-limit",

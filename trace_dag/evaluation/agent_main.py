@@ -47,7 +47,7 @@ _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36  # prctl(2)
 class AgentLimits:
     """What an agent may take.
 
-    ``time_s``: wall-clock time of one evaluation, and of making the agent. ``memory_mb``: address space of each of its
+    ``time_s``: processor time of one evaluation, and of making the agent. ``memory_mb``: address space of each of its
     processes beyond what Python and this package take. ``processes``: itself, its threads not counted. ``files``: open
     at once, of at most ``file_mb`` each. ``output_kb``: of what it prints in an evaluation.
     """

@@ -28,9 +28,11 @@ from trace_dag.evaluation.agent_protocol import (
 )
 from trace_dag.evaluation.agents import Action, AgentFault, Observation, Scenario
 from trace_dag.evaluation.isolation import Isolation
-from trace_dag.processes import descendants, end_all, how_it_ended
+from trace_dag.processes import descendants, end_all, how_it_ended, processor_time_s
 from trace_dag.roads.map.network import RoadNetwork
 
+WAITS = 5
+"""So many times its limit of processor time an agent may take in all, on a loaded machine or asleep."""
 _START_S = 60.0  # for Python and this package to be there
 _MOST_BYTES = 1000 + 60 * MOST_PATH_POINTS  # of an answer
 _END_S = 1.0
@@ -69,7 +71,6 @@ class AgentProcess:
         self._isolation = isolation
         self._life: _Life | None = None
         self._network: RoadNetwork | None = None  # the one its process has
-        self._deadline_s = 0.0
 
     def make(self) -> None:
         """Start the process and make the agent in it, if that has not been done. Raises :class:`AgentFault`."""
@@ -113,7 +114,8 @@ class AgentProcess:
         life.output.close()
 
     def _begin(self, limit_s: float) -> None:
-        self._deadline_s, self._limit_s = time.monotonic() + limit_s, limit_s
+        self._limit_s, self._began_s = limit_s, time.monotonic()
+        self._used_s = processor_time_s(self._alive.process.pid)
         self._printed = 0
 
     def _read(self, answer: bytes) -> Action:
@@ -166,8 +168,10 @@ class AgentProcess:
         """Look at the clock, at what the agent prints, and at its processes: while it does not answer, and now and then
         where it does."""
         now_s = time.monotonic()
-        if now_s > self._deadline_s:
-            raise self._ended(self._too_long)
+        if processor_time_s(self._alive.process.pid) - self._used_s > self._limit_s:
+            raise self._ended(f"took longer than {self._limit_s:g} s of processor time")
+        if now_s - self._began_s > WAITS * self._limit_s:
+            raise self._ended(f"took longer than {WAITS * self._limit_s:g} s")
         self._look_at_s = now_s + _LOOK_EVERY_S
         self._take_output()
         if len(descendants(self._alive.process.pid)) > self._limits.processes:
@@ -182,10 +186,6 @@ class AgentProcess:
         self._printed += len(part)
         if self._printed > 1024 * self._limits.output_kb:
             raise self._ended(f"printed more than {self._limits.output_kb} kB")
-
-    @property
-    def _too_long(self) -> str:
-        return f"took longer than {self._limit_s:g} s"
 
     def _how_it_left(self) -> str:
         code = self._alive.exit_code()

@@ -24,6 +24,7 @@ _STEP_S = 0.25  # of prediction
 _LOOK_AGAIN_M = 10.0  # for the lane's speed limit
 _LEAST_LIMIT_MPS = 5.0
 _LEAST_GAP_M = 0.1
+_STANDS_MPS = 0.1
 
 
 class Replay:
@@ -49,22 +50,31 @@ class Replay:
 
 class BrakeOnTimeToCollision:
     """The recorded driver with automatic emergency braking: full brakes, along the recorded path, from the moment the
-    time to collision with somebody ahead falls to 1.5 s (both keeping their velocity), until it stands."""
+    time to collision with somebody ahead falls to 1.5 s (both keeping their velocity), until it stands. Then it drives
+    on along that path, up to the speed that it had."""
 
     trigger_s = 1.5
+    goes_on_mps2 = 1.5
 
     def reset(self, scenario: Scenario) -> None:
         """See :class:`trace_dag.evaluation.agents.Agent`."""
         self._scenario = scenario
         self._path = points_of(scenario.recorded_path)
         self._brakes = False
+        self._had_mps: float | None = None  # before it braked
 
     def act(self, observation: Observation) -> Action:
         """See :class:`trace_dag.evaluation.agents.Agent`."""
-        self._brakes = self._brakes or time_to_collision_ahead_s(observation, self._scenario) <= self.trigger_s
-        if not self._brakes:
+        speed_mps = observation.own.speed_mps
+        danger = time_to_collision_ahead_s(observation, self._scenario) <= self.trigger_s
+        if danger and self._had_mps is None:
+            self._had_mps = speed_mps
+        self._brakes = danger or (self._brakes and speed_mps > _STANDS_MPS)
+        if self._had_mps is None:
             return Recorded()
-        return Motion(acceleration_mps2=-GRAVITY_MPS2, path_m=self._path)
+        if self._brakes:
+            return Motion(acceleration_mps2=-GRAVITY_MPS2, path_m=self._path)
+        return Motion(acceleration_mps2=self.goes_on_mps2 if speed_mps < self._had_mps else 0.0, path_m=self._path)
 
 
 class CarefulHuman:

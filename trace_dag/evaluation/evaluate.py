@@ -13,6 +13,7 @@ from trace_dag.evaluation.metrics import DriveOutcome, Metrics, measure, outcome
 from trace_dag.evaluation.observation import Sensing, Sensor
 from trace_dag.evaluation.persistent import persistent_drivers
 from trace_dag.evaluation.progress import Arrival, RecordedWay
+from trace_dag.evaluation.rejudging import drive_of
 from trace_dag.evaluation.traffic import Traffic, reactive_drivers
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.types import Simulation, SimulationLog
@@ -60,7 +61,8 @@ class Conditions:
 class Evaluation:
     """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty.
     ``role``: of the two that collided first, ``striking`` closed in faster, the other is ``struck``; ``departing`` left
-    the road by itself. ``part`` is initiator or responder, None where the report does not tell."""
+    the road by itself. ``part`` is initiator or responder, None where the report does not tell.
+    ``drive``: everybody's places (:mod:`trace_dag.evaluation.rejudging`)."""
 
     case_id: str
     key: str
@@ -70,6 +72,7 @@ class Evaluation:
     metrics: Metrics | None = None
     fault: str = ""
     part: str | None = None
+    drive: str = ""
 
 
 def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulation: Simulation) -> Evaluation:
@@ -81,7 +84,8 @@ def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulat
         return faulty(case, ego, str(fault))
     metrics = measure(case, ego, log)
     outcome = outcome_of(metrics, departed=case.departed is not None)
-    return Evaluation(case.case_id, case.key, ego, case.role(ego), outcome, metrics, part=case.parts.get(ego))
+    part, drive = case.parts.get(ego), drive_of(log)
+    return Evaluation(case.case_id, case.key, ego, case.role(ego), outcome, metrics, part=part, drive=drive)
 
 
 def faulty(case: Case, ego: int, fault: str) -> Evaluation:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,6 @@ _SMOOTHED_S = 0.2  # accelerations are means over so long
 OFF_ROAD_S = 0.5
 """Who is off the road for longer has left it."""
 _SAME_REL = 0.1
-_STANDS_MPS, _SHORT_OF_M = 0.3, 1.0
 
 
 class DriveOutcome(StrEnum):
@@ -33,7 +33,8 @@ class DriveOutcome(StrEnum):
 
     CONFLICT_AVOIDED = "conflict_avoided"  # never entered
     COLLISION_AVOIDED = "collision_avoided"  # entered, and nobody touched anybody
-    STOPPED = "stopped"  # never entered: the agent stands before it, and never drives on
+    DID_NOT_ARRIVE = "did_not_arrive"  # nobody touched anybody, and the agent never got past the conflict
+    RULES_BROKEN = "rules_broken"  # it got past, but off the road, or faster than traffic drives
     MITIGATED = "mitigated"  # a risk of serious injury lower by more than a tenth of the recorded one
     UNCHANGED = "unchanged"
     WORSE = "worse"  # higher by as much
@@ -41,7 +42,7 @@ class DriveOutcome(StrEnum):
 
 
 AVOIDED = frozenset({DriveOutcome.CONFLICT_AVOIDED, DriveOutcome.COLLISION_AVOIDED})
-"""Nobody touched anybody, and not because the agent stood still before the conflict."""
+"""Nobody touched anybody, and the agent got past the conflict, on the road and no faster than traffic drives."""
 ENTERED_TTC_S = 1.5
 """The time to collision of a serious conflict: Van der Horst and Hogema, Time-to-collision and collision avoidance
 systems, ICTCT 1993."""
@@ -56,8 +57,9 @@ class Metrics:
     takes bodies to keep their velocity; it and the post-encroachment time are 0 for those that touch. The comfort
     measures are of the time before any contact. ``serious_injury_risk`` is the larger one of the first contact's two
     (:mod:`trace_dag.evaluation.injury_risk`). ``finished``: nobody touched anybody, and the agent came 50 m beyond the
-    conflict, or to the end of its recorded way, within twice the recorded time; ``stopped_short``: it stands before the
-    conflict in the end.
+    conflict, or to the end of its recorded way, within twice the recorded time; ``arrived``: past the conflict.
+    ``over_traffic_mps``: the most above 1.25 times the limit, or the highest speed of the recorded vehicle where that
+    is more. ``recorded_off_road_s``: of the recorded vehicle before the conflict, 0 of one that left the road.
     """
 
     collided: bool
@@ -83,7 +85,9 @@ class Metrics:
     serious_injury_risk: float = 0.0
     recorded_serious_injury_risk: float = 0.0
     finished: bool = False
-    stopped_short: bool = False
+    arrived: bool = False
+    over_traffic_mps: float = 0.0
+    recorded_off_road_s: float = 0.0
 
 
 def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
@@ -91,9 +95,12 @@ def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
     if departed:
         return _of_departure(metrics)
     if not metrics.collided:
-        if metrics.min_ttc_s is not None and metrics.min_ttc_s <= ENTERED_TTC_S:
-            return DriveOutcome.COLLISION_AVOIDED
-        return DriveOutcome.STOPPED if metrics.stopped_short else DriveOutcome.CONFLICT_AVOIDED
+        if not metrics.arrived:
+            return DriveOutcome.DID_NOT_ARRIVE
+        if metrics.off_road_s > metrics.recorded_off_road_s + OFF_ROAD_S or metrics.over_traffic_mps > 0.0:
+            return DriveOutcome.RULES_BROKEN
+        entered = metrics.min_ttc_s is not None and metrics.min_ttc_s <= ENTERED_TTC_S
+        return DriveOutcome.COLLISION_AVOIDED if entered else DriveOutcome.CONFLICT_AVOIDED
     more = metrics.serious_injury_risk - metrics.recorded_serious_injury_risk
     if abs(more) <= _SAME_REL * metrics.recorded_serious_injury_risk:
         return DriveOutcome.UNCHANGED
@@ -103,14 +110,13 @@ def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
 def _of_departure(metrics: Metrics) -> DriveOutcome:
     """Avoided by who stays on it, strikes nothing and does not overturn. Overturning weighs more than the risk of a
     contact; to leave the road without either mitigates the crash."""
+    if not metrics.overturned and not metrics.collided:
+        if metrics.off_road_s > OFF_ROAD_S:
+            return DriveOutcome.MITIGATED
+        return outcome_of(replace(metrics, min_ttc_s=None))
     if metrics.overturned != metrics.recorded_overturned:
-        harmless = not metrics.overturned and not metrics.collided
-        if harmless and metrics.off_road_s <= OFF_ROAD_S:
-            return DriveOutcome.CONFLICT_AVOIDED
         return DriveOutcome.WORSE if metrics.overturned else DriveOutcome.MITIGATED
-    if metrics.collided or metrics.overturned:
-        return outcome_of(replace(metrics, collided=True))
-    return DriveOutcome.MITIGATED if metrics.off_road_s > OFF_ROAD_S else DriveOutcome.CONFLICT_AVOIDED
+    return outcome_of(replace(metrics, collided=True))
 
 
 def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
@@ -119,13 +125,11 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
     until_s = log.duration_s if contact is None else contact.time_s
     own = log.vehicle_log(ego)
     others = [vehicle for vehicle in log.vehicles if party_of_body(vehicle.number) != ego]
-    rules = measure_rules(case.network, own, until_s)
     shift_s = shift_m = None
     if contact and recorded:
         shift_s = contact.time_s - recorded.time_s
         shift_m = math.hypot(contact.x_m - recorded.x_m, contact.y_m - recorded.y_m)
     least_ttc_s, least_pet_s = (0.0, 0.0) if contact else _nearest_miss(own, others, log.bodies)
-    way = RecordedWay(case, ego)
     return Metrics(
         collided=contact is not None,
         overturned=overturned_at(own) is not None,
@@ -140,24 +144,33 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
         recorded_own_delta_v_mps=_own_delta_v_mps(recorded, ego),
         min_ttc_s=least_ttc_s,
         post_encroachment_time_s=least_pet_s,
-        off_road_s=rules.off_road_s,
-        wrong_way_s=rules.wrong_way_s,
-        over_limit_mps=rules.over_limit_mps,
-        stop_signs_passed=rules.stop_signs_passed,
         serious_injury_risk=risk_of_contact(contact, log.bodies),
         recorded_serious_injury_risk=risk_of_contact(recorded, case.recorded.bodies),
-        finished=contact is None and way.is_finished(own),
-        stopped_short=contact is None and _stands_short(way, own),
+        finished=contact is None and RecordedWay(case, ego).is_finished(own),
+        **driven_measures(case, ego, own, until_s),
         **_comfort(own, until_s),
     )
 
 
-def _stands_short(way: RecordedWay, own: VehicleLog) -> bool:
-    """Whether a vehicle stands before the conflict in the end, of which it was recorded to drive into it."""
-    follower = way.follower()
-    if follower is None or abs(float(own.speed_mps[-1])) > _STANDS_MPS:
-        return False
-    return follower.locate(float(own.x_m[-1]), float(own.y_m[-1]))[0] < way.conflict_m - _SHORT_OF_M
+def driven_measures(case: Case, ego: int, own: VehicleLog, until_s: float) -> dict[str, Any]:
+    """Return the measures of which way and how fast a vehicle drove up to a time, by the names of :class:`Metrics`."""
+    highest_mps, recorded_off_road_s = _as_recorded(case, ego)
+    return {
+        **asdict(measure_rules(case.network, own, until_s, highest_mps)),
+        "arrived": RecordedWay(case, ego).is_past_conflict(own),
+        "recorded_off_road_s": recorded_off_road_s,
+    }
+
+
+def _as_recorded(case: Case, ego: int) -> tuple[float, float]:
+    """Return the highest speed of the recorded vehicle before the conflict, and how long it was off the road then; a
+    vehicle whose crash was to leave the road is allowed no time there."""
+    recorded = case.recorded.vehicle_log(ego)
+    before = recorded.time_s < case.impact_time_s
+    highest_mps = float(np.abs(recorded.speed_mps[before]).max(initial=0.0))
+    if case.departed is not None:
+        return highest_mps, 0.0
+    return highest_mps, measure_rules(case.network, recorded, case.impact_time_s, highest_mps).off_road_s
 
 
 def _delta_v_mps(contact: Contact) -> tuple[float, float]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.conflicts import is_ahead
-from trace_dag.evaluation.progress import RecordedWay, contact_with
+from trace_dag.evaluation.progress import FASTEST_PACE, RecordedWay, contact_with
 from trace_dag.evaluation.traffic import Recording
 from trace_dag.sim.driving import BodyState, Driver, Pace, PlanClock
 from trace_dag.sim.types import BodyKind
@@ -31,8 +31,6 @@ REACTION_S: Final = 0.75
 BRAKING_G: Final = 0.774
 """Of the careful and competent human driver: UN Regulation No. 157, annex 3, performance model 1."""
 
-FASTEST_PACE: Final = 1.25
-"""Of who drives: about 15 km/h more at 60 km/h, what recorded and reported speeds differ by."""
 FASTEST_ON_FOOT: Final = 1.5
 """Of who walks: from usual to fast walking, 1.4 to 2.1 m/s (Bohannon, Age and Ageing 26, 1997)."""
 _CATCHES_UP_S: Final = 2.0

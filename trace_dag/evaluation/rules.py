@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.evaluation.lane_map import LaneMap
+from trace_dag.evaluation.progress import FASTEST_PACE
 from trace_dag.roads.map.model import LaneMatch, LaneType
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import VehicleLog
@@ -27,12 +28,14 @@ _HALT_MPS = 1.0  # the slowest of a halt as it is seen every fifth of a second
 
 @dataclass(frozen=True)
 class RuleMeasures:
-    """Times in s, speeds in m/s. ``over_limit_mps`` is the most it was above the limit of its lane, 0 if never."""
+    """Times in s, speeds in m/s. ``over_limit_mps`` is the most it was above the limit of its lane, 0 if never;
+    ``over_traffic_mps`` above :data:`FASTEST_PACE` times the limit of any lane there or the recorded highest speed."""
 
     off_road_s: float
     wrong_way_s: float
     over_limit_mps: float
     stop_signs_passed: int
+    over_traffic_mps: float
 
 
 @dataclass(frozen=True)
@@ -42,13 +45,15 @@ class _Moment:
     matches: tuple[LaneMatch, ...]
 
 
-def measure_rules(network: RoadNetwork, log: VehicleLog, until_s: float) -> RuleMeasures:
-    """How a vehicle kept the rules up to a time."""
+def measure_rules(network: RoadNetwork, log: VehicleLog, until_s: float, recorded_mps: float) -> RuleMeasures:
+    """How a vehicle kept the rules up to a time; ``recorded_mps`` is the highest speed of the recorded vehicle."""
     moments = _moments(network, log, until_s)
     off_road = wrong_way = 0
-    over_mps = 0.0
+    over_mps = over_traffic_mps = 0.0
     lane_map = LaneMap(network)
     for moment in moments:
+        there = [lane_map.speed_limit_mps(match.lane) or 0.0 for match in moment.matches]
+        over_traffic_mps = max(over_traffic_mps, moment.speed_mps - FASTEST_PACE * max(recorded_mps, *there, 0.0))
         if not moment.matches:
             off_road += 1
             continue
@@ -61,7 +66,9 @@ def measure_rules(network: RoadNetwork, log: VehicleLog, until_s: float) -> Rule
         known = [limit for limit in limits if limit is not None]
         if known:
             over_mps = max(over_mps, moment.speed_mps - max(known))
-    return RuleMeasures(off_road * _STEP_S, wrong_way * _STEP_S, over_mps, _stop_signs_passed(network, moments))
+    return RuleMeasures(
+        off_road * _STEP_S, wrong_way * _STEP_S, over_mps, _stop_signs_passed(network, moments), over_traffic_mps
+    )
 
 
 def _moments(network: RoadNetwork, log: VehicleLog, until_s: float) -> list[_Moment]:

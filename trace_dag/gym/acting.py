@@ -7,6 +7,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from gymnasium import spaces
 
+from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import Motion, Recorded, Scenario
 from trace_dag.geometry import FloatArray
 from trace_dag.states.paths import Path
@@ -56,13 +57,20 @@ class Hands:
         self._ways = {aside_m: _beside(scenario.recorded_path, aside_m) for aside_m in (0.0, ASIDE_M, -ASIDE_M)}
 
     def act(self, action: Any) -> Motion | Recorded:
-        """The motion that an action stands for."""
+        """The motion that an action stands for. Raises :class:`UserError` for what is not in the space's shape, or not
+        finite, as an evaluation refuses it of an agent."""
+        given = np.asarray(action, float)
+        if given.shape != (() if self._kind == "discrete" else (2,)) or not np.isfinite(given).all():
+            expected = f"a number below {len(MANOEUVRES)}" if self._kind == "discrete" else "two finite numbers"
+            raise UserError(f"action {action!r}: expected {expected}")
         if self._kind == "discrete":
-            _, acceleration, aside_m = MANOEUVRES[int(action)]
+            if not 0 <= given < len(MANOEUVRES):
+                raise UserError(f"action {action!r}: expected a number below {len(MANOEUVRES)}")
+            _, acceleration, aside_m = MANOEUVRES[int(given)]
             if acceleration is None:
                 return Recorded()
             return Motion(acceleration_mps2=acceleration, path_m=self._ways[aside_m])
-        along, left = (float(value) for value in np.clip(np.asarray(action, float), -1.0, 1.0))
+        along, left = (float(value) for value in np.clip(given, -1.0, 1.0))
         acceleration = along * (BRISKEST_MPS2 if along > 0 else HARDEST_MPS2)
         return Motion(acceleration_mps2=acceleration, steer_rad=left * self._max_steer_rad)
 

@@ -39,7 +39,7 @@ class Reward:
         1.0
         >>> Reward().in_the_end(replace(driven, collided=True, delta_v_mps=4.0, off_road_s=2.0))
         -0.9
-        >>> Reward().in_the_end(replace(driven, finished=False, stopped_short=True))
+        >>> Reward().in_the_end(replace(driven, finished=False))
         0.0
         """
         if metrics.collided:

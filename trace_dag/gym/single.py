@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import gymnasium
 import numpy as np
@@ -76,6 +76,12 @@ class OneEpisode:
         """Give up the episode."""
         if self._episode is not None:
             self._episode.close()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> NoReturn:
+        raise UserError(
+            "an environment cannot be copied: its simulation runs in a thread of its own; make another one with the "
+            "same arguments, reset it with the same seed and options, and repeat the actions"
+        )
 
     def _running(self) -> Episode:
         if self._episode is None:

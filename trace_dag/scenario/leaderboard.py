@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from trace_dag.evaluation.crash_parts import CrashPart
+from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.shares import clustered_share, share_avoided
 from trace_dag.scenario.page_templates import templates
 from trace_dag.version import __version__
@@ -13,7 +14,7 @@ from trace_dag.version import __version__
 Row = Mapping[str, Any]
 
 _PARTS = ("all", *CrashPart)
-OUTCOMES = ("conflict_avoided", "collision_avoided", "stopped", "mitigated", "unchanged", "worse", "faulty")
+OUTCOMES = tuple(map(str, DriveOutcome))
 
 
 def write_leaderboard(

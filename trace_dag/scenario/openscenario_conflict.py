@@ -21,7 +21,7 @@ import numpy as np
 
 from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.evaluation.conflicts import is_ahead
-from trace_dag.evaluation.persistent import FASTEST_PACE
+from trace_dag.evaluation.progress import FASTEST_PACE
 from trace_dag.scenario.openscenario_elements import Element, element
 from trace_dag.sim.types import SimulationLog, VehicleLog
 from trace_dag.states.speeds import BRAKING_MPS2

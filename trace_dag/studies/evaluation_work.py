@@ -16,7 +16,7 @@ from functools import partial
 from trace_dag.errors import Failure
 from trace_dag.evaluation.agent_code import agent_code
 from trace_dag.evaluation.agent_main import AgentLimits
-from trace_dag.evaluation.agent_process import AgentProcess
+from trace_dag.evaluation.agent_process import WAITS, AgentProcess
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
 from trace_dag.evaluation.isolation import Isolation
@@ -69,7 +69,7 @@ class EvaluationWork:
     @property
     def step_limit_s(self) -> float:
         """How long an evaluation may take, whatever the agent does."""
-        return 2 * self.limits.time_s + _OURS_S
+        return 2 * WAITS * self.limits.time_s + _OURS_S
 
     def prepare(self, name: str) -> LoadedCase:
         """The case, and its map made ready. Raises :class:`Failure`."""

@@ -105,7 +105,8 @@ def replay_with(
 _NOBODY_TOUCHED = {
     DriveOutcome.CONFLICT_AVOIDED: "conflict avoided, nobody touches anybody",
     DriveOutcome.COLLISION_AVOIDED: "collision avoided in the conflict, nobody touches anybody",
-    DriveOutcome.STOPPED: "stopped before the conflict",
+    DriveOutcome.DID_NOT_ARRIVE: "did not get past the conflict",
+    DriveOutcome.RULES_BROKEN: "nobody touches anybody, but off the road or too fast",
 }
 
 

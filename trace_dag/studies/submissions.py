@@ -2,7 +2,7 @@
 
 A file is JSON with a checksum: every run of one part of the benchmark under the conditions of its protocol. Belongs
 here: what such a file says, and whether it can be of the crashes of a root. Does not belong here: who drove. A checksum
-is no signature, and measures can be made up: proof takes the agent itself, evaluated again.
+is no signature: every run has its drive, which is judged again. Proof that an agent drove it takes the agent itself.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from dataclasses import fields
 from typing import Any, Final
 
 from trace_dag.errors import DamagedFile, UserError
+from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions
 from trace_dag.evaluation.metrics import DriveOutcome, Metrics, measure, outcome_of
 from trace_dag.evaluation.registry import BASELINES, label
+from trace_dag.evaluation.rejudging import problem_of_drive
 from trace_dag.evaluation.splits import Split
 from trace_dag.evaluation.table import EVALUATIONS, Row
 from trace_dag.evaluation.traffic import Traffic
@@ -29,7 +31,7 @@ from trace_dag.studies.evaluation_work import evaluating_code
 from trace_dag.studies.evaluations import agents_of
 from trace_dag.version import __version__
 
-_FORMAT: Final = "trace-dag results 1"
+_FORMAT: Final = "trace-dag results 2"
 _PYTHON: Final[Mapping[ColumnType, tuple[type, ...]]] = {
     ColumnType.TEXT: (str,),
     ColumnType.INTEGER: (int,),
@@ -158,10 +160,10 @@ def _check_case(name: str, stored: StoredCase, by_agent: Mapping[str, Sequence[R
         for row in runs:
             if row["verdict_fingerprint"] != stored.fingerprint:
                 raise UserError(f"{where}: stale, the crash has been judged again since; {_AGAIN}")
-            _check_run(where, row, recorded[row["vehicle_number"]])
+            _check_run(where, row, case, recorded[row["vehicle_number"]])
 
 
-def _check_run(where: str, row: Row, recorded: Metrics) -> None:
+def _check_run(where: str, row: Row, case: Case, recorded: Metrics) -> None:
     if row["outcome"] not in list(DriveOutcome):
         raise UserError(f"{where}: outcome {row['outcome']!r}; expected {', '.join(DriveOutcome)}")
     if row["outcome"] == DriveOutcome.FAULTY:
@@ -181,3 +183,6 @@ def _check_run(where: str, row: Row, recorded: Metrics) -> None:
         raise UserError(f"{where}: collided is {metrics.collided}, the time of its contact {metrics.contact_time_s}")
     if outcome_of(metrics) != row["outcome"]:
         raise UserError(f"{where}: outcome {row['outcome']}, but its measures say {outcome_of(metrics)}")
+    problem = problem_of_drive(case, row["vehicle_number"], metrics, Traffic(row["traffic"]), row["drive"] or "")
+    if problem:
+        raise UserError(f"{where}: {problem}")

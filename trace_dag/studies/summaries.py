@@ -198,7 +198,7 @@ def weighted_table(runs: Sequence[Row], weights: Mapping[str, float]) -> StudyTa
     return StudyTable(["agent", "runs", "crashes", "avoided (95 %)", "weighted (95 %)", "effective crashes"], lines)
 
 
-_BESIDE_AVOIDED = ("stopped", "mitigated", "worse")
+_BESIDE_AVOIDED = ("did_not_arrive", "rules_broken", "mitigated", "worse")
 
 
 def _with_interval(share: float, low: float, high: float) -> str:

@@ -10,7 +10,8 @@ WITH sums AS (
         count(*) AS courses,
         sum(weight) ** 2 / sum(weight ** 2) AS effective,
         coalesce(sum(weight) FILTER (outcome IN ('conflict_avoided', 'collision_avoided')), 0) / sum(weight) AS avoided,
-        coalesce(sum(weight) FILTER (outcome = 'stopped'), 0) / sum(weight) AS stopped,
+        coalesce(sum(weight) FILTER (outcome = 'did_not_arrive'), 0) / sum(weight) AS did_not_arrive,
+        coalesce(sum(weight) FILTER (outcome = 'rules_broken'), 0) / sum(weight) AS rules_broken,
         coalesce(sum(weight) FILTER (outcome = 'mitigated'), 0) / sum(weight) AS mitigated,
         coalesce(sum(weight) FILTER (outcome = 'worse'), 0) / sum(weight) AS worse,
         1.959964 ** 2 / effective AS z2
@@ -36,7 +37,8 @@ SELECT
     avoided,
     greatest(middle - half, 0.0) AS avoided_low,
     least(middle + half, 1.0) AS avoided_high,
-    stopped,
+    did_not_arrive,
+    rules_broken,
     mitigated,
     worse
 FROM intervals
@@ -48,9 +50,10 @@ COMMENT ON COLUMN agent_probabilities.key IS 'Key of the crash';
 COMMENT ON COLUMN agent_probabilities.vehicle_number IS 'Vehicle the agent drove';
 COMMENT ON COLUMN agent_probabilities.courses IS 'Likely courses it drove in';
 COMMENT ON COLUMN agent_probabilities.effective IS 'How many courses of equal weight they are worth';
-COMMENT ON COLUMN agent_probabilities.avoided IS 'Probability that nobody touches anybody, and not because it stands before the conflict';
+COMMENT ON COLUMN agent_probabilities.avoided IS 'Probability that it gets past by the rules and nobody touches anybody';
 COMMENT ON COLUMN agent_probabilities.avoided_low IS 'Lower end of its 95 % interval';
 COMMENT ON COLUMN agent_probabilities.avoided_high IS 'Upper end of its 95 % interval';
-COMMENT ON COLUMN agent_probabilities.stopped IS 'Probability that it stands before the conflict in the end';
+COMMENT ON COLUMN agent_probabilities.did_not_arrive IS 'Probability that nobody touches anybody and it never gets past the conflict';
+COMMENT ON COLUMN agent_probabilities.rules_broken IS 'Probability that it gets past off the road or faster than traffic drives';
 COMMENT ON COLUMN agent_probabilities.mitigated IS 'Probability of a risk of serious injury lower by more than a tenth';
 COMMENT ON COLUMN agent_probabilities.worse IS 'Probability of a risk higher by more than a tenth';

@@ -18,7 +18,8 @@ SELECT
     bool_or(coalesce(handed_in, FALSE)) AS handed_in,
     count(*) FILTER (outcome = 'conflict_avoided') AS conflict_avoided,
     count(*) FILTER (outcome = 'collision_avoided') AS collision_avoided,
-    count(*) FILTER (outcome = 'stopped') AS stopped,
+    count(*) FILTER (outcome = 'did_not_arrive') AS did_not_arrive,
+    count(*) FILTER (outcome = 'rules_broken') AS rules_broken,
     count(*) FILTER (outcome = 'mitigated') AS mitigated,
     count(*) FILTER (outcome = 'unchanged') AS unchanged,
     count(*) FILTER (outcome = 'worse') AS worse,
@@ -44,9 +45,10 @@ COMMENT ON COLUMN leaderboard.crashes_asked IS 'Crashes that any agent drove in'
 COMMENT ON COLUMN leaderboard.traffic IS 'How the others moved: recorded, reactive or persistent';
 COMMENT ON COLUMN leaderboard.split IS 'The part of the benchmark it was evaluated on; NULL where on no part as a whole';
 COMMENT ON COLUMN leaderboard.handed_in IS 'Whether its runs were handed in as a file';
-COMMENT ON COLUMN leaderboard.conflict_avoided IS 'Runs in which nobody came within 1.5 s of touching anybody';
-COMMENT ON COLUMN leaderboard.collision_avoided IS 'Runs in which somebody did, and nobody touched anybody';
-COMMENT ON COLUMN leaderboard.stopped IS 'Runs in which it stands before the conflict in the end';
+COMMENT ON COLUMN leaderboard.conflict_avoided IS 'Runs in which it got past and nobody came within 1.5 s of touching anybody';
+COMMENT ON COLUMN leaderboard.collision_avoided IS 'Runs in which somebody did, it got past and nobody touched anybody';
+COMMENT ON COLUMN leaderboard.did_not_arrive IS 'Runs without a contact in which it never got past the conflict';
+COMMENT ON COLUMN leaderboard.rules_broken IS 'Runs in which it got past, but off the road or faster than traffic drives';
 COMMENT ON COLUMN leaderboard.mitigated IS 'Runs with a risk of serious injury lower by more than a tenth';
 COMMENT ON COLUMN leaderboard.unchanged IS 'Runs with the crash''s risk of serious injury, within a tenth';
 COMMENT ON COLUMN leaderboard.worse IS 'Runs with a risk higher by more than a tenth';

@@ -12,7 +12,8 @@ SELECT
     count(*) AS runs,
     count(*) FILTER (outcome = 'conflict_avoided') AS conflict_avoided,
     count(*) FILTER (outcome = 'collision_avoided') AS collision_avoided,
-    count(*) FILTER (outcome = 'stopped') AS stopped,
+    count(*) FILTER (outcome = 'did_not_arrive') AS did_not_arrive,
+    count(*) FILTER (outcome = 'rules_broken') AS rules_broken,
     count(*) FILTER (outcome = 'mitigated') AS mitigated,
     count(*) FILTER (outcome = 'unchanged') AS unchanged,
     count(*) FILTER (outcome = 'worse') AS worse,
@@ -28,9 +29,10 @@ COMMENT ON COLUMN leaderboard_by_class.agent IS 'Name of the agent, and of condi
 COMMENT ON COLUMN leaderboard_by_class.dimension IS 'kind, collision_type, road_topology or vehicle_trajectory';
 COMMENT ON COLUMN leaderboard_by_class.class IS 'Class of the dimension';
 COMMENT ON COLUMN leaderboard_by_class.runs IS 'Evaluations: crashes times places it took';
-COMMENT ON COLUMN leaderboard_by_class.conflict_avoided IS 'Runs in which nobody came within 1.5 s of touching anybody';
-COMMENT ON COLUMN leaderboard_by_class.collision_avoided IS 'Runs in which somebody did, and nobody touched anybody';
-COMMENT ON COLUMN leaderboard_by_class.stopped IS 'Runs in which it stands before the conflict in the end';
+COMMENT ON COLUMN leaderboard_by_class.conflict_avoided IS 'Runs in which it got past and nobody came within 1.5 s of touching anybody';
+COMMENT ON COLUMN leaderboard_by_class.collision_avoided IS 'Runs in which somebody did, it got past and nobody touched anybody';
+COMMENT ON COLUMN leaderboard_by_class.did_not_arrive IS 'Runs without a contact in which it never got past the conflict';
+COMMENT ON COLUMN leaderboard_by_class.rules_broken IS 'Runs in which it got past, but off the road or faster than traffic drives';
 COMMENT ON COLUMN leaderboard_by_class.mitigated IS 'Runs with a risk of serious injury lower by more than a tenth';
 COMMENT ON COLUMN leaderboard_by_class.unchanged IS 'Runs with the crash''s risk of serious injury, within a tenth';
 COMMENT ON COLUMN leaderboard_by_class.worse IS 'Runs with a risk higher by more than a tenth';
