@@ -31,6 +31,7 @@ from trace_dag.reconstruction.planners.later_vehicle import LONGEST_WAIT_S, arri
 from trace_dag.reconstruction.planners.pedestrian import (
     LONGEST_CHAIN_S,
     companions_of,
+    crossing_lead_s,
     lying_plans,
     with_assumed_animal,
 )
@@ -84,7 +85,16 @@ def estimate_by_record(
         wanted = settings.model_copy(update={"lead_time_s": lead_s, "max_hypotheses": most})
         return _estimate(record, network, report, wanted, first_planner)
 
-    return on_mapped_ground(record, network, report, made_with, settings.lead_time_s, settings.max_hypotheses)
+    lead_s, most = settings.lead_time_s, settings.max_hypotheses
+    found = on_mapped_ground(record, network, report, made_with, lead_s, most)
+    longer_s = crossing_lead_s(network, found.best)
+    if longer_s <= lead_s or found.best.impact_time_s < lead_s or len(found.best.participants) > 2:
+        return found
+    try:
+        longer = on_mapped_ground(record, network, report, made_with, longer_s, most)
+    except Rejection:
+        return found  # the map ends too near for so long a time
+    return longer if longer.best.impact_time_s > lead_s else found
 
 
 def _estimate(

@@ -18,9 +18,10 @@ import numpy as np
 from trace_dag.crash.animals import Pace, Species, StruckAnimal
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.errors import Reason, Rejection
-from trace_dag.geometry import FloatArray
+from trace_dag.geometry import FloatArray, Pose
 from trace_dag.messages.wording import counted
 from trace_dag.reconstruction.course import Course, Plan, Search
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import StateSettings
 from trace_dag.states.pedestrian_impact.hypothesis import (
     ROOM_M,
@@ -30,7 +31,7 @@ from trace_dag.states.pedestrian_impact.hypothesis import (
     least_gap_m,
     next_way,
 )
-from trace_dag.states.pedestrian_impact.planner import MANOEUVRES, ImpactPlan, impact_plans
+from trace_dag.states.pedestrian_impact.planner import MANOEUVRES, ImpactPlan, edge_of, impact_plans
 from trace_dag.states.ranking import drawn, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.types import Hypothesis, Manoeuvre
@@ -42,6 +43,9 @@ LONGEST_CHAIN_S: Final = 12.0
 _SETTLES_S: Final = 1.0  # after a thrown person has come to rest
 _RESTS_M: Final = 0.05  # nearer to where it ends up, a person is at rest
 _FAR: Final = 50.0  # of log-likelihoods
+_CROSSES: Final = frozenset({Manoeuvre.CROSS_FROM_LEFT, Manoeuvre.CROSS_FROM_RIGHT})
+_AT_THE_EDGE_S: Final = 1.0
+_LONGEST_LEAD_S: Final = 12.0
 _LATER_S: Final = (0.0, 2.0, 4.0, 6.0, 8.0)  # a slower vehicle comes so much later, else it would be in the way
 
 
@@ -125,6 +129,20 @@ def _drawn_course(key: str, plans: Sequence[ImpactPlan]) -> Walking | None:
 def _walks(hypothesis: Hypothesis, strike: CrashEvent) -> Manoeuvre:
     """What the person of a strike does in a hypothesis."""
     return next(s.manoeuvre for s in hypothesis.participants if s.vehicle_number == strike.person.party)
+
+
+def crossing_lead_s(network: RoadNetwork, hypothesis: Hypothesis) -> float:
+    """Return how long before the strike (s) the reconstruction has to begin for nobody who crosses to begin in a lane,
+    0 where nobody does."""
+    longest_s = 0.0
+    for state in hypothesis.participants:
+        start, at = state.initial_pose, state.impact_pose
+        if state.manoeuvre not in _CROSSES or not network.drivable_area.has(start.x_m, start.y_m):
+            continue
+        back = Pose(at.x_m, at.y_m, at.heading_rad + math.pi / 2)
+        from_m = edge_of(network.drivable_area, back, 1.0)
+        longest_s = max(longest_s, from_m / state.impact_speed_mps + _AT_THE_EDGE_S if from_m else 0.0)
+    return round(min(longest_s, _LONGEST_LEAD_S), 1)
 
 
 # --- later -----------------------------------------------------------------------------------------------------------
