@@ -13,6 +13,7 @@ speeds match those of recorders at the impact, and are taken as such.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -210,10 +211,11 @@ def speed_kept_distribution(party: Party) -> Distribution:
     return Distribution(BRAKING[role(party)])
 
 
-def speed_profile(party: Party, initial_mps: float) -> SpeedProfile:
+def speed_profile(party: Party, initial_mps: float, *, most_g: float = math.inf) -> SpeedProfile:
     """The speed before the impact of a vehicle: it starts if the record says so; else it loses what one vehicle of its
     role lost, drawn from :func:`speed_kept_distribution`, at a deceleration that is drawn from those of recorders; who
-    is reported to have braked, what one of those lost that lost anything. A crash always has the same draw.
+    is reported to have braked, what one of those lost that lost anything. A crash always has the same draw. ``most_g``:
+    what the ground holds (g).
 
     >>> from trace_dag.states.pre_crash_scenarios import party
     >>> speed_profile(party(record, record.vehicles[0]), 6.7)  # who turns keeps its speed
@@ -230,7 +232,8 @@ def speed_profile(party: Party, initial_mps: float) -> SpeedProfile:
         probability *= kept.probability_below(1.0)
     lost_mps = (1.0 - min(max(kept.at(probability), _LEAST_KEPT), 1.0)) * initial_mps
     usual_g = Distribution(BRAKING_G).at(drawn(key, f"deceleration of vehicle {number}"))
-    hard_mps2 = max(usual_g * GRAVITY_MPS2, lost_mps / _LONGEST_BRAKING_S)
+    lost_mps = min(lost_mps, most_g * GRAVITY_MPS2 * _LONGEST_BRAKING_S)
+    hard_mps2 = max(min(usual_g, most_g) * GRAVITY_MPS2, lost_mps / _LONGEST_BRAKING_S)
     return SpeedProfile(initial_mps, initial_mps - lost_mps, lost_mps / hard_mps2)
 
 
