@@ -27,6 +27,7 @@ from trace_dag.evaluation.drives import STEP_S
 from trace_dag.flow.artefacts import ROAD_MAP
 from trace_dag.formats import commonroad as commonroad_form
 from trace_dag.formats import scenarionet
+from trace_dag.formats.osi import trace
 from trace_dag.formats.sumo import floating_car_data, network_xml
 from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.writer import write_opendrive
@@ -258,6 +259,41 @@ def test_a_trace_has_a_message_for_every_moment(home, tmp_path):
                 assert getattr(moving.base.position, axis) == pytest.approx(logged, abs=1e-6)
     assert messages[0].lane
     assert not messages[1].lane, "what does not move is said once"
+
+
+def test_a_trace_has_the_lights_signs_lines_and_conditions_of_map_and_report(home):
+    groundtruth = pytest.importorskip("osi3.osi_groundtruth_pb2")
+    town = Town()
+    town.street([(-200, 0), (0, 0), (200, 0)], highway="primary", name="Avenue", lanes="4", maxspeed="45 mph")
+    town.street([(0, -200), (0, 0), (0, 200)], highway="secondary", name="Cross", lanes="2")
+    town.street([(200, -200), (200, -20), (200, 0)], highway="residential", name="Side", lanes="2")
+    town.street([(200, 0), (400, 0)], highway="primary", name="Avenue", lanes="4", maxspeed="45 mph")
+    town.sign(0, 0, highway="traffic_signals")
+    town.sign(200, -20, highway="stop", direction="forward")
+    network = town.network()
+    record = replace(home[KEY].record, light_code=3, weather_code=2, hour=21, minute=30)
+    data = trace(network, home[KEY].log, record)
+    (size,) = struct.unpack_from("<I", data)
+    first = groundtruth.GroundTruth.FromString(data[4 : 4 + size])
+    lanes = {lane.id.value: lane for lane in first.lane}
+    assert sorted(len(light.classification.assigned_lane_id) for light in first.traffic_light) == [1, 1, 2, 2]
+    for light in first.traffic_light:  # stands right of its lanes and looks at who comes
+        line = lanes[light.classification.assigned_lane_id[0].value].classification.centerline
+        way = math.atan2(line[-1].y - line[-2].y, line[-1].x - line[-2].x)
+        assert math.cos(light.base.orientation.yaw - way) == pytest.approx(-1.0, abs=1e-3)
+    about = [sign.main_sign.classification for sign in first.traffic_sign]
+    kinds = about[0].Type
+    assert {kinds.Name(each.type) for each in about} == {"TYPE_STOP", "TYPE_SPEED_LIMIT_BEGIN"}
+    assert {each.value.value for each in about if each.type == kinds.Value("TYPE_SPEED_LIMIT_BEGIN")} == {45.0}
+    lines = {(each.classification.type, each.classification.color) for each in first.lane_boundary}
+    kind = first.lane_boundary[0].classification
+    assert (kind.TYPE_SOLID_LINE, kind.COLOR_YELLOW) in lines, "the centre line of a four-lane road"
+    assert (kind.TYPE_DASHED_LINE, kind.COLOR_WHITE) in lines, "between lanes of one direction"
+    told = first.environmental_conditions
+    assert told.time_of_day.seconds_since_midnight == 21 * 3600 + 30 * 60
+    assert told.AmbientIllumination.Name(told.ambient_illumination) == "AMBIENT_ILLUMINATION_LEVEL4"
+    assert told.Precipitation.Name(told.precipitation) == "PRECIPITATION_MODERATE"
+    assert told.sun.elevation < 0.0
 
 
 def test_tags_say_what_the_report_says(home, tmp_path):

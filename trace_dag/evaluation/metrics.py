@@ -218,7 +218,7 @@ def _at(log: VehicleLog, body: Body, k: int) -> tuple[Outline, tuple[float, floa
     return outline, (float(log.velocity_x_mps[k]), float(log.velocity_y_mps[k]))
 
 
-def _comfort(log: VehicleLog, until_s: float) -> dict[str, float]:
+def _comfort(log: VehicleLog, until_s: float) -> dict[str, Any]:
     """Hardest braking and cornering (m/s2) and sharpest change of acceleration along the body (m/s3), from means over
     a fifth of a second."""
     count = int(np.searchsorted(log.time_s, until_s, side="right"))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields
 from typing import Final
 
 import numpy as np
@@ -109,9 +109,18 @@ def _gaps_m(case: Case, own: VehicleLog, others: list[VehicleLog]) -> tuple[floa
 
 
 def _log(number: int, places: FloatArray) -> VehicleLog:
-    time_s, zero = np.arange(len(places)) / RATE_HZ, np.zeros(len(places))
     x, y, z, heading = places.T
     velocity_x, velocity_y = (np.gradient(each, 1 / RATE_HZ) for each in (x, y))
-    speed = velocity_x * np.cos(heading) + velocity_y * np.sin(heading)
-    still = VehicleLog(number, time_s, x, y, z, *[zero] * 12, landmarks_m=np.zeros((len(places), 0)))
-    return replace(still, heading_rad=heading, speed_mps=speed, velocity_x_mps=velocity_x, velocity_y_mps=velocity_y)
+    motion = {
+        "time_s": np.arange(len(places)) / RATE_HZ,
+        "x_m": x,
+        "y_m": y,
+        "z_m": z,
+        "heading_rad": heading,
+        "speed_mps": velocity_x * np.cos(heading) + velocity_y * np.sin(heading),
+        "velocity_x_mps": velocity_x,
+        "velocity_y_mps": velocity_y,
+        "landmarks_m": np.zeros((len(places), 0)),
+    }
+    rest = {each.name: np.zeros(len(places)) for each in fields(VehicleLog) if each.name not in motion}
+    return VehicleLog(**rest | motion | {"number": number})

@@ -1,12 +1,14 @@
 """ASAM OSI traces: a ``GroundTruth`` message for every moment of the crash, as players of OSI 3.8 read them.
 
 ``<key>_gt.osi`` is a single-channel trace: each message after its length, four bytes, little-endian. Moving objects
-are in each message, at the middle of their bounding boxes; lanes, their borders and fixed objects, which do not move,
-are in the first one. Frame: the crash's local frame, named in ``proj_string``.
+are in each message, at the middle of their bounding boxes; lanes, their borders with what is painted there, crosswalks,
+lights, signs, fixed objects, time, light and weather, which do not change, are in the first one. What a light showed is
+not known. Frame: the crash's local frame, named in ``proj_string``.
 """
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from itertools import count
@@ -14,14 +16,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from trace_dag.crash.record import VehicleClass
+from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.errors import UserError
-from trace_dag.flow.artefacts import ROAD_MAP
+from trace_dag.flow.artefacts import RECORD, ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.lane_shapes import lane_shapes
-from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.model import Crosswalk, LaneRef, Road, Signal
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.openscenario_environment import conditions_of
 from trace_dag.sim.types import Body, BodyKind, SimulationLog, VehicleLog
 from trace_dag.units import wrap_angle
 
@@ -54,6 +57,33 @@ _OBJECTS: Final = {  # SOE
     **dict.fromkeys((42,), "TYPE_TREE"),
 }
 
+_LIGHT: Final = "1000001"
+_SIGNS: Final = {"205": "TYPE_GIVE_WAY", "206": "TYPE_STOP", "274": "TYPE_SPEED_LIMIT_BEGIN"}
+_LINES: Final = {"none": "TYPE_NO_LINE", "solid": "TYPE_SOLID_LINE", "broken": "TYPE_DASHED_LINE"}
+_COLOURS: Final = {"yellow": "COLOR_YELLOW"}
+# By LGT_COND, the level of OSI that has the light of the day (above 1,000 lx), of dawn and dusk (20 to 400 lx), of lit
+# streets (3 to 10 lx) and of none.
+_ILLUMINATION: Final = {1: 8, 2: 1, 3: 4, 4: 6, 5: 6}
+_PRECIPITATION: Final = (  # mm/h, as OSI divides it
+    (0.1, "PRECIPITATION_NONE"),
+    (0.5, "PRECIPITATION_VERY_LIGHT"),
+    (1.9, "PRECIPITATION_LIGHT"),
+    (8.1, "PRECIPITATION_MODERATE"),
+    (34.0, "PRECIPITATION_HEAVY"),
+    (149.0, "PRECIPITATION_VERY_HEAVY"),
+    (math.inf, "PRECIPITATION_EXTREME"),
+)
+_FOG: Final = (  # m of visibility, as OSI divides it
+    (200.0, "FOG_DENSE"),
+    (500.0, "FOG_THICK"),
+    (1000.0, "FOG_LIGHT"),
+    (2000.0, "FOG_MIST"),
+    (4000.0, "FOG_POOR_VISIBILITY"),
+    (10_000.0, "FOG_MODERATE_VISIBILITY"),
+    (40_000.0, "FOG_GOOD_VISIBILITY"),
+    (math.inf, "FOG_EXCELLENT_VISIBILITY"),
+)
+
 
 class Osi:
     """``<key>_gt.osi`` for each crash. Needs the extra ``osi``."""
@@ -68,14 +98,14 @@ class Osi:
         """See :class:`trace_dag.formats.exporter.Exporter`."""
         log = crash.shown_log()
         assert log is not None, "a verified crash was simulated"
-        return {f"{crash.key}_gt.osi": trace(crash.load(ROAD_MAP), log)}
+        return {f"{crash.key}_gt.osi": trace(crash.load(ROAD_MAP), log, crash.load(RECORD))}
 
     def beside(self) -> Mapping[str, bytes]:
         """Each trace explains itself."""
         return {}
 
 
-def trace(network: RoadNetwork, log: SimulationLog) -> bytes:
+def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> bytes:
     """The whole of a log as a trace of ``GroundTruth`` messages, one every :data:`STEP_S`."""
     from osi3.osi_groundtruth_pb2 import GroundTruth
 
@@ -94,6 +124,7 @@ def trace(network: RoadNetwork, log: SimulationLog) -> bytes:
         if step == 0:
             _add_road(message, network)
             _add_objects(message, log)
+            _add_conditions(message, record)
         data = message.SerializeToString(deterministic=True)
         chunks += [struct.pack("<I", len(data)), data]
     return b"".join(chunks)
@@ -158,18 +189,130 @@ def _add_road(message: GroundTruth, network: RoadNetwork) -> None:
                 pairing.antecessor_lane_id.value = before
             if after is not None:
                 pairing.successor_lane_id.value = after
-        for border, beside, name in (
-            (shape.left_m, shape.left, "left_lane_boundary_id"),
-            (shape.right_m, shape.right, "right_lane_boundary_id"),
+        for border, beside, name, mark in (
+            (shape.left_m, shape.left, "left_lane_boundary_id", _mark(network, shape.ref, left=True)),
+            (shape.right_m, shape.right, "right_lane_boundary_id", _mark(network, shape.ref, left=False)),
         ):
             boundary = message.lane_boundary.add()
             boundary.id.value = next(free)
             kind = LaneBoundary.Classification
-            inner = within or beside is not None
-            boundary.classification.type = kind.TYPE_NO_LINE if inner else kind.TYPE_ROAD_EDGE
+            if mark is not None and not within:
+                boundary.classification.type = kind.Type.Value(_LINES[mark[0]])
+                boundary.classification.color = kind.Color.Value(_COLOURS.get(mark[1], "COLOR_WHITE"))
+            else:
+                inner = within or beside is not None
+                boundary.classification.type = kind.TYPE_NO_LINE if inner else kind.TYPE_ROAD_EDGE
             for point in border:
                 _set(boundary.boundary_line.add().position, x=point[0], y=point[1], z=point[2])
             getattr(about, name).add().value = boundary.id.value
+    for road in network.roads:
+        for signal in road.signals:
+            _add_signal(message, network, road, signal, ids, next(free))
+        for crosswalk in road.crosswalks:
+            if crosswalk.marked:
+                _add_crosswalk(message, network, road, crosswalk, next(free))
+
+
+def _mark(network: RoadNetwork, ref: LaneRef, *, left: bool) -> tuple[str, str] | None:
+    """Return the kind and colour of the line on the lane's own side of one of its borders, as the law paints it; None
+    where there is none."""
+    road = network.road_by_id[ref.road_id]
+    outer = left == road.left_hand
+    outward = 1 if ref.lane_id > 0 else -1
+    number = ref.lane_id if outer else ref.lane_id - outward
+    lane = next((each for each in road.lane_sections[ref.section].lanes if each.id == number), None)
+    mark = None if lane is None else lane.legal_mark or lane.mark
+    if mark is None:
+        return None
+    first = outer or (number == 0 and ref.lane_id > 0)  # parts: from the inner lane out, of the centre from the left
+    part = mark.type.split(" ")[0 if first else -1]
+    return (part, mark.colour) if part in _LINES and part != "none" else None
+
+
+def _add_signal(
+    message: GroundTruth, network: RoadNetwork, road: Road, signal: Signal, ids: Mapping[LaneRef, int], number: int
+) -> None:
+    from osi3.osi_trafficlight_pb2 import TrafficLight
+    from osi3.osi_trafficsign_pb2 import TrafficSign, TrafficSignValue
+
+    lanes = [
+        ref
+        for ref in network.drivable_lanes_of(road)
+        for begin_m, end_m in [network.lane_span(ref)]
+        if ref in ids and begin_m <= signal.s_m <= end_m and ref.lane_id in road.lanes_under(signal)
+    ]
+    if not lanes or signal.type not in (_LIGHT, *_SIGNS):
+        return
+    pose = network.pose(lanes[0], signal.s_m)
+    x, y, heading, _ = network.road_geometry(road.id).line.at(signal.s_m)
+    place = {
+        "x": x - signal.t_m * math.sin(heading),
+        "y": y + signal.t_m * math.cos(heading),
+        "z": pose.z_m + signal.z_offset_m + signal.height_m / 2,
+    }
+    if signal.type == _LIGHT:
+        added = message.traffic_light.add()
+        base, about = added.base, added.classification
+        about.color, about.mode = TrafficLight.Classification.COLOR_UNKNOWN, TrafficLight.Classification.MODE_UNKNOWN
+    else:
+        added = message.traffic_sign.add()
+        base, about = added.main_sign.base, added.main_sign.classification
+        kind = TrafficSign.MainSign.Classification
+        about.type, about.variability = kind.Type.Value(_SIGNS[signal.type]), TrafficSign.VARIABILITY_FIXED
+        if signal.value is not None:
+            about.value.value = signal.value
+            about.value.value_unit = TrafficSignValue.UNIT_MILE_PER_HOUR
+    added.id.value = number
+    _set(base.position, **place)
+    _set(base.orientation, yaw=wrap_angle(pose.heading_rad + math.pi))  # it looks at who comes
+    _set(base.dimension, length=0.0, width=signal.width_m, height=signal.height_m)
+    for ref in lanes:
+        about.assigned_lane_id.add().value = ids[ref]
+
+
+def _add_crosswalk(message: GroundTruth, network: RoadNetwork, road: Road, crosswalk: Crosswalk, number: int) -> None:
+    from osi3.osi_roadmarking_pb2 import RoadMarking
+    from osi3.osi_trafficsign_pb2 import TrafficSign
+
+    x, y, heading, _ = network.road_geometry(road.id).line.at(crosswalk.s_m)
+    ahead, left = (np.array(each) for each in zip(*crosswalk.outline_m, strict=True))
+    marking = message.road_marking.add()
+    marking.id.value = number
+    marking.classification.type = RoadMarking.Classification.TYPE_SYMBOLIC_TRAFFIC_SIGN
+    marking.classification.traffic_main_sign_type = TrafficSign.MainSign.Classification.TYPE_ZEBRA_CROSSING
+    marking.classification.monochrome_color = RoadMarking.Classification.COLOR_WHITE
+    middle = (ahead.max() + ahead.min()) / 2, (left.max() + left.min()) / 2
+    height_m = min(
+        (network.pose(ref, s_m).z_m for ref in network.drivable_lanes_of(road) for s_m in network.lane_span(ref)),
+        key=lambda z: abs(z),
+        default=0.0,
+    )
+    _set(
+        marking.base.position,
+        x=x + middle[0] * math.cos(heading) - middle[1] * math.sin(heading),
+        y=y + middle[0] * math.sin(heading) + middle[1] * math.cos(heading),
+        z=height_m,
+    )
+    _set(marking.base.orientation, yaw=heading)
+    _set(marking.base.dimension, length=np.ptp(ahead), width=np.ptp(left), height=0.0)
+
+
+def _add_conditions(message: GroundTruth, record: CrashRecord) -> None:
+    """Add time, light, sun and weather, each as far as the report tells."""
+    when, sun, weather = conditions_of(record)
+    told, kind = message.environmental_conditions, type(message.environmental_conditions)
+    if record.light_code in _ILLUMINATION:
+        told.ambient_illumination = kind.AmbientIllumination.Value(
+            f"AMBIENT_ILLUMINATION_LEVEL{_ILLUMINATION[record.light_code]}"
+        )
+    if when is not None:
+        told.time_of_day.seconds_since_midnight = when.hour * 3600 + when.minute * 60
+    if sun is not None:
+        _set(told.sun, azimuth=sun[0], elevation=sun[1])
+    if weather is not None:
+        rain = next(name for most, name in _PRECIPITATION if weather.rate_mm_per_h <= most)
+        fog = next(name for most, name in _FOG if weather.visual_range_m <= most)
+        told.precipitation, told.fog = kind.Precipitation.Value(rain), kind.Fog.Value(fog)
 
 
 def _pairs(

@@ -141,7 +141,7 @@ def edge_patch(network: RoadNetwork, read: etree._Element) -> bytes:
     for edge in read.iterfind("edge[@priority]"):
         changed = etree.SubElement(patch, "edge", id=edge.get("id", ""))
         for lane in edge.iterfind("lane"):
-            road_id, lane_id = lane.find("param[@key='origId']").get("value").split()[0].rsplit("_", 1)
+            road_id, lane_id = str(lane.xpath("string(param[@key='origId']/@value)")).split()[0].rsplit("_", 1)
             road = network.road_by_id[road_id]
             usual = road_class(road.highway)
             yields = any(sign.type in _YIELDING and int(lane_id) in road.lanes_under(sign) for sign in road.signals)

@@ -22,7 +22,9 @@ _HIGHEST_LUX: Final = 100_000.0  # of the sun at the zenith (CIE clear sky)
 
 
 @dataclass(frozen=True)
-class _Weather:
+class Weather:
+    """What the report's weather is taken for."""
+
     oktas: int
     kind: Literal["dry", "rain", "snow"] = "dry"
     rate_mm_per_h: float = 0.0
@@ -32,17 +34,17 @@ class _Weather:
 # By WEATHER. Moderate rain is 2.6 to 7.6 mm an hour (AMS Glossary of Meteorology), moderate snow 1 to 2.5 mm of water;
 # fog is a range of less than 1,000 m (WMO No. 407). FARS only codes that there was some.
 _WEATHERS: Final = {
-    0: _Weather(0),
-    1: _Weather(0),
-    2: _Weather(8, "rain", 5.0, 5_000),
-    3: _Weather(8, "snow", 1.75, 2_000),
-    4: _Weather(8, "snow", 1.75, 1_000),
-    5: _Weather(8, visual_range_m=500),
-    6: _Weather(4),
-    7: _Weather(4, visual_range_m=500),
-    10: _Weather(8),
-    11: _Weather(8, "snow", 1.75, 500),
-    12: _Weather(8, "rain", 5.0, 5_000),
+    0: Weather(0),
+    1: Weather(0),
+    2: Weather(8, "rain", 5.0, 5_000),
+    3: Weather(8, "snow", 1.75, 2_000),
+    4: Weather(8, "snow", 1.75, 1_000),
+    5: Weather(8, visual_range_m=500),
+    6: Weather(4),
+    7: Weather(4, visual_range_m=500),
+    10: Weather(8),
+    11: Weather(8, "snow", 1.75, 500),
+    12: Weather(8, "rain", 5.0, 5_000),
 }
 
 
@@ -54,9 +56,7 @@ def environment(record: CrashRecord, *, carla: bool) -> Element | None:
     >>> environment(record, carla=False).find(".//Environment").get("name")
     'as reported'
     """
-    when = _when(record)
-    sun = _sun(record, when)
-    weather = _WEATHERS.get(record.weather_code) if record.weather_code is not None else None
+    when, sun, weather = conditions_of(record)
     if (when is None and sun is None and weather is None) or (carla and (when is None or sun is None)):
         return None
     if carla and sun is not None:
@@ -78,7 +78,16 @@ def environment(record: CrashRecord, *, carla: bool) -> Element | None:
     )
 
 
-def _weather(weather: _Weather | None, sun: tuple[float, float] | None) -> Element | None:
+def conditions_of(
+    record: CrashRecord,
+) -> tuple[datetime.datetime | None, tuple[float, float] | None, Weather | None]:
+    """Return the time by the clocks of the place, azimuth (radians clockwise from north) and elevation of the sun, and
+    the weather; None for what the report does not tell."""
+    when = _when(record)
+    return when, _sun(record, when), None if record.weather_code is None else _WEATHERS.get(record.weather_code)
+
+
+def _weather(weather: Weather | None, sun: tuple[float, float] | None) -> Element | None:
     if weather is None and sun is None:
         return None
     shining = None
@@ -101,7 +110,7 @@ def _weather(weather: _Weather | None, sun: tuple[float, float] | None) -> Eleme
     )
 
 
-def _weather_for_carla(weather: _Weather, azimuth_rad: float, elevation_rad: float) -> Element:
+def _weather_for_carla(weather: Weather, azimuth_rad: float, elevation_rad: float) -> Element:
     rains = weather.kind == "rain"
     return element(
         "Weather",
