@@ -27,7 +27,7 @@ _NEAR_STEP_S = 0.0025
 _FLIGHT_STEP_S = 0.005
 _TOUCHED_S = 0.03  # so long after a touch the next one of the same strike is waited for with short steps
 _PUSHED_MPS = 3.0  # of the pelvis against the vehicle: who moves faster is struck again
-_CARRIED_S = 2.0  # longer than this nobody stays on a vehicle: judgement
+_CARRIED_S = 0.8  # longer than this nobody stays on a vehicle: who wraps onto a hood is off it within a second
 _ROLLS_OFF_MPS = 3.0
 _NEAR_M = 0.1  # a figure's hands and feet may reach so far out of its outline
 
