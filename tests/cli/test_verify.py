@@ -65,6 +65,23 @@ def test_damage_is_listed_mended_as_far_as_it_can_be_and_the_rest_is_for_a_run(r
     assert done.returncode == 0, done.stdout
 
 
+def test_a_folder_in_a_files_place_is_put_aside_and_the_file_made_again(root):
+    names = (f"verdict/{VERIFIED}.json", f"pictures/{VERIFIED}.png", f"benchmark/packages/{VERIFIED}.zip")
+    for name in (*names, f"crash_record/{VERIFIED}.outcome.json"):
+        (root / name).unlink()
+        (root / name).mkdir()
+        (root / name / "something").write_text("else")
+    listed = json.loads(trace_dag(root, "verify", "--json").stdout)["disagreements"]
+    assert {row["file"] for row in listed} >= {*names, f"crash_record/{VERIFIED}.outcome.json"}
+    trace_dag(root, "verify", "--repair")
+    assert trace_dag(root, "run").returncode == 0
+    done = trace_dag(root, "verify", "--contents")
+    assert done.returncode == 0, done.stdout
+    assert all((root / name).is_file() for name in names)
+    aside = {path.name for path in (root / "quarantine").rglob("*") if path.is_dir()}
+    assert aside >= {Path(name).name for name in names}
+
+
 def test_a_root_of_an_earlier_version_is_outdated_and_not_damaged(root):
     """Earlier versions listed files in a folder of lists, had no manifests, and kept no copies of cohorts."""
     (root / "ledgers").mkdir()

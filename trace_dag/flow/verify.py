@@ -140,7 +140,7 @@ def verify_storage(
         Disagreement(DisagreementKind.LOST_COHORT, f"{each.name}: {each.found}", file=each.name) for each in lost
     ]
     for stage, listing in listings.items():
-        disagreements += _stage_disagreements(stage, listing, everything)
+        disagreements += _stage_disagreements(storage, stage, listing, everything)
     drawn = _pictures(everything)
     disagreements += _picture_disagreements(drawn, storage.list("pictures"), everything, listings)
     if contents:
@@ -248,20 +248,25 @@ def _is_first(damaged: DamagedFile) -> bool:
 
 
 def _stage_disagreements(
-    stage: Stage, listing: Mapping[str, Entry], records: Mapping[str, Records]
+    storage: Storage, stage: Stage, listing: Mapping[str, Entry], records: Mapping[str, Records]
 ) -> Iterator[Disagreement]:
     listed: set[str] = set()
     for key, of_crash in records.items():
         record = of_crash.get(stage)
         if record is None:
             name = record_name(stage, key)
-            if name not in listing and any(each.position > stage.position for each in of_crash):
+            if storage.is_folder(name):
+                yield Disagreement(DisagreementKind.UNREADABLE_RECORD, f"{name} is a folder", key, stage, name)
+            elif name not in listing and any(each.position > stage.position for each in of_crash):
                 yield Disagreement(DisagreementKind.MISSING_RECORD, f"{name} is not there", key, stage, name)
             continue
         for file in record.artefacts:
             listed.add(file.name)
             entry = listing.get(file.name)
-            if entry is None:
+            if entry is None and storage.is_folder(file.name):
+                detail = f"{file.name} is a folder"
+                yield Disagreement(DisagreementKind.DAMAGED_ARTEFACT, detail, key, stage, file.name)
+            elif entry is None:
                 yield Disagreement(
                     DisagreementKind.MISSING_ARTEFACT, f"{file.name} is not there", key, stage, file.name
                 )

@@ -222,10 +222,11 @@ class Storage:
             return
 
     def move(self, name: str, to: str) -> None:
-        """Put a file under another name, replacing what was there; nothing happens if there is none."""
+        """Put a file under another name, replacing what was there; nothing happens if there is none. On this machine
+        also a folder that is in the file's place."""
         if self.local_root is not None:
             source, target = Path(self.path(name)), Path(self.path(to))
-            if source.is_file() or source.is_symlink():
+            if os.path.lexists(source):
                 _on_disk(lambda: target.parent.mkdir(parents=True, exist_ok=True), str(target))
                 _on_disk(lambda: source.replace(target), str(source))
             return
@@ -238,6 +239,10 @@ class Storage:
     def exists(self, name: str) -> bool:
         """Whether there is such a file."""
         return name in self.sizes([name])
+
+    def is_folder(self, name: str) -> bool:
+        """Whether a folder is in a file's place; an object store has none."""
+        return self.local_root is not None and Path(self.path(name)).is_dir()
 
     # --- many files ------------------------------------------------------------------------------------------
     def list(self, folder: str, endings: tuple[str, ...] = ("",)) -> dict[str, Entry]:
@@ -269,7 +274,9 @@ class Storage:
             found = {}
             for name in names:
                 try:
-                    found[name] = os.stat(self.path(name)).st_size  # noqa: PTH116 - a path object costs more than it
+                    status = os.stat(self.path(name))  # noqa: PTH116 - a path object costs more than it
+                    if not stat.S_ISDIR(status.st_mode):
+                        found[name] = status.st_size
                 except OSError as error:
                     if error.errno not in (errno.ENOENT, errno.ENOTDIR, *_OF_ONE_FILE):
                         raise
