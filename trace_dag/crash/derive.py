@@ -221,7 +221,8 @@ def implied_impact_of_damage(damaged_areas: Sequence[int]) -> ImpactArea | None:
     bearings = [clock_to_bearing_rad(code) for code in damaged_areas if 1 <= code <= 12]
     if not bearings:
         return None
-    mean = sum(cmath.rect(1.0, bearing) for bearing in bearings) / len(bearings)
+    ahead, left = math.fsum(map(math.cos, bearings)), math.fsum(map(math.sin, bearings))
+    mean = complex(ahead, left) / len(bearings)
     if abs(mean) < _DAMAGE_CONCENTRATION:
         return None
     centre_rad = wrap_angle(cmath.phase(mean))

@@ -136,7 +136,7 @@ def _queue(possible: set[_Pairing], contacts: Mapping[int, Sequence[VehicleEvent
     number; None if there is none, or more than one that is as near to that."""
 
     def apart(pairing: _Pairing) -> int:
-        return sum(abs(one[0] - other[0]) for one, other in pairing)
+        return math.fsum(abs(one[0] - other[0]) for one, other in pairing)
 
     def end(vehicle: int, index: int) -> int:
         """1 at the front, -1 at the rear, 0 elsewhere."""

@@ -162,7 +162,7 @@ class FigureState:
         near = [
             tuple(was + math.remainder(now - was, math.tau) for was, now in zip(last, way, strict=True)) for way in ways
         ]
-        best = min(near, key=lambda way: sum(abs(now - was) for was, now in zip(last, way, strict=True)))
+        best = min(near, key=lambda way: math.fsum(abs(now - was) for was, now in zip(last, way, strict=True)))
         self._angles = (best[0], best[1], best[2])
         return self._angles
 

@@ -138,7 +138,7 @@ def simulate_samples(
             courses += filter(None, [course_of(k, drawn, run.log(after_contact_s=_COURSE_AFTER_S))])
         run.release()
     best = next((log for log in logs if log.first_contact is not None), None)
-    effective = 1.0 / sum(each.weight**2 for each in contacts) if contacts else 0.0
+    effective = 1.0 / math.fsum(each.weight**2 for each in contacts) if contacts else 0.0
     return SampledRuns(
         drawn=len(estimate.samples),
         effective=round(effective, 1),
@@ -183,7 +183,7 @@ def _log_likelihood(record: CrashRecord, seen: SampledContact, place_xy_m: tuple
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
     struck = [each for each in seen.parties if each.number in vehicles]
     bearings = [(vehicles[each.number], np.array([each.bearing_rad])) for each in struck]
-    found = sum(float(impact_area_log_likelihood(vehicle, bearing)[0]) for vehicle, bearing in bearings)
+    found = math.fsum(float(impact_area_log_likelihood(vehicle, bearing)[0]) for vehicle, bearing in bearings)
     if len(bearings) == 2:
         found += float(manner_log_likelihood(record, bearings[0][1], bearings[1][1])[0])
     away_m = math.hypot(seen.x_m - place_xy_m[0], seen.y_m - place_xy_m[1])

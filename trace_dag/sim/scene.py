@@ -212,7 +212,7 @@ class FigureBodies(RigidBodies):
             self._roll_over(step_s)
         self._settle_velocities(step_s)
         return {
-            pair: (sum(t.force[0] for t in touches), sum(t.force[1] for t in touches))
+            pair: (math.fsum(t.force[0] for t in touches), math.fsum(t.force[1] for t in touches))
             for pair, touches in self.touches.items()
         }
 
@@ -276,7 +276,7 @@ class FigureBodies(RigidBodies):
         and it goes over who lies there, or over the foot of who stands. In the plane it cannot rise, and MuJoCo's
         solver, to part vehicle, body and road, would throw the body up and stop the vehicle."""
         for (pair, tree), touches in self._pressed.items():
-            vehicle, down_n = pair[0], -sum(min(touch.force[2], 0.0) for touch in touches)
+            vehicle, down_n = pair[0], -math.fsum(min(touch.force[2], 0.0) for touch in touches)
             too_much_n = min(down_n, self._carried.get(tree, 0.0)) - self._wheel_loads_n[vehicle]
             if too_much_n <= 0:
                 continue
@@ -306,7 +306,9 @@ class FigureBodies(RigidBodies):
             speed = max(math.hypot(*self._rates[3 * vehicle : 3 * vehicle + 2].tolist()), _CREEPS_MPS)
             load_n, by_wheel = self._wheel_loads_n[vehicle], self._wheels_touch[vehicle]
             pushed_ns, gone_m = self._climbed.get((vehicle, tree), (0.0, 0.0))
-            pushed_ns += math.hypot(sum(t.force[0] for t in touches), sum(t.force[1] for t in touches)) * over_s
+            pushed_ns += (
+                math.hypot(math.fsum(t.force[0] for t in touches), math.fsum(t.force[1] for t in touches)) * over_s
+            )
             gone_m += speed * over_s
             self._climbed[vehicle, tree] = pushed_ns, gone_m
             if pushed_ns > load_n * _LYING_M / speed or (by_wheel and gone_m > _CLIMBS_M):

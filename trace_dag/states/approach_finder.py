@@ -310,7 +310,7 @@ class ApproachFinder:
 
     def _covered_m(self, lanes: tuple[LaneRef, ...]) -> float:
         """Length of a way's lanes after its first."""
-        return sum(float(arc_lengths(self._centre(ref))[-1]) for ref in lanes[1:])
+        return math.fsum(float(arc_lengths(self._centre(ref))[-1]) for ref in lanes[1:])
 
     def _straightest(self, seed: LaneRef, options: Sequence[LaneRef], keep: tuple[LaneRef, ...]) -> Sequence[LaneRef]:
         name = self._road(seed).name

@@ -5,6 +5,7 @@ Whether and where the bodies touch on these paths is found by the solver.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -39,7 +40,7 @@ class Candidate:
     @property
     def log_prior(self) -> float:
         """Log-likelihood of everything known before the contact is solved for."""
-        return self.scenario.log_prior + sum(self.terms.values())
+        return self.scenario.log_prior + math.fsum(self.terms.values())
 
 
 def candidates(scene: Scene, scenario: PreCrashScenario) -> list[Candidate]:

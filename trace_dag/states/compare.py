@@ -212,7 +212,7 @@ def _summary(estimator: str, rows: list[EstimatorRow]) -> EstimatorSummary:
         mean_attempts=mean(asked) if asked else None,
         fallbacks=sum(row.outcome == "fallback" for row in rows),
         tokens=sum(row.prompt_tokens + row.completion_tokens for row in rows),
-        cost_usd=round(sum(row.cost_usd for row in rows), 8),
+        cost_usd=round(math.fsum(row.cost_usd for row in rows), 8),
         approach_correct=_share(row.approach_correct for row in made),
         lane_correct=_share(row.lane_correct for row in made),
         median_impact_point_error_m=_median(row.impact_point_error_m for row in made),
@@ -223,7 +223,7 @@ def _summary(estimator: str, rows: list[EstimatorRow]) -> EstimatorSummary:
 
 def _share(values: Iterable[bool | None]) -> float | None:
     known = [value for value in values if value is not None]
-    return sum(known) / len(known) if known else None
+    return math.fsum(known) / len(known) if known else None
 
 
 def _median(values: Iterable[float | None]) -> float | None:

@@ -161,7 +161,7 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
     if timings == 1:
         ahead = np.zeros(1)
     else:
-        widest = min(sum(reach / speed for speed in moving), MAX_TIMING_RANGE_S)
+        widest = min(math.fsum(reach / speed for speed in moving), MAX_TIMING_RANGE_S)
         ahead = np.linspace(-widest, widest, timings)
     rows, index = _first_touching(one, two, time, ahead)
     rows, index = rows[index > 0], index[index > 0]

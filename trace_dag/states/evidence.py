@@ -192,7 +192,7 @@ def heading_log_likelihood(heading: Heading, heading_rad: float, turned_rad: flo
     [0.0, -6.3]
     """
     shares = _TURNED_SHARES[heading.moment] if turned_rad is not None else _TURNED_SHARES[Moment.BEFORE]
-    likelihood = sum(
+    likelihood = math.fsum(
         share * math.exp(-0.5 * (wrap_angle(heading.octant.heading_rad - way_rad) / HEADING_SIGMA_RAD) ** 2)
         for turned_share, share in shares.items()
         for way_rad in [heading_rad + turned_share * (turned_rad or 0.0)]

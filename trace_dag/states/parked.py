@@ -182,7 +182,7 @@ class _Try:
     @cached_property
     def most(self) -> float:
         """The most that its score can be."""
-        return sum(self.known.values())
+        return math.fsum(self.known.values())
 
 
 def _towards(

@@ -34,7 +34,7 @@ class Scored:
     @property
     def score(self) -> float:
         """Log-likelihood, rounded so that an order by it does not depend on the last bits."""
-        return round(sum(self.terms.values()), _DECIMALS)
+        return round(math.fsum(self.terms.values()), _DECIMALS)
 
 
 def drawn(key: str, about: str) -> float:
@@ -104,5 +104,5 @@ def ambiguity(best: float, scores: Iterable[float]) -> float:
     >>> ambiguity(-3.0, [-3.0]), ambiguity(-3.0, [-3.0, -3.0])
     (0.06, 0.53)
     """
-    total = sum(likelihood(score, best) for score in scores)
+    total = math.fsum(likelihood(score, best) for score in scores)
     return round(1.0 - (1.0 - _UNFORESEEN) / max(total, 1.0), _DECIMALS)

@@ -57,7 +57,7 @@ def _in_ring(network: RoadNetwork, ref: LaneRef, centreline: Callable[[LaneRef],
 
 def _round(lanes: tuple[LaneRef, ...], centreline: Callable[[LaneRef], FloatArray]) -> bool:
     points = np.concatenate([centreline(ref)[:, :2] for ref in lanes])
-    turned = sum(float(np.diff(centreline(ref)[:, 3]).sum()) for ref in lanes)
+    turned = math.fsum(float(np.diff(centreline(ref)[:, 3]).sum()) for ref in lanes)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = np.hypot(*(points - middle).T)
     return turned > math.radians(270) and float(radius.max()) <= _OUT_OF_ROUND * float(radius.min())

@@ -85,7 +85,7 @@ def _spread_evenly(key: str, count: int, columns: int) -> Iterator[FloatArray]:
 def _shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:
     """The likelihood of each hypothesis by what is known before the impact; they add up to 1."""
     scores = [
-        each.score - sum(value for name, value in each.evidence.items() if name.startswith(_WEIGHED_LATER))
+        each.score - math.fsum(value for name, value in each.evidence.items() if name.startswith(_WEIGHED_LATER))
         for each in hypotheses
     ]
     shares = np.array([likelihood(score, max(scores)) for score in scores])

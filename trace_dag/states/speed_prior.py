@@ -193,7 +193,7 @@ def likely_travel_speed(party: Party, road: Road | None, *, crossing: bool) -> T
 def travel_speed_distribution(party: Party, rule: TravelSpeed) -> Distribution:
     """Distribution of a vehicle's travel speed (m/s) if none is reported."""
     group = speed_class(party, rule)
-    shift = sum(SHIFTS_MPH[name] for name, holds in features(party, rule).items() if holds)
+    shift = math.fsum(SHIFTS_MPH[name] for name, holds in features(party, rule).items() if holds)
     return Distribution(
         tuple(min(max(rule.speed_mps + mph_to_mps(shift + spread), 0.0), _FASTEST_MPS) for spread in SPREAD_MPH[group])
     )

@@ -138,7 +138,7 @@ def readings(person: NonMotorist, turn: Turn | None, area: ImpactArea | None) ->
     known = {course: share for course, share in shares.items() if course in left} or dict.fromkeys(left, 1.0)
     if turn is not None and not told:  # a turning vehicle seldom strikes somebody who walks along its road
         known = {course: share for course, share in known.items() if course in CROSSING} or known
-    total = sum(known.values())
+    total = math.fsum(known.values())
     found = [
         CourseReading(course, math.log(share / total) + _side_term(course, area), bool(told))
         for course, share in known.items()

@@ -150,7 +150,7 @@ def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
     )
     agreeing = {fact.name for fact in weighed if fact.against is not ComparedWith.RECORD}
     agreeing -= {fact.name for fact in weighed if fact.agreement is not Agreement.AGREES}
-    total = sum(fact.weight for fact in weighed)
+    total = math.fsum(fact.weight for fact in weighed)
     return Support(weighed, total, len(agreeing), _why_not(weighed, total, len(agreeing)))
 
 

@@ -174,16 +174,16 @@ def _state(scene: Scene, arrival: Arrival) -> ParticipantState:
 def _ways(scene: Scene, who: Party) -> Iterator[_Way]:
     if not who.vehicle.in_transport:
         for stand in stands(scene, who.vehicle):
-            score = sum(stand.terms.values())
+            score = math.fsum(stand.terms.values())
             yield _Way(stand.option, stand.option.path(), STANDS, SpeedProfile(0.0, 0.0), score)
         return
     for option, speed, terms in approaches_of(scene, who, approaches=_approaches(scene, who)):
-        yield from _beside(option, speed, speed_profile(who, speed.speed_mps), sum(terms.values()))
+        yield from _beside(option, speed, speed_profile(who, speed.speed_mps), math.fsum(terms.values()))
     if _may_stand(who):
         for approach in scene.through:
             option = keep_lane(approach, who.vehicle, 0.0)
             terms = way_terms(scene, who, option, STANDS)
-            yield from _beside(option, STANDS, SpeedProfile(0.0, 0.0), sum(terms.values()) + _STANDS_UNSAID)
+            yield from _beside(option, STANDS, SpeedProfile(0.0, 0.0), math.fsum(terms.values()) + _STANDS_UNSAID)
 
 
 def _approaches(scene: Scene, who: Party) -> list[Approach] | None:

@@ -205,7 +205,7 @@ def _crossing(
 ) -> Crossing:
     members = {junction.id for junction in group}
     centres = [_centre(network, junction) for junction in group]
-    centre = (sum(x for x, _ in centres) / len(centres), sum(y for _, y in centres) / len(centres))
+    centre = (math.fsum(x for x, _ in centres) / len(centres), math.fsum(y for _, y in centres) / len(centres))
     all_ends = [end for junction in group for end in ends[junction.id]]
     outer = [
         (road, contact)
@@ -223,7 +223,7 @@ def _centre(network: RoadNetwork, junction: Junction) -> tuple[float, float]:
         return junction.centre_xy_m
     roads = [network.road_by_id[connection.connecting_road] for connection in junction.connections]
     middles = [network.road_geometry(road.id).line.at(road.length_m / 2) for road in roads]
-    return sum(m[0] for m in middles) / len(middles), sum(m[1] for m in middles) / len(middles)
+    return math.fsum(m[0] for m in middles) / len(middles), math.fsum(m[1] for m in middles) / len(middles)
 
 
 def _joins(road: Road, members: Collection[str]) -> bool:

@@ -144,7 +144,7 @@ class _Candidate:
 
     @property
     def score(self) -> float:
-        return sum(self.weights.values())
+        return math.fsum(self.weights.values())
 
     @property
     def evidence(self) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ class _Candidate:
     @property
     def speaks_for_it(self) -> float:
         """What the report says for it but where the point is and what its limit is, which many roads share."""
-        return sum(weight for name, weight in self.weights.items() if name not in ("distance", "limit"))
+        return math.fsum(weight for name, weight in self.weights.items() if name not in ("distance", "limit"))
 
 
 class _Placer:
@@ -292,7 +292,7 @@ class _Placer:
                 continue
             score = -math.log1p((distance_m / _CROSSING_SCALE_M) ** 2)
             per_likeness, unlike = _CROSSING_NAME_WEIGHTS
-            score += sum(per_likeness * value + unlike for value in similarities if value is not None)
+            score += math.fsum(per_likeness * value + unlike for value in similarities if value is not None)
             score += _CROSSING_KIND_WEIGHT if crossing.kind == record.road_topology else 0.0
             if score > best_score:
                 best, best_score = crossing, score

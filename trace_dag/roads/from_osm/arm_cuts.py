@@ -65,8 +65,8 @@ def end_profile(street: Street, at_start: bool) -> WayProfile:
 
 def _extents(section: CrossSection) -> tuple[float, float]:
     """How far the road reaches left and right of the way's geometry."""
-    left = section.offset_m + sum(lane.width_m for lane in section.left)
-    right = -section.offset_m + sum(lane.width_m for lane in section.forward)
+    left = section.offset_m + math.fsum(lane.width_m for lane in section.left)
+    right = -section.offset_m + math.fsum(lane.width_m for lane in section.forward)
     return left, right
 
 

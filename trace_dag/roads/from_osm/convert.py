@@ -12,6 +12,7 @@ junctions by :mod:`~trace_dag.roads.from_osm.corners`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import count
@@ -139,7 +140,7 @@ def convert(
             continue
         connecting.extend(roads)
         points = [graph.positions[node] for node in area.node_ids]
-        centre = (sum(x for x, _ in points) / len(points), sum(y for _, y in points) / len(points))
+        centre = (math.fsum(x for x, _ in points) / len(points), math.fsum(y for _, y in points) / len(points))
         junctions.append(
             Junction(junction_id, tuple(connections), osm_node_ids=tuple(area.node_ids), centre_xy_m=centre)
         )

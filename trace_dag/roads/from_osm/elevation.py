@@ -96,7 +96,7 @@ def _half_width_m(road: Road) -> float:
     sides = [0.0]
     for section in road.lane_sections:
         for sign in (1, -1):
-            sides.append(sum(lane.widths[0].a for lane in section.lanes if lane.id * sign > 0 and lane.widths))
+            sides.append(math.fsum(lane.widths[0].a for lane in section.lanes if lane.id * sign > 0 and lane.widths))
     return max(sides)
 
 
@@ -234,7 +234,10 @@ def _continues(before: Cubic, piece: Cubic, length_m: float) -> bool:
     """Whether a piece of some length runs on as the one before it would."""
     continued = CubicProfile.of([before]).coefficients_at(piece.s_m)
     own = (piece.a, piece.b, piece.c, piece.d)
-    return sum(abs(x - y) * length_m**power for power, (x, y) in enumerate(zip(continued, own, strict=True))) < _SAME_M
+    return (
+        math.fsum(abs(x - y) * length_m**power for power, (x, y) in enumerate(zip(continued, own, strict=True)))
+        < _SAME_M
+    )
 
 
 def _between_links(

@@ -179,7 +179,7 @@ class _Crossings:
         length_m = self._plans[index].length_m
         if length_m > _JOIN_M or self._streets[index].spans[0].profile.roundabout:
             return False
-        cut_m = sum(self._cuts[end].clear_m for end in _both_ends(index))
+        cut_m = math.fsum(self._cuts[end].clear_m for end in _both_ends(index))
         return cut_m + _LEAST_CORNERS_M + LEAST_STREET_M > length_m
 
     def _is_compact(self, nodes: Sequence[int]) -> bool:

@@ -8,6 +8,7 @@ widths at its end.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -130,8 +131,8 @@ def _boundary(before: CrossSection, after: CrossSection) -> _Boundary:
 
     right_side, left_side = side(right, before.forward, after.forward), side(left, before.left, after.left)
     if closes and opens:
-        drivable_right = sum(lane.width_m for lane in right_side if before.forward[lane.before].type.drivable)
-        drivable_left = sum(lane.width_m for lane in left_side if before.left[lane.before].type.drivable)
+        drivable_right = math.fsum(lane.width_m for lane in right_side if before.forward[lane.before].type.drivable)
+        drivable_left = math.fsum(lane.width_m for lane in left_side if before.left[lane.before].type.drivable)
         offset = (drivable_right - drivable_left) / 2
     else:
         offset = after.offset_m if closes else before.offset_m

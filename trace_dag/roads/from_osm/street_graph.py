@@ -199,7 +199,7 @@ def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point
             nodes.pop(last)
             arms[b] = 1
     met = sorted((arms[nodes[0]], arms[nodes[-1]]))
-    length = sum(math.dist(positions[a], positions[b]) for a, b in pairwise(nodes))
+    length = math.fsum(math.dist(positions[a], positions[b]) for a, b in pairwise(nodes))
     return length > _STUB_M or met[0] != 1 or met[1] < 3
 
 

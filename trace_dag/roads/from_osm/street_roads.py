@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -95,7 +96,7 @@ def _change_m(a: Stretch, b: Stretch) -> float:
     """About how far lanes shift sideways from one stretch to the next (metres)."""
     one, other = a.profile.section, b.profile.section
     widths = [
-        abs(sum(lane.width_m for lane in x) - sum(lane.width_m for lane in y))
+        abs(math.fsum(lane.width_m for lane in x) - math.fsum(lane.width_m for lane in y))
         for x, y in ((one.forward, other.forward), (one.left, other.left))
     ]
     return max(*widths, abs(one.offset_m - other.offset_m))
@@ -125,7 +126,7 @@ def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
             takers = neighbours
         if not takers or (painted and len(neighbours) == 1 and _length(stretch) > _LEAST_PAINTED_M):
             continue
-        tapers = sum(
+        tapers = math.fsum(
             _LEAST_TAPER_RATIO * _change_m(stretch, stretches[n])
             for n in neighbours
             if _lane_total(stretches[n]) <= _lane_total(stretch)

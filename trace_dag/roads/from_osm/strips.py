@@ -203,6 +203,6 @@ def _verge_m(street: Street, plan: PlanView, run: Sequence[tuple[float, float]],
     span = next((span for span in street.spans if plan.vertex_s_m[span.last] >= s_m), street.spans[-1])
     section = span.profile.section
     lanes = section.left if side > 0 else section.forward
-    edge_m = side * section.offset_m + sum(lane.width_m for lane in lanes)
+    edge_m = side * section.offset_m + math.fsum(lane.width_m for lane in lanes)
     verge_m = aside_m - edge_m - SIDEWALK_WIDTH_M / 2
     return max(verge_m, 0.0) if -SIDEWALK_WIDTH_M < verge_m < _WIDEST_VERGE_M else None

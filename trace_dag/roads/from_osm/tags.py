@@ -9,6 +9,7 @@ that cannot be read counts as untagged, and the usual value for the road's class
 from __future__ import annotations
 
 import html
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -225,7 +226,7 @@ def _names(tags: Mapping[str, str]) -> tuple[str, ...]:
 def _one_way_section(tags: Mapping[str, str], highway: str, reading: LaneReading, notes: list[str]) -> CrossSection:
     right, left = (_roadside(tags, side, oneway=True) for side in ("right", "left"))
     forward = _lanes(reading.forward, _lane_width_m(tags, highway, reading, [right, left], notes))
-    width = sum(lane.width_m for lane in forward)
+    width = math.fsum(lane.width_m for lane in forward)
     offset = _placement(tags, ("placement", "placement:forward"), forward, notes)
     return CrossSection(forward + right, left, offset_m=width / 2 if offset is None else offset)
 
@@ -240,8 +241,8 @@ def _two_way_section(tags: Mapping[str, str], highway: str, reading: LaneReading
         middle = LaneSpec(LaneType.BIDIRECTIONAL, reading.centre.width_m or centre_m)
     elif tags.get("median", "no") != "no" or "median:width" in tags:
         middle = LaneSpec(LaneType.MEDIAN, parse_length_m(tags.get("median:width")) or _MEDIAN_WIDTH_M)
-    width_right = sum(lane.width_m for lane in ahead)
-    width_left = sum(lane.width_m for lane in back) + (middle.width_m if middle else 0.0)
+    width_right = math.fsum(lane.width_m for lane in ahead)
+    width_left = math.fsum(lane.width_m for lane in back) + (middle.width_m if middle else 0.0)
     offset = _placement(tags, ("placement:forward",), ahead, notes)
     if offset is None and (mirrored := _placement(tags, ("placement:backward",), back, notes)) is not None:
         offset = -mirrored - (middle.width_m if middle else 0.0)
@@ -272,8 +273,8 @@ def _lane_width_m(
     if total_m is None or not untold:
         return usual_m
     beside = read_beside(tags, oneway=not reading.backward)
-    taken_m = sum(lane.width_m for side in sides for lane in side) + sum(lane.width_m or 0.0 for lane in lanes)
-    taken_m += sum(each or 0.0 for each in (beside.cycle_left_m, beside.cycle_right_m))
+    said_m = [lane.width_m for side in (*sides, lanes) for lane in side]
+    taken_m = math.fsum(each or 0.0 for each in (*said_m, beside.cycle_left_m, beside.cycle_right_m))
     each_m = (total_m - taken_m) / untold
     least_m = _NARROWEST_M if row.public and reading.tagged and not reading.shared else _NARROWEST_TRACK_M
     if each_m < least_m:
@@ -294,7 +295,7 @@ def _placement(
         notes.append(f"{key}={tags[key]}")
         return None
     number = int(match[2])
-    inner = sum(lane.width_m for lane in lanes[: number - 1])
+    inner = math.fsum(lane.width_m for lane in lanes[: number - 1])
     share = {"left_of": 0.0, "middle_of": 0.5, "right_of": 1.0}[match[1]]
     return inner + share * lanes[number - 1].width_m
 

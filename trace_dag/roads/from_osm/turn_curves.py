@@ -143,16 +143,16 @@ def _shortest(start: PlanPose, end: PlanPose, radius_m: float, most_back_rad: fl
 
 
 def _length(pieces: Sequence[_Piece], radius_m: float) -> float:
-    return sum(size * radius_m if side else size for size, side in pieces)
+    return math.fsum(size * radius_m if side else size for size, side in pieces)
 
 
 def _turns_by(pieces: Sequence[_Piece], turn_rad: float, most_back_rad: float) -> bool:
     """Whether a curve turns as far as it has to and not far the other way before and after."""
     turns = [size * side for size, side in pieces if side]
-    net = sum(turns)
+    net = math.fsum(turns)
     if abs(math.remainder(net - turn_rad, math.tau)) > _SAME_RAD or abs(net) > math.pi + 0.5:
         return False
-    return sum(abs(angle) for angle in turns if angle * net < 0) <= most_back_rad
+    return math.fsum(abs(angle) for angle in turns if angle * net < 0) <= most_back_rad
 
 
 def _candidates(start: PlanPose, end: PlanPose, radius_m: float) -> Iterator[list[_Piece]]:

@@ -7,6 +7,7 @@ the reference line, are piecewise cubics again, so they are added up once and th
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Self
@@ -52,7 +53,7 @@ class CubicProfile:
         if not profiles:
             return cls((0.0,), ((0.0, 0.0, 0.0, 0.0),))
         if all(profile.constant is not None for _, profile in profiles):
-            total = sum(weight * profile.pieces[0][0] for weight, profile in profiles)
+            total = math.fsum(weight * profile.pieces[0][0] for weight, profile in profiles)
             return cls((profiles[0][1].knots_m[0],), ((total, 0.0, 0.0, 0.0),))
         knots = sorted({knot for _, profile in profiles for knot in profile.knots_m})
         pieces = []
@@ -60,10 +61,10 @@ class CubicProfile:
             shifted = [(weight, profile.coefficients_at(knot)) for weight, profile in profiles]
             pieces.append(
                 (
-                    sum(w * c[0] for w, c in shifted),
-                    sum(w * c[1] for w, c in shifted),
-                    sum(w * c[2] for w, c in shifted),
-                    sum(w * c[3] for w, c in shifted),
+                    math.fsum(w * c[0] for w, c in shifted),
+                    math.fsum(w * c[1] for w, c in shifted),
+                    math.fsum(w * c[2] for w, c in shifted),
+                    math.fsum(w * c[3] for w, c in shifted),
                 )
             )
         return cls(knots, pieces)

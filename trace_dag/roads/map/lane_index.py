@@ -176,7 +176,7 @@ def _farthest_lane_m(road: Road) -> float:
 
 
 def _width_bound_m(section: LaneSection, length_m: float) -> float:
-    return sum(_bound_m(lane.widths, length_m) for lane in section.lanes)
+    return math.fsum(_bound_m(lane.widths, length_m) for lane in section.lanes)
 
 
 def _bound_m(cubics: Sequence[Cubic], length_m: float) -> float:

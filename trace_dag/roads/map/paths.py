@@ -6,6 +6,7 @@ path for the next lane's.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -101,7 +102,7 @@ def trace_forward(
     length_m = cache(lambda lane: _length_m(network.centreline(lane)))
 
     def covered_m(lanes: tuple[LaneRef, ...]) -> float:
-        return sum(map(length_m, lanes[1:]), start=room_m)
+        return math.fsum((room_m, *map(length_m, lanes[1:])))
 
     def onward(lanes: tuple[LaneRef, ...], following: Sequence[LaneRef]) -> Sequence[LaneRef]:
         return [lane for lane in following if lane not in lanes] if covered_m(lanes) < distance_m else ()

@@ -52,7 +52,7 @@ def _poly3_reach(b: float, c: float, d: float, length_m: float) -> float:
         count = 64
         step = u_end / count
         slopes = (b + u * (2 * c + 3 * d * u) for u in (step * (i + 0.5) for i in range(count)))
-        return sum(math.hypot(1.0, slope) for slope in slopes) * step
+        return math.fsum(math.hypot(1.0, slope) for slope in slopes) * step
 
     low, high = 0.0, length_m
     for _ in range(60):

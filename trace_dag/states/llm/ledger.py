@@ -11,6 +11,7 @@ processes look at the same moment, they can take the same turn. Clocks of machin
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import uuid
@@ -76,7 +77,7 @@ class SpendingLedger:
 
     def spent_usd(self) -> float:
         """What all processes have spent so far, US dollars."""
-        return sum(page.spent_usd for page in self._all_pages())
+        return math.fsum(page.spent_usd for page in self._all_pages())
 
     def reserve(self) -> None:
         """Wait for this request's turn.
@@ -115,7 +116,7 @@ class SpendingLedger:
 
     def _turn(self, now: float) -> float:
         pages = self._all_pages()
-        self._look_at_budget(sum(page.spent_usd for page in pages))
+        self._look_at_budget(math.fsum(page.spent_usd for page in pages))
         self._look_at_provider(pages, now)
         interval_s = 60.0 / self.requests_per_minute
         mine = (now, self._page.owner)

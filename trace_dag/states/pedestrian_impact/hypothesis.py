@@ -117,7 +117,7 @@ def impact_hypothesis(
     before_m = least_gap_m(vehicle, person, lead_s - 0.05)
     return Hypothesis(
         name=plan.name,
-        score=round(sum(plan.terms.values()), 6),
+        score=round(math.fsum(plan.terms.values()), 6),
         evidence={name: round(value, 6) for name, value in sorted(plan.terms.items())},
         participants=tuple(sorted(states, key=lambda state: state.vehicle_number)),
         impact_time_s=lead_s,
@@ -241,7 +241,7 @@ def next_way(
             continue
         heading = path.pose(station).heading_rad
         other_way = abs(math.remainder(heading - course_rad, math.tau)) > math.radians(60)
-        score = sum(terms.values()) - 0.5 * (off / _OFF_SIGMA_M) ** 2 + (_OTHER_WAY if other_way else 0.0)
+        score = math.fsum(terms.values()) - 0.5 * (off / _OFF_SIGMA_M) ** 2 + (_OTHER_WAY if other_way else 0.0)
         if best is None or round(score, 6) > round(best.score, 6):
             over = shifted(path, None, anchor_s_m=station, constant_m=off)
             station = over.project(float(lies_at[0]), float(lies_at[1]))[0] - who.vehicle.length_m / 2
