@@ -21,7 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.crash.codes.events import RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
+from trace_dag.crash.codes.events import OVERTURN, RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
 from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.crash_types import EncounterRole, Relation
 from trace_dag.crash.kind import CrashKind
@@ -228,6 +228,8 @@ def speed_profile(party: Party, initial_mps: float, *, most_g: float = math.inf)
         return SpeedProfile(0.0, STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
     kept, key, number = speed_kept_distribution(party), party.record.key, party.vehicle.number
     probability = drawn(key, f"braking of vehicle {number}")
+    if OVERTURN in party.events:  # who goes over had more speed left than most
+        probability = (1.0 + probability) / 2
     if brakes(party.vehicle) and party.turn is None:
         probability *= kept.probability_below(1.0)
     lost_mps = (1.0 - min(max(kept.at(probability), _LEAST_KEPT), 1.0)) * initial_mps
