@@ -72,7 +72,6 @@ def test_a_study_is_stored_and_shown(
 @pytest.mark.parametrize(
     ("name", "config", "said"),
     [
-        ("published_benchmark", {"folder": "/nowhere"}, "/nowhere: no simulations/"),
         ("evaluations", {"variations": True, "courses": True}, "courses are of crashes, not of variations"),
         ("evaluations", {"agents": ["brake"], "ego": ["third"]}, "'third' is none of first, second, striking, struck"),
         ("evaluations", {"agents": ["brake"], "traffic": "heavy"}, "'heavy' is none of recorded, reactive, persistent"),

@@ -89,8 +89,8 @@ def commands_with_a_root(group: click.Group) -> Iterator[tuple[list[str], click.
 def test_a_root_that_is_not_there_is_said_and_not_made(tmp_path, words, command):
     options = {"release": ["--version", "1"], "rerun": ["--failed"], "osmium": ["--output", str(tmp_path / "x.json")]}
     values = ["2023-319003" for each in command.params if isinstance(each, click.Argument) and each.required]
-    if words[-1] in ("compare-published", "add"):
-        values = [str(SAMPLE if words[-1] == "compare-published" else SAMPLE / "truth.json")]
+    if words[-1] == "add":
+        values = [str(SAMPLE / "truth.json")]
     done = trace_dag(tmp_path / "mistyped", *words, *values, *options.get(words[-1], []))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert "there is nothing there" in done.stderr
@@ -215,7 +215,7 @@ def test_without_the_key_of_a_model_what_can_be_compared_all_the_same_is_said(tm
     done = trace_dag(root, "compare-estimators", "--estimators", "analytic,llm@openai/gpt-4o")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "the environment lacks OPENAI_API_KEY" in done.stderr
-    for way in ("compare-published", "score-truth", "llm@ollama/"):
+    for way in ("score-truth", "llm@ollama/"):
         assert way in done.stderr
 
 

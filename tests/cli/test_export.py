@@ -1,4 +1,4 @@
-"""Packages and the published layout, as somebody gets them who does not have this program."""
+"""Packages, as somebody gets them who does not have this program."""
 
 from __future__ import annotations
 
@@ -159,38 +159,19 @@ def test_another_process_makes_the_same_bytes(root: Path, packages: dict[str, Pa
 def test_what_is_exported_already_is_left_alone(root: Path, packages: dict[str, Path], tmp_path: Path) -> None:
     workspace, key = Workspace.open(str(root), FLOW), next(iter(packages))
     heard: list[str] = []
-    assert export(workspace, [key], tmp_path, "published", told=heard.append) == 5  # four of the crash, and a README
-    assert heard == [key]
-    (tmp_path / "maps" / f"map_{key.partition('-')[2]}.xodr").write_bytes(b"damaged")
-    assert export(workspace, [key], tmp_path, "published") == 1
-    assert export(workspace, [key], tmp_path, "published") == 0
+    written = export(workspace, [key], tmp_path, "openlabel", told=heard.append)
+    files = [file for file in tmp_path.rglob("*") if file.is_file()]
+    assert (written, heard) == (len(files), [key])
+    files[0].write_bytes(b"damaged")
+    assert export(workspace, [key], tmp_path, "openlabel") == 1
+    assert export(workspace, [key], tmp_path, "openlabel") == 0
 
 
 def test_only_verified_crashes_are_exported(root: Path) -> None:
     workspace = Workspace.open(str(root), FLOW)
     rejected = sorted(set(workspace.registry.keys()) - set(accepted_keys(workspace)))
     assert rejected
-    with pytest.raises(UserError, match=f"{rejected[0]}: not verified"):
+    with pytest.raises(UserError, match=f"{rejected[0]}: not accepted"):
         accepted_keys(workspace, only=[rejected[0]])
     with pytest.raises(UserError, match="is not a crash key"):
         accepted_keys(workspace, only=["2023-319003/../../x"])
-
-
-def test_the_published_layout_gives_the_same_verdicts(root: Path, packages: dict[str, Path], tmp_path: Path) -> None:
-    done = trace_dag(root, "export", "--format", "published", "--output", str(tmp_path))
-    assert done.returncode == 0, done.stderr
-    cases = {key.partition("-")[2] for key in packages}
-    for name in (
-        "reports/crash_{}.xml",
-        "summary/summary_{}.txt",
-        "maps/map_{}.xodr",
-        "simulations/simulation_{}.json",
-    ):
-        assert all((tmp_path / name.format(case)).is_file() for case in cases)
-    done = trace_dag(root, "compare-published", str(tmp_path), "--json")
-    assert done.returncode == 0, done.stderr
-    rows: dict[str, dict[str, tuple]] = {"published": {}, "trace-dag": {}}
-    for row in json.loads(done.stdout):
-        rows[row["benchmark"]][row["key"]] = (row["accepted"], row["reason"], row["speeds_kept"])
-    assert rows["published"].keys() == packages.keys()
-    assert rows["published"] == {key: rows["trace-dag"][key] for key in packages}

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 import shutil
 from pathlib import Path
 
 import pytest
 from sample_runs import asked, trace_dag
-
-from trace_dag.roads.map.writer import write_opendrive
 
 VERIFIED = "SELECT key FROM verdicts WHERE label = 'verified' ORDER BY key"
 
@@ -108,43 +105,6 @@ def test_controls_need_verdicts(tmp_path: Path) -> None:
     done = trace_dag(tmp_path, "controls")
     assert done.returncode == 2
     assert "no crash is registered" in done.stderr
-
-
-def test_a_published_benchmark_is_set_beside_ours(root: Path, verified: list[str], tmp_path: Path) -> None:
-    from tests.verdict.crashes import STREET
-
-    case = verified[0].partition("-")[2]
-    folder = tmp_path / "published"
-    (folder / "simulations").mkdir(parents=True)
-    (folder / "maps").mkdir()
-    (folder / "maps" / f"map_{case}.xodr").write_bytes(write_opendrive(STREET))
-
-    def drives(start_m: float, step_m: float) -> dict:
-        waypoints = [[start_m + step_m * i, 1.75] for i in range(12)]
-        start = {"x": start_m, "y": 1.75, "z": 0.5}
-        yaw_deg = math.degrees(math.atan2(0.0, step_m))
-        return {"start_position": start, "yaw": yaw_deg, "speed_kmh": 54.0, "trajectory": waypoints}
-
-    scenario = {"vehicle1": drives(-50.0, 5.0), "vehicle2": drives(50.0, -5.0), "crash_point": {"x": 0.0, "y": 0.0}}
-    (folder / "simulations" / f"simulation_{case}.json").write_text(json.dumps(scenario))
-    done = trace_dag(root, "compare-published", str(folder))
-    assert done.returncode == 0, done.stderr
-    rows = {row["benchmark"]: row for row in asked(root, "FROM benchmark_comparison")}
-    assert rows.keys() == {"published", "trace-dag"}
-    assert rows["published"]["contact"]
-    assert rows["published"]["contact_distance_m"] < 5.0
-    assert rows["trace-dag"]["accepted"]
-    by_year = tmp_path / "by-year"
-    by_year.mkdir()
-    folder.rename(by_year / "1999")  # a case number is unique only within its year
-    done = trace_dag(root, "compare-published", str(by_year))
-    assert (done.returncode, "none of its 1 cases" in done.stderr) == (2, True), done.stderr
-    (by_year / "1999").rename(by_year / "2023")
-    done = trace_dag(root, "compare-published", str(by_year), "--json")
-    assert [row["key"] for row in json.loads(done.stdout)] == 2 * verified[:1], done.stderr
-    done = trace_dag(root, "compare-published", str(tmp_path))
-    assert done.returncode == 2
-    assert "simulation_<stateCase>.json" in done.stderr
 
 
 def test_changed_reports_go_through_all_stages_again(root: Path, verified: list[str]) -> None:

@@ -13,18 +13,15 @@ from tests.sim.test_objects import GUARDRAIL, PICKUP_2000P, TREE, item, run
 from tests.sim.test_overturn import STREET, sliding
 from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.parties import party_label
-from trace_dag.errors import UserError
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, in_words, object_category, outline
 from trace_dag.scenario.opendrive_objects import fixed_objects, with_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.openscenario_objects import misc_object
-from trace_dag.scenario.published_layout import write_published
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.scenario.solid.objects import object_parts
 from trace_dag.scenario.thumbnail import moving_thumbnail
 from trace_dag.sim.types import moment_of
-from trace_dag.states.types import Hypothesis
 
 CRASH = record(vehicle(1, 12), vehicle(1, 12))
 
@@ -104,9 +101,3 @@ def test_replays_and_thumbnails_show_an_overturn_without_a_contact() -> None:
 def test_the_replay_lists_objects() -> None:
     page = write_html_player(CRASH, STREET, run(27.8, item(GUARDRAIL, 10.0, 3.0), PICKUP_2000P)).decode()
     assert json.dumps(OBJECT_NOTE)[1:-1] in page
-
-
-def test_the_published_layout_knows_no_objects() -> None:
-    log = run(14.0, item(TREE, 6.0, 0.0))
-    with pytest.raises(UserError, match="struck a tree"):
-        write_published(Hypothesis("by hand", 0.0, {}, (), 1.0, (6.0, 0.0)), log)

@@ -16,10 +16,9 @@ from tests.scenario import esmini
 from tests.scenario.player import Scenario
 from tests.sim.motions import CAR, TRUCK, crossing, log_of, participant, straight
 from tests.verdict.crashes import STREET, record, vehicle
-from trace_dag.errors import Failure, UserError
+from trace_dag.errors import Failure
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.scenario.published_layout import write_published
 from trace_dag.scenario.replay_impacts import strikes
 from trace_dag.settings import SimSettings
 from trace_dag.sim.anthropometry import person_body
@@ -182,8 +181,3 @@ def test_walkers_and_bicycles_are_those_the_server_has() -> None:
         choose_walker(adult, ["vehicle.audi.a2"])
     with pytest.raises(Failure, match="no bicycles"):
         choose_bicycle(["vehicle.audi.a2"])
-
-
-def test_the_published_layout_says_that_it_knows_no_people() -> None:
-    with pytest.raises(UserError, match=r"V1 struck P1, a person; the published layout knows two vehicles"):
-        write_published(None, simulated("adult before a car"))  # type: ignore[arg-type]

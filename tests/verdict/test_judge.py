@@ -35,7 +35,6 @@ from trace_dag.verdict.controls import JudgedCrash, changed_reports, true_pairin
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge, judge_hypothesis
 from trace_dag.verdict.metrics import clock_error_positions
-from trace_dag.verdict.peer import compare as set_beside
 from trace_dag.verdict.types import Verdict
 
 REPORT = MapReport("by hand", CrashPlacement(0.0, 0.0, 0.0, "1", 0.0, "by hand"), ())
@@ -227,15 +226,6 @@ def test_a_standing_vehicle_cannot_be_missed_by_coming_late() -> None:
     row = row_of_change(crash, "shifted", None)
     assert row.verified is None
     assert acceptance_rate([row]) is None
-
-
-def test_a_benchmarks_speeds_are_kept_or_not_whether_its_vehicles_meet_or_not() -> None:
-    missing = simulated(HEAD_ON[0], moved(HEAD_ON[1], 0.0, 40.0))
-    for speeds, kept in (((20.0, 15.0), True), ((20.0, 18.0), False), ((20.0, None), None)):
-        reported = record(*(vehicle(i, 12, 50, speed_mps=speed) for i, speed in enumerate(speeds, start=1)))
-        row = set_beside("theirs", reported, STREET, *missing, VerdictSettings())
-        assert (row.contact, row.accepted, row.speeds_kept) == (False, False, kept)
-    assert row.initial_speed_error_max_rel == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_frame_of_a_record_is_the_networks() -> None:

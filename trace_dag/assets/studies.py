@@ -31,7 +31,6 @@ from trace_dag.studies.cases import AgentRole, StoredCase, likely_courses, store
 from trace_dag.studies.controls import negative_controls
 from trace_dag.studies.estimators import estimators_compared, usual_estimators
 from trace_dag.studies.evaluations import evaluate_agents, try_agents
-from trace_dag.studies.peer import published_comparison
 from trace_dag.studies.perturbed import MOST, Request, perturbed_controls
 from trace_dag.studies.stored_crashes import cohorts_of, of_each
 from trace_dag.studies.stored_variations import FamilyRequest
@@ -41,7 +40,6 @@ from trace_dag.studies.summaries import (
     estimators_table,
     evaluations_table,
     families_table,
-    peer_table,
     perturbed_table,
 )
 from trace_dag.studies.truth import load_truth
@@ -73,12 +71,6 @@ class PerturbedConfig(CohortConfig):
     kinds: list[str] = Field(default_factory=list, description="Only these changes; * and ? match.")
     draws: int = Field(default=1, ge=1, description="Of each change that is drawn.")
     seed: int = Field(default=1, description="Of the draws.")
-
-
-class PeerConfig(CohortConfig):
-    """Where the other benchmark lies."""
-
-    folder: str = Field(default="", description="The published benchmark: a folder with simulations/ and maps/.")
 
 
 class EstimatorsConfig(CohortConfig):
@@ -212,24 +204,6 @@ def perturbed(context: AssetExecutionContext, config: PerturbedConfig) -> Materi
     return _result(perturbed_table(rows), left_out, changed_reports=len(rows))
 
 
-@_study("A published benchmark's scenarios on its own maps, judged by the same rules, beside ours.")
-def published_benchmark(context: AssetExecutionContext, config: PeerConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag compare-published``."""
-    workspace: Workspace = context.resources.workspace
-    left_out = _LeftOut()
-    if not config.folder:
-        raise UserError(
-            "published_benchmark: no folder; name that of the published benchmark, with simulations/ and maps/"
-        )
-    compared = _of_each(
-        workspace,
-        config,
-        lambda name: published_comparison(workspace, name, Path(config.folder), on_problem=left_out.add),
-    ).values()
-    left_out += [f"{key}: {why}" for each in compared for key, why in each.left_out.items()]
-    return _result(peer_table([row for each in compared for row in each.rows]), left_out)
-
-
 @_study("Estimators side by side on the same mapped crashes.", deps=[Stage.ROAD_MAP.value])
 def estimators(context: AssetExecutionContext, config: EstimatorsConfig) -> MaterializeResult[Any]:
     """As ``trace-dag compare-estimators``."""
@@ -306,6 +280,5 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
 
 
 STUDIES: Mapping[str, AssetsDefinition] = {
-    each.key.to_user_string(): each
-    for each in (controls, perturbed, published_benchmark, estimators, variations, evaluations, release)
+    each.key.to_user_string(): each for each in (controls, perturbed, estimators, variations, evaluations, release)
 }

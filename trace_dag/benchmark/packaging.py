@@ -1,4 +1,4 @@
-"""Stored crashes as scenario packages and in the published layout.
+"""Stored crashes as scenario packages.
 
 Belongs here: which stored artefacts make up a package or an exported scenario. Does not belong here: what either looks
 like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.benchmark.build`,
@@ -7,8 +7,6 @@ like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.
 
 from __future__ import annotations
 
-from importlib import resources
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from trace_dag.flow.artefacts import (
@@ -73,24 +71,3 @@ def map_attribution(records: Records) -> str:
     """The attribution that a crash's map needs; empty if there is no map."""
     record = records.get(Stage.OSM_EXTRACT)
     return str(record.figures.get("attribution") or "") if record else ""
-
-
-def published_files(files: CrashFiles) -> dict[str, bytes]:
-    """A verified crash in the published layout, by path below the benchmark's folder."""
-    from trace_dag.scenario.published_layout import write_published
-
-    case = files.key.partition("-")[2]
-    report, data = report_file(files)
-    hypothesis = files.load(VERDICT).hypothesis
-    simulation = write_published(files.load(ESTIMATE).hypotheses[hypothesis], files.load(LOGS)[hypothesis])
-    return {
-        f"reports/crash_{case}{PurePosixPath(report).suffix}": data,
-        f"summary/summary_{case}.txt": (files.load(RECORD).summary + "\n").encode(),
-        f"maps/map_{case}.xodr": files.load(XODR),
-        f"simulations/simulation_{case}.json": simulation,
-    }
-
-
-def published_readme() -> bytes:
-    """The README of a folder in the published layout."""
-    return resources.files("trace_dag.scenario").joinpath("templates", "published_readme.md").read_bytes()

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 _WITHOUT_KEY = (
-    "without a key: compare-published sets the crashes beside a published study's, score-truth those of the bundled "
-    "sample beside their truth, and --estimators analytic,llm@ollama/MODEL asks a model on this machine"
+    "without a key: score-truth compares the crashes of the bundled sample with their truth, and "
+    "--estimators analytic,llm@ollama/MODEL asks a model on this machine"
 )
 
 

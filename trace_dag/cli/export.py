@@ -27,7 +27,7 @@ from trace_dag.messages.wording import counted
     default="packages",
     show_default=True,
     help="packages (a folder per crash), commonroad, glb (glTF), scenarionet (MetaDrive), sumo, osi, openlabel (tags), "
-    "points (GeoParquet and GPX), published (the published benchmark's layout), or what another package offers: "
+    "points (GeoParquet and GPX), or what another package offers: "
     "trace-dag plugins.",
 )
 @click.option("--cohort", help="Only crashes of this cohort.")

@@ -10,7 +10,6 @@ import click
 from trace_dag.cli.cohort import cohort
 from trace_dag.cli.compare_directions import compare_directions
 from trace_dag.cli.compare_estimators import compare_estimators
-from trace_dag.cli.compare_published import compare_published
 from trace_dag.cli.controls import controls
 from trace_dag.cli.demo import demo
 from trace_dag.cli.evaluate import evaluate
@@ -73,7 +72,6 @@ cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
 cli.add_under(
     "Judge the results",
     controls,
-    compare_published,
     compare_estimators,
     compare_directions,
     score_truth,

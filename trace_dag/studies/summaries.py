@@ -18,7 +18,6 @@ from trace_dag.states.compare import EstimatorRow, EstimatorSummary, summarise
 from trace_dag.studies.perturbed_rows import PerturbedRow
 from trace_dag.studies.variations import FamilyReport
 from trace_dag.verdict.controls import ControlRow
-from trace_dag.verdict.peer import ComparisonRow
 from trace_dag.verdict.perturbed.kinds import KINDS
 from trace_dag.verdict.types import Grade
 
@@ -93,16 +92,6 @@ def perturbed_table(rows: Sequence[PerturbedRow]) -> StudyTable:
     names = ["perturbation", "changed", "crashes", "judged", "verified", "corroborated", "own"]
     shares = [Share(changed, verified, judged) for _, changed, _, judged, verified, *_ in lines]
     return StudyTable(names, lines, shares, "Still verified, by what was changed")
-
-
-def peer_table(rows: Sequence[ComparisonRow]) -> StudyTable:
-    """Both benchmarks side by side, a column each."""
-    names = sorted({row.benchmark for row in rows})
-    columns = [_peer_column([row for row in rows if row.benchmark == name]) for name in names]
-    by_name = [[row.accepted for row in rows if row.benchmark == name] for name in names]
-    shares = [Share(name, sum(accepted), len(accepted)) for name, accepted in zip(names, by_name, strict=True)]
-    lines = [(title, *(column[title] for column in columns)) for title in columns[0]]
-    return StudyTable(["", *names], lines, shares, "Accepted by the verdict")
 
 
 def estimators_table(rows: Sequence[EstimatorRow]) -> StudyTable:
@@ -215,22 +204,6 @@ def families_table(reports: Sequence[FamilyReport]) -> StudyTable:
         [Share(each.key, each.kept, each.drawn) for each in reports],
         "Variations kept, of those drawn",
     )
-
-
-def _peer_column(rows: Sequence[ComparisonRow]) -> dict[str, str]:
-    def share(good: Sequence[bool | None]) -> str:
-        known = [each for each in good if each is not None]
-        return f"{sum(known)} of {len(known)}"
-
-    return {
-        "crashes": str(len(rows)),
-        "contact": share([row.contact for row in rows]),
-        "first contact within the threshold": share([row.within_distance for row in rows]),
-        "impacts as reported": share([bool(row.clocks_ok) for row in rows]),
-        "both": share([row.within_distance and bool(row.clocks_ok) for row in rows]),
-        "both speeds kept, where both are reported": share([row.speeds_kept for row in rows]),
-        "accepted": share([row.accepted for row in rows]),
-    }
 
 
 def _estimator_column(summary: EstimatorSummary) -> dict[str, str]:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 FOLDER = "comparisons"
 CONTROLS = "controls"
-PUBLISHED = "published"
 ESTIMATORS = "estimators"
 PERTURBED = "perturbed"
 
@@ -30,7 +29,7 @@ def store(workspace: Workspace, kind: str, cohort: str, rows: Sequence[Dataclass
     store_comparison(workspace.storage, kind, cohort, content)
 
 
-_MADE_BY = {CONTROLS: "controls", PUBLISHED: "peer FOLDER", ESTIMATORS: "compare", PERTURBED: "controls --perturbed"}
+_MADE_BY = {CONTROLS: "controls", ESTIMATORS: "compare", PERTURBED: "controls --perturbed"}
 
 
 def comparison_is_whole(storage: Storage, name: str, on_problem: OnProblem) -> bool:

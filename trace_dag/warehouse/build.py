@@ -30,7 +30,7 @@ from trace_dag.processes import temporary_prefix
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
 from trace_dag.storage.files import Storage
-from trace_dag.studies.tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED, comparison_is_whole
+from trace_dag.studies.tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, comparison_is_whole
 from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
 from trace_dag.warehouse.evaluations import evaluation_tables
@@ -51,7 +51,6 @@ log = logging.getLogger(__name__)
 _COMPARISONS = {
     "control_files": CONTROLS,
     "perturbed_files": PERTURBED,
-    "comparison_files": PUBLISHED,
     "estimator_files": ESTIMATORS,
 }
 VERSION = "7"

@@ -60,7 +60,6 @@ TABLES: Final[Mapping[str, Rows]] = {
     "run_summary": Rows.OF_ALL,
     "negative_controls": Rows.OF_ALL,
     "perturbed_controls": Rows.OF_ALL,
-    "benchmark_comparison": Rows.OF_ALL,
     "evaluations": Rows.OF_ALL,
     "leaderboard": Rows.OF_ALL,
     "leaderboard_by_class": Rows.OF_ALL,
