@@ -97,6 +97,14 @@ def test_a_root_that_is_not_there_is_said_and_not_made(tmp_path, words, command)
     assert not (tmp_path / "mistyped").exists()
 
 
+@pytest.mark.parametrize("name", ["a?b", "a%20b"])
+def test_a_root_whose_path_sqlite_reads_otherwise_is_refused_before_anything_is_made(tmp_path, name):
+    done = trace_dag(tmp_path / name, "ingest", "--reports", str(SAMPLE / "reports"))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "rename the folder" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_disk_that_is_not_mounted_does_not_agree(tmp_path):
     done = trace_dag(tmp_path, "verify")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr

@@ -33,6 +33,7 @@ T = TypeVar("T")
 LOCAL_FOLDER_VARIABLE = "TRACE_DAG_LOCAL_FOLDER"
 """Names the folder that holds, for each root on an object store, what must be local."""
 _SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*(/[A-Za-z0-9_][A-Za-z0-9._-]*)*")
+_NOT_IN_URLS = re.compile(r"\?|%[0-9A-Fa-f]{2}")
 _TEMPORARY = ".writing-"
 _REMOTE_ATTEMPTS = 4
 _READ_CONCURRENTLY = 16
@@ -120,6 +121,11 @@ class Storage:
         storage = cls(root)
         if storage.local_root is None and "://" not in storage.root:
             raise UserError(f"storage root {root}: names no bucket or folder, as in s3://bucket/folder")
+        if storage.local_root is not None and not output and (found := _NOT_IN_URLS.search(storage.root)):
+            raise UserError(
+                f"storage root {storage.root}: {found[0]!r} means something else in the URLs by which SQLite opens "
+                "Dagster's records; rename the folder, or choose another with --root or TRACE_DAG_ROOT"
+            )
         probe = "probe/writable"
         try:
             if to_read and not storage._is_there():

@@ -108,7 +108,8 @@ def update_tables(
     for name in TABLES:
         if TABLES[name] is Rows.OF_ALL:
             connection.execute(f"DROP {'VIEW' if name in views else 'TABLE'} {name}")
-    connection.execute("CREATE TEMP TABLE changed_crash AS SELECT unnest($keys) AS key", {"keys": sorted(changed)})
+    keys = "SELECT unnest($keys::VARCHAR[]) AS key"  # of no crash too, which before DuckDB 2 are integers
+    connection.execute(f"CREATE TEMP TABLE changed_crash AS {keys}", {"keys": sorted(changed)})
     connection.execute(f"CREATE SCHEMA {_SCHEMA}")
     for name in TABLES:
         if TABLES[name] is Rows.OF_ALL:
