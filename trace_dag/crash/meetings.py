@@ -135,7 +135,7 @@ def _queue(possible: set[_Pairing], contacts: Mapping[int, Sequence[VehicleEvent
     """The pairing in which every contact is one of a front with a rear and each vehicle ran into its neighbour by
     number; None if there is none, or more than one that is as near to that."""
 
-    def apart(pairing: _Pairing) -> int:
+    def apart(pairing: _Pairing) -> float:
         return math.fsum(abs(one[0] - other[0]) for one, other in pairing)
 
     def end(vehicle: int, index: int) -> int:

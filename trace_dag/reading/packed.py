@@ -53,7 +53,7 @@ INDEX = "index.parquet"
 _SAID = 200  # characters of what a library says
 _ZIP = b"PK\x03\x04"
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-_UNPACK: dict[bytes, Callable[[Any], IO[bytes]]] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zX": lzma.open}
+_UNPACK: dict[bytes, Callable[[Any], Any]] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zX": lzma.open}
 _FILES = {
     REPORT_XML: "report.xml",
     REPORT_JSON: "report.json",

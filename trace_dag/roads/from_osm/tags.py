@@ -273,7 +273,7 @@ def _lane_width_m(
     if total_m is None or not untold:
         return usual_m
     beside = read_beside(tags, oneway=not reading.backward)
-    said_m = [lane.width_m for side in (*sides, lanes) for lane in side]
+    said_m = [*(lane.width_m for side in sides for lane in side), *(lane.width_m for lane in lanes)]
     taken_m = math.fsum(each or 0.0 for each in (*said_m, beside.cycle_left_m, beside.cycle_right_m))
     each_m = (total_m - taken_m) / untold
     least_m = _NARROWEST_M if row.public and reading.tagged and not reading.shared else _NARROWEST_TRACK_M
