@@ -15,7 +15,7 @@ from trace_dag.storage.disk_errors import naming
 if TYPE_CHECKING:
     from trace_dag.studies.replays import ReplayFormat
 
-_FORMATS = ("html", "glb", "webp", "gif", "mp4")
+_FORMATS = ("html", "glb", "webp")
 
 
 @click.command(
@@ -31,8 +31,8 @@ _FORMATS = ("html", "glb", "webp", "gif", "mp4")
     "--format",
     "replay_format",
     type=click.Choice(_FORMATS),
-    help="A page with a time slider, glTF in three dimensions, an animated picture, or a video (the extra mp4); else "
-    "the file's name says it, and a page is written without one.",
+    help="A page with a time slider, glTF in three dimensions, or an animated picture; else the file's name says it, "
+    "and a page is written without one.",
 )
 @click.option(
     "--agent",

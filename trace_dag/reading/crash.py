@@ -66,9 +66,7 @@ class CrashReplay:
         if self.format == "glb":
             address = f"data:model/gltf-binary;base64,{data}"
             return f'<a download="crash.glb" href="{address}">{escape(self.title)}, glTF</a>'
-        if self.format == "mp4":
-            return f'<video controls src="data:video/mp4;base64,{data}" title="{escape(self.title)}"></video>'
-        return f'<img src="data:image/{self.format};base64,{data}" alt="{escape(self.title)}">'
+        return f'<img src="data:image/webp;base64,{data}" alt="{escape(self.title)}">'
 
 
 class Crash:

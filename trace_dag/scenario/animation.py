@@ -1,4 +1,4 @@
-"""A simulated crash as a moving picture, GIF, WebP or MP4: the whole crash on the left, the impact close up beside it.
+"""A simulated crash as a moving picture, WebP: the whole crash on the left, the impact close up beside it.
 
 The map is drawn once per view; frames are that picture with the parties on it, drawn as in the still picture. Time runs
 at real speed, and at a quarter of it around the impact.
@@ -7,9 +7,8 @@ at real speed, and at a quarter of it around the impact.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
-from itertools import repeat
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +25,6 @@ from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.picture_motion import DrawnFigure, SampledBody, draw_body, draw_figure, draw_objects
 from trace_dag.scenario.replay_content import replay_windows
-from trace_dag.scenario.video import encode_mp4
 from trace_dag.sim.types import Body, SimulationLog, VehicleLog, moment_of
 from trace_dag.units import mps_to_mph
 from trace_dag.verdict.in_words import label_in_words
@@ -37,10 +35,7 @@ if TYPE_CHECKING:
 
     from trace_dag.osm.types import OsmFeature
 
-MovingFormat = Literal["gif", "webp", "mp4"]
-
-_FRAME_S = 0.06  # shown; GIF knows hundredths only
-_VIDEO_FRAME_S = 0.04  # frames of a video are small: only changes are stored
+_FRAME_S = 0.06  # shown
 _SLOW = 0.25
 _SLOW_BEFORE_S, _SLOW_AFTER_S = 0.4, 0.8
 _BEFORE_IMPACT_S, _AFTER_IMPACT_S = 3.0, 4.0
@@ -59,56 +54,31 @@ def write_animation(
     *,
     drive: AgentDrive | None = None,
     surroundings: Sequence[OsmFeature] = (),
-    image_format: MovingFormat = "webp",
     panel_px: int = 420,
 ) -> bytes:
-    """The moving picture, twice ``panel_px`` wide. ``log`` is of the hypothesis that ``verdict`` is about, or
-    of an agent's ``drive``; ``surroundings`` lie behind the roads.
-
-    An MP4 needs the extra of that name: :class:`trace_dag.errors.UserError` without it.
+    """Return the moving picture as WebP, twice ``panel_px`` wide. ``log`` is of the hypothesis that ``verdict`` is
+    about, or of an agent's ``drive``; ``surroundings`` lie behind the roads.
 
     >>> write_animation(record, network, log, panel_px=60)[8:12]
     b'WEBP'
     """
-    frame_s = _VIDEO_FRAME_S if image_format == "mp4" else _FRAME_S
-    times = _frame_times(log, frame_s)
+    times = _frame_times(log)
     windows = replay_windows(log, from_s=times[0][0])
     views = [
         View(network, window, panel_px, surroundings=surroundings, dark=is_dark(record))
         for window in (windows.overview, windows.impact)
     ]
-    frames = (_frame(record, log, verdict, drive, views, time_s, rate) for time_s, rate in times)
-    if image_format == "mp4":
-        return encode_mp4(_staying(frames, round(_LAST_FRAME_S / frame_s)), round(1 / frame_s))
-    return _encode_picture(list(frames), image_format)
-
-
-def _staying(frames: Iterator[Image], times: int) -> Iterator[Image]:
-    """The frames, with the last one repeated."""
-    last = next(frames)
-    yield last
-    for last in frames:
-        yield last
-    yield from repeat(last, times)
-
-
-def _encode_picture(frames: list[Image], image_format: Literal["gif", "webp"]) -> bytes:
-    from PIL.Image import Dither
-
+    frames = [_frame(record, log, verdict, drive, views, time_s, rate) for time_s, rate in times]
     durations = [round(1000 * _FRAME_S)] * (len(frames) - 1) + [round(1000 * _LAST_FRAME_S)]
     stream = io.BytesIO()
-    if image_format == "gif":
-        frames = [frame.quantize(colors=96, dither=Dither.NONE) for frame in frames]
-        frames[0].save(stream, "GIF", save_all=True, append_images=frames[1:], duration=durations, loop=0)
-    else:
-        frames[0].save(
-            stream, "WEBP", save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=70, method=2
-        )
+    frames[0].save(
+        stream, "WEBP", save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=70, method=2
+    )
     return stream.getvalue()
 
 
-def _frame_times(log: SimulationLog, frame_s: float) -> list[tuple[float, float]]:
-    """The simulated time of each frame and the rate it is shown at; frames are ``frame_s`` apart as watched."""
+def _frame_times(log: SimulationLog) -> list[tuple[float, float]]:
+    """Return the simulated time of each frame and the rate it is shown at; frames are equally far apart as watched."""
     moment = moment_of(log)
     end_s = log.duration_s if moment is None else min(log.duration_s, moment.time_s + _AFTER_IMPACT_S)
     time_s = 0.0 if moment is None else max(0.0, moment.time_s - _BEFORE_IMPACT_S)
@@ -117,7 +87,7 @@ def _frame_times(log: SimulationLog, frame_s: float) -> list[tuple[float, float]
         slow = moment is not None and -_SLOW_BEFORE_S <= time_s - moment.time_s < _SLOW_AFTER_S
         rate = _SLOW if slow else 1.0
         times.append((time_s, rate))
-        time_s += frame_s * rate
+        time_s += _FRAME_S * rate
     times.append((end_s, 1.0))
     return times
 

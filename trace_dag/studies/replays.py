@@ -25,13 +25,13 @@ from trace_dag.units import mps_to_mph
 if TYPE_CHECKING:
     from trace_dag.scenario.replay_content import ReplayContent
 
-ReplayFormat = Literal["html", "glb", "webp", "gif", "mp4"]
+ReplayFormat = Literal["html", "glb", "webp"]
 
 
 def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
     """The replay of one crash as stored: a page, a moving picture, or glTF in three dimensions.
 
-    Raises :class:`UserError` for a crash that was not simulated, or an MP4 without its extra.
+    Raises :class:`UserError` for a crash that was not simulated.
     """
     from trace_dag.scenario.animation import write_animation
     from trace_dag.scenario.replay import replay_page
@@ -47,7 +47,7 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
     surroundings = surroundings_of(crash)
     if replay_format == "glb":
         return crash_glb(record.key, network, log, surroundings=surroundings)
-    return write_animation(record, network, log, verdict, surroundings=surroundings, image_format=replay_format)
+    return write_animation(record, network, log, verdict, surroundings=surroundings)
 
 
 def content_of(crash: CrashArtefacts, log: SimulationLog) -> ReplayContent:
@@ -97,9 +97,7 @@ def replay_with(
         return write_html_player(record, case.network, log, drive=drive, surroundings=surroundings)
     if replay_format == "glb":
         return crash_glb(record.key, case.network, log, drive, surroundings=surroundings)
-    return write_animation(
-        record, case.network, log, drive=drive, surroundings=surroundings, image_format=replay_format
-    )
+    return write_animation(record, case.network, log, drive=drive, surroundings=surroundings)
 
 
 _NOBODY_TOUCHED = {
