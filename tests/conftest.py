@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import shutil
 import tempfile
@@ -49,6 +50,51 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     gc.unfreeze()  # else DuckDB, when it ends, tells of all that is still there
     if not hasattr(config, "workerinput"):
         shutil.rmtree(os.environ.pop("TRACE_DAG_TESTS_SHARED", ""), ignore_errors=True)
+
+
+# What takes long by nature: pages typed through, processes killed, browsers, clusters, real cohorts, fuzzing, judges.
+SLOW = (
+    "assets/test_backfills.py",
+    "assets/test_daemon.py",
+    "cli/test_carla_kit.py",
+    "docs",
+    "faults",
+    "flow/test_llm_runs.py",
+    "fuzz",
+    "gym",
+    "notebooks",
+    "roads/test_judges.py",
+    "sample",
+    "scenario/test_accessibility.py",
+    "scenario/test_players.py",
+    "scenario/test_replay_in_browser.py",
+    "sim/test_real_crashes.py",
+    "states/test_known_directions.py",
+    "test_packaging.py",
+    "test_plugins_installed.py",
+    "warehouse/test_real_cohorts.py",
+)
+"""Folders and files below tests/ whose tests are marked slow."""
+_DURATIONS = REPOSITORY / "build" / "durations.json"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of slow folders and files."""
+    for item in items:
+        where = item.path.relative_to(REPOSITORY / "tests").as_posix()
+        if where.startswith(tuple(f"{each}/" for each in SLOW)) or where in SLOW:
+            item.add_marker(pytest.mark.slow)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Write how long each test of this run took, in seconds, the slowest first."""
+    seconds: dict[str, float] = {}
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            if isinstance(report, pytest.TestReport):
+                seconds[report.nodeid] = round(seconds.get(report.nodeid, 0.0) + report.duration, 3)
+    _DURATIONS.parent.mkdir(exist_ok=True)
+    _DURATIONS.write_text(json.dumps(dict(sorted(seconds.items(), key=lambda each: -each[1])), indent=1))
 
 
 def pytest_collection_finish() -> None:

@@ -20,7 +20,7 @@ def risks(
 ) -> dict[int, tuple[float, ...]]:
     """The rows of one crash by party: a car (1) struck a person (1001) and another car (2)."""
     with duckdb.connect() as connection:
-        connection.execute("CREATE TABLE verdicts AS SELECT 'a' AS key, 0 AS hypothesis, true AS accepted")
+        connection.execute("CREATE TABLE verdicts AS SELECT 'a' AS key, 0 AS hypothesis, 'verified' AS label")
         connection.execute(
             "CREATE TABLE contacts AS SELECT * FROM (VALUES "
             "('a', 0, 1, 1001, $struck, 0.5, 10.0), ('a', 0, 1, 2, 20.0, $delta_v, 1.0)) "

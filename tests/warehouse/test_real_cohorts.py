@@ -90,7 +90,7 @@ def ends(outcomes: Outcomes, key: str) -> tuple[str, Stage | None, str | None]:
     last = max(outcomes[key], key=lambda stage: stage.position)
     record = outcomes[key][last]
     if record["outcome"] == "accepted":
-        return ("verified" if last is Stage.VERDICT else "pending"), last, None
+        return (record["figures"]["label"] if last is Stage.VERDICT else "pending"), last, None
     return record["outcome"], last, record["reason"]
 
 
@@ -114,11 +114,13 @@ def test_funnel_and_reasons_equal_a_count_of_the_records(root, registered, outco
         "mapped": Stage.ROAD_MAP,
         "estimated": Stage.STATE_ESTIMATE,
         "collided": Stage.SIMULATION_LOG,
-        "verified": Stage.VERDICT,
+        "accepted": Stage.VERDICT,
     }
+    verified = sum(ends(outcomes, key)[0] == "verified" for key in registered)
     assert {row["step"]: row["crashes"] for row in rows(root / "warehouse.duckdb", "funnel")} == {
         "registered": len(registered),
         **{step: accepted[stage] for step, stage in steps.items()},
+        "verified": verified,
     }
     rejected = Counter(
         (stage.value, record["reason"], Reason(record["reason"]).published_category.value)
@@ -138,7 +140,7 @@ def test_coverage_equals_a_count_over_the_records_and_verdicts(root, outcomes):
         classes = [(dimension, record[dimension]) for dimension in DIMENSIONS]
         read.update(classes)
         verdict = root / "verdict" / f"{record['key']}.json"
-        if verdict.exists() and json.loads(verdict.read_bytes())["label"] != "rejected":
+        if verdict.exists() and json.loads(verdict.read_bytes())["label"] == "verified":
             verified.update(classes)
     table = {(row["dimension"], row["class"]): row for row in rows(root / "warehouse.duckdb", "coverage")}
     assert {name: row["verified"] for name, row in table.items() if row["verified"]} == verified
