@@ -121,11 +121,15 @@ def test_rerun_of_named_crashes_runs_all_their_stages_and_no_other_crash(own_roo
     assert trace_dag(own_root, "rerun").returncode == 2
 
 
-ROWS = "SELECT key, latitude_deg, longitude_deg, '=1+1' AS formula, [1, 2] AS listed FROM crashes ORDER BY key"
+ROWS = (
+    "SELECT key, latitude_deg, longitude_deg, '=1+1' AS formula, [1, 2] AS listed, "
+    "nullif(vehicles, 1) AS whole FROM crashes ORDER BY key"
+)
 
 
 def test_rows_go_into_files_that_other_tools_open(tmp_path):
     import pandas as pd
+    import pyarrow.parquet as pq
 
     plain = json.loads(trace_dag(finished(), "sql", ROWS, "--format", "json").stdout)
     keys = [row["key"] for row in plain]
@@ -133,6 +137,7 @@ def test_rows_go_into_files_that_other_tools_open(tmp_path):
         done = trace_dag(finished(), "sql", ROWS, "--format", name, "--output", str(tmp_path / f"rows.{name}"))
         assert done.returncode == 0, done.stderr
     assert list(pd.read_parquet(tmp_path / "rows.parquet")["key"]) == keys
+    assert str(pq.read_schema(tmp_path / "rows.parquet").field("whole").type) == "int64", "an integer beside nulls"
     features = json.loads((tmp_path / "rows.geojson").read_text())["features"]
     assert [feature["properties"]["key"] for feature in features] == keys
     assert features[0]["geometry"]["coordinates"] == [plain[0]["longitude_deg"], plain[0]["latitude_deg"]]

@@ -63,7 +63,13 @@ def _write_geojson(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any
 
 
 def _write_parquet(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    _frame(names, rows).to_parquet(path, index=False)
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    columns = [
+        pa.array([row[k] for row in rows]) for k in range(len(names))
+    ]  # pandas makes floats of integers and nulls
+    pq.write_table(pa.table(columns, names=list(names)), path)
 
 
 def _write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
