@@ -24,7 +24,7 @@ from trace_dag.provenance import crash_of
 from trace_dag.storage.files import Storage, StoredFile
 
 FOLDER = "benchmark"
-VERSION = "6"
+VERSION = "7"
 """Of the code that makes pages, packages and replays; see :data:`trace_dag.flow.stages.VERSIONS`."""
 REPLAYS = "replays"
 FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))

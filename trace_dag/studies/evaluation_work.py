@@ -30,7 +30,7 @@ from trace_dag.sim.backends import backend, backend_factory
 from trace_dag.sim.types import Simulation
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
 
-VERSION = "4"
+VERSION = "5"
 """Of the code that evaluates, our agents' included; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _OURS_S = 120.0  # beyond making an agent and its evaluation: what a worker does itself, a new process included
 _OUR_MEMORY_MB = 4096

@@ -40,7 +40,7 @@ from trace_dag.studies.stored_variations import (
 from trace_dag.variations.family import Variation, VariationKind, family
 from trace_dag.variations.table import VARIATIONS, row
 
-VERSION = "2"
+VERSION = "3"
 """Of the code that makes variations; see :data:`trace_dag.flow.stages.VERSIONS`."""
 
 

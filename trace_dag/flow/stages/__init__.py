@@ -12,12 +12,12 @@ from trace_dag.stage import Stage
 
 VERSIONS = {
     Stage.RAW_REPORT: 1,
-    Stage.CRASH_RECORD: 5,
+    Stage.CRASH_RECORD: 6,
     Stage.OSM_EXTRACT: 2,
-    Stage.ROAD_MAP: 5,
-    Stage.STATE_ESTIMATE: 9,
-    Stage.SIMULATION_LOG: 3,
-    Stage.VERDICT: 7,
+    Stage.ROAD_MAP: 6,
+    Stage.STATE_ESTIMATE: 10,
+    Stage.SIMULATION_LOG: 4,
+    Stage.VERDICT: 8,
 }
 """The number of each stage's code. Raise it when other results come out of the same input: a test says when to think
 of it (``tests/flow/test_code_versions.py``)."""
