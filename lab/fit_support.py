@@ -9,7 +9,7 @@ road). Controls of the place are the same reports at the places of other crashes
 their own maps at least 300 m away on another street, each with a road map, an estimate and a simulation made anew.
 Controls of the course are the simulations beside other crashes' reports. A fact's weight is the logarithm of how many
 times likelier it is to come out so in a true report than in its controls; how often it did in each is the table
-``trace_dag/verdict/support_weights.py``. Printed are the rates of grades where each crash is judged by weights fitted
+``trace_dag/verdict/support_weights.csv``. Printed are the rates of grades where each crash is judged by weights fitted
 to all the others.
 """
 
@@ -47,7 +47,7 @@ from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.support import Weight, facts_of, facts_of_course, grade_of, supported, weights_of
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade
 
-TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.py"
+TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.csv"
 PLACES_OF_EACH = 2
 REPORTS_OF_EACH = 20
 LEAST_M, MOST_M = 300.0, 800.0
@@ -86,8 +86,7 @@ def write_table(table: Iterable[Weight]) -> None:
     names = ("fact", "agreement", "true_count", "true_of", "chance_count", "chance_of")
     rows = sorted(table, key=lambda row: row.fact)
     lines = [",".join(names), *(",".join(str(getattr(row, name)) for name in names) for row in rows)]
-    head = TABLE.read_text().partition('"""\\\n')[0]
-    TABLE.write_text(head + '"""\\\n' + "\n".join(lines) + '\n"""\n')
+    TABLE.write_text("\n".join(lines) + "\n")
 
 
 def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight]:

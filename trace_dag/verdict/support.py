@@ -3,7 +3,8 @@
 The three criteria ask whether the simulated contact fits the report; the estimator chooses hypotheses that do. Support
 asks what else the report says, of the place and of the course, and whether that is so. Each fact counts with the
 logarithm of how many times likelier it is to agree (or differ) in a true report at its true place than in a control,
-by the counts in :mod:`trace_dag.verdict.support_weights`. As in naive Bayes the facts' weights add up.
+by the counts in ``support_weights.csv``, measured on FARS reports of Virginia 2023 and of Arizona, California, Ohio and
+South Dakota 2012 to 2016 (``lab/fit_support.py``). As in naive Bayes the facts' weights add up.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib import resources
 from typing import Final
 
 from trace_dag.crash.contradictions import named_contradictions
@@ -26,7 +28,6 @@ from trace_dag.verdict.departure_facts import departure_facts
 from trace_dag.verdict.pedestrian_facts import crosswalk_facts, pedestrian_facts
 from trace_dag.verdict.place_facts import place_facts
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.support_weights import COUNTS
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Reservation, Support
 
 LEAST_FACTS: Final = 6
@@ -186,8 +187,9 @@ def grade_of(support: Support | None, reservations: Sequence[Reservation] = ()) 
 
 @cache
 def fitted_weights() -> Weights:
-    """The weights of the package's table."""
-    return weights_of(read_weights(COUNTS))
+    """Return the weights of the package's table."""
+    table = resources.files("trace_dag.verdict").joinpath("support_weights.csv")
+    return weights_of(read_weights(table.read_text(encoding="utf-8")))
 
 
 def weights_of(counts: Iterable[Weight]) -> Weights:
