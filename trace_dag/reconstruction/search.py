@@ -10,7 +10,6 @@ the map.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final, TypeAlias
@@ -227,8 +226,7 @@ def _is_struck_so(course: Course, event: CrashEvent) -> bool:
     for vehicle in event.vehicles:
         if vehicle.impact is not None:
             clock_h = contact_clock_h(*course.log.clock_body(seen.contact, vehicle.number), point)
-            off = clock_difference_h(clock_h, vehicle.impact.clock_h) - vehicle.impact.half_width_rad * 6 / math.pi
-            if off > _CLOCK_POSITIONS:
+            if clock_difference_h(clock_h, vehicle.impact.clock_h) > _CLOCK_POSITIONS:
                 return False
     return True
 
