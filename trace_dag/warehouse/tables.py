@@ -38,8 +38,6 @@ TABLES: Final[Mapping[str, Rows]] = {
     "verdicts": Rows.OF_ALL,
     "judged_crashes": Rows.OF_ALL,
     "pedestrians": Rows.OF_ALL,
-    "head_on": Rows.OF_ALL,
-    "at_night": Rows.OF_ALL,
     "support": Rows.OF_ONE,
     "reservations": Rows.OF_ONE,
     "verdict_changes": Rows.OF_ALL,
