@@ -106,12 +106,20 @@ def test_an_agent_that_stops_its_parent_stops_nobody_who_measures() -> None:
 
 
 def test_an_agent_ends_with_the_process_that_measures() -> None:
-    code = (
-        "from tests.evaluation.test_hostile_agents import driven; import os; from threading import Timer\n"
-        "from trace_dag.processes import descendants\n"
-        "Timer(2.5, lambda: (print(*descendants(os.getpid()), flush=True), os.kill(os.getpid(), 9))).start()\n"
-        "driven('Looping')"
-    )
+    code = """
+import os, threading, time
+from tests.evaluation.test_hostile_agents import driven
+from trace_dag.processes import descendants
+
+def end_with_its_agent():
+    while len(found := tuple(descendants(os.getpid()))) < 2:
+        time.sleep(0.05)
+    print(*found, flush=True)
+    os.kill(os.getpid(), 9)
+
+threading.Thread(target=end_with_its_agent).start()
+driven("Looping")
+"""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
     agents = [Path(f"/proc/{number}") for number in done.stdout.split()]
