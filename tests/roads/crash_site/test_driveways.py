@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.roads.test_build import built, garbage
 from tests.roads.towns import SETTINGS, Town, report, vehicle
+from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.errors import Reason
 from trace_dag.osm.types import OsmExtract
@@ -128,6 +129,14 @@ def test_it_ends_at_the_next_road() -> None:
     assert all(end[1] < 0 for end in far_ends(road_map))
     assert len(drawn(road_map)) == 2
     assert len(road_map.network.junctions) == 2
+
+
+def test_none_is_drawn_at_a_reported_intersection_unless_one_is_reported() -> None:
+    reported = replace(crash((89, 88)), road_topology=RoadTopology.FOUR_WAY, junction_relation_code=2)
+    with_street = replace(reported.vehicles[0], trafficway_code=1)  # VTRAFWAY: a two-way street
+    street = replace(reported, vehicles=(with_street, reported.vehicles[1]))
+    assert drawn(build_road_map(main_street().extract(), street, SETTINGS)) == []
+    assert drawn(build_road_map(main_street().extract(), reported, SETTINGS)) != []
 
 
 def test_no_driveway_opens_onto_a_motorway() -> None:

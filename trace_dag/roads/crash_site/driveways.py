@@ -82,6 +82,8 @@ def _reported_access(record: CrashRecord) -> Access | None:
     at_driveway = record.junction_relation_code in DRIVEWAY_RELATIONS
     if any(_backs(vehicle) for vehicle in pair):
         return Access("the crash is reported at a driveway") if at_driveway else None
+    if is_at_intersection(record) and not at_driveway:
+        return None  # they came out of the streets that meet there
     if _is_crossing(pair):
         # The vehicle that turned came from the side; if both went straight, either can have.
         for vehicle, other in both:
@@ -89,8 +91,6 @@ def _reported_access(record: CrashRecord) -> Access | None:
                 return _coming_out(vehicle, other, f"vehicle {vehicle.number} is reported to have come from the side")
         fastest_m = max(_driven_m(vehicle) for vehicle in pair)
         return Access("one vehicle is reported to have come from the side", across=True, length_m=fastest_m)
-    if is_at_intersection(record) and not at_driveway:
-        return None
     for vehicle, _ in both:
         turn = turn_of(vehicle)
         if turn in (Turn.LEFT, Turn.RIGHT):

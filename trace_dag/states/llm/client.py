@@ -35,6 +35,7 @@ _SECRET_NAME = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL)", re.IGNORECA
 _KEY_SHAPED = re.compile(r"\b(sk|pk|AIza|gsk|xai|hf)[-_A-Za-z0-9]{12,}")
 _SHORTEST_SECRET = 6
 _LONGEST_MESSAGE = 300
+_LONGEST_ANSWER = 200_000  # characters: a hundred times what the schema of an answer needs
 KEY_MISSING = "the environment lacks"
 _KEY_WANTED = re.compile(r"api.?key|credential", re.IGNORECASE)
 _REFUSED_STATUS = (401, 403)
@@ -184,9 +185,11 @@ class LlmClient:
         refusal = (extra or {}).get("refusal")  # where litellm puts OpenAI's field
         if refusal or finish == "content_filter":
             text, finish = str(refusal or text), REFUSED
+        elif len(text) > _LONGEST_ANSWER:
+            text, finish = text[:_LONGEST_ANSWER], "length"
         usage = getattr(response, "usage", None)
         return StoredAnswer(
-            text=text,
+            text=without_secrets(text),  # a model may repeat what it was sent, headers included
             finish_reason=finish,
             model=_model_name(str(getattr(response, "model", None) or self.model)),
             prompt_tokens=max(int(getattr(usage, "prompt_tokens", 0) or 0), 0),
