@@ -202,7 +202,7 @@ def test_a_failure_is_never_stored(monkeypatch, case, tmp_path):
 def test_no_key_in_logs_artefacts_or_stored_answers(monkeypatch, case, tmp_path, caplog, capfd):
     caplog.set_level(logging.DEBUG)
     files = Storage(tmp_path)
-    respond = in_turn(failing(429), completion("nonsense"), completion(right_answer(case)))
+    respond = in_turn(failing(429), completion(f"nonsense after {KEY}"), completion(right_answer(case)))
     asked = asking(monkeypatch, case, respond, files=files)
     written = b"".join(path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
     own_log = "\n".join(record.getMessage() for record in caplog.records)
