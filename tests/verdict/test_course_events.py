@@ -20,7 +20,7 @@ from trace_dag.settings import VerdictSettings
 from trace_dag.verdict.course_events import course_doubts
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.observation import observe_crash
-from trace_dag.verdict.reservations import reservations_about
+from trace_dag.verdict.reservations import simulation_doubts
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt
 
@@ -102,7 +102,7 @@ def test_a_vehicle_on_neither_of_the_named_streets_is_on_another_one() -> None:
 
     def other_streets(second: str) -> list[str]:
         report = replace(at, trafficway_2=second)
-        found = reservations_about(report, REPORT, beside(ANGLE, report, network))
+        found = simulation_doubts(beside(ANGLE, report, network), ())
         return [each.detail for each in found if each.doubt is Doubt.OTHER_STREET]
 
     assert other_streets("OAK ST") == []

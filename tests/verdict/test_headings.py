@@ -16,7 +16,7 @@ from trace_dag.errors import Reason, Rejection
 from trace_dag.settings import CrashSettings, VerdictSettings
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.observation import observe_crash
-from trace_dag.verdict.reservations import reservations_about, shortfalls
+from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, Verdict
 
@@ -77,10 +77,7 @@ def without_areas() -> CrashRecord:
 def test_a_register_without_areas_is_judged_without_them_and_never_corroborated(without_areas):
     verdict = judged(HEAD_ON, headed(without_areas, Octant.EAST, Octant.WEST))
     assert verdict.accepted
-    hypothesis, log = simulated(*HEAD_ON)
-    seen = observe_crash(STREET, hypothesis, log)
-    beside = Comparison.of(without_areas, sequence_of(without_areas), seen, VerdictSettings())
-    found = reservations_about(without_areas, REPORT, beside)
+    found = place_doubts(without_areas, STREET, REPORT)
     assert Doubt.NO_AREAS in {each.doubt for each in found}
 
 
@@ -99,6 +96,11 @@ def test_a_harmless_impact_is_no_doubt_where_nobody_was_killed():
     )
     seen = observe_crash(STREET, hypothesis, gentle)
     hurt = replace(HEAD_ON_RECORD, register="town", injury_code=2)
-    assert shortfalls(hurt, seen, ()) == ()
+
+    def doubts(record: CrashRecord) -> list[Doubt]:
+        beside = Comparison.of(record, sequence_of(record), seen, VerdictSettings())
+        return [each.doubt for each in simulation_doubts(beside, ())]
+
+    assert doubts(hurt) == []
     killed = replace(hurt, injury_code=4)
-    assert [each.doubt for each in shortfalls(killed, seen, ())] == [Doubt.HARMLESS]
+    assert doubts(killed) == [Doubt.HARMLESS]

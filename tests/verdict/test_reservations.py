@@ -17,7 +17,7 @@ from trace_dag.units import kmh_to_mps
 from trace_dag.verdict.happened import event_outcomes
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
-from trace_dag.verdict.reservations import reservations_about, shortfalls
+from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, EventOutcome, Grade, Happening, Label
 
@@ -37,7 +37,7 @@ def outcomes(record, seen: ObservedCrash) -> tuple[EventOutcome, ...]:
 def doubts(record=RECORD, *, report=MADE.map_report, log=LOG, events=()) -> dict[Doubt, str]:
     seen = observed(log)
     beside = Comparison.of(record, sequence_of(record), seen, example_objects.SETTINGS.verdict)
-    found = (*shortfalls(record, seen, events), *reservations_about(record, report, beside))
+    found = (*simulation_doubts(beside, events), *place_doubts(record, MADE.network, report))
     return {each.doubt: each.detail for each in found}
 
 

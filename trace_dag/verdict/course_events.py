@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.codes import events as codes
+from trace_dag.crash.codes.vehicle import NO_ROLLOVER
 from trace_dag.crash.departure_side import SIDE_OF_EVENT, DepartureSide
 from trace_dag.crash.record import EventRecord, VehicleClass
 from trace_dag.crash.summary import event_in_words
@@ -57,12 +58,15 @@ def course_doubts(beside: Comparison) -> Iterator[Reservation]:
     >>> list(course_doubts(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
     []
     """
+    simulated = {each.number for each in beside.observed.log.parties}
     for vehicle in beside.record.vehicles:
         events = [each for each in beside.record.events if each.party_1 == vehicle.number and not each.is_harmful]
-        if events and vehicle.number in {each.number for each in beside.observed.log.parties}:
+        if events and vehicle.number in simulated:
             yield from _missed_events(beside, vehicle.number, events)
+        elif events:
+            yield _doubt(Doubt.DEPARTURE_MISSED, events[0], f"vehicle {vehicle.number} is not simulated")
     yield from _other_zone(beside)
-    yield from _unreported_overturns(beside)
+    yield from _overturns(beside)
 
 
 def _missed_events(beside: Comparison, number: int, events: list[EventRecord]) -> Iterator[Reservation]:
@@ -188,15 +192,20 @@ def _other_zone(beside: Comparison) -> Iterator[Reservation]:
     yield Reservation(Doubt.OTHER_ZONE, f"the first event is in the {place.zone}, reported is the {zone}")
 
 
-def _unreported_overturns(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each vehicle on four wheels or more that overturns and by its report does not."""
-    reported = {each.party_1 for each in beside.record.events if each.code == codes.OVERTURN}
+def _overturns(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each vehicle on four wheels or more that overturns and by its report does not, or the other way
+    round (``ROLLOVER``; events that say so are judged as events)."""
+    with_event = {each.party_1 for each in beside.record.events if each.code == codes.OVERTURN}
+    overturned = {each.number for each in beside.observed.log.parties if overturned_at(each) is not None}
     for vehicle in beside.record.vehicles:
-        if vehicle.number in reported or vehicle.rollover_code or vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
+        number, reported = vehicle.number, vehicle.rollover_code not in (None, *NO_ROLLOVER)
+        judged = number in with_event or vehicle.vehicle_class is VehicleClass.MOTORCYCLE
+        if judged or reported is (number in overturned):
             continue
-        driven = next((each for each in beside.observed.log.parties if each.number == vehicle.number), None)
-        if driven is not None and overturned_at(driven) is not None:
-            yield Reservation(Doubt.UNREPORTED_OVERTURN, f"vehicle {vehicle.number} overturns, which no event reports")
+        if reported:
+            yield Reservation(Doubt.EVENT_MISSED, f"vehicle {number} rolled over (ROLLOVER), and stays on its wheels")
+        else:
+            yield Reservation(Doubt.UNREPORTED_OVERTURN, f"vehicle {number} overturns, which no event reports")
 
 
 def _doubt(doubt: Doubt, event: EventRecord, found: str) -> Reservation:

@@ -21,11 +21,11 @@ from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.articulation import articulation_shown
 from trace_dag.verdict.happened import event_outcomes
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
-from trace_dag.verdict.reservations import reservations_about, shortfalls
+from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison, criteria, judgement, required_reasons
 from trace_dag.verdict.shown import shown_measures
 from trace_dag.verdict.support import facts_of, grade_of, supported
-from trace_dag.verdict.types import Criterion, Grade, Label, Verdict
+from trace_dag.verdict.types import Criterion, Grade, Label, Reservation, Verdict
 
 
 def judge(
@@ -58,11 +58,11 @@ def judge(
     verdict = max(judged, key=lambda each: (each.verified, each.accepted))  # the first of the best
     seen = observed[verdict.hypothesis]
     beside = Comparison.of(record, sequence, seen, settings)
-    doubts = (*verdict.reservations, *reservations_about(record, report, beside)) if verdict.accepted else ()
     support = supported(facts_of(record, network, report, beside))
-    verdict = replace(verdict, support=support, reservations=doubts)
+    verdict = replace(verdict, support=support)
     if verdict.accepted:
-        verdict = replace(verdict, grade=grade_of(support, doubts))
+        doubts = (*verdict.reservations, *place_doubts(record, network, report))
+        verdict = replace(verdict, label=_label(doubts), grade=grade_of(support, doubts), reservations=doubts)
     unsure = alternatives(estimate)
     return verdict if unsure is None else replace(verdict, alternatives=unsure.clause, direction_open=unsure.sides)
 
@@ -109,12 +109,11 @@ def judge_observed(
                     f"crash's (by {placed.matched_by}), and the contact {distance_m:.1f} m from that place"
                 )
     events = event_outcomes(beside)
-    missing = shortfalls(record, observed, events) if result.accepted else ()
-    accepted = Label.FIRST_EVENT_ONLY if missing else Label.VERIFIED
+    doubts = simulation_doubts(beside, events) if result.accepted else ()
     return Verdict(
         key=record.key,
         rule_set=settings.rule_set,
-        label=accepted if result.accepted else Label.REJECTED,
+        label=_label(doubts) if result.accepted else Label.REJECTED,
         hypothesis=index,
         hypotheses_judged=of,
         criteria=found,
@@ -122,8 +121,12 @@ def judge_observed(
         detail=detail,
         grade=Grade.CONSISTENT if result.accepted else None,
         events=events,
-        reservations=missing,
+        reservations=doubts,
     )
+
+
+def _label(doubts: Sequence[Reservation]) -> Label:
+    return Label.FIRST_EVENT_ONLY if any(each.doubt.bars_verification for each in doubts) else Label.VERIFIED
 
 
 def _mapped_ground(record: CrashRecord, observed: ObservedCrash, report: MapReport) -> Criterion:

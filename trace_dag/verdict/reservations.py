@@ -1,7 +1,7 @@
 """Doubts about an accepted crash. A doubt is not outweighed by support (:mod:`trace_dag.verdict.support`).
 
-A harmful event that does not happen, and harm that cannot have come of the simulated impacts, keep a crash from being
-verified; every other doubt keeps it from being corroborated.
+Whatever the report says and the simulation does not show keeps a crash from being verified; doubts about its street,
+its course or its areas keep it from being corroborated too.
 """
 
 from __future__ import annotations
@@ -39,36 +39,33 @@ at which the risk is 4 in 10,000 by Joksch (1993), (delta-v / 71 mph)^4. A serio
 has to record (49 CFR 563.5). Lesser injuries come of any impact."""
 
 
-def reservations_about(
-    record: CrashRecord,
-    report: MapReport,
-    beside: Comparison,
-) -> tuple[Reservation, ...]:
-    """Return the doubts about street, course and areas of an accepted crash.
+def place_doubts(record: CrashRecord, network: RoadNetwork, report: MapReport) -> tuple[Reservation, ...]:
+    """Return the doubts about an accepted crash that are the same in every simulation of it.
+
+    >>> place_doubts(record, network, map_report)
+    ()
+    """
+    found = (_other_street(record, network, report), _no_areas(record))
+    return tuple(each for each in found if each is not None)
+
+
+def simulation_doubts(beside: Comparison, events: Sequence[EventOutcome]) -> tuple[Reservation, ...]:
+    """Return the doubts about one simulation: events that do not happen, no harm, other roads, another course.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.settings import VerdictSettings
     >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
-    >>> reservations_about(record, map_report, beside)
+    >>> simulation_doubts(beside, verdict.events)
     ()
     """
-    found = (
-        _other_street(record, beside.observed.network, report),
-        *_other_roads(record, beside.observed),
-        *course_doubts(beside),
-        _no_areas(record),
-    )
-    return tuple(each for each in found if each is not None)
-
-
-def shortfalls(record: CrashRecord, observed: ObservedCrash, events: Sequence[EventOutcome]) -> tuple[Reservation, ...]:
-    """Return the doubts that keep a crash from being verified: harmful events that do not happen, and no harm.
-
-    >>> shortfalls(record, observed_crash, verdict.events)
-    ()
-    """
+    record, observed = beside.record, beside.observed
     harmless = _harmless(record, observed)
-    return (*_missed(record, events), *([] if harmless is None else [harmless]))
+    return (
+        *_missed(record, events),
+        *([] if harmless is None else [harmless]),
+        *_other_roads(record, observed),
+        *course_doubts(beside),
+    )
 
 
 def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) -> Reservation | None:

@@ -180,7 +180,7 @@ def grade_of(support: Support | None, reservations: Sequence[Reservation] = ()) 
     >>> grade_of(None).value
     'consistent'
     """
-    doubted = any(not each.doubt.bars_verification for each in reservations)
+    doubted = any(each.doubt.bars_corroboration for each in reservations)
     supported = support is not None and not support.detail
     return Grade.CORROBORATED if supported and not doubted else Grade.CONSISTENT
 

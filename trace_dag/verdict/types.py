@@ -130,9 +130,9 @@ class EventOutcome:
 class Doubt(StrEnum):
     """A difference between an accepted crash and its report that no support outweighs."""
 
-    EVENT_MISSED = "event_missed"  # a harmful event; with this or the next the crash is not verified
+    EVENT_MISSED = "event_missed"  # a harmful one
     HARMLESS = "harmless"
-    OTHER_STREET = "other_street"  # from here on: verified, and not corroborated
+    OTHER_STREET = "other_street"
     CENTRELINE_NOT_CROSSED = "centreline_not_crossed"
     MEDIAN_NOT_CROSSED = "median_not_crossed"
     DEPARTURE_MISSED = "departure_missed"
@@ -144,8 +144,13 @@ class Doubt(StrEnum):
 
     @property
     def bars_verification(self) -> bool:
-        """Return whether a crash with this doubt is accepted by its first event only."""
-        return self in (Doubt.EVENT_MISSED, Doubt.HARMLESS)
+        """Return whether a crash with this doubt is accepted by its first event only: by looking, none was right."""
+        return self is not Doubt.NO_AREAS
+
+    @property
+    def bars_corroboration(self) -> bool:
+        """Return whether the doubt is about street, course or areas; what does not happen is a matter of the label."""
+        return self not in (Doubt.EVENT_MISSED, Doubt.HARMLESS)
 
 
 @dataclass(frozen=True)
