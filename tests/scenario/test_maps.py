@@ -17,9 +17,8 @@ from tests.scenario.pixels import drawn, rgb
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road, RoadMark, Signal
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.canvas import Canvas, length_pt
-from trace_dag.scenario.map_marks import WHITE
+from trace_dag.scenario.map_ground import ASPHALT, SURFACES, WHITE
 from trace_dag.scenario.map_scene import MapScene
-from trace_dag.scenario.map_surfaces import ASPHALT, SURFACES
 from trace_dag.scenario.maps import GROUND, MapDrawing, draw_network
 
 _PIXELS_PER_M = 8

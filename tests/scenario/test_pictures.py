@@ -17,7 +17,7 @@ from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.roads.report import CrashPlacement, InferredRoad, MapReport
 from trace_dag.scenario.canvas import Ink, as_png
 from trace_dag.scenario.colours import VEHICLE_COLOURS
-from trace_dag.scenario.map_surfaces import ASPHALT
+from trace_dag.scenario.map_ground import ASPHALT
 from trace_dag.scenario.picture_sheet import Sheet
 from trace_dag.scenario.pictures import draw_crash
 from trace_dag.sim.types import SimulationLog

@@ -15,7 +15,7 @@ from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.osm.types import OsmFeature
 from trace_dag.scenario.canvas import Canvas
-from trace_dag.scenario.map_surfaces import ASPHALT
+from trace_dag.scenario.map_ground import ASPHALT
 from trace_dag.scenario.maps import GROUND, MapDrawing
 
 BUILDING = "#D2C5B4"

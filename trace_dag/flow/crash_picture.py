@@ -16,8 +16,7 @@ from trace_dag.flow.artefacts import (
 )
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.scenario.canvas import as_png, pixels_of
-from trace_dag.scenario.pictures import WIDTH_PX, draw_crash
-from trace_dag.scenario.rejected_map import draw_rejected_map
+from trace_dag.scenario.pictures import WIDTH_PX, draw_crash, draw_rejected_map
 from trace_dag.stage import Stage
 
 

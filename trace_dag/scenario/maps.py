@@ -1,8 +1,7 @@
 """Road networks drawn from above: surfaces by lane type, marks, crosswalks, turn arrows, signs, names, heights.
 
 Draws in metres of the local frame, everything except names below z-order 15. It draws maps only, no crashes. Geometry
-is made once for all windows, and what lies outside of one is not drawn. What each kind looks like is in the modules
-``map_*``.
+is made once for all windows, and what lies outside of one is not drawn.
 """
 
 from __future__ import annotations
@@ -12,13 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.canvas import Canvas, Ink
-from trace_dag.scenario.map_arrows import Arrows
-from trace_dag.scenario.map_crosswalks import Crosswalks
-from trace_dag.scenario.map_marks import Marks
-from trace_dag.scenario.map_names import Names
+from trace_dag.scenario.map_ground import Arrows, Crosswalks, Marks, Shade, Surfaces, height_shades
 from trace_dag.scenario.map_scene import MapScene, Window
-from trace_dag.scenario.map_signs import Signs
-from trace_dag.scenario.map_surfaces import Shade, Surfaces, height_shades
+from trace_dag.scenario.map_signs import Names, Signs
 from trace_dag.scenario.scenery import Scenery, corners_of, draw_fading, draw_night, map_reach_m
 
 if TYPE_CHECKING:

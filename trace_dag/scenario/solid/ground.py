@@ -16,11 +16,8 @@ from scipy.spatial import cKDTree
 
 from trace_dag.roads.map.lane_index import united
 from trace_dag.roads.map.model import LaneType
-from trace_dag.scenario.map_arrows import Arrows
-from trace_dag.scenario.map_crosswalks import Crosswalks
-from trace_dag.scenario.map_marks import STROKE_M, WHITE, Marks
+from trace_dag.scenario.map_ground import STROKE_M, SURFACES, WHITE, Arrows, Crosswalks, Marks
 from trace_dag.scenario.map_scene import MapScene, SeenLane, SeenSection, Window
-from trace_dag.scenario.map_surfaces import SURFACES
 from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.paving import paved_gaps
 from trace_dag.scenario.polylines import worth_keeping
