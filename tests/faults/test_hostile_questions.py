@@ -10,6 +10,7 @@ import sample_runs
 from sample_runs import trace_dag, trace_dag_process
 
 import trace_dag.warehouse.query as warehouse_query
+from trace_dag.cli.printing import print_table, write_csv
 from trace_dag.errors import UserError
 from trace_dag.settings import WarehouseSettings
 from trace_dag.warehouse.asking import ask
@@ -90,3 +91,11 @@ def test_what_takes_longer_than_duckdb_waits_with_its_progress_bar_is_answered(w
     """Four seconds of two cores; the bar comes after two."""
     asked = "SELECT sum(sqrt(a.range) * sqrt(b.range)) > 0 AS found FROM range(30000) a, range(30000) b"
     assert ask(warehouse, asked, WarehouseSettings()) == (["found"], [(True,)])
+
+
+def test_column_names_command_neither_a_terminal_nor_a_spreadsheet(capsys: pytest.CaptureFixture[str]):
+    print_table(["\x1b[31mred"], [["x"]])
+    write_csv(["=1+1"], [["x"]])
+    shown = capsys.readouterr().out
+    assert "\x1b" not in shown
+    assert "'=1+1" in shown

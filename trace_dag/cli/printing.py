@@ -100,7 +100,7 @@ def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: boo
             for row in rows
         )
         table.add_column(
-            name, justify="right" if numeric else "left", overflow="ellipsis" if fit else "fold", no_wrap=fit
+            printable(name), justify="right" if numeric else "left", overflow="ellipsis" if fit else "fold", no_wrap=fit
         )
     for row in rows:
         table.add_row(*(_cell(value) for value in row))
@@ -125,7 +125,7 @@ def write_csv(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     apostrophe; numbers stay as they are."""
     in_terminal = sys.stdout.isatty()
     writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(names)
+    writer.writerow([_csv_cell(name, in_terminal) for name in names])
     writer.writerows([_csv_cell(value, in_terminal) for value in row] for row in rows)
 
 

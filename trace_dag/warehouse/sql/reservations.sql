@@ -1,10 +1,10 @@
--- Every doubt about an accepted crash: each keeps it from being verified, or from being corroborated.
+-- Every doubt about an accepted crash: with any but no_areas it is not verified.
 CREATE TABLE reservations AS
 SELECT key, support.detail = '' AS otherwise_corroborated, doubtful.doubt AS doubt, doubtful.detail AS detail
 FROM (SELECT key, support, unnest(reservations) AS doubtful FROM verdict)
 ORDER BY ALL;
 
-COMMENT ON TABLE reservations IS 'Every doubt about an accepted crash; event_missed and harmless bar verification; those about street, course and areas bar corroboration too';
+COMMENT ON TABLE reservations IS 'Every doubt about an accepted crash; with any but no_areas it is not verified, and those about street, course and areas bar corroboration too';
 COMMENT ON COLUMN reservations.key IS 'Key of the crash';
 COMMENT ON COLUMN reservations.otherwise_corroborated IS 'Whether facts and support would be enough without doubts; null where no support is measured';
 COMMENT ON COLUMN reservations.doubt IS 'event_missed, harmless, other_street, centreline_not_crossed, median_not_crossed, departure_missed, return_missed, not_airborne, other_zone, unreported_overturn or no_areas';
