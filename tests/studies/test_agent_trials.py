@@ -41,7 +41,7 @@ def test_what_has_the_methods_of_an_agent_is_one_wherever_they_come_from():
     ("name", "said"),
     [
         ("Raising", "cannot be made: KeyError: 'weights'"),
-        ("Hanging", "took longer than 0.5 s"),
+        ("Hanging", "took longer than 2.5 s"),
         ("Leaving", "ended its process"),
     ],
 )

@@ -291,7 +291,7 @@ def begin_strike(vehicle: Vehicle, person: Person, touch: PersonTouch, now_s: fl
     >>> from trace_dag.sim.people import PersonTouch
     >>> car, touch = simulated_pair[0], PersonTouch(0.01, [0.0, 0.0, 1.0], (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     >>> round(begin_strike(car, simulated_person, touch, 2.0, 0.005).start_s, 4)  # 0.01 m ago, at 6 m/s
-    1.9983
+    1.9984
     """
     px, py, _ = touch.point
     nx, ny = touch.normal[0], touch.normal[1]

@@ -115,8 +115,8 @@ def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) 
     """A judgement as a row.
 
     >>> row = row_of("true", record.key, verdict)
-    >>> row.verified, row.clock_error_max_positions, row.speeds_kept
-    (True, 0.0, True)
+    >>> row.verified, round(row.clock_error_max_positions, 1), row.speeds_kept
+    (True, 0.5, True)
     """
     return ControlRow(
         kind=kind,

@@ -215,7 +215,7 @@ def impact_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
 
     >>> fact = impact_fact(record.vehicles[0], first_contact.vehicles[1])
     >>> fact.reported, fact.found, fact.agreement.value
-    ("3 o'clock", "3.0 o'clock", 'agrees')
+    ("3 o'clock", "2.9 o'clock", 'agrees')
     """
     error = clock_error_positions(seen.clock_h, vehicle.impact)
     if vehicle.impact is None or error is None:

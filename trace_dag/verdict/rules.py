@@ -76,6 +76,7 @@ _REJECTING = (
 )
 _TRAFFICWAY_M: Final = 9.0
 """Distance beyond the edge at which a trafficway ends: the clear zone of AASHTO's Roadside Design Guide (2011)."""
+_EDGE_M: Final = 0.5  # the edge of a carriageway is drawn no better than so
 _OVERTURNING_M: Final = 5.0  # a tripped vehicle slides and turns on before it is over
 _LARGEST_ANGLE_DEG: Final = 150.0
 """Between the headings in an angle crash of two fronts: above it the two meet head on (``MAN_COLL`` 2)."""
@@ -292,7 +293,7 @@ def _across_distance(each: Beside) -> Values:
         allowed_m = max(allowed_m, _TRAFFICWAY_M)
     if each.event.kind is EventKind.OVERTURN:
         allowed_m += _OVERTURNING_M
-    yield None, max(left.place.beyond_m - allowed_m, 0.0)
+    yield None, max(left.place.beyond_m - allowed_m - _EDGE_M, 0.0)
 
 
 def _head_on_angle(each: Beside) -> Values:
