@@ -117,7 +117,7 @@ def test_reported_speeds_are_driven(cohort: list[Ours]) -> None:
 def test_negative_controls(cohort: list[Ours]) -> None:
     crashes = [crash.judged for crash in of_two_vehicles(cohort) if crash.verdict.accepted]
     true = [true_pairing(crash, SETTINGS.verdict) for crash in crashes]
-    assert (acceptance_rate(true) or 0.0) >= 0.7  # the others are first_event_only
+    assert (acceptance_rate(true) or 0.0) >= 0.6  # the others are first_event_only
     rows = [row for crash in crashes for row in changed_reports(crash, crashes, SETTINGS.verdict)]
     rows = [row for row in rows if row.kind == "other_report"]
     assert len(rows) == len(crashes) * (len(crashes) - 1)
