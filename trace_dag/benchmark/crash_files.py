@@ -39,7 +39,7 @@ MADE_WITH = (  # modules that take a while to load, also those that are imported
 
 
 def package_name(key: str) -> str:
-    """Where the package of an accepted crash lies below the root."""
+    """Return the path of an accepted crash's package below the root."""
     return f"{FOLDER}/packages/{key}.zip"
 
 
@@ -49,7 +49,7 @@ def replay_name(key: str) -> str:
 
 
 def thumbnail_name(key: str) -> str:
-    """Where the moving picture of an accepted crash lies below the root."""
+    """Return the path of an accepted crash's moving picture below the root."""
     return f"{FOLDER}/thumbnails/{key}.svg"
 
 

@@ -14,7 +14,7 @@ from trace_dag.sim.driving import BodyState
 from trace_dag.sim.types import Contact, VehicleLog
 
 FASTEST_PACE: Final = 1.25
-"""Of who drives: about 15 km/h more at 60 km/h, what recorded and reported speeds differ by."""
+"""Margin for a driver: about 15 km/h more at 60 km/h, what recorded and reported speeds differ by."""
 GOAL_BEYOND_M: Final = 50.0
 """So far beyond the conflict, or at the end of its recorded way, an agent has finished."""
 PAST_M: Final = 5.0

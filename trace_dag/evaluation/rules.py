@@ -46,7 +46,7 @@ class _Moment:
 
 
 def measure_rules(network: RoadNetwork, log: VehicleLog, until_s: float, recorded_mps: float) -> RuleMeasures:
-    """How a vehicle kept the rules up to a time; ``recorded_mps`` is the highest speed of the recorded vehicle."""
+    """Measure how a vehicle keeps the rules until a time; ``recorded_mps`` is the recorded top speed."""
     moments = _moments(network, log, until_s)
     off_road = wrong_way = 0
     over_mps = over_traffic_mps = 0.0

@@ -14,7 +14,7 @@ MOST_BYTES: Final = 64_000_000
 _DEEPEST: Final = 32
 """Lists and objects within each other: ours go to ten."""
 _MOST_ELEMENTS: Final = 2_000_000
-"""Of a JSON file: a crash's largest has some 200,000, and each takes up to a hundred bytes of memory."""
+"""Most elements of a JSON file: a crash's largest has some 200,000, and each takes up to a hundred bytes of memory."""
 GET_AGAIN: Final = "get it again from where it came from"
 _TEXT: Final = re.compile(rb'"(?:[^"\\]|\\.)*+"')
 _NO_NUMBER: Final = re.compile(rb"NaN|Infinity|[0-9][eE]\+?[0-9]{3}")
