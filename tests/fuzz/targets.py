@@ -30,7 +30,7 @@ from trace_dag.evaluation.agent_protocol import answer_from_bytes, answer_to_byt
 from trace_dag.evaluation.agents import AgentFault, Motion
 from trace_dag.flow import artefacts
 from trace_dag.osm.extraction import Around, UnreadableMapError, read_around, read_header
-from trace_dag.osm.pbf_check import PbfChecker
+from trace_dag.osm.map_check import MapChecker
 from trace_dag.osm.types import BoundingBox
 from trace_dag.osm.xml import read_osm
 from trace_dag.reading.opening import open_place
@@ -97,9 +97,9 @@ def _osm_pbf(data: bytes, folder: Path) -> None:
 
 
 @functools.cache
-def _checker(process: int) -> PbfChecker:
+def _checker(process: int) -> MapChecker:
     """One for all maps of a process, ended with it; a forked process has none of its parent's."""
-    return PbfChecker()
+    return MapChecker()
 
 
 def _extract(path: Path) -> None:

@@ -16,7 +16,7 @@ from trace_dag.errors import DamagedFile, UserError
 from trace_dag.evaluation.agent_protocol import answer_from_bytes
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.osm.extraction import UnreadableMapError, read_around, read_header
-from trace_dag.osm.pbf_check import PbfChecker
+from trace_dag.osm.map_check import MapChecker
 from trace_dag.reading.packed import ArchiveFiles
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
@@ -47,7 +47,7 @@ def test_a_map_with_text_that_is_none_is_refused(tmp_path: Path, key: bytes) -> 
     path = tmp_path / "map.osm.pbf"
     path.write_bytes(whole.replace(b"name", key))
     assert path.read_bytes() != whole
-    with PbfChecker() as checker, pytest.raises(UnreadableMapError, match="cannot be read as OSM data"):
+    with MapChecker() as checker, pytest.raises(UnreadableMapError, match="cannot be read as OSM data"):
         checker.check(path)
 
 
@@ -60,7 +60,7 @@ def test_a_map_that_ends_the_process_that_reads_it_ends_no_other(tmp_path: Path)
         ("whole", whole),
     ):
         (tmp_path / f"{name}.osm.pbf").write_bytes(data)
-    with PbfChecker() as checker:
+    with MapChecker() as checker:
         for name in ("key", "value"):
             with pytest.raises(UnreadableMapError, match=rf"{name}.osm.pbf: (damaged, |cannot be read)"):
                 checker.check(tmp_path / f"{name}.osm.pbf")
@@ -70,7 +70,7 @@ def test_a_map_that_ends_the_process_that_reads_it_ends_no_other(tmp_path: Path)
 def test_a_map_that_is_never_read_to_its_end_is_given_up(tmp_path: Path) -> None:
     path = tmp_path / "map.osm.pbf"
     path.write_bytes(pbf((SAMPLE / "osm" / "quill.osm").read_bytes()))
-    with PbfChecker(limit_s=0.0) as checker, pytest.raises(UnreadableMapError, match=r"map\.osm\.pbf: not read after"):
+    with MapChecker(limit_s=0.0) as checker, pytest.raises(UnreadableMapError, match=r"map\.osm\.pbf: not read after"):
         checker.check(path)
 
 

@@ -21,6 +21,7 @@ from tests.osm.osm_text import ORIGIN, document, node, place, restriction, save,
 from trace_dag.errors import Failure, Reason, Rejection, UserError, UserErrors
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog, box_around
+from trace_dag.osm.map_check import MapChecker
 from trace_dag.osm.plausibility import check_text
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
@@ -248,7 +249,7 @@ def test_a_file_that_ends_too_early_is_named(tmp_path: Path, suffix: str) -> Non
     assert f"cohort maps --drop {half}" in str(failure)
     assert found(extract(half, whole)).source == whole.name, "what another file covers is cut from that"
     with pytest.raises(UserError, match=f"half{suffix}"):
-        MapCatalog.open([half]).check()
+        MapCatalog.checked([half])
 
 
 STAR = [node(1, 0, 0), *(node(k, 50 * math.cos(k), 50 * math.sin(k)) for k in range(2, 102))]
@@ -358,6 +359,19 @@ def test_a_comment_without_end_is_refused_before_it_is_parsed(tmp_path: Path, te
         stream.write(b'<osm version="0.6"><!--' + text * 3_000_000 + b"--></osm>")
     with pytest.raises(UserError, match="one tag or comment has more than"):
         check_text(tmp_path / "long.osm.gz")
+
+
+def test_a_map_that_takes_more_memory_than_it_may_is_refused(tmp_path: Path) -> None:
+    deleted = way(-3, [1, 4], name="Removed Road").replace("<way ", '<way action="delete" ')
+    file = tmp_path / "large.osm.gz"
+    file.write_bytes(gzip.compress(document(*CROSSROADS, *[deleted] * 500_000)))
+    with (
+        MapChecker(memory_mb=300) as checker,
+        pytest.raises(UserError, match=r"large\.osm\.gz: takes more than 300 MB"),
+    ):
+        checker.check(file)
+    with MapChecker() as checker:
+        checker.check(file)
 
 
 def refusal(path: Path) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 
@@ -108,3 +109,15 @@ def test_the_command_says_what_it_made(tmp_path: Path) -> None:
     assert result.exit_code == 0
     assert "gates hold" in result.output
     assert (tmp_path / "town" / "map.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize("command", [["map", "--osm"], ["--root", "root", "ingest", "--maps"]], ids=["map", "ingest"])
+def test_a_packed_map_that_never_ends_is_refused_before_anything_looks_at_it(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with gzip.open("endless.osm.gz", "wb") as stream:
+        stream.write(b'<osm version="0.6"><!--' + b"a" * 100_000_000 + b"--></osm>")
+    result = CliRunner().invoke(cli, [*command, "endless.osm.gz"])
+    assert isinstance(result.exception, UserError)
+    assert "endless.osm.gz: one tag or comment has more than 65536 bytes" in str(result.exception)

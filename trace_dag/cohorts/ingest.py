@@ -136,16 +136,14 @@ def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tupl
 def _maps(storage: Storage, paths: Sequence[Path]) -> list[RegisteredMap]:
     if not paths:
         return []
-    from trace_dag.osm.catalog import MapCatalog
+    from trace_dag.osm.catalog import check_maps, map_files
 
-    catalog = MapCatalog.open(paths)
     known = {file.sha256 for cohort in Registry(storage).cohorts().values() for file in cohort.maps}
-    files = [map_file(file.path) for file in catalog.files]
-    new = [each for each, file in zip(catalog.files, files, strict=True) if file.sha256 not in known]
-    MapCatalog(tuple(new)).check()
+    files = {path: map_file(path) for path in map_files(paths)}
+    check_maps(path for path, file in files.items() if file.sha256 not in known)
     if storage.local_root is not None:
-        return files
-    return [_uploaded(storage, file) for file in files]
+        return [*files.values()]
+    return [_uploaded(storage, file) for file in files.values()]
 
 
 def _uploaded(storage: Storage, file: RegisteredMap) -> RegisteredMap:

@@ -17,8 +17,8 @@ from trace_dag.geometry import FloatArray
 from trace_dag.osm.clip import clip_roads
 from trace_dag.osm.extraction import Around, FileHeader, FilePass, read_around, read_header
 from trace_dag.osm.joining import joined_ways, neighbours
-from trace_dag.osm.pbf_check import PbfChecker
-from trace_dag.osm.plausibility import UnreadableMapError, check_roads, check_text, xml_opener
+from trace_dag.osm.map_check import MapChecker
+from trace_dag.osm.plausibility import UnreadableMapError, check_roads
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, Site
 from trace_dag.settings import OsmSettings
 
@@ -50,28 +50,15 @@ class MapCatalog:
 
     @classmethod
     def open(cls, paths: Iterable[Path | str]) -> MapCatalog:
-        """Files, or folders that are searched for files with an OSM suffix (``.osm``, ``.osm.gz``, ``.osm.bz2``,
-        ``.pbf``), folders within folders included.
+        """The files that :func:`map_files` finds. Raises :class:`UserError` for those that are not OSM data, all of
+        them at once."""
+        return cls(tuple(_each(map_files(paths), lambda path: MapFile(path, read_header(path)))))
 
-        Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or files that are
-        not OSM data, all of them at once.
-        """
-        files: dict[Path, None] = {}
-        for path in map(Path, paths):
-            if path.is_dir():
-                found = sorted(file for file in path.rglob("*") if file.name.endswith(OSM_SUFFIXES) and file.is_file())
-                if not found:
-                    raise UserError(f"{path}: no OSM file in this folder; expected {', '.join(OSM_SUFFIXES)}")
-                files.update(dict.fromkeys(found))
-            elif not path.is_file():
-                raise UserError(f"{path}: no such file or folder; expected OSM data ({', '.join(OSM_SUFFIXES)})")
-            elif not path.name.endswith(OSM_SUFFIXES):
-                raise UserError(
-                    f"{path}: not an OSM file by its name; expected one ending in {', '.join(OSM_SUFFIXES)}"
-                )
-            else:
-                files[path] = None
-        return cls(tuple(_each(files, lambda path: MapFile(path, read_header(path)))))
+    @classmethod
+    def checked(cls, paths: Iterable[Path | str]) -> MapCatalog:
+        """Files that may be anybody's: they are opened after :func:`check_maps` has read them."""
+        check_maps(files := map_files(paths))
+        return cls.open(files)
 
     @classmethod
     def of_registered(cls, files: Iterable[Path | Failure]) -> MapCatalog:
@@ -87,19 +74,6 @@ class MapCatalog:
             except UnreadableMapError as error:
                 unreadable.append(_with_remedy(error, file))
         return cls(tuple(readable), tuple(unreadable))
-
-    def check(self) -> None:
-        """Read each file to its end. Raises :class:`UserError` that names all that cannot be read."""
-        with PbfChecker() as checker:
-
-            def read(file: MapFile) -> None:
-                if xml_opener(file.path) is None:
-                    checker.check(file.path)
-                else:
-                    check_text(file.path)
-                    read_around(file.path, file.header, [], OsmSettings())
-
-            _each(self.files, read)
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
         """The roads in a box of ``settings.radius_m`` around each site, by site key, from one reading of each file.
@@ -214,6 +188,34 @@ class MapCatalog:
             return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=distance_m, threshold=0.0)
         detail = f"{name} covers {place} but has no drivable way within {settings.radius_m:.0f} m of it."
         return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=0.0, threshold=settings.radius_m)
+
+
+def map_files(paths: Iterable[Path | str]) -> list[Path]:
+    """Files, and those with an OSM suffix (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.pbf``) in folders, folders within
+    folders included.
+
+    Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or another suffix.
+    """
+    files: dict[Path, None] = {}
+    for path in map(Path, paths):
+        if path.is_dir():
+            found = sorted(file for file in path.rglob("*") if file.name.endswith(OSM_SUFFIXES) and file.is_file())
+            if not found:
+                raise UserError(f"{path}: no OSM file in this folder; expected {', '.join(OSM_SUFFIXES)}")
+            files.update(dict.fromkeys(found))
+        elif not path.is_file():
+            raise UserError(f"{path}: no such file or folder; expected OSM data ({', '.join(OSM_SUFFIXES)})")
+        elif not path.name.endswith(OSM_SUFFIXES):
+            raise UserError(f"{path}: not an OSM file by its name; expected one ending in {', '.join(OSM_SUFFIXES)}")
+        else:
+            files[path] = None
+    return [*files]
+
+
+def check_maps(files: Iterable[Path]) -> None:
+    """Read each file to its end, within bounds. Raises :class:`UserError` that names all that cannot be read."""
+    with MapChecker() as checker:
+        _each(files, checker.check)
 
 
 def _each(files: Iterable[_File], read: Callable[[_File], _Read]) -> list[_Read]:

@@ -57,6 +57,7 @@ _LONG_DEG: Final = _LONG_M / 110_000.0  # of latitude, where a degree has 110.6 
 _MIN_COS_LATITUDE: Final = 1e-3
 _LOOKED_AT: Final = 100_000  # objects, after which the clock is looked at
 TOLD_EVERY_S: Final = 10.0
+MOST_THREADS: Final = 8
 _MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
 
 
@@ -219,7 +220,8 @@ def _threads(process: int) -> Any:
     """One pool for all files of a process; a forked one has none of its parent's threads."""
     import osmium
 
-    return osmium.io.ThreadPool(os.cpu_count() or 1)  # left to itself libosmium spares two cores
+    # Left to itself libosmium spares two cores; of many, most would wait for Python, each with a stack of 8 MB.
+    return osmium.io.ThreadPool(min(os.cpu_count() or 1, MOST_THREADS))
 
 
 @contextmanager

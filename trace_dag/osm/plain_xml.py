@@ -47,7 +47,9 @@ def as_plain_xml(path: Path) -> Iterator[Path]:
         plain = Path(folder) / "plain.osm"
         try:
             _rewrite(path, plain)
-        except (etree.XMLSyntaxError, OSError, ValueError):
+        except (etree.XMLSyntaxError, OSError, ValueError) as error:
+            if getattr(error, "code", None) == etree.ErrorTypes.ERR_NO_MEMORY:
+                raise MemoryError from error
             plain = path  # said by libosmium, which reads it next
         yield plain
 

@@ -125,7 +125,7 @@ def make_map(
     if at is not None and box is not None:
         raise UserError("a place (at) or a box, not both")
     files = [osm] if isinstance(osm, (str, os.PathLike)) else list(osm or ())
-    catalog = MapCatalog.open([Path(file) for file in files]) if files else None
+    catalog = MapCatalog.checked([Path(file) for file in files]) if files else None
     wanted = _box_of(at, radius_m, box, catalog)
     width_m, height_m = sides_m(wanted)
     if max(width_m, height_m) > LONGEST_SIDE_M:

@@ -41,7 +41,7 @@ def find_places(maps: Sequence[Path], wanted: Collection[FromCrossing]) -> dict[
     if not found:
         return found
     names = {name for each in wanted for name in (each.street, each.cross_street)}
-    for file in MapCatalog.open(maps).files:
+    for file in MapCatalog.checked(maps).files:
         streets = _Streets(file.path, names, {each.street for each in wanted if each.direction is not None})
         for each in wanted:
             found[each] += streets.places(each)

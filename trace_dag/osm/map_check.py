@@ -1,8 +1,9 @@
-"""Reads new binary map files to their end, in a process that may die of it.
+"""Reads new map files to their end, in a process that may die of it and has bounds in memory and time.
 
 libosmium believes what a ``.osm.pbf`` says: a zero byte within a name makes it read on beyond its memory, which is no
-exception but the end of the process. So a new file is read once where nothing else is lost. One process reads all files
-that are registered together, so that many small ones cost one start of Python; after a death there is another.
+exception but the end of the process. A packed text can hold a thousand times what its size says. So a new file is read
+once where nothing else is lost, before anything else looks at it, its header included. One process reads all files
+that are checked together, so that many small ones cost one start of Python; after a death there is another.
 """
 
 from __future__ import annotations
@@ -21,20 +22,22 @@ from typing import Any, Final, Self
 
 from trace_dag.errors import UserError
 from trace_dag.messages.logs import print_problem
-from trace_dag.osm.extraction import TOLD_EVERY_S, reading
-from trace_dag.osm.plausibility import UnreadableMapError
+from trace_dag.osm.extraction import MOST_THREADS, TOLD_EVERY_S, read_header, reading
+from trace_dag.osm.plain_xml import as_plain_xml
+from trace_dag.osm.plausibility import UnreadableMapError, check_text
 from trace_dag.processes import how_it_ended
 
 _LIMIT_S: Final = 120.0  # by the clock, for Python to be there and a small file to be read
 _SLOWEST_BYTES_PER_S: Final = 200_000.0  # a hundredth of the usual; what is slower than that never ends
-_COMMAND: Final = (sys.executable, "-P", "-c", "from trace_dag.osm.pbf_check import serve; serve()")
+_MEMORY_MB: Final = 2048  # a state as .osm.pbf takes a tenth of it; what is rewritten as plain XML ten times its size
+_COMMAND: Final = "import sys; from trace_dag.osm.map_check import serve; serve(int(sys.argv[1]))"
 
 
-class PbfChecker:
+class MapChecker:
     """Reads files in a process of its own, which is started with the first and ended by :meth:`close`."""
 
-    def __init__(self, *, limit_s: float = _LIMIT_S) -> None:
-        self._limit_s = limit_s
+    def __init__(self, *, limit_s: float = _LIMIT_S, memory_mb: int = _MEMORY_MB) -> None:
+        self._limit_s, self._memory_mb = limit_s, memory_mb
         self._process: subprocess.Popen[str] | None = None
 
     def __enter__(self) -> Self:
@@ -46,7 +49,7 @@ class PbfChecker:
     def check(self, path: Path) -> None:
         """Read a file to its end. Raises :class:`UserError` for one that cannot be read, or not within its time."""
         if self._process is None:
-            self._process = _started()
+            self._process = _started(self._memory_mb)
         process = self._process
         assert process.stdin is not None
         assert process.stdout is not None
@@ -54,8 +57,9 @@ class PbfChecker:
         with suppress(BrokenPipeError):  # it has died meanwhile: listening to it says so
             process.stdin.write(json.dumps(str(path)) + "\n")
             process.stdin.flush()
+        deadline_s = time.monotonic() + limit_s
         while True:
-            if not select.select([process.stdout], [], [], limit_s)[0]:
+            if not select.select([process.stdout], [], [], max(deadline_s - time.monotonic(), 0.0))[0]:
                 self.close()
                 raise UnreadableMapError(f"{path}: not read after {limit_s:.0f} s; fetch it again, or leave it out")
             answer = process.stdout.readline()
@@ -83,25 +87,27 @@ class PbfChecker:
             process.communicate()
 
 
-def _started() -> subprocess.Popen[str]:
+def _started(memory_mb: int) -> subprocess.Popen[str]:
     """Python with :func:`serve`, which finds this package where this process has found it."""
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)  # noqa: PTH109 - as Python has it there
     return subprocess.Popen(  # noqa: S603 - our own command
-        _COMMAND,
+        (sys.executable, "-P", "-c", _COMMAND, str(memory_mb)),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, "PYTHONPATH": paths},
+        env={**os.environ, "PYTHONPATH": paths, "OSMIUM_POOL_THREADS": str(MOST_THREADS)},
     )
 
 
-def serve() -> None:
+def serve(memory_mb: int) -> None:
     """Read the files named on standard input, a JSON string in a line each.
 
     Answers each with how many ways it has seen so far, then with what is wrong (a string, empty if nothing is).
     """
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # its death is nothing to be looked into
+    with suppress(OSError, ValueError):  # not everywhere, and there may be a lower one
+        resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * 2**20, memory_mb * 2**20))
     for line in sys.stdin:
         path = Path(json.loads(line))
         try:
@@ -110,17 +116,19 @@ def serve() -> None:
         except UserError as error:
             _answer(str(error))
         except MemoryError:
-            _answer(f"{path}: needs more memory than there is; cut the region of the crashes out of it")
+            _answer(f"{path}: takes more than {memory_mb} MB of memory; cut the region you need out of it")
 
 
 def _read(path: Path) -> None:
     """Write all objects to nowhere as text, so that libosmium looks at every letter of them."""
     import osmium
 
+    check_text(path)
+    read_header(path)
     looking = _Looking(path)
-    with reading(path):
+    with as_plain_xml(path) as plain, reading(path):
         nowhere = osmium.SimpleWriter(osmium.io.File(os.devnull, "opl"), overwrite=True)
-        osmium.apply(str(path), looking, nowhere)
+        osmium.apply(str(plain), looking, nowhere)
         nowhere.close()
 
 
