@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from trace_dag.evaluation.agents import Action, Motion, Observation, Recorded, Scenario
+from trace_dag.evaluation.agents import Action, Motion, Observation, Recorded
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.sim.driving import Pedals
 
 

@@ -12,7 +12,7 @@ from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, rear
 from tests.scenario import esmini
 from tests.sim.motions import driven, participant, straight
 from tests.verdict.crashes import STREET
-from trace_dag.evaluation.agents import Motion, Observation, Scenario
+from trace_dag.evaluation.agents import Motion, Observation
 from trace_dag.evaluation.baselines import (
     BrakeOnTimeToCollision,
     CarefulHuman,
@@ -20,7 +20,7 @@ from trace_dag.evaluation.baselines import (
     IdmLaneKeeper,
     Replay,
 )
-from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.cases import Case, Scenario
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import AVOIDED, DriveOutcome
 from trace_dag.roads.map.writer import write_opendrive

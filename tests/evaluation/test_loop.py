@@ -11,7 +11,8 @@ import pytest
 from tests.evaluation.cases import drive, rear_end, standing
 from tests.sim.motions import CAR
 from trace_dag.errors import UserError
-from trace_dag.evaluation.agents import Action, AgentFault, Motion, Observation, Scenario
+from trace_dag.evaluation.agents import Action, AgentFault, Motion, Observation
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.evaluation.evaluate import Conditions
 from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.observation import Sensing, Sensor

@@ -11,9 +11,9 @@ import pytest
 from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, followed, rear_end
 from tests.sim.motions import participant, straight
 from tests.verdict.crashes import STREET
-from trace_dag.evaluation.agents import Action, Motion, Observation, Recorded, Scenario
+from trace_dag.evaluation.agents import Action, Motion, Observation, Recorded
 from trace_dag.evaluation.baselines import Replay
-from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.cases import Case, Scenario
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.persistent import Approach, last_moment_s, pace_ahead, pace_on_foot, pace_to_meet

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from tests.evaluation.cases import BACKEND, crossing, drive, followed, rear_end
-from trace_dag.evaluation.agents import Action, Motion, Observation, Scenario
+from trace_dag.evaluation.agents import Action, Motion, Observation
 from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, Replay
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.traffic import Traffic

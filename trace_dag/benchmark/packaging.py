@@ -7,7 +7,8 @@ like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from trace_dag.flow.artefacts import (
     ESTIMATE,
@@ -28,6 +29,7 @@ from trace_dag.stage import Stage
 
 if TYPE_CHECKING:
     from trace_dag.scenario.replay_content import ReplayContent
+    from trace_dag.studies.cases import StoredCase
 
 
 def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[str, bytes]:
@@ -63,6 +65,40 @@ def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[s
             picture=files.storage.read_whole(picture) if picture else None,
             replay=replay,
             sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
+        )
+    )
+
+
+def package_of_variation(stored: StoredCase) -> dict[str, bytes]:
+    """Return the scenario package of a variation, by file name, with a verdict that compares it with the report."""
+    from trace_dag.evaluation.drives import drives_of
+    from trace_dag.osm.xml import write_osm
+    from trace_dag.scenario.package import PackageInput, package_files
+    from trace_dag.studies.cases import load_case
+    from trace_dag.studies.stored_variations import abouts, read_variation
+    from trace_dag.verdict.judge import judge
+
+    if stored.variation is None:
+        raise ValueError(f"{stored.key} is not a variation")
+    files = stored.files.unread()
+    varied = read_variation(files.storage, stored.variation)
+    record, network, map_report = files.load(RECORD), files.load(ROAD_MAP), files.load(MAP_REPORT)
+    about: dict[str, Any] = abouts().dump_python(varied.about, mode="json")
+    verdict = judge(record, network, map_report, varied.estimate, [varied.log], files.settings.verdict)
+    return package_files(
+        PackageInput(
+            record=record,
+            report=report_file(files),
+            osm_xml=write_osm(files.load(EXTRACT)),
+            map_xodr=files.load(XODR),
+            provenance={"variation": {"code": varied.about.code_version, "request": asdict(varied.about.request)}},
+            network=network,
+            map_report=map_report,
+            estimate=varied.estimate,
+            log=varied.log,
+            verdict=verdict,
+            drives=drives_of(load_case(stored)),
+            variation=about,
         )
     )
 

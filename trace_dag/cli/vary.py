@@ -74,6 +74,7 @@ def vary(
     and all stay on the road. trace-dag evaluate --variations drives in them. They enter the warehouse as table
     variations.
     """
+    from trace_dag.benchmark.packaging import package_of_variation
     from trace_dag.cli.problems import Problems
     from trace_dag.errors import Failure
     from trace_dag.flow.workspace import Workspace
@@ -81,7 +82,7 @@ def vary(
     from trace_dag.studies.cases import stored_variations, verified_cases
     from trace_dag.studies.stored_variations import FamilyRequest
     from trace_dag.studies.summaries import families_table
-    from trace_dag.studies.variations import make_families, package_of
+    from trace_dag.studies.variations import make_families
     from trace_dag.variations.family import Criteria
     from trace_dag.variations.perturbation import Bounds
 
@@ -111,7 +112,7 @@ def vary(
         with progress_of("packages", len(stored)) as on_progress:
             for case in stored:
                 try:
-                    archive = zip_files(package_of(case), folder=case.case_id)
+                    archive = zip_files(package_of_variation(case), folder=case.case_id)
                     with naming(target := output / f"{case.case_id}.zip"):
                         target.write_bytes(archive)
                 except Failure as failure:

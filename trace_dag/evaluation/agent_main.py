@@ -32,7 +32,8 @@ from trace_dag.evaluation.agent_protocol import (
     fault_to_bytes,
     framed,
 )
-from trace_dag.evaluation.agents import Agent, AgentFault, Observation, Scenario
+from trace_dag.evaluation.agents import Agent, AgentFault, Observation
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.evaluation.lane_map import LaneMap
 from trace_dag.evaluation.registry import make_agent
 from trace_dag.processes import children, end_all

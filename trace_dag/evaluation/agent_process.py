@@ -26,7 +26,8 @@ from trace_dag.evaluation.agent_protocol import (
     framed,
     one_line,
 )
-from trace_dag.evaluation.agents import Action, AgentFault, Observation, Scenario
+from trace_dag.evaluation.agents import Action, AgentFault, Observation
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.evaluation.isolation import Isolation
 from trace_dag.processes import descendants, end_all, how_it_ended, processor_time_s
 from trace_dag.roads.map.network import RoadNetwork

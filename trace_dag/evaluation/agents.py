@@ -13,34 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from trace_dag.evaluation.lane_map import LaneMap
 from trace_dag.geometry import FloatArray
 from trace_dag.sim.driving import Pedals
-from trace_dag.sim.types import Body, BodyKind
-from trace_dag.sim.vehicles import VehicleModel
-from trace_dag.states.paths import Path
-
-
-@dataclass(frozen=True, eq=False)
-class Scenario:
-    """What an agent may know before it drives: its vehicle, the map, where it is going. Nothing about the crash.
-
-    ``route`` follows lanes as far as the vehicle went along them; ``recorded_path`` is where it really went, without
-    the crash. ``period_s`` is the time between two calls of ``act``.
-    """
-
-    vehicle: VehicleModel
-    lane_map: LaneMap
-    route: Path
-    recorded_path: Path
-    period_s: float
-    friction: float
-    seed: int
-
-    @property
-    def body(self) -> Body:
-        """The body the agent drives."""
-        return self.vehicle.body
+from trace_dag.sim.types import BodyKind
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.evaluation.agents import Action, Motion, Observation, OwnState, Recorded, RoadUser, Scenario
+from trace_dag.evaluation.agents import Action, Motion, Observation, OwnState, Recorded, RoadUser
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.evaluation.conflicts import time_to_contact_s
 from trace_dag.evaluation.lane_map import PathFollower
 from trace_dag.geometry import FloatArray

@@ -10,13 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from trace_dag.crash.parties import trailer_body
-from trace_dag.evaluation.agents import Scenario
 from trace_dag.evaluation.lane_map import LaneMap, Route
 from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.towing import pulled_body
 from trace_dag.sim.types import Body, Contact, Participant, SimulationLog
-from trace_dag.sim.vehicles import vehicle_model
+from trace_dag.sim.vehicles import VehicleModel, vehicle_model
 from trace_dag.states.objects import FixedObject
 from trace_dag.states.paths import Path, straight, through_points
 from trace_dag.states.types import Trajectory
@@ -31,6 +30,28 @@ _STANDING_M = 1.0
 _STANDING_ROUTE_M = 50.0
 _SMOOTHING_M = 0.5
 _EXTENSION_STEP_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """What an agent may know before it drives: its vehicle, the map, where it is going. Nothing about the crash.
+
+    ``route`` follows lanes as far as the vehicle went along them; ``recorded_path`` is where it really went, without
+    the crash. ``period_s`` is the time between two calls of ``act``.
+    """
+
+    vehicle: VehicleModel
+    lane_map: LaneMap
+    route: Path
+    recorded_path: Path
+    period_s: float
+    friction: float
+    seed: int
+
+    @property
+    def body(self) -> Body:
+        """The body the agent drives."""
+        return self.vehicle.body
 
 
 @dataclass(frozen=True, eq=False)

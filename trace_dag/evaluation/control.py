@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 
-from trace_dag.evaluation.agents import Motion, OwnState, Scenario
+from trace_dag.evaluation.agents import Motion, OwnState
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.evaluation.lane_map import PathFollower, path_through
 from trace_dag.geometry import FloatArray
 from trace_dag.sim.driving import Pedals

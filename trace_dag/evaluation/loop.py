@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from trace_dag.evaluation.agent_protocol import described, problem_of
-from trace_dag.evaluation.agents import Agent, AgentFault, Recorded, Scenario
+from trace_dag.evaluation.agents import Agent, AgentFault, Recorded
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.evaluation.control import MotionController
 from trace_dag.evaluation.observation import Sensor
 from trace_dag.evaluation.progress import Arrival

@@ -8,7 +8,8 @@ import numpy as np
 from gymnasium import spaces
 
 from trace_dag.errors import UserError
-from trace_dag.evaluation.agents import Motion, Recorded, Scenario
+from trace_dag.evaluation.agents import Motion, Recorded
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.geometry import FloatArray
 from trace_dag.states.paths import Path
 from trace_dag.units import GRAVITY_MPS2

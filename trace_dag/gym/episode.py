@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
-from trace_dag.evaluation.agents import Motion, Observation, Recorded, Scenario
-from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.agents import Motion, Observation, Recorded
+from trace_dag.evaluation.cases import Case, Scenario
 from trace_dag.evaluation.control import MotionController
 from trace_dag.evaluation.evaluate import AFTER_CONTACT_S, LEAST_RATE_HZ, others_of
 from trace_dag.evaluation.observation import Sensing, Sensor

@@ -13,7 +13,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from trace_dag.evaluation.agents import Observation, OwnState, Scenario
+from trace_dag.evaluation.agents import Observation, OwnState
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.evaluation.lane_map import LaneMap, PathFollower
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import BodyKind

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 import traceback
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trace_dag.errors import Failure
 from trace_dag.evaluation.table import rows_to_parquet
-from trace_dag.flow.artefacts import ESTIMATE, EXTRACT, MAP_REPORT, RECORD, ROAD_MAP, VERDICT, XODR, report_file
+from trace_dag.flow.artefacts import ESTIMATE, VERDICT
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.manifests import list_files, sound_manifest
 from trace_dag.flow.pool import Lost
@@ -35,7 +34,6 @@ from trace_dag.studies.stored_variations import (
     FamilyRequest,
     abouts,
     family_name,
-    read_variation,
 )
 from trace_dag.variations.family import Variation, VariationKind, family
 from trace_dag.variations.table import VARIATIONS, row
@@ -186,37 +184,4 @@ def _as_state(state: ParticipantState, participant: Participant, impact_time_s: 
         impact_pose=Pose(x, y, math.remainder(heading, math.tau), z),
         impact_speed_mps=speed,
         impact_clock_h=None,
-    )
-
-
-def package_of(stored: StoredCase) -> Mapping[str, bytes]:
-    """The scenario package of a variation, like that of a crash; a verdict beside it says how it compares with the
-    report."""
-    from trace_dag.evaluation.drives import drives_of
-    from trace_dag.osm.xml import write_osm
-    from trace_dag.scenario.package import PackageInput, package_files
-    from trace_dag.verdict.judge import judge
-
-    if stored.variation is None:
-        raise ValueError(f"{stored.key} is not a variation")
-    files = stored.files.unread()
-    varied = read_variation(files.storage, stored.variation)
-    record, network, map_report = files.load(RECORD), files.load(ROAD_MAP), files.load(MAP_REPORT)
-    about: dict[str, Any] = abouts().dump_python(varied.about, mode="json")
-    verdict = judge(record, network, map_report, varied.estimate, [varied.log], files.settings.verdict)
-    return package_files(
-        PackageInput(
-            record=record,
-            report=report_file(files),
-            osm_xml=write_osm(files.load(EXTRACT)),
-            map_xodr=files.load(XODR),
-            provenance={"variation": {"code": varied.about.code_version, "request": asdict(varied.about.request)}},
-            network=network,
-            map_report=map_report,
-            estimate=varied.estimate,
-            log=varied.log,
-            verdict=verdict,
-            drives=drives_of(load_case(stored)),
-            variation=about,
-        )
     )
