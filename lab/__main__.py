@@ -1,7 +1,8 @@
-"""Runs one of the measures of this folder by its name: ``python -m lab compare_outcomes --help``."""
+"""One of the measures of this folder, by its name: ``python -m lab --root demo score_truth``."""
 
 from __future__ import annotations
 
+import os
 import runpy
 import sys
 from pathlib import Path
@@ -16,8 +17,11 @@ NAMES = sorted(
 
 def main() -> None:
     """Run the named measure with the arguments after its name; list all names if there is none such."""
+    if sys.argv[1:2] == ["--root"] and len(sys.argv) > 2:
+        os.environ["TRACE_DAG_ROOT"] = sys.argv[2]
+        del sys.argv[1:3]
     if len(sys.argv) < 2 or sys.argv[1] not in NAMES:
-        sys.exit(f"usage: python -m lab NAME [ARGUMENTS]\nNAME is one of {', '.join(NAMES)}")
+        sys.exit(f"usage: python -m lab [--root DIR] NAME [ARGUMENTS]\nNAME is one of {', '.join(NAMES)}")
     sys.argv = [f"lab {sys.argv[1]}", *sys.argv[2:]]
     runpy.run_module(f"lab.{sys.argv[0].removeprefix('lab ')}", run_name="__main__")
 

@@ -3,7 +3,7 @@
     python -m lab fit_speeds --fars DIR ... --recorders cases.json [--reports DIR ...]
 
 ``--fars`` are folders of FARS national CSV files, ``--reports`` folders of reports in CrashAPI XML, ``--recorders`` a
-file of NHTSA CIREN cases (as for ``trace-dag validate-simulator``). Written is
+file of NHTSA CIREN cases (as for ``python -m lab validate_simulator``). Written is
 ``trace_dag/states/speed_coefficients.py``.
 
 Travel speeds: the difference between the reported speed and the program's rule (limit, manoeuvre, class of the road) is

@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 
 from lab.cohorts import MAPS, SAMPLE
+from lab.estimators import settings_of
 from lab.measuring import SHARED
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.crash.event_sequence import sequence_of
@@ -35,7 +36,6 @@ from trace_dag.states.estimate import Estimator, estimator_factory
 from trace_dag.states.samples import draw_samples
 from trace_dag.states.scene import place_of
 from trace_dag.states.types import StateEstimate
-from trace_dag.studies.estimators import settings_of
 from trace_dag.studies.stored_crashes import crash_files
 
 _JUDGED = tuple(stage for stage in Stage if stage.position <= Stage.VERDICT.position)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from cases import SAMPLE, SETTINGS
 
+from lab.changed_reports.scene import PerturbedScene
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
@@ -55,7 +56,6 @@ from trace_dag.states.types import StateEstimate
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
-from trace_dag.verdict.perturbed.scene import PerturbedScene
 from trace_dag.verdict.types import Verdict
 
 REPORTS = {

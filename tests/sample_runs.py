@@ -92,6 +92,18 @@ def trace_dag_process(root: Path | str, *arguments: str, **environment: str) -> 
     )
 
 
+def study(root: Path | str, name: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a study of the laboratory on a root, in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "lab", "--root", str(root), name, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parents[1],
+        env=os.environ | {"COLUMNS": "200", "TRACE_DAG_EXECUTION__EXECUTOR": "in_process"} | environment,
+    )
+
+
 def command(root: Path | str, *arguments: str) -> list[str]:
     return [sys.executable, "-m", "trace_dag.cli", "--root", str(root), *arguments]
 

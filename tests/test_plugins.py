@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from sample_runs import SAMPLE, reports_of, trace_dag_process
+from sample_runs import SAMPLE, reports_of, study, trace_dag_process
 
 from trace_dag.errors import UserError
 from trace_dag.plugins import PluginKind, load, offered
@@ -127,9 +127,7 @@ def test_an_estimator_of_another_package_is_run_compared_and_part_of_the_fingerp
     record = record_from_json((root / name).read_bytes(), name=name)
     assert record.provenance.libraries["simulator-elsewhere"] == "1.2"
     assert record.provenance.settings["estimator"] == "elsewhere"
-    compared = trace_dag_process(
-        root, "compare-estimators", "--estimators", "analytic,elsewhere:1", "--json", **environment
-    )
+    compared = study(root, "compare_estimators", "--estimators", "analytic,elsewhere:1", "--json", **environment)
     rows = json.loads(compared.stdout)
     assert [(row["estimator"], row["outcome"], row["accepted"]) for row in rows] == [
         ("analytic", "estimated", True),

@@ -47,12 +47,6 @@ def run(name: str, workspace: Workspace, instance: DagsterInstance, config: dict
     ("name", "config", "shown", "stored"),
     [
         ("controls", {"most": 2}, "another crash's report", f"{FOLDER}/controls-{COHORT}.json"),
-        (
-            "perturbed",
-            {"most": 1, "kinds": ["clock_6h"]},
-            "clock of vehicle 1 by 6 h",
-            f"{FOLDER}/perturbed-{COHORT}.json",
-        ),
         ("variations", {"count": 1, "cohort": COHORT}, "near misses", "variations/2023-319003.family.parquet"),
         ("evaluations", {"agents": ["brake"], "ego": ["striking"]}, "brake", "evaluations/brake.parquet"),
     ],

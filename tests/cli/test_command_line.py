@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 import pandas as pd
 import pytest
-from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
+from sample_runs import KEYS, SAMPLE, ingest, reports_of, study, trace_dag
 
 from trace_dag.cli.main import cli
 
@@ -35,7 +35,6 @@ from trace_dag.cli.main import cli
         (["ingest", "--reports", "/nowhere/at/all"], "/nowhere/at/all does not exist"),
         (["ingest"], "which state and year"),
         (["breakfast"], "No such command"),
-        (["score-truth"], "has not been run"),
         (["cohort", "show", "nowhere"], "cohort 'nowhere' is not registered"),
         (["status", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
         (["rerun", "--failed"], "no crash is registered"),
@@ -81,7 +80,7 @@ def commands_with_a_root(group: click.Group) -> Iterator[tuple[list[str], click.
     for name, command in group.commands.items():
         if isinstance(command, click.Group):
             yield from (([name, *words], found) for words, found in commands_with_a_root(command))
-        elif name not in ("demo", "ingest", "map", "settings", "plugins", "validate-simulator"):
+        elif name not in ("demo", "ingest", "map", "settings", "plugins"):
             yield [name], command
 
 
@@ -210,7 +209,7 @@ def test_nothing_to_run_again_is_not_called_up_to_date(tmp_path):
 
 
 def test_estimators_that_cannot_be_compared_are_one_line(finished_root):
-    done = trace_dag(finished_root, "compare-estimators", "--estimators", "analytic,breakfast")
+    done = study(finished_root, "compare_estimators", "--estimators", "analytic,breakfast")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "'breakfast' is not an estimator" in done.stderr
 
@@ -220,10 +219,10 @@ def test_without_the_key_of_a_model_what_can_be_compared_all_the_same_is_said(tm
     ingest(root, reports_of(tmp_path / "reports", KEYS[:1]))
     assert trace_dag(root, "run").returncode == 0
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
-    done = trace_dag(root, "compare-estimators", "--estimators", "analytic,llm@openai/gpt-4o")
+    done = study(root, "compare_estimators", "--estimators", "analytic,llm@openai/gpt-4o")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "the environment lacks OPENAI_API_KEY" in done.stderr
-    for way in ("score-truth", "llm@ollama/"):
+    for way in ("score_truth", "llm@ollama/"):
         assert way in done.stderr
 
 
@@ -307,10 +306,10 @@ def test_values_tell_a_terminal_nothing_and_a_spreadsheet_no_formula(finished_ro
 
 
 def test_score_truth_measures_what_was_estimated(finished_root):
-    result = json.loads(trace_dag(finished_root, "score-truth", "--json").stdout)
+    result = json.loads(study(finished_root, "score_truth", "--json").stdout)
     estimated = {row["key"] for row in result["vehicles"] if row.get("impact_point_error_m") is not None}
     assert {"2023-319003", "2023-319022", "2023-319024"} <= estimated
-    assert trace_dag(finished_root, "score-truth").returncode == 0
+    assert study(finished_root, "score_truth").returncode == 0
 
 
 def test_root_from_the_environment(finished_root, tmp_path):

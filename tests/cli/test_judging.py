@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from sample_runs import asked, trace_dag
+from sample_runs import asked, study, trace_dag
 
 VERIFIED = "SELECT key FROM verdicts WHERE label = 'verified' ORDER BY key"
 
@@ -121,10 +121,10 @@ def test_changed_reports_go_through_all_stages_again(root: Path, verified: list[
         return {str(path): path.read_bytes() for folder in folders for path in (root / folder).iterdir()}
 
     before, kinds = stored(), ("nothing", "clocks_6h", "clocks_random", "names_made_up", "foreign_site", "moved_30m_n")
-    asking = ("controls", "--perturbed", "--only", *verified[:2], "--json", "--kinds")
-    drawn = trace_dag(root, *asking, "clocks_random", "names_made_up", "--executor", "processes", "--workers", "2")
+    asking = ("perturbed", "--only", *verified[:2], "--json", "--kinds")
+    drawn = study(root, *asking, "clocks_random", "names_made_up", "--executor", "processes", "--workers", "2")
     assert drawn.returncode == 0, drawn.stderr
-    done = trace_dag(root, *asking, *kinds)
+    done = study(root, *asking, *kinds)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     rows = {(row["key"], row["perturbation"]): row for row in found}
@@ -145,7 +145,7 @@ def test_changed_reports_go_through_all_stages_again(root: Path, verified: list[
 
 def test_a_changed_report_that_says_too_little_is_refused(root: Path, verified: list[str]) -> None:
     kinds = ("blank", "tree_event_code", "type_single")
-    done = trace_dag(root, "controls", "--perturbed", "--only", *verified, "--json", "--kinds", *kinds)
+    done = study(root, "perturbed", "--only", *verified, "--json", "--kinds", *kinds)
     assert done.returncode == 0, done.stderr
     refused = [row for row in json.loads(done.stdout) if row["stage_reached"] == "crash_record"]
     assert {"2023-319003"} <= {row["key"] for row in refused}
@@ -155,6 +155,6 @@ def test_a_changed_report_that_says_too_little_is_refused(root: Path, verified: 
 
 
 def test_a_perturbation_there_is_not_is_said(root: Path) -> None:
-    done = trace_dag(root, "controls", "--perturbed", "--kinds", "clock_5h")
+    done = study(root, "perturbed", "--kinds", "clock_5h")
     assert done.returncode == 2
     assert "clock_6h" in done.stderr

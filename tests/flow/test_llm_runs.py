@@ -13,8 +13,11 @@ import pytest
 from cases import SAMPLE, sample_case
 from loopback import Answer, Loopback, Request, serving
 from model_server import COST_USD, KEY, MODEL, READY, Respond, asked_about, completion, failing, is_trial, knowing
-from sample_runs import reports_of, trace_dag, trace_dag_process
+from sample_runs import reports_of, study, trace_dag, trace_dag_process
 
+from lab.estimator_rows import summarise
+from lab.estimators import estimates_folder, estimators_compared, settings_of
+from lab.truth.vehicles import load_truth
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.errors import Reason, UserError
 from trace_dag.flow.batch import run_stages
@@ -23,12 +26,9 @@ from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.stage import Stage
-from trace_dag.states.compare import summarise
 from trace_dag.states.json_io import estimate_from_json
 from trace_dag.states.llm.store import FOLDER as ANSWERS
 from trace_dag.storage.files import Storage
-from trace_dag.studies.estimators import estimates_folder, estimators_compared, settings_of
-from trace_dag.studies.truth import load_truth
 from trace_dag.warehouse.query import query
 
 CRASHES = ("2023-319003", "2023-319022", "2023-319024", "2023-319029")
@@ -214,7 +214,7 @@ def test_estimates_that_are_not_the_models_are_told_apart_everywhere(root, serve
     share = "4 estimates: 3 by llm, 1 by analytic in place of llm (25 %)"
     assert done.stdout.strip().splitlines()[-1] == share
     assert share in trace_dag(root, "status").stdout
-    scored = json.loads(trace_dag(root, "score-truth", "--json").stdout)
+    scored = json.loads(study(root, "score_truth", "--json").stdout)
     assert (scored["summary"]["estimators"], scored["summary"]["estimated"]) == (share, 3)
     assert scored["summary"]["fallbacks"] == 1
     rows = query(root / "warehouse.duckdb", "SELECT key, estimator, asked_estimator, fallback_reason FROM estimates")[1]

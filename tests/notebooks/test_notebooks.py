@@ -66,6 +66,5 @@ def test_there_are_notebooks():
     assert {name_of(path) for path in NOTEBOOKS} >= {
         "coverage_and_funnel",
         "one_crash",
-        "comparing_estimators",
         "what_to_sample_next",
     }

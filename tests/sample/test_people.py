@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from cases import SETTINGS, Case, cases
 
+from lab.truth.people import PeopleTruth, by_kind, load_people_truth, score_people
 from trace_dag.states.estimate import estimate
-from trace_dag.studies.truth_of_people import PeopleTruth, by_kind, load_people_truth, score_people
 
 
 @pytest.fixture(scope="module")

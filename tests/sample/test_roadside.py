@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from cases import SETTINGS, Case, cases
 
+from lab.truth.contacts import contacts_by_kind
+from lab.truth.vehicles import SampleTruth, load_truth, score_truth
 from tests.verdict.crashes import row_of_change
 from trace_dag.crash.completeness import check
 from trace_dag.crash.event_sequence import sequence_of
@@ -18,8 +20,6 @@ from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.sim.types import overturned_at
 from trace_dag.states.estimate import estimate
-from trace_dag.studies.truth import SampleTruth, load_truth, score_truth
-from trace_dag.studies.truth_of_contacts import contacts_by_kind
 from trace_dag.verdict.changed_plans import changed_plans
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge

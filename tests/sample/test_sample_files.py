@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from lab.truth.vehicles import SampleTruth
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.parse import read_report
 from trace_dag.errors import Reason
 from trace_dag.settings import CrashSettings
-from trace_dag.studies.truth import SampleTruth
 
 # The coverage table of the published paper, by code (FARS Analytical User's Manual); everything else is "others".
 MANNERS = {

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from lab.truth.vehicles import SampleTruth, score_truth
 from trace_dag.crash.completeness import check
 from trace_dag.crash.folder import identify
 from trace_dag.crash.parse import read_report
@@ -21,7 +22,6 @@ from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import StateEstimate
-from trace_dag.studies.truth import SampleTruth, score_truth
 from trace_dag.verdict.judge import judge
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.truth.vehicles import SampleTruth, TrueCrash, load_truth, score_truth
 from trace_dag.crash.record import VehicleClass
 from trace_dag.errors import UserError
 from trace_dag.geometry import Pose
@@ -21,7 +22,6 @@ from trace_dag.states.types import (
     StateEstimate,
     Trajectory,
 )
-from trace_dag.studies.truth import SampleTruth, TrueCrash, load_truth, score_truth
 
 STRAIGHT, BACKING, UNREPORTED = "2023-319022", "2023-319046", "2023-319029"
 

@@ -16,6 +16,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from motion_judge import judge_geometry
 
+from lab.truth.vehicles import SampleTruth, load_truth
 from trace_dag.crash.crash_types import CRASH_TYPES
 from trace_dag.crash.event_sequence import first_event_kind
 from trace_dag.crash.parties import EventKind
@@ -26,7 +27,6 @@ from trace_dag.states.alternatives import bearing_from_rad
 from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_from_json, estimate_to_json
 from trace_dag.states.types import SpeedSource, StateEstimate
-from trace_dag.studies.truth import SampleTruth, load_truth
 from trace_dag.units import clock_to_bearing_rad
 
 
@@ -49,7 +49,7 @@ def truth() -> SampleTruth:
 
 
 def test_approach_lane_and_impact_of_the_sample_are_found(sample, truth):
-    from trace_dag.studies.truth import score_truth
+    from lab.truth.vehicles import score_truth
 
     summary = score_truth(truth, sample).summary
     assert summary.estimated >= 30

@@ -29,20 +29,15 @@ from trace_dag.scenario.share_chart import data_url, share_chart
 from trace_dag.stage import Stage
 from trace_dag.studies.cases import AgentRole, StoredCase, likely_courses, stored_variations, verified_cases
 from trace_dag.studies.controls import negative_controls
-from trace_dag.studies.estimators import estimators_compared, usual_estimators
 from trace_dag.studies.evaluations import evaluate_agents, try_agents
-from trace_dag.studies.perturbed import MOST, Request, perturbed_controls
 from trace_dag.studies.stored_crashes import cohorts_of, of_each
 from trace_dag.studies.stored_variations import FamilyRequest
 from trace_dag.studies.summaries import (
     StudyTable,
     controls_table,
-    estimators_table,
     evaluations_table,
     families_table,
-    perturbed_table,
 )
-from trace_dag.studies.truth import load_truth
 from trace_dag.studies.variations import make_families
 
 GROUP = "studies"
@@ -62,24 +57,6 @@ class ControlsConfig(CohortConfig):
     """How controls are drawn."""
 
     most: int = Field(default=500, ge=1, description="Of a larger cohort, so many crashes drawn at random.")
-
-
-class PerturbedConfig(CohortConfig):
-    """Which reports are changed, and how."""
-
-    most: int = Field(default=MOST, ge=1, description="Of a larger cohort, so many crashes drawn at random.")
-    kinds: list[str] = Field(default_factory=list, description="Only these changes; * and ? match.")
-    draws: int = Field(default=1, ge=1, description="Of each change that is drawn.")
-    seed: int = Field(default=1, description="Of the draws.")
-
-
-class EstimatorsConfig(CohortConfig):
-    """Which estimators."""
-
-    estimators: list[str] = Field(
-        default_factory=list, description="As trace-dag compare-estimators names them; empty: all that are installed."
-    )
-    truth: str = Field(default="", description="A truth.json to measure against.")
 
 
 class EvaluationsConfig(CohortConfig):
@@ -189,33 +166,6 @@ def controls(context: AssetExecutionContext, config: ControlsConfig) -> Material
     return _result(controls_table(found), left_out)
 
 
-@_study("Verified crashes, each with one thing of its report changed, through all stages again.")
-def perturbed(context: AssetExecutionContext, config: PerturbedConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag controls --perturbed``."""
-    workspace: Workspace = context.resources.workspace
-    left_out = _LeftOut()
-    request = Request(config.most, (), tuple(config.kinds), config.draws, config.seed)
-    found = _of_each(
-        workspace,
-        config,
-        lambda name: perturbed_controls(workspace, name, request, on_problem=left_out.add),
-    )
-    rows = [row for of_cohort in found.values() for row in of_cohort]
-    return _result(perturbed_table(rows), left_out, changed_reports=len(rows))
-
-
-@_study("Estimators side by side on the same mapped crashes.", deps=[Stage.ROAD_MAP.value])
-def estimators(context: AssetExecutionContext, config: EstimatorsConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag compare-estimators``."""
-    workspace: Workspace = context.resources.workspace
-    truth = load_truth(Path(config.truth)) if config.truth else None
-    names = config.estimators or usual_estimators(workspace.settings.states)
-    found = _of_each(workspace, config, lambda name: estimators_compared(workspace, name, names, truth=truth))
-    rows = [row for of_cohort in found.values() for row in of_cohort]
-    failed = [f"{row.key} with {row.estimator}: {row.detail}" for row in rows if row.outcome == "failed"]
-    return _result(estimators_table(rows), failed)
-
-
 @_study("Families of the verified crashes: perturbed, simulated, kept where they are still a conflict.")
 def variations(context: AssetExecutionContext, config: VariationsConfig) -> MaterializeResult[Any]:
     """As ``trace-dag vary``."""
@@ -280,5 +230,5 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
 
 
 STUDIES: Mapping[str, AssetsDefinition] = {
-    each.key.to_user_string(): each for each in (controls, perturbed, estimators, variations, evaluations, release)
+    each.key.to_user_string(): each for each in (controls, variations, evaluations, release)
 }

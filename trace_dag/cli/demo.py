@@ -50,7 +50,6 @@ def demo(context: click.Context, people: bool, executor: str | None, workers: in
     for command, shows in (
         ("ui", "the same as Dagster assets"),
         ('sql "SELECT key, kind, grade FROM judged_crashes"', "any question, in SQL"),
-        ("score-truth", "how close the estimates come to the truth"),
     ):
         say(f"  trace-dag --root {shlex.quote(root)} {command}  {shows}")
     sys.exit(code)

@@ -8,8 +8,6 @@ import sys
 import click
 
 from trace_dag.cli.cohort import cohort
-from trace_dag.cli.compare_directions import compare_directions
-from trace_dag.cli.compare_estimators import compare_estimators
 from trace_dag.cli.controls import controls
 from trace_dag.cli.demo import demo
 from trace_dag.cli.evaluate import evaluate
@@ -25,14 +23,12 @@ from trace_dag.cli.release import release
 from trace_dag.cli.replay import replay
 from trace_dag.cli.rerun import rerun
 from trace_dag.cli.run import run
-from trace_dag.cli.score_truth import score_truth
 from trace_dag.cli.settings import settings
 from trace_dag.cli.show import show
 from trace_dag.cli.sql import sql
 from trace_dag.cli.status import status
 from trace_dag.cli.tables import tables
 from trace_dag.cli.ui import ui
-from trace_dag.cli.validate_simulator import validate_simulator
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
 from trace_dag.errors import Failure, UserError, UserErrors
@@ -69,16 +65,7 @@ def cli(context: click.Context, root: str | None) -> None:
 
 cli.add_under("Start", demo, ingest, run, rerun, cohort)
 cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
-cli.add_under(
-    "Judge the results",
-    controls,
-    compare_estimators,
-    compare_directions,
-    score_truth,
-    national_coverage,
-    validate_simulator,
-    verify,
-)
+cli.add_under("Judge the results", controls, national_coverage, verify)
 cli.add_under("Use them", export, release, evaluate, leaderboard, vary)
 cli.add_under("Without crashes", map_command)
 cli.add_under("Set up", settings, plugins)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from trace_dag.evaluation.cases import Scenario
 from trace_dag.geometry import FloatArray
 from trace_dag.sim.driving import Pedals
 from trace_dag.sim.types import BodyKind

@@ -88,7 +88,7 @@ def likelihood(score: float, best: float) -> float:
     """How likely something is beside the best, by log-likelihoods.
 
     Their terms are judgements that overlap, so together they claim to know more than they do: less by
-    ``_OVERSTATED``, fitted with ``compare-directions`` where a city's table has the directions that were hidden.
+    ``_OVERSTATED``, fitted with ``compare_directions`` where a city's table has the directions that were hidden.
 
     >>> round(likelihood(-4.0, -3.0), 2), likelihood(-3.0, -3.0)
     (0.51, 1.0)

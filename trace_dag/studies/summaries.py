@@ -14,12 +14,8 @@ from trace_dag.evaluation.shares import clustered_share, effective_number, share
 from trace_dag.evaluation.table import Row
 from trace_dag.messages.wording import percent
 from trace_dag.scenario.share_chart import Share
-from trace_dag.states.compare import EstimatorRow, EstimatorSummary, summarise
-from trace_dag.studies.perturbed_rows import PerturbedRow
 from trace_dag.studies.variations import FamilyReport
 from trace_dag.verdict.controls import ControlRow
-from trace_dag.verdict.perturbed.kinds import KINDS
-from trace_dag.verdict.types import Grade
 
 
 class StudyTable(NamedTuple):
@@ -73,43 +69,6 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
         for cohort, kind, title, judged, verified, *_ in lines
     ]
     return StudyTable(names, lines, shares, "Accepted by the verdict")
-
-
-def perturbed_table(rows: Sequence[PerturbedRow]) -> StudyTable:
-    """A line per perturbation: changed reports judged, verified, corroborated, and verified of the crash's own
-    simulation."""
-    lines: list[tuple[Any, ...]] = []
-    for name, kind in KINDS.items():
-        of_kind = [row for row in rows if row.perturbation == name]
-        if not of_kind:
-            continue
-        judged = [row for row in of_kind if row.verified is not None]
-        own = [row.own_verified for row in of_kind if row.own_verified is not None]
-        corroborated = sum(row.grade == Grade.CORROBORATED for row in judged)
-        verified = sum(bool(row.verified) for row in judged)
-        crashes = len({row.key for row in of_kind})
-        lines.append((name, kind.title, crashes, len(judged), verified, corroborated, f"{sum(own)} of {len(own)}"))
-    names = ["perturbation", "changed", "crashes", "judged", "verified", "corroborated", "own"]
-    shares = [Share(changed, verified, judged) for _, changed, _, judged, verified, *_ in lines]
-    return StudyTable(names, lines, shares, "Still verified, by what was changed")
-
-
-def estimators_table(rows: Sequence[EstimatorRow]) -> StudyTable:
-    """Estimators side by side, a column each; lines that say nothing of any are left out."""
-    summaries = summarise(rows)
-    columns = [_estimator_column(summary) for summary in summaries]
-    shown = [name for name in columns[0] if any(column[name] for column in columns)]
-    return StudyTable(
-        ["", *(summary.estimator for summary in summaries)],
-        [(name, *(column[name] for column in columns)) for name in shown],
-        [_accepted_share(each.estimator, rows) for each in summaries],
-        "Accepted by the verdict, of what it estimated itself",
-    )
-
-
-def _accepted_share(estimator: str, rows: Sequence[EstimatorRow]) -> Share:
-    own = [row.accepted for row in rows if row.estimator == estimator and row.outcome == "estimated"]
-    return Share(estimator, sum(bool(accepted) for accepted in own), len(own))
 
 
 def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> StudyTable:
@@ -204,29 +163,3 @@ def families_table(reports: Sequence[FamilyReport]) -> StudyTable:
         [Share(each.key, each.kept, each.drawn) for each in reports],
         "Variations kept, of those drawn",
     )
-
-
-def _estimator_column(summary: EstimatorSummary) -> dict[str, str]:
-    return {
-        "crashes": str(summary.crashes),
-        "estimated by itself": str(summary.estimated),
-        "estimated by another in its place": str(summary.fallbacks or ""),
-        "rejected": str(summary.rejected or ""),
-        "failed": str(summary.failed or ""),
-        "same approaches": percent(summary.approach_agreement),
-        "same lanes": percent(summary.lane_agreement),
-        "all checks passed": percent(summary.all_checks_passed),
-        "accepted by the verdict": percent(summary.accepted),
-        "answers per crash": "" if not summary.tokens else f"{summary.mean_attempts or 0:.2f}",
-        "tokens": f"{summary.tokens:,}" if summary.tokens else "",
-        "cost, USD": f"{summary.cost_usd:.4f}" if summary.tokens else "",
-        "true approaches": percent(summary.approach_correct),
-        "true lanes": percent(summary.lane_correct),
-        "impact point off, median m": _number(summary.median_impact_point_error_m),
-        "heading off, median degrees": _number(summary.median_heading_error_deg),
-        "initial position off, median m": _number(summary.median_initial_position_error_m),
-    }
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"

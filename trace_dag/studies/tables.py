@@ -29,14 +29,18 @@ def store(workspace: Workspace, kind: str, cohort: str, rows: Sequence[Dataclass
     store_comparison(workspace.storage, kind, cohort, content)
 
 
-_MADE_BY = {CONTROLS: "controls", ESTIMATORS: "compare", PERTURBED: "controls --perturbed"}
+_MADE_BY = {
+    CONTROLS: "trace-dag controls",
+    ESTIMATORS: "python -m lab compare_estimators",
+    PERTURBED: "python -m lab perturbed",
+}
 
 
 def comparison_is_whole(storage: Storage, name: str, on_problem: OnProblem) -> bool:
     """Whether a stored comparison is undamaged; if not, ``on_problem`` is called."""
     kind, _, cohort = name.removeprefix(f"{FOLDER}/").removesuffix(".json").partition("-")
     try:
-        remedy = f"trace-dag {_MADE_BY[kind]} --cohort {cohort} makes it again"
+        remedy = f"{_MADE_BY[kind]} --cohort {cohort} makes it again"
         read_listed(storage, name, remedy=remedy)
     except DamagedFile as damaged:
         on_problem(damaged)

@@ -1,0 +1,51 @@
+"""Estimates beside reported directions that they were not told: ``python -m lab compare_directions``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import click
+
+from lab.commands import run_study
+from lab.compare_estimators import only_cohort
+from trace_dag.cli.options import examples, execution_overrides, executor_options, pass_root
+from trace_dag.cli.printing import print_table, say, write_json
+from trace_dag.cli.progress import progress_bar
+
+
+@click.command(epilog=examples("python -m lab compare_directions --cohort tempe --sample 1500 --seed 1"))
+@click.option("--cohort", help="Which cohort; can be left out if there is but one.")
+@click.option("--sample", default=1500, show_default=True, type=click.IntRange(min=1), help="Crashes drawn at most.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0), help="Of the draw.")
+@click.option("--json", "as_json", is_flag=True, help="Every crash, as JSON.")
+@executor_options
+@pass_root
+def compare_directions(
+    root: str, cohort: str | None, sample: int, seed: int, as_json: bool, executor: str | None, workers: int | None
+) -> None:
+    """Hide the reported directions of travel, estimate, and compare.
+
+    Takes crashes of two vehicles that have a road map and both directions reported, which registers other than FARS
+    have. Each is estimated without the directions and all that they imply, and again with them. Prints in how many the
+    best hypothesis has both vehicles headed as reported (within 45 degrees; one that turned may be headed so after its
+    turn), in how many one of the hypotheses kept, and what a draw among those would find; then how sure the estimates
+    are, beside how often they are right.
+    """
+
+    from lab.directions import calibration, hidden_directions, summary
+    from trace_dag.flow.workspace import Workspace
+
+    workspace = Workspace.open(root, overrides={"execution": execution_overrides(executor, workers)})
+    chosen = cohort or only_cohort(list(workspace.registry.cohorts()), root)
+    with progress_bar("crashes") as on_progress:
+        rows = hidden_directions(workspace, chosen, most=sample, seed=seed, on_progress=on_progress)
+    if as_json:
+        write_json([{"cohort": chosen, **asdict(row)} for row in rows])
+        return
+    for table in (summary(rows), calibration(rows)):
+        print_table(list(table[0]), [[str(value) for value in row.values()] for row in table])
+        say("")
+
+
+if __name__ == "__main__":
+    run_study(compare_directions)
