@@ -16,12 +16,12 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from pydantic import BaseModel
 
+from trace_dag.common.errors import Reason
+from trace_dag.common.schemas import TableSchema
+from trace_dag.common.settings import Settings
+from trace_dag.common.stage import Stage
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.errors import Reason
-from trace_dag.schemas import TableSchema
-from trace_dag.settings import Settings
-from trace_dag.sim.log_io import SIMULATION_STEPS
-from trace_dag.stage import Stage
+from trace_dag.simulation.log_io import SIMULATION_STEPS
 
 _COMMENT = re.compile(r"COMMENT ON (?P<kind>TABLE|VIEW|COLUMN) (?P<name>[\w.]+) IS '(?P<text>(?:[^']|'')*)'")
 

@@ -33,8 +33,8 @@ from tests.faults.cluster import (
     object_store,
 )
 from tests.result_tables import ABOUT_RUNS, WHEN_AND_WHERE, exported
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.workspace import WAREHOUSE_FILE
-from trace_dag.storage.files import Storage
 
 ROOT = f"s3://{BUCKET}/root"
 WORKERS = 2

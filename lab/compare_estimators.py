@@ -20,10 +20,10 @@ from trace_dag.cli.problems import Problems
 from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.sample import COHORT, sample_folder
 from trace_dag.cli.study import into_warehouse
-from trace_dag.errors import Failure, UserError
+from trace_dag.common.errors import Failure, UserError
+from trace_dag.common.messages.wording import percent
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages.wording import percent
-from trace_dag.states.llm.client import KEY_MISSING
+from trace_dag.language.client import KEY_MISSING
 
 _WITHOUT_KEY = (
     "without a key: python -m lab score_truth compares the crashes of the bundled sample with their truth, and "

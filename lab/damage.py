@@ -34,7 +34,7 @@ from typing import NamedTuple
 
 import trace_dag
 from trace_dag.cli import main as main_command
-from trace_dag.stage import Stage
+from trace_dag.common.stage import Stage
 
 SAMPLE = Path(__file__).resolve().parents[1] / "data" / "sample"
 CASES = ("319003", "319022", "319042", "319055", "319061")

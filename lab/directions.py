@@ -12,20 +12,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trace_dag.common.errors import Failure, Rejection, UserError
+from trace_dag.common.messages.progress import OnProgress, silent
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.completed_record import without_headings
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.record import CrashRecord, Moment, VehicleRecord
-from trace_dag.errors import Failure, Rejection, UserError
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.pool import Lost
+from trace_dag.flow.stored_crashes import crash_files, drawn
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages.progress import OnProgress, silent
-from trace_dag.states.alternatives import bearing_from_rad
-from trace_dag.states.types import Hypothesis, ParticipantState, StateEstimate
-from trace_dag.studies.stored_crashes import crash_files, drawn
-from trace_dag.units import wrap_angle
+from trace_dag.reconstruction.alternatives import bearing_from_rad
+from trace_dag.simulation.states import Hypothesis, ParticipantState, StateEstimate
 
 WITHIN_RAD: Final = math.radians(45)
 """How far a direction may be from the reported octant's: as the verdict's criterion."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from statistics import mean, median
 
-from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
+from trace_dag.simulation.states import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
 
 
 @dataclass(frozen=True)

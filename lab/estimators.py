@@ -14,25 +14,25 @@ from dataclasses import asdict, dataclass, replace
 
 from lab.estimator_rows import EstimateErrors, EstimatorAttempt, EstimatorRow, compare_estimators
 from lab.truth.vehicles import SampleTruth, score_truth
-from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
+from trace_dag.common.errors import DamagedFile, Failure, Rejection, UserError
+from trace_dag.common.messages.progress import OnProgress
+from trace_dag.common.plugins import PluginKind, offered
+from trace_dag.common.settings import StateSettings
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import StoredFile
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, ROAD_MAP, XODR
 from trace_dag.flow.batch import check_requirements
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.pool import Lost
+from trace_dag.flow.stored_crashes import crash_files
+from trace_dag.flow.study_tables import ESTIMATORS, store_comparison
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages.progress import OnProgress
-from trace_dag.plugins import PluginKind, offered
-from trace_dag.settings import StateSettings
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
-from trace_dag.stage import Stage
-from trace_dag.states.estimate import UnusableAnswers, estimator_factory
-from trace_dag.states.json_io import estimate_to_json
-from trace_dag.states.types import StateEstimate
-from trace_dag.storage.files import StoredFile
-from trace_dag.studies.stored_crashes import crash_files
-from trace_dag.studies.tables import ESTIMATORS, store_comparison
+from trace_dag.reconstruction.estimate import UnusableAnswers, estimator_factory
+from trace_dag.reconstruction.json_io import estimate_to_json
+from trace_dag.simulation.embedded import EmbeddedBackend
+from trace_dag.simulation.run import simulate
+from trace_dag.simulation.states import StateEstimate
 from trace_dag.verdict.judge import judge
 
 ESTIMATES_FOLDER = "estimators"

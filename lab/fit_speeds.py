@@ -4,7 +4,7 @@
 
 ``--fars`` are folders of FARS national CSV files, ``--reports`` folders of reports in CrashAPI XML, ``--recorders`` a
 file of NHTSA CIREN cases (as for ``python -m lab validate_simulator``). Written is
-``trace_dag/states/speed_coefficients.py``.
+``trace_dag/reconstruction/motion/speed_coefficients.py``.
 
 Travel speeds: the difference between the reported speed and the program's rule (limit, manoeuvre, class of the road) is
 explained by features of the report, by least absolute deviations with a ridge: few rows must not make a large shift.
@@ -25,20 +25,20 @@ from typing import Any, Final
 
 import numpy as np
 
+from trace_dag.common.errors import Rejection
+from trace_dag.common.geometry import FloatArray
+from trace_dag.common.settings import CrashSettings
+from trace_dag.common.units import kmh_to_mps, mps_to_mph
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.crash_types import Relation, crash_type_of
-from trace_dag.crash.fars_csv import FarsCsvSource
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
-from trace_dag.errors import Rejection
-from trace_dag.geometry import FloatArray
-from trace_dag.settings import CrashSettings
-from trace_dag.states.pre_crash_scenarios import Party, party
-from trace_dag.states.speed_prior import Role, SpeedClass, features, role, speed_class
-from trace_dag.states.speeds import TravelSpeed, travel_speed
-from trace_dag.units import kmh_to_mps, mps_to_mph
+from trace_dag.reconstruction.motion.speed_prior import Role, SpeedClass, features, role, speed_class
+from trace_dag.reconstruction.motion.speeds import TravelSpeed, travel_speed
+from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 
-TABLE: Final = Path(__file__).parents[1] / "trace_dag/states/speed_coefficients.py"
+TABLE: Final = Path(__file__).parents[1] / "trace_dag/reconstruction/motion/speed_coefficients.py"
 LEVELS: Final = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
 RIDGE: Final = 0.3
 """Of the table's shifts: by cross validation 0.1 to 1 differ by 2 % in the mean error."""
@@ -198,7 +198,7 @@ def write_table(rows: Sequence[Reported], recorded: Sequence[Recorded]) -> None:
     years, crashes = sorted({row.party.record.case_year for row in rows}), len({row.party.record.key for row in rows})
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     lines = [
-        '"""Distributions of speeds that nobody reported: what :mod:`trace_dag.states.speed_prior` reads.',
+        '"""Distributions of speeds that nobody reported, read by :mod:`trace_dag.reconstruction.motion.speed_prior`.',
         "",
         f"Written by ``lab/fit_speeds.py`` on {today}, fitted to {len(rows)} travel speeds that reports",
         f"of FARS have ({years[0]} to {years[-1]}, {crashes} crashes) and to {len(recorded)} event data recorders of",

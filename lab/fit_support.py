@@ -26,21 +26,21 @@ from pathlib import Path
 
 import numpy as np
 
+from trace_dag.common.errors import Rejection
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import Settings
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Rejection
 from trace_dag.flow.artefacts import EXTRACT, MAP_REPORT
+from trace_dag.flow.stored_crashes import StoredCrash, judged_crashes
 from trace_dag.flow.workspace import Workspace
-from trace_dag.geometry import LocalFrame
 from trace_dag.osm.drivable import PUBLIC_HIGHWAYS
 from trace_dag.osm.types import OsmExtract
+from trace_dag.reconstruction.estimate import estimate
 from trace_dag.roads.build import build_road_map
 from trace_dag.roads.crash_site.street_names import similarity
-from trace_dag.settings import Settings
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
-from trace_dag.states.estimate import estimate
-from trace_dag.studies.stored_crashes import StoredCrash, judged_crashes
+from trace_dag.simulation.embedded import EmbeddedBackend
+from trace_dag.simulation.run import simulate
 from trace_dag.verdict.controls import in_place_of
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.rules import Comparison

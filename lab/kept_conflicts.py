@@ -25,14 +25,14 @@ import numpy as np
 import trace_dag
 from tests.scenario import esmini
 from tests.scenario.player import driven_without_reacting
+from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_label, trailer_body
-from trace_dag.evaluation.progress import FASTEST_PACE
-from trace_dag.geometry import FloatArray
 from trace_dag.reading.crash import Crash
+from trace_dag.reconstruction.motion.speeds import BRAKING_MPS2
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.sim.types import VehicleLog
-from trace_dag.states.speeds import BRAKING_MPS2
+from trace_dag.scenario.progress import FASTEST_PACE
+from trace_dag.simulation.types import VehicleLog
 
 PACES = (0.6, 0.8, 1.0, 1.2)
 STEP_S = 0.02

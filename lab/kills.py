@@ -26,11 +26,11 @@ from pathlib import Path
 
 from lab.cohorts import MAPS, repeated_sample
 from tests.result_tables import differences, result_tables
-from trace_dag.cohorts.registry import Registry
+from trace_dag.common.provenance import Outcome
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.cohorts.registry import Registry
 from trace_dag.flow.records import read_records
-from trace_dag.provenance import Outcome
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 LONGEST_WAIT_S = 15.0
 NEVER = ("damaged artefact", "missing artefact", "unreadable record")

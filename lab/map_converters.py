@@ -29,18 +29,18 @@ import shapely
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.roads import judges
-from trace_dag.errors import Failure, Rejection, UserError
-from trace_dag.geometry import LocalFrame
+from trace_dag.carla.osm2odr import run_osm2odr, with_way_tags
+from trace_dag.common.errors import Failure, Rejection, UserError
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import OsmSettings, RoadSettings
 from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import write_osm
 from trace_dag.roads.build import build_plain_map
-from trace_dag.roads.from_osm.osm2odr import run_osm2odr, with_way_tags
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.against_osm import MapComparison
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
-from trace_dag.settings import OsmSettings, RoadSettings
 
 _DESIGNER = "commonroad-scenario-designer==0.8.5"
 _LANELETS = """

@@ -29,16 +29,16 @@ from lab.fit_speeds import (
     recorded_speeds,
 )
 from lab.measuring import SHARED, Figure
-from trace_dag.states import speed_prior
-from trace_dag.states.speed_prior import (
+from trace_dag.common.units import mps_to_mph
+from trace_dag.reconstruction.motion import speed_prior
+from trace_dag.reconstruction.motion.speed_prior import (
     Distribution,
     speed_class,
     speed_kept_distribution,
     speed_profile,
     travel_speed_distribution,
 )
-from trace_dag.states.speeds import STOP_CONTROLS, travel_speed
-from trace_dag.units import mps_to_mph
+from trace_dag.reconstruction.motion.speeds import STOP_CONTROLS, travel_speed
 
 FOLDS: Final = 10
 NEAR_MPH: Final = 5.0

@@ -48,13 +48,13 @@ from lab.masking import (
 )
 from lab.measuring import SHARED, Figure
 from lab.truth.vehicles import SampleTruth, load_truth, score_truth
+from trace_dag.common.geometry import Pose
+from trace_dag.common.units import bearing_to_clock_h, clock_difference_h, mps_to_mph, wrap_angle
 from trace_dag.crash.record import PreCrashMovement
-from trace_dag.geometry import Pose
+from trace_dag.reconstruction.analytic_hypotheses import NAME as ANALYTIC
+from trace_dag.reconstruction.samples.simulated import SampledRuns, weighted_quantiles
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.sim.sampled import SampledRuns, weighted_quantiles
-from trace_dag.states.analytic import NAME as ANALYTIC
-from trace_dag.states.types import Manoeuvre, ParticipantState, StateEstimate
-from trace_dag.units import bearing_to_clock_h, clock_difference_h, mps_to_mph, wrap_angle
+from trace_dag.simulation.states import Manoeuvre, ParticipantState, StateEstimate
 
 WITHIN_MPH, WITHIN_H, WITHIN_DEG = 5.0, 1.0, 45.0
 DRAWS: Final = 8

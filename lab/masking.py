@@ -16,27 +16,27 @@ from pathlib import Path
 from lab.cohorts import MAPS, SAMPLE
 from lab.estimators import settings_of
 from lab.measuring import SHARED
-from trace_dag.cohorts.ingest import ingest
+from trace_dag.common.errors import Rejection
+from trace_dag.common.settings import Settings
+from trace_dag.common.stage import Stage
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
-from trace_dag.errors import Rejection
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.cohorts.ingest import ingest
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.stages import FLOW
+from trace_dag.flow.stored_crashes import crash_files
 from trace_dag.flow.workspace import Workspace
+from trace_dag.reconstruction.analytic_hypotheses import NAME as ANALYTIC
+from trace_dag.reconstruction.estimate import Estimator, estimator_factory
+from trace_dag.reconstruction.samples.draws import draw_samples
+from trace_dag.reconstruction.samples.simulated import SampledRuns, simulate_samples
+from trace_dag.reconstruction.scene.scene import place_of
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import Settings
-from trace_dag.sim.sampled import SampledRuns, simulate_samples
-from trace_dag.stage import Stage
-from trace_dag.states.analytic import NAME as ANALYTIC
-from trace_dag.states.estimate import Estimator, estimator_factory
-from trace_dag.states.samples import draw_samples
-from trace_dag.states.scene import place_of
-from trace_dag.states.types import StateEstimate
-from trace_dag.studies.stored_crashes import crash_files
+from trace_dag.simulation.states import StateEstimate
 
 _JUDGED = tuple(stage for stage in Stage if stage.position <= Stage.VERDICT.position)
 

@@ -30,6 +30,9 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from lab.cohorts import SAMPLE
+from trace_dag.common.settings import CrashSettings
+from trace_dag.common.settings_sources import load_settings
+from trace_dag.common.units import MPS_PER_MPH
 from trace_dag.crash.codes.table import code_table
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.derive import impact_area
@@ -38,17 +41,14 @@ from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, NonMotorist, PreCrashMovement, VehicleRecord
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import Place
-from trace_dag.narratives.asking import Model, read_narrative
-from trace_dag.narratives.record import record_of
-from trace_dag.narratives.source import narratives_in
-from trace_dag.narratives.vocabulary import vocabulary
+from trace_dag.language.answer import WrongAnswer
+from trace_dag.language.hypotheses import llm_client
+from trace_dag.language.narratives.asking import Model, read_narrative
+from trace_dag.language.narratives.record import record_of
+from trace_dag.language.narratives.source import narratives_in
+from trace_dag.language.narratives.vocabulary import vocabulary
+from trace_dag.language.store import StoredAnswer
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
-from trace_dag.settings import CrashSettings
-from trace_dag.settings_sources import load_settings
-from trace_dag.states.llm.answer import WrongAnswer
-from trace_dag.states.llm.estimator import llm_client
-from trace_dag.states.llm.store import StoredAnswer
-from trace_dag.units import MPS_PER_MPH
 
 NARRATIVES: Final = SAMPLE / "narratives"
 REPORTS: Final = (SAMPLE / "reports", *(SAMPLE / each / "reports" for each in ("people", "chains", "roadside")))
@@ -65,7 +65,7 @@ class StandIn:
         self._texts = {each.id: " ".join(each.text.split()) for each in narratives_in(folder)}
 
     def ask(self, messages: list[dict[str, str]], *, prompt: str, schema: Mapping[str, Any]) -> StoredAnswer:
-        """See :class:`trace_dag.narratives.asking.Model`."""
+        """See :class:`trace_dag.language.narratives.asking.Model`."""
         del prompt, schema
         return StoredAnswer(self.answer(messages), "stop", "stand-in", 0, 0, 0.0, 0.0)
 

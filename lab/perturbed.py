@@ -22,7 +22,7 @@ from trace_dag.flow.workspace import Workspace
 from trace_dag.verdict.types import Grade
 
 if TYPE_CHECKING:
-    from trace_dag.settings import RuleSetName
+    from trace_dag.common.settings import RuleSetName
 
 
 @click.command(

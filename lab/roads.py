@@ -32,8 +32,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.roads import judges
-from trace_dag.errors import Rejection
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.errors import Rejection
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import OsmSettings, RoadSettings
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm
@@ -45,7 +46,6 @@ from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import OsmSettings, RoadSettings
 
 Result = TypeVar("Result")
 Places = dict[str, tuple[OsmExtract, LocalFrame]]

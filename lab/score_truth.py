@@ -17,13 +17,13 @@ from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.problems import Problems
 from trace_dag.cli.sample import sample_folder
-from trace_dag.errors import DamagedFile, UserError
+from trace_dag.common.errors import DamagedFile, UserError
+from trace_dag.common.stage import Stage
 from trace_dag.flow.contract import read_artefact
 from trace_dag.flow.crash_status import crash_status, valid_records
 from trace_dag.flow.records import read_records
 from trace_dag.flow.workspace import Workspace
-from trace_dag.stage import Stage
-from trace_dag.states.json_io import estimate_from_json
+from trace_dag.reconstruction.json_io import estimate_from_json
 from trace_dag.verdict.json_io import verdict_from_json
 
 

@@ -18,9 +18,9 @@ import osmium
 import shapely
 
 from lab.made_records import MadeCrash
+from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
-from trace_dag.settings import OsmSettings
 
 # Roads by FUNC_SYS (FHWA functional classes) in OpenStreetMap, as the wiki's page on highways in the US has them.
 _CLASSES = {

@@ -26,7 +26,7 @@ from lab.kills import command
 from lab.made_records import made_crashes, write_tables
 from lab.measuring import SHARED
 from lab.set_down_maps import set_down
-from trace_dag.stage import Stage
+from trace_dag.common.stage import Stage
 from trace_dag.warehouse.query import query
 
 _LOOK_EVERY_S = 2.0

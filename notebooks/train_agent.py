@@ -25,10 +25,10 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.utils import set_random_seed
 
 import trace_dag
-from trace_dag.evaluation.evaluate import Conditions, evaluate
-from trace_dag.evaluation.registry import BASELINES, make_agent, resolve
-from trace_dag.evaluation.shares import share_avoided
-from trace_dag.evaluation.traffic import Traffic
+from trace_dag.agents.evaluation.evaluate import Conditions, evaluate
+from trace_dag.agents.evaluation.registry import BASELINES, make_agent, resolve
+from trace_dag.agents.evaluation.shares import share_avoided
+from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.gym import ENVIRONMENT
 from trace_dag.gym.acting import MANOEUVRES
 from trace_dag.gym.single import ego_of

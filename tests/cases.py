@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from trace_dag.common.errors import Rejection
+from trace_dag.common.settings import Settings
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Rejection
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import Site
 from trace_dag.roads.build import build_road_map
@@ -17,7 +18,6 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import Settings
 
 SAMPLE = Path(__file__).resolve().parents[1] / "data" / "sample"
 SETTINGS = Settings()

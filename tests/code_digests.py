@@ -18,11 +18,12 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from trace_dag.benchmark import crash_files
+from trace_dag.agents import evaluation_work
+from trace_dag.agents import families as variations
+from trace_dag.common.plugins import PluginKind, offered
+from trace_dag.common.settings import Settings
+from trace_dag.export import crash_files
 from trace_dag.flow.stages import FLOW, VERSIONS
-from trace_dag.plugins import PluginKind, offered
-from trace_dag.settings import Settings
-from trace_dag.studies import evaluation_work, variations
 from trace_dag.warehouse import build
 
 FILE = Path(__file__).with_name("code_digests.json")
@@ -31,7 +32,16 @@ _OWN = "trace_dag"
 # there are; settings enter a fingerprint by value.
 _DECIDES_NOTHING = frozenset(
     f"trace_dag{name}"
-    for name in ("", ".version", ".garbage", ".http", ".flow.stages", ".settings", ".checksums", ".storage")
+    for name in [
+        "",
+        ".version",
+        ".common.gc_pause",
+        ".common.network.http",
+        ".common.settings",
+        ".common.storage.checksums",
+        ".common.storage.files",
+        ".flow.stages",
+    ]
 )
 
 
@@ -62,9 +72,9 @@ def digests() -> dict[str, str]:
         found[definition.stage.value] = digest(modules)
     agents = {each.module for each in offered(PluginKind.AGENT).values() if each.is_ours}
     found["warehouse"] = digest({"trace_dag.warehouse.build"})
-    found["benchmark"] = digest({"trace_dag.benchmark.build"})
-    found["evaluations"] = digest({"trace_dag.evaluation.evaluate", *agents})
-    found["variations"] = digest({"trace_dag.variations.family"})
+    found["benchmark"] = digest({"trace_dag.export.build"})
+    found["evaluations"] = digest({"trace_dag.agents.evaluation.evaluate", *agents})
+    found["variations"] = digest({"trace_dag.agents.variations.family"})
     return found
 
 

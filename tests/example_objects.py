@@ -20,8 +20,17 @@ from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import departure_of
+from trace_dag.export.package import PackageInput
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, OsmWay, Site
+from trace_dag.reconstruction.analytic_hypotheses import build_scene, parties, solve_all
+from trace_dag.reconstruction.candidates import candidates
+from trace_dag.reconstruction.estimate import estimate
+from trace_dag.reconstruction.motion.manoeuvres import Option
+from trace_dag.reconstruction.motion.solver import Solution
+from trace_dag.reconstruction.planners.pedestrian_impact.planner import ImpactPlan, approaches_of, impact_plans
+from trace_dag.reconstruction.pre_crash_scenarios import party, pre_crash_scenarios
+from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.roads.build import build_road_map
 from trace_dag.roads.from_osm.junction_areas import lay_out
 from trace_dag.roads.from_osm.lanes import Stretch, build_sections
@@ -36,23 +45,14 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
-from trace_dag.scenario.package import PackageInput
-from trace_dag.sim.backends import backend
-from trace_dag.sim.dynamics import Vehicle
-from trace_dag.sim.people import Person
-from trace_dag.sim.plan import resample
-from trace_dag.sim.run import participants, simulate
-from trace_dag.sim.types import SimulationLog
-from trace_dag.sim.vehicles import vehicle_model
-from trace_dag.states.analytic import build_scene, parties, solve_all
-from trace_dag.states.candidates import candidates
-from trace_dag.states.estimate import estimate
-from trace_dag.states.manoeuvres import Option
-from trace_dag.states.pedestrian_impact.planner import ImpactPlan, approaches_of, impact_plans
-from trace_dag.states.pre_crash_scenarios import party, pre_crash_scenarios
-from trace_dag.states.scene import Scene
-from trace_dag.states.solver import Solution
-from trace_dag.states.types import StateEstimate
+from trace_dag.simulation.backends import backend
+from trace_dag.simulation.dynamics import Vehicle
+from trace_dag.simulation.people import Person
+from trace_dag.simulation.plan import resample
+from trace_dag.simulation.run import participants, simulate
+from trace_dag.simulation.states import StateEstimate
+from trace_dag.simulation.types import SimulationLog
+from trace_dag.simulation.vehicles import vehicle_model
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash

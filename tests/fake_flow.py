@@ -17,14 +17,8 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from trace_dag.cohorts.registry import RegisteredMap, ReportSource
-from trace_dag.cohorts.services import Services
-from trace_dag.errors import Reason, Rejection, TransientFailure
-from trace_dag.flow import stages as real
-from trace_dag.flow.artefacts import Artefact
-from trace_dag.flow.contract import CrashFiles, Flow, StageDefinition
-from trace_dag.flow.products import StageProduct
-from trace_dag.settings import (
+from trace_dag.common.errors import Reason, Rejection, TransientFailure
+from trace_dag.common.settings import (
     CrashSettings,
     OsmSettings,
     RoadSettings,
@@ -32,8 +26,14 @@ from trace_dag.settings import (
     StateSettings,
     VerdictSettings,
 )
-from trace_dag.stage import Stage
-from trace_dag.states.llm.ledger import SpendingLedger
+from trace_dag.common.stage import Stage
+from trace_dag.flow import stages as real
+from trace_dag.flow.artefacts import Artefact
+from trace_dag.flow.cohorts.registry import RegisteredMap, ReportSource
+from trace_dag.flow.cohorts.services import Services
+from trace_dag.flow.contract import CrashFiles, Flow, StageDefinition
+from trace_dag.flow.products import StageProduct
+from trace_dag.language.ledger import SpendingLedger
 
 ORDER = tuple(Stage)
 REASON_OF = {

@@ -9,12 +9,12 @@ from cases import SETTINGS, Case
 from loopback import Answer, Request
 
 from lab.narratives import StandIn
+from trace_dag.common.settings import StateSettings
 from trace_dag.crash.event_sequence import sequence_of
-from trace_dag.settings import StateSettings
-from trace_dag.states.analytic import build_scene, parties, solve_all
-from trace_dag.states.candidates import candidates
-from trace_dag.states.llm.choices import Choices
-from trace_dag.states.pre_crash_scenarios import pre_crash_scenarios
+from trace_dag.language.choices import Choices
+from trace_dag.reconstruction.analytic_hypotheses import build_scene, parties, solve_all
+from trace_dag.reconstruction.candidates import candidates
+from trace_dag.reconstruction.pre_crash_scenarios import pre_crash_scenarios
 
 KEY = "sk-test-4f9a8b7c6d5e4f3a2b1c"
 MODEL = "openai/gpt-4o"

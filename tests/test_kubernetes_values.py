@@ -9,8 +9,8 @@ import pytest
 import yaml
 from sqlalchemy.engine import make_url
 
-from trace_dag.settings import Settings
-from trace_dag.settings_sources import load_settings
+from trace_dag.common.settings import Settings
+from trace_dag.common.settings_sources import load_settings
 from trace_dag.version import __version__
 
 VALUES = Path(__file__).resolve().parents[1] / "deploy" / "values.yaml"

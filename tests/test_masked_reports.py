@@ -17,13 +17,13 @@ from sample_runs import reports_of
 
 from lab.masked_reports import by_estimator, came_in_same_lane, lane_rows, movement_rows, recovered
 from lab.masking import collisions, without_area, without_lanes, without_movement, without_types
-from trace_dag.cohorts.ingest import ingest
+from trace_dag.common.stage import Stage
 from trace_dag.crash.record import PreCrashMovement
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.cohorts.ingest import ingest
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.stage import Stage
-from trace_dag.states.types import ParticipantState
+from trace_dag.simulation.states import ParticipantState
 
 LEFT_TURN = "2023-319003"
 COORDINATES = f"llm:coordinates-v1@{MODEL}"

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 from sample_runs import SAMPLE, reports_of, study, trace_dag_process
 
-from trace_dag.errors import UserError
-from trace_dag.plugins import PluginKind, load, offered
-from trace_dag.provenance import record_from_json
+from trace_dag.common.errors import UserError
+from trace_dag.common.plugins import PluginKind, load, offered
+from trace_dag.common.provenance import record_from_json
 
 KEY = "2023-319003"
 MODULE = '''
 from dataclasses import replace
 
 from trace_dag.reconstruction.search import estimate_by_record
-from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.simulation.embedded import EmbeddedBackend
 
 
 class Slower:
@@ -53,7 +53,7 @@ class Broken:
 
     @staticmethod
     def require(settings):
-        from trace_dag.errors import UserError
+        from trace_dag.common.errors import UserError
 
         raise UserError("the simulator elsewhere needs a licence")
 '''
@@ -148,7 +148,7 @@ def test_a_name_nobody_offers_is_said_with_those_there_are() -> None:
 
 def test_an_installation_from_before_a_kind_of_plugins_says_to_install_again(monkeypatch) -> None:
     offered.cache_clear()
-    monkeypatch.setattr("trace_dag.plugins.metadata.entry_points", lambda group: ())
+    monkeypatch.setattr("trace_dag.common.plugins.metadata.entry_points", lambda group: ())
     try:
         with pytest.raises(UserError, match=r"knows no estimator.*pip install -e \."):
             load(PluginKind.ESTIMATOR, "analytic")

@@ -21,7 +21,7 @@ def open(place: str | os.PathLike[str] | None = None) -> Crashes:
 
     ``place`` is a root (a folder or a URL such as ``s3://bucket/folder``), or the folder or archive of a package or a
     release; without it ``TRACE_DAG_ROOT``, else ``./trace_dag_home``. Nothing is read before it is asked for, and
-    nothing is changed. Raises :class:`trace_dag.errors.UserError` for any other kind of place::
+    nothing is changed. Raises :class:`trace_dag.common.errors.UserError` for any other kind of place::
 
         import trace_dag
 
@@ -47,8 +47,8 @@ def road_map(
 
     ``osm`` is a file or folder, or several; None asks Overpass, a public service. ``at``: latitude and longitude,
     WGS84, around which the map reaches ``radius_m``; or ``box``: west, south, east, north; neither takes the whole
-    file. ``left_hand``: traffic keeps left. Raises :class:`trace_dag.errors.UserError` where there is no road, the file
-    is no map, or the box has a side of more than 10 km::
+    file. ``left_hand``: traffic keeps left. Raises :class:`trace_dag.common.errors.UserError` where there is no road,
+    the file is no map, or the box has a side of more than 10 km::
 
         import trace_dag
 

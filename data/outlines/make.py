@@ -1,7 +1,7 @@
-"""Makes ``trace_dag/scenario/templates/site_states.js``: outlines of the states for the map of the crashes.
+"""Makes ``trace_dag/pages/templates/site_states.js``: outlines of the states for the map of the crashes.
 
     npm pack us-atlas@3.0.1 && tar xzf us-atlas-3.0.1.tgz
-    python data/outlines/make.py package/states-10m.json trace_dag/scenario/templates/site_states.js
+    python data/outlines/make.py package/states-10m.json trace_dag/pages/templates/site_states.js
 
 The source is the US Census Bureau's cartographic boundary file of 2017 (public domain), as TopoJSON in the npm package
 us-atlas. Borders are simplified to some 2 km and rounded to a hundredth of a degree, each border once for both its

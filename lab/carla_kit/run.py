@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import trace_dag
-from trace_dag.errors import Failure, UserError
+from trace_dag.carla.backend import CarlaBackend
+from trace_dag.common.errors import Failure, UserError
+from trace_dag.common.settings import SimSettings
 from trace_dag.flow.artefacts import XODR
 from trace_dag.reading.crash import Crash
-from trace_dag.settings import SimSettings
-from trace_dag.sim.carla_backend import CarlaBackend
-from trace_dag.sim.run import participants, surface_friction
-from trace_dag.sim.types import Contact
+from trace_dag.simulation.run import participants, surface_friction
+from trace_dag.simulation.types import Contact
 from trace_dag.version import __version__
 
 CRASHES = 10

@@ -12,10 +12,10 @@ from lxml import etree
 
 from lab.changed_reports.report import ChangedReport, add, code_in, keep, put
 from lab.changed_reports.scene import PerturbedScene
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.messages.wording import counted
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, NO_SECOND_VEHICLE
-from trace_dag.geometry import LocalFrame
-from trace_dag.messages.wording import counted
 
 TREE: Final = 42
 _NO_MOTOR_VEHICLE_AREA: Final = 77

@@ -59,8 +59,8 @@ class Changed:
 def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Changed | None:
     """The changed report; None where the perturbation does not apply or changes nothing.
 
-    ``report`` is another crash's for a kind that needs one. Raises :class:`~trace_dag.errors.Rejection` for data that
-    is not a report.
+    ``report`` is another crash's for a kind that needs one. Raises :class:`~trace_dag.common.errors.Rejection` for data
+    that is not a report.
 
     >>> changed = perturb(KINDS["clock_3h"], report_xml, perturbed_scene)
     >>> changed.detail, b"<IMPACT1>6</IMPACT1>" in changed.xml

@@ -22,7 +22,7 @@ class ChangedReport:
     """A copy of a report to be changed element by element. ``data`` is a ``GetCaseDetails`` response, or the
     rows of FARS tables.
 
-    Raises :class:`~trace_dag.errors.Rejection` for data that is not a report of one crash.
+    Raises :class:`~trace_dag.common.errors.Rejection` for data that is not a report of one crash.
     """
 
     def __init__(self, data: bytes) -> None:

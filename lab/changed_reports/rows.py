@@ -19,23 +19,23 @@ import numpy as np
 from lab.changed_reports.kinds import KINDS, Changed, Needs, perturb
 from lab.changed_reports.places import is_same_street, random_point
 from lab.changed_reports.scene import PerturbedScene, Point
-from trace_dag.cohorts.registry import CrashSource, RegisteredMap, ReportSource
+from trace_dag.common.errors import Reason
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.provenance import Outcome, OutcomeRecord
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.classes import CollisionType, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
-from trace_dag.errors import Reason
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, VERDICT, VERDICT_JSON, report_file
+from trace_dag.flow.cohorts.registry import CrashSource, RegisteredMap, ReportSource
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState, status_of_valid
 from trace_dag.flow.records import Records
+from trace_dag.flow.stored_crashes import StoredCrash, read_judged
 from trace_dag.flow.tasks import Chunk, CrashTask, Work
 from trace_dag.flow.worker import work_on_chunk
-from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract
 from trace_dag.osm.xml import read_osm
-from trace_dag.provenance import Outcome, OutcomeRecord
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
-from trace_dag.studies.stored_crashes import StoredCrash, read_judged
 from trace_dag.verdict.controls import JudgedCrash, in_place_of
 from trace_dag.verdict.judge import judge_hypothesis
 

@@ -13,28 +13,28 @@ from fnmatch import fnmatchcase
 
 from lab.changed_reports.kinds import KINDS, PERTURBED, Needs, PerturbationKind
 from lab.changed_reports.rows import FARTHEST_M, Change, PerturbedRow, PerturbTask, draw_stream, perturb_all
-from trace_dag.cohorts.registry import RegisteredMap
+from trace_dag.common.errors import DamagedFile, Failure, Rejection, UserError
+from trace_dag.common.messages.progress import OnProgress, silent
+from trace_dag.common.settings import StateSettings
 from trace_dag.crash.event_sequence import first_event_kind
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import EventKind
-from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
 from trace_dag.flow.batch import work_of
+from trace_dag.flow.cohorts.registry import RegisteredMap
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import OnProblem, raised
 from trace_dag.flow.stages.osm_extract import catalog_of
+from trace_dag.flow.stored_crashes import crash_files, drawn
+from trace_dag.flow.study_tables import PERTURBED as PERTURBED_TABLE
+from trace_dag.flow.study_tables import store
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages.progress import OnProgress, silent
 from trace_dag.osm.types import Site
 from trace_dag.osm.xml import write_osm
-from trace_dag.settings import StateSettings
-from trace_dag.states.estimate import estimator_factory
-from trace_dag.studies.stored_crashes import crash_files, drawn
-from trace_dag.studies.tables import PERTURBED as PERTURBED_TABLE
-from trace_dag.studies.tables import store
+from trace_dag.reconstruction.estimate import estimator_factory
 
 MOST = 12
 """Crashes of a cohort that are perturbed unless more are asked for: some minutes of work."""

@@ -15,9 +15,9 @@ from statistics import median
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from lab.truth.vehicles import Expectation, TruePoint, TruePose
-from trace_dag.errors import UserError
-from trace_dag.states.types import StateEstimate
-from trace_dag.units import wrap_angle
+from trace_dag.common.errors import UserError
+from trace_dag.common.units import wrap_angle
+from trace_dag.simulation.states import StateEstimate
 
 MAX_COURSE_ERROR_DEG = 45.0
 """A person headed further away from the true course went another way."""

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.common.geometry import FloatArray, Pose
+from trace_dag.common.units import wrap_angle
 from trace_dag.flow.makers import Made, makers_in_words
-from trace_dag.geometry import FloatArray, Pose
-from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
-from trace_dag.units import wrap_angle
+from trace_dag.simulation.states import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
 
 MAX_APPROACH_HEADING_RAD = math.radians(60)
 """An initial pose that points further away from the true path came from elsewhere, or the other way."""

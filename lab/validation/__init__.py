@@ -1,7 +1,7 @@
 """The simulator against measurement: crashes with event data recorders, staged collisions, closed forms.
 
 Belongs here: reading measured crashes, setting them up for the simulator, and setting what it says beside what was
-measured and beside planar plastic momentum. Does not belong here: physics; that is :mod:`trace_dag.sim`'s. Crashes are
-simulated on flat, dry ground, by the embedded back-end and its ordinary contact: nothing is fitted to a crash but what
-its table says is free.
+measured and beside planar plastic momentum. Does not belong here: physics; that is :mod:`trace_dag.simulation`'s.
+Crashes are simulated on flat, dry ground, by the embedded back-end and its ordinary contact: nothing is fitted to a
+crash but what its table says is free.
 """

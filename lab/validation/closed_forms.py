@@ -10,17 +10,17 @@ from typing import Final
 import numpy as np
 
 from lab.validation.placing import straight_on
+from trace_dag.common.geometry import Pose
+from trace_dag.common.settings import SimSettings
+from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.record import VehicleClass
-from trace_dag.geometry import Pose
-from trace_dag.settings import SimSettings
-from trace_dag.sim.anthropometry import person_body
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.overturn import roll_model
-from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import Body, BodyKind, Participant, SimulationLog, overturned_at
-from trace_dag.states.objects import KINDS, FixedObject
-from trace_dag.states.types import Trajectory
-from trace_dag.units import GRAVITY_MPS2
+from trace_dag.simulation.anthropometry import person_body
+from trace_dag.simulation.embedded import EmbeddedSimulation
+from trace_dag.simulation.objects import KINDS, FixedObject
+from trace_dag.simulation.overturn import roll_model
+from trace_dag.simulation.states import Trajectory
+from trace_dag.simulation.surface import Surface
+from trace_dag.simulation.types import Body, BodyKind, Participant, SimulationLog, overturned_at
 from trace_dag.verdict.throws import throw_bounds_m
 
 _CAR: Final = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.7, 1.85, 1.45, 1500.0)

@@ -13,7 +13,7 @@ from lab.validation.pairs import compare_pair
 from lab.validation.posts import POSTS, compare_with_post
 from lab.validation.recorded import RecordedCrash, RecordedEvent
 from lab.validation.rows import Compared, Unusable
-from trace_dag.settings import SimSettings
+from trace_dag.common.settings import SimSettings
 
 
 def compare_crash(crash: RecordedCrash, settings: SimSettings) -> list[Compared]:

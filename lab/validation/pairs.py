@@ -23,9 +23,9 @@ from lab.validation.rows import (
     compared_row,
     simulate,
 )
-from trace_dag.settings import SimSettings
-from trace_dag.sim.types import Body, SimulationLog
-from trace_dag.units import kmh_to_mps
+from trace_dag.common.settings import SimSettings
+from trace_dag.common.units import kmh_to_mps
+from trace_dag.simulation.types import Body, SimulationLog
 
 _CONTRADICTION: Final = 2.0
 _FASTEST_MPS: Final = kmh_to_mps(200.0)

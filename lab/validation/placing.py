@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 
 from lab.validation.recorded import Damage, RecordedVehicle
-from trace_dag.geometry import Pose, rectangle_corners
-from trace_dag.sim.outlines import Outline, separation
-from trace_dag.sim.types import Body, Participant
-from trace_dag.states.types import Trajectory
+from trace_dag.common.geometry import Pose, rectangle_corners
+from trace_dag.simulation.outlines import Outline, separation
+from trace_dag.simulation.states import Trajectory
+from trace_dag.simulation.types import Body, Participant
 
 OUTWARD: Final = {"F": (1.0, 0.0), "B": (-1.0, 0.0), "L": (0.0, 1.0), "R": (0.0, -1.0)}
 """Where each side of a vehicle faces, ahead and to the left."""

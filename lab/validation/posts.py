@@ -8,12 +8,12 @@ from typing import Final
 from lab.validation.placing import OUTWARD, before_object, damaged_m, struck_side
 from lab.validation.recorded import Damage, RecordedEvent, RecordedVehicle
 from lab.validation.rows import Compared, Unusable, check_recording, compared_row, simulate
-from trace_dag.geometry import Pose
-from trace_dag.settings import SimSettings
-from trace_dag.sim.obstacles import POLE_TEST_MPS, crush_m
-from trace_dag.sim.types import Body
-from trace_dag.states.objects import FixedObject
-from trace_dag.units import mps_to_kmh
+from trace_dag.common.geometry import Pose
+from trace_dag.common.settings import SimSettings
+from trace_dag.common.units import mps_to_kmh
+from trace_dag.simulation.objects import FixedObject
+from trace_dag.simulation.obstacles import POLE_TEST_MPS, crush_m
+from trace_dag.simulation.types import Body
 
 _TREE, _POLE, _SIGN = 42, 30, 59  # SOE
 POSTS: Final = {  # CIREN's object codes: diameter (m), and the kind of object it is in a simulation

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from trace_dag.common.errors import UserError
+from trace_dag.common.units import GRAVITY_MPS2, kmh_to_mps, mps_to_kmh
 from trace_dag.crash.codes.bodies import BodyEvidence, body_of
-from trace_dag.errors import UserError
-from trace_dag.sim.types import Body, BodyKind
-from trace_dag.units import GRAVITY_MPS2, kmh_to_mps, mps_to_kmh
+from trace_dag.simulation.types import Body, BodyKind
 
 LOAD_KG: Final = 100.0
 """Of occupants and luggage, on top of the curb mass and of the cargo that is known."""

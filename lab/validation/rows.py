@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 
 from lab.validation.recorded import Damage, RecordedVehicle, Recording
-from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import PULSE_S, Participant, SimulationLog
-from trace_dag.sim.vehicles import vehicle_model
-from trace_dag.states.objects import FixedObject
-from trace_dag.units import mps_to_kmh
+from trace_dag.common.settings import SimSettings
+from trace_dag.common.units import mps_to_kmh
+from trace_dag.simulation.embedded import EmbeddedSimulation
+from trace_dag.simulation.objects import FixedObject
+from trace_dag.simulation.surface import Surface
+from trace_dag.simulation.types import PULSE_S, Participant, SimulationLog
+from trace_dag.simulation.vehicles import vehicle_model
 from trace_dag.verdict.observation import LEAST_RECORDED_MPS
 
 _PULLED: Final = 0.5  # of a delta-v: more cannot come of friction along the side

@@ -21,11 +21,11 @@ import numpy as np
 from lab.validation.placing import meeting
 from lab.validation.plastic import plastic_delta_v
 from lab.validation.rows import simulate
+from trace_dag.common.settings import SimSettings
+from trace_dag.common.units import KG_PER_LB, METRES_PER_FOOT, mph_to_mps, mps_to_kmh
 from trace_dag.crash.record import VehicleClass
-from trace_dag.settings import SimSettings
-from trace_dag.sim.types import Body, BodyKind, SimulationLog
-from trace_dag.sim.vehicles import vehicle_model
-from trace_dag.units import KG_PER_LB, METRES_PER_FOOT, mph_to_mps, mps_to_kmh
+from trace_dag.simulation.types import Body, BodyKind, SimulationLog
+from trace_dag.simulation.vehicles import vehicle_model
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ import fake_flow
 import pytest
 from dagster import AssetKey, DagsterInstance
 
+from trace_dag.assets.launch import RunReport, open_instance, planned, run_batches
 from trace_dag.assets.partitions import CRASHES, add_partitions
-from trace_dag.definitions.launch import RunReport, open_instance, planned, run_batches
+from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import Selection, select_stale
 from trace_dag.flow.workspace import Workspace
-from trace_dag.stage import Stage
 
 SETTINGS: dict[str, Any] = {"execution": {"executor": "in_process", "retry_wait_s": 0.0}}
 

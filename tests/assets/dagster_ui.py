@@ -38,7 +38,7 @@ _IN_THIS_PROCESS = {
 _LOCATION = """\
 from {module} import {flow} as FLOW
 
-from trace_dag.definitions import build_definitions
+from trace_dag.assets.definitions import build_definitions
 from trace_dag.flow.workspace import Workspace
 
 defs = build_definitions(Workspace.open({root!r}, FLOW))

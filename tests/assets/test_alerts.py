@@ -10,9 +10,9 @@ import fake_flow
 import pytest
 from loopback import Answer, serving
 
-from trace_dag.definitions.launch import summarise
-from trace_dag.network.alerts import WEBHOOK_VARIABLE, Alert, AlertKind, send
-from trace_dag.settings import AutomationSettings
+from trace_dag.assets.launch import summarise
+from trace_dag.common.network.alerts import WEBHOOK_VARIABLE, Alert, AlertKind, send
+from trace_dag.common.settings import AutomationSettings
 from trace_dag.warehouse.changes import standings_in
 
 KEYS = [f"2023-5100{number}" for number in range(10, 13)]

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from dagster import AssetCheckKey, AssetKey, DagsterRunStatus
 
-from trace_dag.errors import Reason
+from trace_dag.common.errors import Reason
+from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import select_again
-from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number:02}" for number in range(1, 5)]
 GATES = AssetCheckKey(AssetKey("road_map"), "gates")

@@ -16,11 +16,11 @@ from public_services import NEBRASKA, VERIFIED, public_services
 from sample_runs import SAMPLE
 
 from tests.assets.dagster_ui import DagsterUi, dagster_ui, launch_in_this_process
-from trace_dag.cohorts.choice import Choice
-from trace_dag.cohorts.ingest import ingest
-from trace_dag.cohorts.services import crash_api
+from trace_dag.assets.launch import open_instance
 from trace_dag.crash.cohorts import CohortFilter
-from trace_dag.definitions.launch import open_instance
+from trace_dag.flow.cohorts.choice import Choice
+from trace_dag.flow.cohorts.ingest import ingest
+from trace_dag.flow.cohorts.services import crash_api
 from trace_dag.flow.workspace import Workspace
 from trace_dag.warehouse.query import query
 

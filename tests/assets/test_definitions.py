@@ -8,9 +8,9 @@ from datetime import timedelta
 
 from dagster import AssetKey
 
-from trace_dag.definitions import build_definitions
+from trace_dag.assets.definitions import build_definitions
+from trace_dag.common.stage import Stage
 from trace_dag.flow.workspace import Workspace
-from trace_dag.stage import Stage
 
 DEFINITIONS = build_definitions()
 SPECS = {spec.key: spec for spec in DEFINITIONS.resolve_all_asset_specs()}
@@ -72,7 +72,7 @@ def test_the_warehouse_is_overdue_after_the_hours_that_the_settings_give(tmp_pat
 
 
 def test_loading_touches_no_root(tmp_path):
-    subprocess.run([sys.executable, "-c", "import trace_dag.definitions"], check=True, cwd=tmp_path)
+    subprocess.run([sys.executable, "-c", "import trace_dag.assets.definitions"], check=True, cwd=tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -80,8 +80,8 @@ def test_summary_follows_the_last_run_started_in_the_ui_and_no_other(campaign):
     from dagster import DagsterRunStatus, build_run_status_sensor_context
 
     from trace_dag.assets.after_runs import summary_after_runs
+    from trace_dag.assets.definitions import build_definitions
     from trace_dag.assets.run_requests import PROCESS_TAG
-    from trace_dag.definitions import build_definitions
 
     made = campaign({"2023-510010": ""})
     job = build_definitions(made.workspace).resolve_implicit_global_asset_job_def()

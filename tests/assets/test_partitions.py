@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from trace_dag.assets.launch import open_instance
 from trace_dag.assets.partitions import add_partitions, remove_partitions
-from trace_dag.definitions.launch import open_instance
 
 
 def test_thousands_are_added_in_order_and_taken_away_with_what_is_asked_for_alone(campaign):

@@ -8,10 +8,10 @@ import fake_flow
 import pytest
 from dagster import AssetKey
 
+from trace_dag.assets.definitions import build_definitions
 from trace_dag.assets.run_requests import range_tags
-from trace_dag.definitions import build_definitions
+from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import PlannedBatch, select_again
-from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number:02}" for number in range(1, 6)]
 BROKEN = {KEYS[1]: Stage.ROAD_MAP, KEYS[3]: Stage.SIMULATION_LOG}

@@ -12,15 +12,15 @@ import fake_flow
 from dagster import AssetKey, DagsterRunStatus
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
+from trace_dag.assets.launch import open_instance
 from trace_dag.assets.metadata import event_metadata
 from trace_dag.assets.run_requests import PROCESS_TAG
-from trace_dag.definitions.launch import open_instance
-from trace_dag.errors import Reason
+from trace_dag.common.errors import Reason
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import select_again
 from trace_dag.flow.tasks import Action, StageEvent
-from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number}" for number in range(10, 16)]
 
@@ -161,6 +161,6 @@ def test_runs_of_dead_processes_are_closed(campaign):
 
 
 def made_job(made):
-    from trace_dag.definitions import build_definitions
+    from trace_dag.assets.definitions import build_definitions
 
     return build_definitions(made.workspace).resolve_implicit_global_asset_job_def()

@@ -9,21 +9,21 @@ from dagster import AssetKey, RunRequest, SkipReason, build_schedule_context
 from fake_flow import ASKING
 from public_services import NEBRASKA, NOT_RELEASED, VERIFIED, public_services
 
+from trace_dag.assets.definitions import build_definitions
+from trace_dag.assets.launch import open_instance
 from trace_dag.assets.partitions import add_partitions
 from trace_dag.assets.run_requests import range_tags
 from trace_dag.assets.schedules import schedules
-from trace_dag.cohorts.choice import Choice
-from trace_dag.cohorts.ingest import ingest
-from trace_dag.cohorts.services import crash_api
+from trace_dag.common.errors import UserError
+from trace_dag.common.settings import AutomationSettings, Schedule
+from trace_dag.common.stage import Stage
 from trace_dag.crash.cohorts import CohortFilter
-from trace_dag.definitions import build_definitions
-from trace_dag.definitions.launch import open_instance
-from trace_dag.errors import UserError
+from trace_dag.flow.cohorts.choice import Choice
+from trace_dag.flow.cohorts.ingest import ingest
+from trace_dag.flow.cohorts.services import crash_api
 from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import PlannedBatch
 from trace_dag.flow.workspace import Workspace
-from trace_dag.settings import AutomationSettings, Schedule
-from trace_dag.stage import Stage
 
 CHOICE = Choice(CohortFilter(states=frozenset([NEBRASKA]), years=frozenset([2023]), min_vehicles=2, max_vehicles=2))
 

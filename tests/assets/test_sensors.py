@@ -10,17 +10,17 @@ import fake_flow
 import pytest
 from dagster import DagsterInstance, DagsterRun, DagsterRunStatus, RunRequest, SkipReason, build_sensor_context
 
+from trace_dag.assets.definitions import build_definitions
+from trace_dag.assets.launch import open_instance
 from trace_dag.assets.run_requests import keys_of, range_tags
 from trace_dag.assets.sensors import arriving_reports, registered_crashes
-from trace_dag.cohorts.ingest import ingest
-from trace_dag.definitions import build_definitions
-from trace_dag.definitions.launch import open_instance
+from trace_dag.common.provenance import Outcome
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.cohorts.ingest import ingest
 from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import PlannedBatch
 from trace_dag.flow.workspace import Workspace
-from trace_dag.provenance import Outcome
-from trace_dag.stage import Stage
 
 REPORTS = Path(__file__).resolve().parents[2] / "data" / "sample" / "reports"
 CASES = ("319003", "319022", "319024")

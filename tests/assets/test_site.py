@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from trace_dag.definitions.site import BenchmarkSite
-from trace_dag.storage.files import Storage
+from trace_dag.assets.site import BenchmarkSite
+from trace_dag.common.storage.files import Storage
 
 
 async def _dagster(_scope: Any, _receive: Any, send: Any) -> None:

@@ -11,10 +11,10 @@ from dagster import AssetKey, DagsterInstance, DagsterRunStatus, build_run_statu
 from sample_runs import finished
 
 from trace_dag.assets.after_runs import summary_after_runs
+from trace_dag.assets.definitions import build_definitions
 from trace_dag.assets.studies import STUDIES
-from trace_dag.definitions import build_definitions
+from trace_dag.flow.study_tables import FOLDER
 from trace_dag.flow.workspace import Workspace
-from trace_dag.studies.tables import FOLDER
 
 COHORT = "sample"
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 from dagster import AssetKey, AssetRecordsFilter
 
 from trace_dag.assets.verify import repair_dagster, verify_dagster
-from trace_dag.cohorts.registry import ReportSource
+from trace_dag.common.provenance import Outcome
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.cohorts.registry import ReportSource
 from trace_dag.flow.records import read_records, write_record
 from trace_dag.flow.verify import DisagreementKind
-from trace_dag.provenance import Outcome
-from trace_dag.stage import Stage
 
 GOOD, REJECTED, FAILED = "2023-510001", "2023-510002", "2023-510003"
 BEHAVIOURS = {GOOD: "", REJECTED: "reject:road_map", FAILED: "fail-once:state_estimate"}

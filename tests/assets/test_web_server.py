@@ -226,7 +226,7 @@ def test_a_socket_is_for_its_own_pages(server: Server):
 LAUNCH = """
 mutation { launchRun(executionParams: {
   selector: {
-    repositoryLocationName: "trace_dag.definitions", repositoryName: "__repository__", pipelineName: "summary"
+    repositoryLocationName: "trace_dag.assets.definitions", repositoryName: "__repository__", pipelineName: "summary"
   },
   runConfigData: %s, mode: "default"}) { __typename ... on PythonError { message }
   ... on RunConfigValidationInvalid { errors { message } } } }

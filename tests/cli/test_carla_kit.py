@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("carla", reason="the carla extra is not installed")
 
 from lab.carla_kit.run import CRASHES, main
-from tests.sim.carla_stand_in import StandIn
+from tests.simulation.carla_stand_in import StandIn
 
 
 def test_the_kit_compares_crashes_and_writes_the_file_to_send_back(

@@ -10,13 +10,13 @@ from public_services import MAP, NOT_RELEASED, SAMPLE, VERIFIED, public_services
 from sample_runs import trace_dag
 
 from trace_dag.cli.main import cli
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 
 REPORTS = str(SAMPLE / "reports")
 
 
 def partitions(root):
-    from trace_dag.definitions.launch import open_instance
+    from trace_dag.assets.launch import open_instance
     from trace_dag.flow.stages import FLOW
     from trace_dag.flow.workspace import Workspace
 

@@ -18,8 +18,8 @@ from sample_runs import trace_dag
 
 from tests.roads.judges import official_check
 from tests.scenario.player import Scenario
-from trace_dag.benchmark.export import accepted_keys, export
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.export.export import accepted_keys, export
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
 
@@ -148,7 +148,7 @@ def test_another_process_makes_the_same_bytes(root: Path, packages: dict[str, Pa
     for name in EVERY_PACKAGE:
         assert (tmp_path / key / name).read_bytes() == (packages[key] / name).read_bytes(), name
     rezipped = (
-        "import sys; from pathlib import Path; from trace_dag.scenario.package import zip_files;"
+        "import sys; from pathlib import Path; from trace_dag.export.package import zip_files;"
         "folder = Path(sys.argv[1]);"
         "sys.stdout.buffer.write(zip_files({f.name: f.read_bytes() for f in folder.iterdir()}, folder=folder.name))"
     )

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from sample_runs import trace_dag
 
-from trace_dag.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import checked, with_checksum
 
-AGENT = "trace_dag.evaluation.baselines:BrakeOnTimeToCollision"
-NAME = "trace_dag.evaluation.baselines.BrakeOnTimeToCollision"
+AGENT = "trace_dag.agents.evaluation.baselines:BrakeOnTimeToCollision"
+NAME = "trace_dag.agents.evaluation.baselines.BrakeOnTimeToCollision"
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import click
 import pytest
 from sample_runs import KEYS, finished, ingest, reports_of, trace_dag
 
-from trace_dag.errors import Reason
-from trace_dag.stage import Stage
+from trace_dag.common.errors import Reason
+from trace_dag.common.stage import Stage
 from trace_dag.warehouse.query import rows
 
 

@@ -10,8 +10,9 @@ import pytest
 from faults.stores import TroubledStore
 from sample_runs import KEYS, ingest, reports_of
 
-from trace_dag.benchmark.build import build_benchmark
-from trace_dag.benchmark.crash_files import (
+from trace_dag.common.storage.files import Storage
+from trace_dag.export.build import build_benchmark
+from trace_dag.export.crash_files import (
     made_of,
     make_files,
     making_at_once,
@@ -23,10 +24,9 @@ from trace_dag.benchmark.crash_files import (
 )
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.executors import InProcessExecutor
+from trace_dag.flow.stored_crashes import stored_crash
 from trace_dag.flow.tasks import MadeFiles
 from trace_dag.flow.workspace import Workspace
-from trace_dag.storage.files import Storage
-from trace_dag.studies.stored_crashes import stored_crash
 from trace_dag.warehouse.build import build_warehouse
 
 VERIFIED, REJECTED = KEYS[0], "2023-319070"

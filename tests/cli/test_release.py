@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 from sample_runs import trace_dag
 
-from trace_dag.benchmark.release import ReleaseReport, build_release
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.export.release import ReleaseReport, build_release
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
 

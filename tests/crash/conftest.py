@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from trace_dag.settings import CrashSettings
+from trace_dag.common.settings import CrashSettings
 
 
 @pytest.fixture(scope="session")

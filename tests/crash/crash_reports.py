@@ -6,11 +6,11 @@ from __future__ import annotations
 from typing import Any
 from xml.sax.saxutils import escape
 
+from trace_dag.common.errors import Rejection
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Rejection
-from trace_dag.settings import CrashSettings
 
 Children = dict[str, Any]
 

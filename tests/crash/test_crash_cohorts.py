@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from trace_dag.common.errors import UserError
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.cohorts import COVERAGE_DIMENSIONS, CohortFilter, sample, select, stratified_sample
-from trace_dag.crash.fars_csv import FarsCsvSource
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.listing import CrashListing
-from trace_dag.errors import UserError
 
 
 def crash(case: int, **more: object) -> CrashListing:

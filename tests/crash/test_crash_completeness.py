@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from crash_reports import rejection, report
 
+from trace_dag.common.errors import Reason, Rejection, UserError
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.completeness import OF_VERDICTS, RULES, Rule, check, filters_of, shortcomings
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.parties import EventKind
-from trace_dag.errors import Reason, Rejection, UserError
-from trace_dag.settings import CrashSettings
 
 DEPARTED = {"SOE": 65, "VNUMBER1": 2, "VNUMBER2": 5555}
 SILENT = {"P_CRASH1": 99, "P_CRASH2": 99, "ACC_TYPE": 98, "TRAV_SP": 998}

@@ -14,13 +14,13 @@ import pytest
 from crash_reports import rejection
 from fars_tables import csv_of, tables_of, write
 
+from trace_dag.common.errors import Reason, Rejection, UserError
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.derive import UNSAID_MOVEMENTS
-from trace_dag.crash.fars_csv import FarsCsvSource
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection, UserError
-from trace_dag.settings import CrashSettings
 
 BROKEN = {"crash_510030.xml", "crash_510108.xml", "crash_510150.xml"}
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from crash_reports import not_released, report
 
+from trace_dag.common.errors import UserError
 from trace_dag.crash.folder import scan
 from trace_dag.crash.xml_input import MAX_REPORT_BYTES
-from trace_dag.errors import UserError
 
 
 def test_every_real_file_gets_its_key_malformed_or_not(shared_data: Path) -> None:

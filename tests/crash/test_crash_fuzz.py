@@ -25,13 +25,13 @@ import pytest
 from crash_reports import report
 from loopback import Answer, serving
 
+from trace_dag.common.errors import Rejection
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.completeness import check
 from trace_dag.crash.folder import identify, scan
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.tables import record_from_parquet, record_to_parquet
-from trace_dag.errors import Rejection
-from trace_dag.settings import CrashSettings
 
 MUTATIONS = int(os.environ.get("TRACE_DAG_FUZZ_MUTATIONS", "250"))
 TIME_LIMIT_S = 5  # of processor time: the machine may do other things too
@@ -227,8 +227,8 @@ def test_large_files_take_little_memory_and_time(size_mb: int, limit_mb: int) ->
         from trace_dag.crash.folder import identify
         from trace_dag.crash.parse import read_report
         from trace_dag.crash.tables import record_to_parquet
-        from trace_dag.errors import Rejection
-        from trace_dag.settings import CrashSettings
+        from trace_dag.common.errors import Rejection
+        from trace_dag.common.settings import CrashSettings
 
         def outcome(data, settings):
             try:

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from crash_reports import read, rejection, report
 
+from trace_dag.common.errors import Reason, UserError
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.completeness import RULES, check, shortcomings
-from trace_dag.crash.fars_csv import FarsCsvSource
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, UserError
-from trace_dag.settings import CrashSettings
 
 PERSON = {"VEH_NO": 0, "PER_NO": 1, "PER_TYP": 5, "STR_VEH": 1, "AGE": 40, "LOCATION": 11}
 STRUCK = {"SOE": 8, "VNUMBER2": 9999, "AOI2": 77}

@@ -11,12 +11,12 @@ from crash_reports import not_released, own_events, report
 from hypothesis import given
 from hypothesis import strategies as st
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.derive import impact_area, implied_impact_of_damage
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, Occupant, PreCrashMovement, VehicleClass
 from trace_dag.crash.tables import record_from_parquet, record_to_parquet
-from trace_dag.errors import Reason, Rejection
-from trace_dag.settings import CrashSettings
 
 BROKEN = {"crash_510030.xml": (599, 201), "crash_510108.xml": (970, 47), "crash_510150.xml": (634, 114)}
 """The files that are not well-formed, and where (line, column) xmllint says so."""

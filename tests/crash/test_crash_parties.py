@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from crash_reports import parties, report
 
-from trace_dag.crash.fars_csv import FarsCsvSource
+from trace_dag.common.settings import CrashSettings
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord
-from trace_dag.settings import CrashSettings
 
 ONE = {"VE_FORMS": 1, "VE_TOTAL": 1, "HARM_EV": 8, "MAN_COLL": 0}
 

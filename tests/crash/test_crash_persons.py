@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 from crash_reports import report
 
-from trace_dag.crash.fars_csv import FarsCsvSource
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import CrashSettings
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.tables import record_from_parquet, record_to_parquet
-from trace_dag.errors import Reason, Rejection
-from trace_dag.settings import CrashSettings
 
 PERSON = {"VEH_NO": 0, "PER_NO": 1, "PER_TYP": 5, "STR_VEH": 1}
 

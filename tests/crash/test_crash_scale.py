@@ -51,7 +51,7 @@ def test_a_national_year_is_listed_and_served(national_year: Path, capsys: pytes
         """
         import resource, sys
         from pathlib import Path
-        from trace_dag.crash.fars_csv import FarsCsvSource
+        from trace_dag.crash.fars.csv_tables import FarsCsvSource
 
         source = FarsCsvSource.open(Path(sys.argv[1]))
         listings = source.listings()

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from crash_reports import own_events, parties, report
 
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.derive import impact_area
-from trace_dag.crash.fars_csv import FarsCsvSource
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merged
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
-from trace_dag.settings import CrashSettings
 
 NO_MANNER = FirstEvent(contact=True, man_coll=None)
 

@@ -14,11 +14,11 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
+from trace_dag.common.errors import Failure
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
 from trace_dag.crash.tables import CRASH_RECORD, SCHEMA_VERSION, record_from_parquet, record_to_parquet
-from trace_dag.errors import Failure
-from trace_dag.settings import CrashSettings
 
 DERIVED = {CrashRecord: ["kind", "severity", "schema_version"], EventRecord: ["kind"], NonMotorist: ["party", "kind"]}
 """Columns that follow from others, for those who read the table alone."""

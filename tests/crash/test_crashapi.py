@@ -10,11 +10,11 @@ import pytest
 from crash_reports import not_released, report
 from loopback import Answer, Loopback, Request, serving
 
-from trace_dag.crash.crashapi import CrashApiClient
+from trace_dag.common.errors import Failure, Reason, Rejection, TransientFailure, UserError
+from trace_dag.common.network.http import HttpClient, HttpPolicy
+from trace_dag.common.settings import CrashSettings
+from trace_dag.crash.fars.crashapi import CrashApiClient
 from trace_dag.crash.parse import read_report
-from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
-from trace_dag.network.http import HttpClient, HttpPolicy
-from trace_dag.settings import CrashSettings
 
 QUICK = HttpPolicy(timeout_s=0.5, attempts=3, first_wait_s=0.01, longest_wait_s=0.02, requests_per_s=1000)
 KEY = "2023-519001"

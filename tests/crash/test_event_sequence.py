@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from crash_reports import Children, read, rejection, report
 
+from trace_dag.common.errors import Reason
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence, Missing, event_sequence, sequence_of
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import DepartureManner, departure_of
-from trace_dag.errors import Reason
-from trace_dag.settings import CrashSettings
 
 THREE = {"VE_FORMS": 3, "VE_TOTAL": 3}
 VEHICLES: list[Children] = [{}, {"VEH_NO": 2}, {"VEH_NO": 3}]

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from trace_dag.common.errors import Rejection, UserError
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import RULES, check
 from trace_dag.crash.keys import parse_key, register_key
@@ -18,8 +20,6 @@ from trace_dag.crash.registers.mapping import read_mapping, shipped
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import FromCrossing, Place
 from trace_dag.crash.table_reports import report_from_json, report_to_json
-from trace_dag.errors import Rejection, UserError
-from trace_dag.settings import CrashSettings
 
 TEMPE = {
     "Incidentid": "1001", "DateTime": "3/4/15 17:05 ", "Year": "2015", "StreetName": "First St",

@@ -14,7 +14,7 @@ import pytest
 
 from tests.loopback import free_port
 from tests.waiting import eventually
-from trace_dag.storage.files import Storage
+from trace_dag.common.storage.files import Storage
 
 BUCKET = "crashes"
 

@@ -14,10 +14,10 @@ from sample_runs import trace_dag
 from sqlalchemy import event
 from sqlalchemy.engine import Engine
 
-from trace_dag.cohorts.registry import Registry
-from trace_dag.errors import DamagedFile
-from trace_dag.storage.disk_errors import disk_failure
-from trace_dag.storage.files import Storage
+from trace_dag.common.errors import DamagedFile
+from trace_dag.common.storage.disk_errors import disk_failure
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.cohorts.registry import Registry
 
 KEY = "2023-319003"
 SPACE = "free some space and run again"

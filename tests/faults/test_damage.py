@@ -12,22 +12,22 @@ import duckdb
 import pytest
 from sample_runs import finished, trace_dag
 
-from trace_dag.benchmark.export import accepted_keys, export
-from trace_dag.benchmark.release import build_release
-from trace_dag.benchmark.verify import verify_benchmark
-from trace_dag.cohorts.registry import Registry
-from trace_dag.errors import DamagedFile, Failure
+from trace_dag.agents.evaluations import all_rows
+from trace_dag.agents.replays import replay
+from trace_dag.common.errors import DamagedFile, Failure
+from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.files import Storage
+from trace_dag.export.export import accepted_keys, export
+from trace_dag.export.release import build_release
+from trace_dag.export.verify import verify_benchmark
 from trace_dag.flow.batch import first_stale
+from trace_dag.flow.cohorts.registry import Registry
+from trace_dag.flow.controls import negative_controls
 from trace_dag.flow.manifests import list_files, not_as_listed, read_listed, read_manifest
 from trace_dag.flow.stages import FLOW
+from trace_dag.flow.stored_crashes import stored_crash
 from trace_dag.flow.verify import DisagreementKind, verify_storage
 from trace_dag.flow.workspace import Workspace
-from trace_dag.storage.checksums import checked, with_checksum
-from trace_dag.storage.files import Storage
-from trace_dag.studies.controls import negative_controls
-from trace_dag.studies.evaluations import all_rows
-from trace_dag.studies.replays import replay
-from trace_dag.studies.stored_crashes import stored_crash
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import query
 from trace_dag.warehouse.verify import verify_warehouse

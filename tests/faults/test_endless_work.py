@@ -10,12 +10,12 @@ from pathlib import Path
 import fake_flow
 import pytest
 
+from trace_dag.common.provenance import Outcome
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.executors import DaskExecutor, ProcessExecutor
 from trace_dag.flow.pool import Pool
 from trace_dag.flow.records import read_records
-from trace_dag.provenance import Outcome
-from trace_dag.stage import Stage
 
 GOOD = ("2023-510010", "2023-510011")
 BAD = "2023-510020"

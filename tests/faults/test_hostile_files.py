@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 from sample_runs import SAMPLE, finished, ingest, reports_of, trace_dag
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.parse import read_report
-from trace_dag.errors import Reason, Rejection
 from trace_dag.reading.opening import open_place
-from trace_dag.settings import CrashSettings
 
 KEY = "2023-319003"  # in the town of merrow.osm
 
@@ -146,8 +146,8 @@ def read_only(monkeypatch: pytest.MonkeyPatch) -> Path:
     def refused(*_: object, **__: object) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr("trace_dag.storage.files.tempfile.TemporaryFile", refused)
-    monkeypatch.setattr("trace_dag.storage.files.Storage.write", refused)
+    monkeypatch.setattr("trace_dag.common.storage.files.tempfile.TemporaryFile", refused)
+    monkeypatch.setattr("trace_dag.common.storage.files.Storage.write", refused)
     return root
 
 

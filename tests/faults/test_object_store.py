@@ -8,9 +8,9 @@ from faults.cluster import BUCKET, dask_cluster, kill_when_under_way, object_sto
 from result_tables import differences
 from sample_runs import KEYS, SAMPLE, command, finished, reports_of, trace_dag_process
 
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.storage.files import Storage
 
 ROOT = f"s3://{BUCKET}/root"
 

@@ -12,14 +12,14 @@ import fake_flow
 import pytest
 from faults.stores import NO_SPACE, ProviderError, TroubledStore, every
 
-from trace_dag.cohorts.registry import ReportSource
+from trace_dag.common.provenance import Outcome
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.batch import first_stale, run_stages
+from trace_dag.flow.cohorts.registry import ReportSource
 from trace_dag.flow.records import read_records, write_record
 from trace_dag.flow.verify import verify_storage
 from trace_dag.flow.workspace import Workspace
-from trace_dag.provenance import Outcome
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 BEHAVIOURS = {f"2023-5100{number}": "" for number in range(10, 16)} | {"2023-510020": "reject:road_map"}
 
@@ -148,7 +148,7 @@ def test_reading_a_cohort_costs_listings_and_not_a_request_per_crash(store, tmp_
 
 def test_a_full_disk_fails_what_it_could_not_take_and_loses_nothing(make_workspace, tmp_path, monkeypatch):
     workspace = make_workspace(BEHAVIOURS)
-    monkeypatch.setattr("trace_dag.storage.files.os.fdopen", full_after(60))
+    monkeypatch.setattr("trace_dag.common.storage.files.os.fdopen", full_after(60))
     events = list(run_stages(workspace, list(BEHAVIOURS), run_id="full"))
     failed = {event.key for event in events if event.failed}
     assert failed

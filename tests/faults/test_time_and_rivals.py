@@ -11,13 +11,13 @@ import fake_flow
 import httpx
 import pytest
 
-from trace_dag.errors import TransientFailure
+from trace_dag.common.errors import TransientFailure
+from trace_dag.common.network.http import HttpClient, HttpPolicy
+from trace_dag.common.network.rate_limit import take_turn
+from trace_dag.common.provenance import Outcome
 from trace_dag.flow.batch import first_stale, run_stages
 from trace_dag.flow.records import read_records
 from trace_dag.flow.verify import verify_storage
-from trace_dag.network.http import HttpClient, HttpPolicy
-from trace_dag.network.rate_limit import take_turn
-from trace_dag.provenance import Outcome
 
 HOUR_S = 3600.0
 

@@ -10,6 +10,8 @@ import fake_flow
 import pytest
 
 from trace_dag.assets.metadata import event_metadata
+from trace_dag.common.provenance import Outcome, OutcomeRecord, artefact_name
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import first_stale, run_stages
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_store import picture_name
@@ -17,8 +19,6 @@ from trace_dag.flow.records import read_records, write_record
 from trace_dag.flow.run_summary import RunSummary
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.flow.workspace import Workspace
-from trace_dag.provenance import Outcome, OutcomeRecord, artefact_name
-from trace_dag.stage import Stage
 
 GOOD, OTHER, THIRD = "2023-510001", "2023-510002", "2023-510003"
 

@@ -10,10 +10,10 @@ import pytest
 
 import trace_dag
 from tests.code_digests import digests, numbers, recorded
+from trace_dag.common.references import referred, signature_of
+from trace_dag.common.settings import Settings
+from trace_dag.common.stage import Stage
 from trace_dag.flow.stages import FLOW
-from trace_dag.references import referred, signature_of
-from trace_dag.settings import Settings
-from trace_dag.stage import Stage
 
 NOW, NUMBERS, RECORDED = digests(), numbers(), recorded()
 
@@ -42,7 +42,7 @@ def test_the_code_of_a_stage_is_what_it_runs() -> None:
 
     assert users("trace_dag.verdict.rules") == {Stage.VERDICT}
     assert users("trace_dag.osm.clip") == {Stage.OSM_EXTRACT}
-    assert users("trace_dag.errors") == set(Stage)
+    assert users("trace_dag.common.errors") == set(Stage)
     assert users("trace_dag.roads.map.reader") == set(Stage) - {
         Stage.RAW_REPORT,
         Stage.CRASH_RECORD,

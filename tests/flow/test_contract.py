@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from trace_dag.cohorts.registry import CrashSource, ReportSource
+from trace_dag.common.provenance import Outcome, OutcomeRecord, Provenance
+from trace_dag.common.settings import Settings
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.artefacts import Artefact
+from trace_dag.flow.cohorts.registry import CrashSource, ReportSource
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError
-from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
-from trace_dag.settings import Settings
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 MAP: Artefact[str] = Artefact(Stage.ROAD_MAP, ("xodr",), f"{__name__}:as_text")
 NAME = "road_map/2023-1.xodr"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 
-from trace_dag.errors import Reason
+from trace_dag.common.errors import Reason
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.crash_status import FinalState, crash_status, crash_statuses, funnel
 from trace_dag.flow.records import read_records
-from trace_dag.stage import Stage
 
 BEHAVIOURS = {
     "2023-510010": "",

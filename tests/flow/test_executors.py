@@ -14,15 +14,15 @@ import fake_flow
 import pytest
 from waiting import eventually
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.common.provenance import Outcome
+from trace_dag.common.settings import ExecutionSettings
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import first_stale, run_stages
 from trace_dag.flow.executors import DaskExecutor, InProcessExecutor, ProcessExecutor, make_executor
 from trace_dag.flow.records import read_records
 from trace_dag.flow.worker import work_on_chunk
 from trace_dag.flow.workspace import Workspace
-from trace_dag.provenance import Outcome
-from trace_dag.settings import ExecutionSettings
-from trace_dag.stage import Stage
 
 BEHAVIOURS = {
     "2023-510010": "",

@@ -18,17 +18,17 @@ from sample_runs import reports_of, study, trace_dag, trace_dag_process
 from lab.estimator_rows import summarise
 from lab.estimators import estimates_folder, estimators_compared, settings_of
 from lab.truth.vehicles import load_truth
-from trace_dag.cohorts.ingest import ingest
-from trace_dag.errors import Reason, UserError
+from trace_dag.common.errors import Reason, UserError
+from trace_dag.common.provenance import Outcome, OutcomeRecord
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.cohorts.ingest import ingest
 from trace_dag.flow.records import read_records
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.provenance import Outcome, OutcomeRecord
-from trace_dag.stage import Stage
-from trace_dag.states.json_io import estimate_from_json
-from trace_dag.states.llm.store import FOLDER as ANSWERS
-from trace_dag.storage.files import Storage
+from trace_dag.language.store import FOLDER as ANSWERS
+from trace_dag.reconstruction.json_io import estimate_from_json
 from trace_dag.warehouse.query import query
 
 CRASHES = ("2023-319003", "2023-319022", "2023-319024", "2023-319029")

@@ -7,15 +7,15 @@ from pathlib import Path
 import fake_flow
 import pytest
 
+from trace_dag.common.provenance import Outcome
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.batch import first_stale, run_stages
 from trace_dag.flow.crash_status import FinalState, crash_status
 from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import select_again
 from trace_dag.flow.tasks import Action
 from trace_dag.flow.verify import verify_storage
-from trace_dag.provenance import Outcome
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 KEY = "2023-510010"
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import Selection, plan, plan_maps_first
-from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number:02d}" for number in range(10, 50)]
 STAGES = list(Stage)

@@ -8,7 +8,7 @@ import sys
 import time
 from dataclasses import dataclass
 
-from trace_dag.errors import Failure
+from trace_dag.common.errors import Failure
 from trace_dag.flow.pool import Lost, Pool, Task
 
 

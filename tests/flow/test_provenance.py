@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from trace_dag.errors import Failure, Reason
-from trace_dag.provenance import (
+from trace_dag.common.errors import Failure, Reason
+from trace_dag.common.provenance import (
     Outcome,
     OutcomeRecord,
     Provenance,
@@ -15,9 +15,9 @@ from trace_dag.provenance import (
     record_to_json,
     settings_of,
 )
-from trace_dag.settings import SimSettings
-from trace_dag.stage import Stage
-from trace_dag.storage.files import StoredFile
+from trace_dag.common.settings import SimSettings
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import StoredFile
 
 MADE_OF = Provenance("0.1.0+abc", {"step_s": 0.005}, {"road_map.xodr": "12ab"}, {"mujoco": "3.3.1"})
 RECORD = OutcomeRecord(

@@ -10,12 +10,12 @@ import pytest
 from model_server import KEY, MODEL
 from sample_runs import KEYS, ingest, reports_of, trace_dag
 
-from trace_dag.cohorts import ingest as cohorts
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import check_requirements, run_stages
+from trace_dag.flow.cohorts import ingest as cohorts
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.stage import Stage
 
 
 @pytest.fixture

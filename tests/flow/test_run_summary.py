@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from trace_dag.common.provenance import Outcome, OutcomeRecord, Provenance
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import StoredFile
 from trace_dag.flow.run_summary import RunSummary
 from trace_dag.flow.tasks import Action, StageEvent
-from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
-from trace_dag.stage import Stage
-from trace_dag.storage.files import StoredFile
 
 
 def record(key: str, stage: Stage, **said) -> OutcomeRecord:

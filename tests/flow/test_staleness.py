@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import first_stale, run_stages, stale_results
 from trace_dag.flow.records import read_records
-from trace_dag.stage import Stage
 
 BEHAVIOURS = {
     "2023-510010": "",

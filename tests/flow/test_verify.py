@@ -10,13 +10,13 @@ from pathlib import Path
 import fake_flow
 import pytest
 
-from trace_dag.cohorts.registry import ReportSource
+from trace_dag.common.processes import temporary_prefix
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import first_stale, run_stages
+from trace_dag.flow.cohorts.registry import ReportSource
 from trace_dag.flow.records import read_records, write_record
 from trace_dag.flow.verify import DisagreementKind, Quarantine, StorageReport, repair_storage, verify_storage
 from trace_dag.flow.workspace import Workspace
-from trace_dag.processes import temporary_prefix
-from trace_dag.stage import Stage
 
 GOOD, OTHER = "2023-510001", "2023-510002"
 MAP = f"road_map/{GOOD}.txt"
@@ -110,7 +110,7 @@ def test_what_no_record_lists_is_put_aside(workspace):
 
 def test_leftovers_of_dead_processes_are_removed_and_those_of_living_ones_left(workspace, tmp_path):
     dead = subprocess.run(
-        [sys.executable, "-c", "from trace_dag.processes import temporary_prefix as name; print(name(''))"],
+        [sys.executable, "-c", "from trace_dag.common.processes import temporary_prefix as name; print(name(''))"],
         capture_output=True,
         text=True,
         check=True,

@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-for each in ("tests", "tests/crash", "tests/states"):  # as pytest has it
+for each in ("tests", "tests/crash", "tests/reconstruction", "tests/language"):  # as pytest has it
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / each))
 
 from tests.fuzz.fuzzing import fuzz_long

@@ -22,13 +22,16 @@ import osmium
 from tests import cases, model_server
 from tests.crash import fars_tables
 from tests.verdict.crashes import CROSSROADS, STREET
+from trace_dag.agents.evaluation.agent_protocol import answer_from_bytes, answer_to_bytes, problem_of
+from trace_dag.agents.evaluation.agents import AgentFault, Motion
+from trace_dag.common.errors import DamagedFile, Rejection, UserError
+from trace_dag.common.settings import OsmSettings
+from trace_dag.common.settings_sources import load_settings
 from trace_dag.crash.completeness import check
-from trace_dag.crash.fars_csv import FarsCsvSource
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.parse import read_report
-from trace_dag.errors import DamagedFile, Rejection, UserError
-from trace_dag.evaluation.agent_protocol import answer_from_bytes, answer_to_bytes, problem_of
-from trace_dag.evaluation.agents import AgentFault, Motion
 from trace_dag.flow import artefacts
+from trace_dag.language.answer import WrongAnswer, decide, form, parse
 from trace_dag.osm.extraction import Around, UnreadableMapError, read_around, read_header
 from trace_dag.osm.map_check import MapChecker
 from trace_dag.osm.types import BoundingBox
@@ -36,10 +39,7 @@ from trace_dag.osm.xml import read_osm
 from trace_dag.reading.opening import open_place
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import OsmSettings
-from trace_dag.settings_sources import load_settings
-from trace_dag.sim.driving import Pedals
-from trace_dag.states.llm.answer import WrongAnswer, decide, form, parse
+from trace_dag.simulation.driving import Pedals
 
 Read = Callable[[bytes, Path], object]
 _CRASH = "2023-319003"

@@ -11,18 +11,18 @@ import pytest
 from tests.cases import SAMPLE
 from tests.fuzz.targets import pbf
 from tests.verdict.crashes import STREET
-from trace_dag.crash.fars_csv import FarsCsvSource
-from trace_dag.errors import DamagedFile, UserError
-from trace_dag.evaluation.agent_protocol import answer_from_bytes
-from trace_dag.evaluation.agents import AgentFault
+from trace_dag.agents.evaluation.agent_protocol import answer_from_bytes
+from trace_dag.agents.evaluation.agents import AgentFault
+from trace_dag.common.errors import DamagedFile, UserError
+from trace_dag.common.settings import OsmSettings
+from trace_dag.common.settings_sources import load_settings
+from trace_dag.crash.fars.csv_tables import FarsCsvSource
+from trace_dag.language.answer import SegmentsAnswer, WrongAnswer, parse
 from trace_dag.osm.extraction import UnreadableMapError, read_around, read_header
 from trace_dag.osm.map_check import MapChecker
 from trace_dag.reading.packed import ArchiveFiles
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import OsmSettings
-from trace_dag.settings_sources import load_settings
-from trace_dag.states.llm.answer import SegmentsAnswer, WrongAnswer, parse
 
 
 def test_a_number_of_thousands_of_digits_is_no_setting() -> None:

@@ -16,11 +16,11 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import trace_dag
 import trace_dag.gym
-from trace_dag.errors import UserError
-from trace_dag.evaluation.baselines import Replay
-from trace_dag.evaluation.evaluate import Conditions, evaluate, run
-from trace_dag.evaluation.observation import Sensing
-from trace_dag.evaluation.traffic import Traffic
+from trace_dag.agents.evaluation.baselines import Replay
+from trace_dag.agents.evaluation.evaluate import Conditions, evaluate, run
+from trace_dag.agents.evaluation.observation import Sensing
+from trace_dag.agents.evaluation.traffic import Traffic
+from trace_dag.common.errors import UserError
 from trace_dag.gym.acting import MANOEUVRES, Hands
 from trace_dag.gym.parallel import ParallelCrashEnv
 from trace_dag.gym.single import chosen

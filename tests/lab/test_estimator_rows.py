@@ -8,9 +8,9 @@ import pytest
 from cases import SETTINGS, sample_case
 
 from lab.estimator_rows import EstimateErrors, EstimatorAttempt, EstimatorRow, compare_estimators, summarise
+from trace_dag.reconstruction.estimate import estimate
 from trace_dag.roads.map.model import LaneRef
-from trace_dag.states.estimate import estimate
-from trace_dag.states.types import EstimatorRun, StateEstimate
+from trace_dag.simulation.states import EstimatorRun, StateEstimate
 
 RUN = EstimatorRun("llm", "1", model="m", attempts=3, prompt_tokens=900, cost_usd=0.02)
 

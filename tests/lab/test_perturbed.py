@@ -16,10 +16,10 @@ from lab.changed_reports.places import is_same_street, random_point
 from lab.changed_reports.rows import has_same_map
 from lab.changed_reports.scene import PerturbedScene, Point
 from lab.changed_reports.vehicles import turned
+from trace_dag.common.geometry import LocalFrame
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import PreCrashMovement
-from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay, Site
 from trace_dag.roads.build import build_road_map

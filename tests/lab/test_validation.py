@@ -17,8 +17,8 @@ from lab.validation.plastic import plastic_delta_v
 from lab.validation.recorded import read_recorded_crashes
 from lab.validation.staged import staged_results
 from lab.validation.summary import errors_by_group
-from trace_dag.errors import UserError
-from trace_dag.settings import SimSettings
+from trace_dag.common.errors import UserError
+from trace_dag.common.settings import SimSettings
 
 # NHTSA CIREN 417 (3-C1-2019, public): masses, dimensions, headings, speeds, delta-v and damage of both vehicles.
 CASE: dict[str, Any] = {

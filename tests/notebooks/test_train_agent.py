@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import sample_runs
 
-from trace_dag.evaluation.registry import BASELINES
+from trace_dag.agents.evaluation.registry import BASELINES
 
 SCRIPT = Path(__file__).resolve().parents[2] / "notebooks" / "train_agent.py"
 

@@ -18,14 +18,14 @@ import pytest
 import shapely
 
 from tests.osm.osm_text import ORIGIN, document, node, place, restriction, save, way
-from trace_dag.errors import Failure, Reason, Rejection, UserError, UserErrors
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.errors import Failure, Reason, Rejection, UserError, UserErrors
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.map_check import MapChecker
 from trace_dag.osm.plausibility import check_text
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
-from trace_dag.settings import OsmSettings
 
 SITE = Site("2023-1", *ORIGIN)
 CROSSROADS = (

@@ -9,9 +9,9 @@ import osmium
 import pytest
 
 from tests.osm.osm_text import ORIGIN, node, place, restriction, save, thing, way
+from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
-from trace_dag.settings import OsmSettings
 
 SITE = Site("1", *ORIGIN)
 FAR_M = 3000.0

@@ -8,11 +8,11 @@ import pytest
 from loopback import Answer, Request, Respond, serving
 
 from tests.osm.osm_text import ORIGIN, document, node, place, restriction, way
-from trace_dag.errors import Failure, Reason, Rejection, TransientFailure
-from trace_dag.network.http import HttpClient, HttpPolicy
+from trace_dag.common.errors import Failure, Reason, Rejection, TransientFailure
+from trace_dag.common.network.http import HttpClient, HttpPolicy
+from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.services import OsmApiSource, OverpassSource
 from trace_dag.osm.types import OsmExtract, Site
-from trace_dag.settings import OsmSettings
 
 SITE = Site("2023-1", *ORIGIN)
 TOWN = document(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from tests.osm.test_xml import extracts
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 from trace_dag.osm.stored import CLIPPED, read_extract, write_extract
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 

@@ -9,11 +9,11 @@ import pytest
 from shapely.geometry import LineString
 
 from tests.osm.osm_text import LATITUDE_PER_M, LONGITUDE_PER_M, ORIGIN, document, node, save, thing, way
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.stored import read_extract, write_extract
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, Site
-from trace_dag.settings import OsmSettings
 
 ROAD = (node(1, -200, 0), node(2, 200, 0), way(10, [1, 2], name="Main Street"))
 WOOD = [node(number, x, y) for number, x, y in ((20, 50, 20), (21, 900, 20), (22, 900, 60), (23, 50, 60))]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 from trace_dag.osm.xml import read_osm, write_osm
 

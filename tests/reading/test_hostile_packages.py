@@ -16,7 +16,7 @@ import pytest
 import sample_runs
 
 import trace_dag
-from trace_dag.errors import DamagedFile, Failure, UserError
+from trace_dag.common.errors import DamagedFile, Failure, UserError
 
 KEY = "2023-319003"
 DEEP = b"[" * 200_000 + b"]" * 200_000

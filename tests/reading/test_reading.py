@@ -18,7 +18,7 @@ import shapely
 from PIL import Image
 
 import trace_dag
-from trace_dag.errors import DamagedFile, UserError
+from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.reading.crashes import Crashes
 
 VERIFIED, REJECTED_EARLY = "2023-319003", "2023-319061"

@@ -14,8 +14,8 @@ from click.testing import CliRunner
 import trace_dag
 from trace_dag.cli.main import cli
 from trace_dag.cli.map import map_command
-from trace_dag.errors import UserError
-from trace_dag.formats import MAP_FORMS
+from trace_dag.common.errors import UserError
+from trace_dag.export.formats import MAP_FORMS
 from trace_dag.reading.road_map import MadeMap
 from trace_dag.roads.map.reader import read_opendrive
 

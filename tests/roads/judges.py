@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.network import RoadNetwork
 

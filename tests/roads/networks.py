@@ -6,7 +6,7 @@ import math
 
 from hypothesis import strategies as st
 
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.geometry import LocalFrame
 from trace_dag.roads.map.model import (
     Connection,
     ContactPoint,

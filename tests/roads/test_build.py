@@ -9,16 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.towns import FRAME, SETTINGS, Town, report, vehicle
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import RoadSettings
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 from trace_dag.roads.build import RejectedRoadMap, RoadMap, build_road_map
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import Marks
 from trace_dag.roads.report import MapGate
-from trace_dag.settings import RoadSettings
 
 
 def built(extract: OsmExtract, record: CrashRecord, settings: RoadSettings = SETTINGS) -> RoadMap | Rejection:

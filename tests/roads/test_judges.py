@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 
 from tests.roads import judges
-from trace_dag.errors import Rejection
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.errors import Rejection
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import OsmSettings, RoadSettings
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import OsmSettings, RoadSettings
 
 _SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"
 _SAMPLE_SITES = 8

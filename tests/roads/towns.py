@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import count
 
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import RoadSettings
+from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
-from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.crash_site.crossings import with_kinds
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import RoadSettings
-from trace_dag.units import mph_to_mps
 
 FRAME = LocalFrame(37.0, -77.0)
 SETTINGS = RoadSettings()

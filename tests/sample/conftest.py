@@ -10,9 +10,9 @@ import pytest
 from cases import SETTINGS
 
 from lab.truth.vehicles import SampleTruth, load_truth
+from trace_dag.common.errors import Rejection
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
-from trace_dag.errors import Rejection
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"
 sys.path.insert(0, str(SAMPLE))  # make_sample.py finds its modules beside itself, as when it is run

@@ -10,12 +10,12 @@ from cases import SETTINGS, Case, cases
 
 from lab.truth.contacts import contacts_by_kind
 from lab.truth.vehicles import SampleTruth, load_truth, score_truth
+from trace_dag.common.errors import Reason
 from trace_dag.crash.event_sequence import sequence_of
-from trace_dag.errors import Reason
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
-from trace_dag.states.estimate import estimate
-from trace_dag.states.types import StateEstimate
+from trace_dag.reconstruction.estimate import estimate
+from trace_dag.simulation.embedded import EmbeddedBackend
+from trace_dag.simulation.run import simulate
+from trace_dag.simulation.states import StateEstimate
 from trace_dag.verdict.controls import JudgedCrash, changed_reports
 from trace_dag.verdict.judge import judge
 

@@ -9,7 +9,7 @@ import pytest
 from cases import SETTINGS, Case, cases
 
 from lab.truth.people import PeopleTruth, by_kind, load_people_truth, score_people
-from trace_dag.states.estimate import estimate
+from trace_dag.reconstruction.estimate import estimate
 
 
 @pytest.fixture(scope="module")

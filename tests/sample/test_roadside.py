@@ -11,15 +11,15 @@ from cases import SETTINGS, Case, cases
 from lab.truth.contacts import contacts_by_kind
 from lab.truth.vehicles import SampleTruth, load_truth, score_truth
 from tests.verdict.crashes import row_of_change
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.completeness import check
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.road_departure import departure_of
-from trace_dag.errors import Reason, Rejection
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
-from trace_dag.sim.types import overturned_at
-from trace_dag.states.estimate import estimate
+from trace_dag.reconstruction.estimate import estimate
+from trace_dag.simulation.embedded import EmbeddedBackend
+from trace_dag.simulation.run import simulate
+from trace_dag.simulation.types import overturned_at
 from trace_dag.verdict.changed_plans import changed_plans
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge

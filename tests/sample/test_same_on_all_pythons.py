@@ -11,7 +11,7 @@ from unittest.mock import patch
 import pytest
 from sample_runs import ingest, reports_of, trace_dag
 
-from trace_dag.stage import Stage
+from trace_dag.common.stage import Stage
 
 KEYS = ("2023-319003", "2023-319022")
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from lab.truth.vehicles import SampleTruth
+from trace_dag.common.errors import Reason
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.parse import read_report
-from trace_dag.errors import Reason
-from trace_dag.settings import CrashSettings
 
 # The coverage table of the published paper, by code (FARS Analytical User's Manual); everything else is "others".
 MANNERS = {
@@ -111,7 +111,7 @@ def test_every_reason_occurs_that_default_settings_can_give(truth: SampleTruth) 
     by_other_settings = {Reason.VERTICAL_GEOMETRY, Reason.WRONG_SPEED, Reason.OUTSIDE_COHORT}
     of_real_reports = {Reason.INCOMPLETE_SEQUENCE, Reason.INCOMPLETE_IMPACT}  # in the town, every two met, somewhere
     of_people = {Reason.WRONG_PARTY, Reason.WRONG_SEQUENCE, Reason.WRONG_ZONE}
-    of_maps = {Reason.MAP_TOO_SMALL}  # the town's roads go on, see tests/states/test_mapped_ground.py
+    of_maps = {Reason.MAP_TOO_SMALL}  # the town's roads go on, see tests/reconstruction/test_mapped_ground.py
     of_departures = {Reason.NO_DEPARTURE, Reason.WRONG_SIDE, Reason.NO_OVERTURN}
     assert reasons == set(Reason) - by_other_settings - of_real_reports - of_people - of_departures - of_maps
 

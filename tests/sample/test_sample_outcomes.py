@@ -8,20 +8,20 @@ from pathlib import Path
 import pytest
 
 from lab.truth.vehicles import SampleTruth, score_truth
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import RoadSettings, Settings
 from trace_dag.crash.completeness import check
 from trace_dag.crash.folder import identify
 from trace_dag.crash.parse import read_report
-from trace_dag.errors import Reason, Rejection
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import Site
+from trace_dag.reconstruction.estimate import estimate
 from trace_dag.roads.build import build_road_map
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import RoadSettings, Settings
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
-from trace_dag.states.estimate import estimate
-from trace_dag.states.types import StateEstimate
+from trace_dag.simulation.embedded import EmbeddedBackend
+from trace_dag.simulation.run import simulate
+from trace_dag.simulation.states import StateEstimate
 from trace_dag.verdict.judge import judge
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from lab.truth.vehicles import SampleTruth, TrueCrash, load_truth, score_truth
+from trace_dag.common.errors import UserError
+from trace_dag.common.geometry import Pose
 from trace_dag.crash.record import VehicleClass
-from trace_dag.errors import UserError
-from trace_dag.geometry import Pose
-from trace_dag.states.types import (
+from trace_dag.simulation.states import (
     EstimatorRun,
     Hypothesis,
     Manoeuvre,

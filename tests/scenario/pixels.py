@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image, ImageColor
 
-from trace_dag.scenario.canvas import pixels_of
-from trace_dag.scenario.pictures import WIDTH_PX
+from trace_dag.pages.canvas import pixels_of
+from trace_dag.pages.pictures import WIDTH_PX
 
 
 def drawn(svg: str, width_px: int = WIDTH_PX) -> Image.Image:

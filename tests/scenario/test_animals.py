@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from tests.scenario.player import Scenario
-from tests.sim.motions import CAR, crossing, log_of
+from tests.simulation.motions import CAR, crossing, log_of
 from tests.verdict.crashes import STREET, record, vehicle
+from trace_dag.common.settings import SimSettings
 from trace_dag.crash.record import VehicleClass
-from trace_dag.formats.sumo import floating_car_data
+from trace_dag.export.formats.sumo import floating_car_data
+from trace_dag.pages.solid.animals import animal_nodes, animal_places
 from trace_dag.scenario.figure_shapes import logged_shape, upright_shape
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.scenario.solid.animals import animal_nodes, animal_places
-from trace_dag.settings import SimSettings
-from trace_dag.sim.quadrupeds import LANDMARKS
-from trace_dag.sim.types import Body, BodyKind, SimulationLog, VehicleLog
+from trace_dag.simulation.quadrupeds import LANDMARKS
+from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog
 
 DEER = Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.60, 0.42, 0.92, 68.0)
 

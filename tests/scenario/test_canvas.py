@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.scenario.pixels import drawn, of_colour
-from trace_dag.scenario.canvas import Canvas, Ink
+from trace_dag.pages.canvas import Canvas, Ink
 
 WINDOW = (-10.0, -20.0, 30.0, 20.0)  # 40 m by 40 m
 SQUARE = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])

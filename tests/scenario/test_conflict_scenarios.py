@@ -12,12 +12,12 @@ from lxml import etree
 
 from tests.scenario import esmini
 from tests.scenario.player import driven_without_reacting
-from tests.sim.motions import CAR, driven, log_of, participant, straight
+from tests.simulation.motions import CAR, driven, log_of, participant, straight
 from tests.verdict.crashes import CROSSROADS, record, vehicle
+from trace_dag.common.settings import SimSettings
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.settings import SimSettings
-from trace_dag.sim.types import Body, BodyKind, SimulationLog
+from trace_dag.simulation.types import Body, BodyKind, SimulationLog
 
 RECORD = record(vehicle(1, 12), vehicle(2, 9))
 KEPT = Flavour(free=1, keeps_conflict=True)

@@ -9,13 +9,13 @@ from lxml import html
 
 from tests.scenario.page_rows import crash
 from tests.verdict.crashes import record, vehicle
+from trace_dag.common.errors import Reason
+from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.crash.summary import in_one_sentence
-from trace_dag.errors import Reason
 from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
-from trace_dag.scenario.crash_page import CrashPage, write_crash_page
-from trace_dag.sim.sampled import Interval, SampledRuns
-from trace_dag.units import mph_to_mps
+from trace_dag.pages.crash_page import CrashPage, write_crash_page
+from trace_dag.reconstruction.samples.simulated import Interval, SampledRuns
 from trace_dag.verdict.types import (
     Agreement,
     ComparedWith,

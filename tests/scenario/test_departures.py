@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from tests.sim.test_objects import GUARDRAIL, PICKUP_2000P, TREE, item, run
-from tests.sim.test_overturn import STREET, sliding
+from tests.simulation.test_objects import GUARDRAIL, PICKUP_2000P, TREE, item, run
+from tests.simulation.test_overturn import STREET, sliding
 from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.parties import party_label
+from trace_dag.pages.replay import write_html_player
+from trace_dag.pages.solid.objects import object_parts
+from trace_dag.pages.thumbnail import moving_thumbnail
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, in_words, object_category, outline
 from trace_dag.scenario.opendrive_objects import fixed_objects, with_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.openscenario_objects import misc_object
-from trace_dag.scenario.replay import write_html_player
-from trace_dag.scenario.solid.objects import object_parts
-from trace_dag.scenario.thumbnail import moving_thumbnail
-from trace_dag.sim.types import moment_of
+from trace_dag.simulation.types import moment_of
 
 CRASH = record(vehicle(1, 12), vehicle(1, 12))
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from tests.roads.networks import FRAME, crossroads, one_road
 from tests.roads.towns import Town
 from tests.scenario.pixels import drawn, rgb
+from trace_dag.pages.canvas import Canvas, length_pt
+from trace_dag.pages.map_ground import ASPHALT, SURFACES, WHITE
+from trace_dag.pages.map_scene import MapScene
+from trace_dag.pages.maps import GROUND, MapDrawing, draw_network
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road, RoadMark, Signal
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.canvas import Canvas, length_pt
-from trace_dag.scenario.map_ground import ASPHALT, SURFACES, WHITE
-from trace_dag.scenario.map_scene import MapScene
-from trace_dag.scenario.maps import GROUND, MapDrawing, draw_network
 
 _PIXELS_PER_M = 8
 _HALF_M = 50

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from tests.scenario.player import Scenario
-from tests.sim.motions import CAR, TRUCK, driven, participant, straight
+from tests.simulation.motions import CAR, TRUCK, driven, participant, straight
 from tests.verdict.crashes import CROSSROADS, STREET, record, vehicle
+from trace_dag.common.settings import SimSettings
 from trace_dag.crash.parties import party_label
 from trace_dag.roads.map.model import Cubic
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.surface import NetworkSurface
-from trace_dag.sim.types import Participant, SimulationLog
-from trace_dag.sim.vehicles import vehicle_model
+from trace_dag.simulation.embedded import EmbeddedSimulation
+from trace_dag.simulation.surface import NetworkSurface
+from trace_dag.simulation.types import Participant, SimulationLog
+from trace_dag.simulation.vehicles import vehicle_model
 
 RECORD = record(vehicle(1, 12), vehicle(2, 9))
 CARLA = Flavour(carla=True)

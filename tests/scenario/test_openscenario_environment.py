@@ -9,13 +9,13 @@ from dataclasses import replace
 import pytest
 from lxml import etree
 
-from tests.sim.motions import participant, straight
+from tests.simulation.motions import participant, straight
 from tests.verdict.crashes import STREET, record, vehicle
+from trace_dag.common.settings import SimSettings
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.openscenario_environment import sun_position
-from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.surface import NetworkSurface
+from trace_dag.simulation.embedded import EmbeddedSimulation
+from trace_dag.simulation.surface import NetworkSurface
 
 RECORD = replace(
     record(vehicle(1, 12), vehicle(2, 6)), year=2023, month=6, day=14, hour=21, minute=45, light_code=2, weather_code=2

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from trace_dag.geometry import FloatArray
-from trace_dag.scenario.paving import paved_gaps
+from trace_dag.common.geometry import FloatArray
+from trace_dag.pages.paving import paved_gaps
 
 _WIDTH_M = 3.5
 

@@ -14,16 +14,16 @@ import pytest
 from tests.roads import judges
 from tests.scenario import esmini
 from tests.scenario.player import Scenario
-from tests.sim.motions import CAR, TRUCK, crossing, log_of, participant, straight
+from tests.simulation.motions import CAR, TRUCK, crossing, log_of, participant, straight
 from tests.verdict.crashes import STREET, record, vehicle
-from trace_dag.errors import Failure
+from trace_dag.common.errors import Failure
+from trace_dag.common.settings import SimSettings
+from trace_dag.pages.replay_impacts import strikes
 from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.scenario.carla_blueprints import CHILD_WALKERS, choose_bicycle, choose_walker
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.scenario.replay_impacts import strikes
-from trace_dag.settings import SimSettings
-from trace_dag.sim.anthropometry import person_body
-from trace_dag.sim.carla_blueprints import CHILD_WALKERS, choose_bicycle, choose_walker
-from trace_dag.sim.types import BodyKind, SimulationLog
+from trace_dag.simulation.anthropometry import person_body
+from trace_dag.simulation.types import BodyKind, SimulationLog
 
 CARLA = Flavour(carla=True)
 # A step of a player, and half a hand's breadth that a box reaches beyond the figure in it, at 5 m/s or more.

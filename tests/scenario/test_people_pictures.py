@@ -17,16 +17,16 @@ from tests.scenario.pixels import drawn, of_colour
 from tests.scenario.replay_data import data_of
 from tests.scenario.test_people import simulated
 from tests.verdict.crashes import STREET, record, vehicle
+from trace_dag.pages.animation import write_animation
+from trace_dag.pages.pictures import draw_crash
+from trace_dag.pages.replay import write_html_player
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
-from trace_dag.scenario.animation import write_animation
 from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.figure_shapes import logged_shape, upright_shape
-from trace_dag.scenario.pictures import draw_crash
-from trace_dag.scenario.replay import write_html_player
-from trace_dag.sim.anthropometry import person_body
-from trace_dag.sim.figures import LANDMARKS
-from trace_dag.sim.types import BodyKind, SimulationLog, VehicleLog
+from trace_dag.simulation.anthropometry import person_body
+from trace_dag.simulation.figures import LANDMARKS
+from trace_dag.simulation.types import BodyKind, SimulationLog, VehicleLog
 
 RECORD = record(vehicle(1, 12), vehicle(2, 9))
 REPORT = MapReport("by hand", CrashPlacement(30.0, 30.0, 0.0, "1", 0.0, "by hand"), ())

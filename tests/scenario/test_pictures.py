@@ -11,17 +11,17 @@ import pytest
 from PIL import Image
 
 from tests.scenario.pixels import drawn, of_colour
-from tests.sim.motions import straight
-from tests.sim.test_objects import TREE, item
+from tests.simulation.motions import straight
+from tests.simulation.test_objects import TREE, item
 from tests.verdict.crashes import STREET, record, simulated, vehicle
+from trace_dag.pages.canvas import Ink, as_png
+from trace_dag.pages.map_ground import ASPHALT
+from trace_dag.pages.picture_sheet import Sheet
+from trace_dag.pages.pictures import draw_crash
 from trace_dag.roads.report import CrashPlacement, InferredRoad, MapReport
-from trace_dag.scenario.canvas import Ink, as_png
 from trace_dag.scenario.colours import VEHICLE_COLOURS
-from trace_dag.scenario.map_ground import ASPHALT
-from trace_dag.scenario.picture_sheet import Sheet
-from trace_dag.scenario.pictures import draw_crash
-from trace_dag.sim.types import SimulationLog
-from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
+from trace_dag.simulation.states import EstimatorRun, Hypothesis, StateEstimate
+from trace_dag.simulation.types import SimulationLog
 
 RECORD = record(vehicle(1, 12, 50, speed_mps=20.0), vehicle(2, 12, 51))
 RUN = EstimatorRun("by hand", "1")

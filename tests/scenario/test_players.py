@@ -14,13 +14,13 @@ import pytest
 from tests import sample_runs
 from tests.scenario import esmini
 from tests.scenario.player import Collision, Scenario
-from tests.sim.motions import log_of, meeting
+from tests.simulation.motions import log_of, meeting
 from tests.verdict.crashes import STREET, record, vehicle
+from trace_dag.common.settings import SimSettings
 from trace_dag.crash.parties import party_label
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.settings import SimSettings
-from trace_dag.sim.types import SimulationLog
+from trace_dag.simulation.types import SimulationLog
 
 WHEN_S, WHERE_M = 0.02, 0.1
 EXACT_M, EXACT_RAD = 0.005, 0.002

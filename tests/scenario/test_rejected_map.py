@@ -10,11 +10,11 @@ from tests.roads.towns import SETTINGS, Town, report
 from tests.scenario.page_rows import crash
 from tests.scenario.pixels import drawn, rgb
 from tests.scenario.test_crash_page import RIGHTS, seen, shown
+from trace_dag.pages.crash_page import CrashPage
+from trace_dag.pages.map_ground import ASPHALT
+from trace_dag.pages.picture_sheet import Sheet, square
+from trace_dag.pages.pictures import draw_rejected_map
 from trace_dag.roads.build import RejectedRoadMap, build_road_map
-from trace_dag.scenario.crash_page import CrashPage
-from trace_dag.scenario.map_ground import ASPHALT
-from trace_dag.scenario.picture_sheet import Sheet, square
-from trace_dag.scenario.pictures import draw_rejected_map
 
 RECORD = report(at_m=(0, 20), street="OAK ST")
 

@@ -12,14 +12,14 @@ import pytest
 from PIL import Image
 
 from tests.scenario.replay_data import data_of
-from tests.sim.motions import straight
+from tests.simulation.motions import straight
 from tests.verdict.crashes import STREET, record, simulated, vehicle
-from trace_dag.scenario.animation import write_animation
+from trace_dag.common.settings import VerdictSettings
+from trace_dag.pages.animation import write_animation
+from trace_dag.pages.replay import write_html_player
+from trace_dag.pages.replay_content import replay_windows
 from trace_dag.scenario.colours import VEHICLE_COLOURS
-from trace_dag.scenario.replay import write_html_player
-from trace_dag.scenario.replay_content import replay_windows
-from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import SimulationLog
+from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.types import Verdict
 

@@ -8,12 +8,12 @@ import pytest
 import sample_runs
 
 from tests.browser import CHROMIUM, Page
-from trace_dag.evaluation.traffic import Traffic
+from trace_dag.agents.evaluation.traffic import Traffic
+from trace_dag.agents.replays import replay as replay_of
+from trace_dag.agents.replays import replay_with
+from trace_dag.agents.stored_cases import AgentRole
+from trace_dag.flow.stored_crashes import stored_crash
 from trace_dag.flow.workspace import Workspace
-from trace_dag.studies.cases import AgentRole
-from trace_dag.studies.replays import replay as replay_of
-from trace_dag.studies.replays import replay_with
-from trace_dag.studies.stored_crashes import stored_crash
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 

@@ -14,9 +14,9 @@ from tests.scenario.pixels import rgb
 from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.osm.types import OsmFeature
-from trace_dag.scenario.canvas import Canvas
-from trace_dag.scenario.map_ground import ASPHALT
-from trace_dag.scenario.maps import GROUND, MapDrawing
+from trace_dag.pages.canvas import Canvas
+from trace_dag.pages.map_ground import ASPHALT
+from trace_dag.pages.maps import GROUND, MapDrawing
 
 BUILDING = "#D2C5B4"
 

@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.sim.motions import CAR, log_of
+from tests.simulation.motions import CAR, log_of
+from trace_dag.common.geometry import LocalFrame, Pose
+from trace_dag.common.settings import SimSettings, VerdictSettings
+from trace_dag.common.units import clock_to_bearing_rad
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, PreCrashMovement, VehicleClass, VehicleRecord
-from trace_dag.geometry import LocalFrame, Pose
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import SimSettings, VerdictSettings
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import participants, simulate
-from trace_dag.sim.types import SimulationLog
-from trace_dag.states.types import (
+from trace_dag.simulation.embedded import EmbeddedBackend
+from trace_dag.simulation.run import participants, simulate
+from trace_dag.simulation.states import (
     EstimatorRun,
     Hypothesis,
     Manoeuvre,
@@ -27,7 +27,7 @@ from trace_dag.states.types import (
     StateEstimate,
     Trajectory,
 )
-from trace_dag.units import clock_to_bearing_rad
+from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.changed_plans import ChangedPlan, changed_estimate, changed_row
 from trace_dag.verdict.controls import ControlRow, JudgedCrash
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import pytest
 
-from tests.sim.motions import straight
+from tests.simulation.motions import straight
 from tests.verdict.crashes import STREET, area, record, row_of_change, simulated, vehicle
+from trace_dag.common.errors import Reason
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.event_sequence import EventSequence, sequence_of
 from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement
-from trace_dag.errors import Reason
-from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import SimulationLog
-from trace_dag.states.types import Hypothesis, Trajectory
+from trace_dag.simulation.states import Hypothesis, Trajectory
+from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.changed_plans import parked_moved
 from trace_dag.verdict.controls import JudgedCrash, changed_reports, dropped, in_place_of, swapped
 from trace_dag.verdict.judge import judge_hypothesis

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from tests.sim.motions import straight
+from tests.simulation.motions import straight
 from tests.verdict.crashes import CROSSROADS, STREET, simulated, vehicle
 from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HALF, HEAD_ON, HEAD_ON_RECORD, REPORT
+from trace_dag.common.errors import Reason
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.classes import CollisionType, RoadTopology
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord, EventRecord
-from trace_dag.errors import Reason
 from trace_dag.roads.crash_site.agreement import compare
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import VerdictSettings
 from trace_dag.verdict.course_events import course_doubts
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.observation import observe_crash

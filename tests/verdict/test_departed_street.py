@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.states.test_run_off_road_planner import TREE, judged_crash, left_road
+from tests.reconstruction.test_run_off_road_planner import TREE, judged_crash, left_road
 from tests.verdict.crashes import STREET
+from trace_dag.common.errors import Reason
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.event_sequence import sequence_of
-from trace_dag.errors import Reason
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import VerdictSettings
 from trace_dag.verdict.departed_street import DepartedStreet, departed_street, street_likeness
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.rules import Comparison, criteria

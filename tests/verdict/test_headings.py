@@ -8,12 +8,12 @@ import pytest
 
 from tests.verdict.crashes import CROSSROADS, STREET, simulated
 from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HEAD_ON, HEAD_ON_RECORD, REPORT
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import CrashSettings, VerdictSettings
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import check
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord, Heading, Moment, Octant, PreCrashMovement
-from trace_dag.errors import Reason, Rejection
-from trace_dag.settings import CrashSettings, VerdictSettings
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.observation import observe_crash
 from trace_dag.verdict.reservations import place_doubts, simulation_doubts

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.sim.motions import CAR, driven, straight
+from tests.simulation.motions import CAR, driven, straight
 from tests.verdict.crashes import (
     CROSSROADS,
     STREET,
@@ -23,13 +23,13 @@ from tests.verdict.crashes import (
     simulated,
     vehicle,
 )
+from trace_dag.common.errors import Failure, Reason
+from trace_dag.common.geometry import LocalFrame, Pose, contact_clock_h
+from trace_dag.common.settings import VerdictSettings
+from trace_dag.common.units import clock_difference_h
 from trace_dag.crash.record import ImpactArea, PreCrashMovement
-from trace_dag.errors import Failure, Reason
-from trace_dag.geometry import LocalFrame, Pose, contact_clock_h
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
-from trace_dag.settings import VerdictSettings
-from trace_dag.units import clock_difference_h
 from trace_dag.verdict.changed_plans import late_vehicle
 from trace_dag.verdict.controls import JudgedCrash, changed_reports, true_pairing
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json

@@ -8,22 +8,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.motions import CAR, log_of, participant, straight
-from tests.states.test_pedestrian_impact_hypothesis import with_animal
-from tests.states.test_run_off_road_planner import PLACE
+from tests.reconstruction.test_pedestrian_impact_hypothesis import with_animal
+from tests.reconstruction.test_run_off_road_planner import PLACE
+from tests.simulation.motions import CAR, log_of, participant, straight
 from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, record, simulated, vehicle
+from trace_dag.common.settings import SimSettings, StateSettings, VerdictSettings
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.reconstruction.first_event import FirstEvent
 from trace_dag.reconstruction.search import estimate_by_record
 from trace_dag.roads.report import MappedThing
-from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
-from trace_dag.sim.types import SimulationLog
-from trace_dag.sim.vehicles import vehicle_model
-from trace_dag.states.objects import PlacedBy
-from trace_dag.states.types import LossOfControl, StateEstimate
+from trace_dag.simulation.embedded import EmbeddedBackend
+from trace_dag.simulation.objects import PlacedBy
+from trace_dag.simulation.run import simulate
+from trace_dag.simulation.states import LossOfControl, StateEstimate
+from trace_dag.simulation.types import SimulationLog
+from trace_dag.simulation.vehicles import vehicle_model
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Criterion, Doubt, Happening, Verdict
 

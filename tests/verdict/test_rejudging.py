@@ -8,16 +8,16 @@ from typing import Any
 import pytest
 from sample_runs import SAMPLE, reports_of
 
-from trace_dag.cohorts.ingest import ingest
-from trace_dag.errors import Reason
+from trace_dag.common.errors import Reason
+from trace_dag.common.provenance import Outcome, OutcomeRecord
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.cohorts.ingest import ingest
 from trace_dag.flow.records import read_records
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import Action
 from trace_dag.flow.workspace import Workspace
-from trace_dag.provenance import Outcome, OutcomeRecord
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 KEY = "2023-319003"
 

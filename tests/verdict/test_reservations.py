@@ -9,11 +9,11 @@ import example_objects
 import numpy as np
 import pytest
 
+from trace_dag.common.units import kmh_to_mps
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import EventRecord
-from trace_dag.states.alternatives import alternatives
-from trace_dag.states.types import EstimateCheck, StateEstimate
-from trace_dag.units import kmh_to_mps
+from trace_dag.reconstruction.alternatives import alternatives
+from trace_dag.simulation.states import EstimateCheck, StateEstimate
 from trace_dag.verdict.happened import event_outcomes
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash

@@ -10,13 +10,13 @@ from functools import cache
 
 import pytest
 
-from tests.sim.motions import straight
+from tests.simulation.motions import straight
 from tests.verdict.crashes import STREET, area, record, simulated, vehicle
+from trace_dag.common.errors import Reason
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
-from trace_dag.errors import Reason
-from trace_dag.settings import VerdictSettings
-from trace_dag.sim.matching import happenings
+from trace_dag.simulation.matching import happenings
 from trace_dag.verdict.judge import judge_observed
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
 from trace_dag.verdict.types import Verdict

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from tests.sim.motions import log_of
-from tests.states.test_pedestrian_impact_hypothesis import estimated, rider, struck, walker
+from tests.reconstruction.test_pedestrian_impact_hypothesis import estimated, rider, struck, walker
+from tests.simulation.motions import log_of
 from tests.verdict.crashes import STREET, record, row_of_change, vehicle
 from tests.verdict.test_strikes import FROM_RIGHT, crossing
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord
-from trace_dag.settings import VerdictSettings
-from trace_dag.sim.run import participants
-from trace_dag.states.types import Manoeuvre
+from trace_dag.simulation.run import participants
+from trace_dag.simulation.states import Manoeuvre
 from trace_dag.verdict.changed_plans import late_person, mirrored_person
 from trace_dag.verdict.controls import ControlRow, JudgedCrash, changed_reports, in_place_of, reports_differ
 

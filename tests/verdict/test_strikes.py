@@ -7,20 +7,20 @@ from functools import cache
 
 import pytest
 
-from tests.sim.motions import log_of
-from tests.states.test_pedestrian_impact_hypothesis import PLACE, estimated, rider, struck, walker, with_animal
+from tests.reconstruction.test_pedestrian_impact_hypothesis import PLACE, estimated, rider, struck, walker, with_animal
+from tests.simulation.motions import log_of
 from tests.verdict.crashes import STREET, area, vehicle
+from trace_dag.common.errors import Reason
+from trace_dag.common.settings import StateSettings, VerdictSettings
 from trace_dag.crash.event_parties import ORDER_OF_IMPACTS
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.crash.zones import Zone
-from trace_dag.errors import Reason
+from trace_dag.reconstruction.estimate import estimate
 from trace_dag.roads.map.model import Crosswalk
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import StateSettings, VerdictSettings
-from trace_dag.sim.run import participants
-from trace_dag.sim.types import SimulationLog
-from trace_dag.states.estimate import estimate
-from trace_dag.states.types import Hypothesis
+from trace_dag.simulation.run import participants
+from trace_dag.simulation.states import Hypothesis
+from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge, judge_hypothesis, judge_observed
 from trace_dag.verdict.observation import observe_crash

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from tests.sim.motions import CAR, straight
+from tests.simulation.motions import CAR, straight
 from tests.verdict.crashes import FRAME, estimate, record, simulated, two_way, vehicle
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
-from trace_dag.settings import VerdictSettings
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.support import LEAST_FACTS, LEAST_SUPPORT, Weight, fitted_weights, grade_of, supported

@@ -8,11 +8,11 @@ from functools import cache
 
 import pytest
 
-from tests.sim.motions import straight
+from tests.simulation.motions import straight
 from tests.verdict.crashes import STREET, record, simulated, vehicle
+from trace_dag.common.geometry import Pose
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import PreCrashMovement, VehicleRecord
-from trace_dag.geometry import Pose
 from trace_dag.verdict.directions import direction, turn_error_deg
 from trace_dag.verdict.metrics import relation_error, turn_error
 from trace_dag.verdict.observation import ObservedVehicle, observe_crash

@@ -7,13 +7,13 @@ import math
 import pytest
 from cases import SETTINGS, sample_case
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
+from trace_dag.reconstruction.estimate import estimate
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
-from trace_dag.sim.types import VehicleLog
-from trace_dag.states.estimate import estimate
-from trace_dag.states.types import Manoeuvre
+from trace_dag.simulation.embedded import EmbeddedBackend
+from trace_dag.simulation.run import simulate
+from trace_dag.simulation.states import Manoeuvre
+from trace_dag.simulation.types import VehicleLog
 from trace_dag.verdict.judge import judge
 
 EVERY = 20  # logged steps between two looks at the lane

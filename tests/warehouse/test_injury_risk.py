@@ -5,7 +5,7 @@ from __future__ import annotations
 import duckdb
 import pytest
 
-from trace_dag.units import mph_to_mps
+from trace_dag.common.units import mph_to_mps
 from trace_dag.warehouse.documents import execute_sql
 
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from trace_dag.cohorts.ingest import ingest
-from trace_dag.cohorts.sources import TableSource
+from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.cohorts.ingest import ingest
+from trace_dag.flow.cohorts.sources import TableSource
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import query, rows
 

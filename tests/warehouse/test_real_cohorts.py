@@ -16,17 +16,17 @@ from pathlib import Path
 import pytest
 from lxml import html
 
-from trace_dag.benchmark.build import build_benchmark
-from trace_dag.cohorts.choice import Choice
-from trace_dag.cohorts.ingest import ingest
-from trace_dag.cohorts.sources import TableSource
+from trace_dag.common.errors import Reason
+from trace_dag.common.schemas import table_from_parquet
+from trace_dag.common.stage import Stage
 from trace_dag.crash.cohorts import CohortFilter
-from trace_dag.errors import Reason
+from trace_dag.export.build import build_benchmark
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.cohorts.choice import Choice
+from trace_dag.flow.cohorts.ingest import ingest
+from trace_dag.flow.cohorts.sources import TableSource
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.schemas import table_from_parquet
-from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import rows
 

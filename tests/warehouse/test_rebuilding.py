@@ -7,12 +7,12 @@ import threading
 from itertools import islice
 from pathlib import Path
 
-from trace_dag.cohorts.registry import Registry, ReportSource
-from trace_dag.errors import Reason
+from trace_dag.common.errors import Reason
+from trace_dag.common.provenance import Outcome, OutcomeRecord, Provenance
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.cohorts.registry import Registry, ReportSource
 from trace_dag.flow.records import read_records, write_record
-from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import open_warehouse, rows
 from trace_dag.warehouse.snapshot import read_snapshots

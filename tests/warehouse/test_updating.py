@@ -15,10 +15,10 @@ import pytest
 
 from tests.result_tables import result_tables
 from tests.warehouse.test_rebuilding import made, note
-from trace_dag.cohorts.registry import Registry, ReportSource
-from trace_dag.errors import Failure, Reason
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
+from trace_dag.common.errors import Failure, Reason
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.cohorts.registry import Registry, ReportSource
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import check_warehouse, note_built, open_warehouse, rows
 from trace_dag.warehouse.tables import TABLES, Rows

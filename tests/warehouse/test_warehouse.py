@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 import sample_runs
 
-from trace_dag.cohorts.registry import Registry, ReportSource
+from trace_dag.common.schemas import table_from_parquet
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
-from trace_dag.schemas import table_from_parquet
-from trace_dag.storage.files import Storage
+from trace_dag.flow.cohorts.registry import Registry, ReportSource
 from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.query import open_warehouse, rows
 from trace_dag.warehouse.tables import TABLES

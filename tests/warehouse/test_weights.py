@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trace_dag.evaluation.shares import effective_number
+from trace_dag.agents.evaluation.shares import effective_number
 from trace_dag.warehouse.weights import CrashClasses, national_margins, rake
 
 

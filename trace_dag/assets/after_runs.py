@@ -26,9 +26,9 @@ from trace_dag.assets.jobs import SUMMARY_JOB
 from trace_dag.assets.run_requests import PROCESS_TAG, UNFINISHED
 from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
+from trace_dag.common.network.alerts import Alert, AlertKind, alerts_go_out, send
+from trace_dag.common.stage import Stage
 from trace_dag.flow.workspace import Workspace
-from trace_dag.network.alerts import Alert, AlertKind, alerts_go_out, send
-from trace_dag.stage import Stage
 
 _BACKFILL_TAG = "dagster/backfill"  # on each run of a backfill; Dagster's constant for it is private, its text is shown
 _BROKEN_OFF = ("CANCELING", "CANCELED", "FAILING", "FAILED")  # status of a backfill

@@ -26,17 +26,17 @@ from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
 from trace_dag.assets.scenarios import SCENARIOS
 from trace_dag.assets.verdicts import VERDICTS
-from trace_dag.benchmark.crash_files import making_at_once, note_made
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages import markdown
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.processes import this_process
+from trace_dag.common.settings import ExecutionSettings
+from trace_dag.common.stage import Stage
+from trace_dag.export.crash_files import making_at_once, note_made
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.run_summary import RunSummary
 from trace_dag.flow.tasks import MadeFiles, StageEvent
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages import markdown
-from trace_dag.messages.wording import counted
-from trace_dag.processes import this_process
-from trace_dag.settings import ExecutionSettings
-from trace_dag.stage import Stage
 
 COHORT_TAG = "trace_dag/cohort"
 SUMMARY_TAG = "trace_dag/summary"

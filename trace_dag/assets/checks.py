@@ -9,8 +9,8 @@ from typing import Any
 from dagster import AssetCheckExecutionContext, AssetCheckResult, AssetCheckSeverity, MetadataValue, asset_check
 
 from trace_dag.assets.summaries import warehouse
+from trace_dag.common.messages import markdown
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages import markdown
 from trace_dag.warehouse.query import query
 
 _NAMED = 50

@@ -22,9 +22,9 @@ from dagster import (
 )
 
 from trace_dag.assets.partitions import CRASHES
+from trace_dag.common.provenance import Outcome, OutcomeRecord
+from trace_dag.common.stage import Stage
 from trace_dag.flow.tasks import StageEvent
-from trace_dag.provenance import Outcome, OutcomeRecord
-from trace_dag.stage import Stage
 
 
 def _check(name: str, stage: Stage, description: str) -> AssetCheckSpec:

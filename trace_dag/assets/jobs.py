@@ -8,7 +8,7 @@ from dagster import AssetSelection, define_asset_job, in_process_executor
 
 from trace_dag.assets.checks import CHECKS
 from trace_dag.assets.summaries import SUMMARY, benchmark, warehouse
-from trace_dag.stage import Stage
+from trace_dag.common.stage import Stage
 
 STAGES = AssetSelection.assets(*(stage.value for stage in Stage))
 

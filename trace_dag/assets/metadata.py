@@ -9,13 +9,13 @@ from typing import Any
 
 from dagster import AssetMaterialization, MetadataValue
 
-from trace_dag.benchmark.build import page_name
-from trace_dag.errors import DamagedFile
+from trace_dag.common.errors import DamagedFile
+from trace_dag.common.provenance import Outcome, OutcomeRecord
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
+from trace_dag.export.build import page_name
 from trace_dag.flow.tasks import Action, StageEvent
-from trace_dag.provenance import Outcome, OutcomeRecord
-from trace_dag.scenario.canvas import reduced
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
+from trace_dag.pages.canvas import reduced
 
 DATA_VERSION = "dagster/data_version"
 _SMALL_PX = 320

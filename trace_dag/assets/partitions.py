@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 
 from dagster import DagsterInstance, DynamicPartitionsDefinition
 
-from trace_dag.cohorts.registry import in_order
+from trace_dag.flow.cohorts.registry import in_order
 
 CRASHES = DynamicPartitionsDefinition(name="crashes")
 

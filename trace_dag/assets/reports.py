@@ -1,8 +1,8 @@
 """What the reports say."""
 
 from trace_dag.assets.specs import stage_spec
+from trace_dag.common.stage import Stage
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.stage import Stage
 
 REPORTS = (
     stage_spec(

@@ -1,7 +1,7 @@
 """The roads of the crashes."""
 
 from trace_dag.assets.specs import stage_spec
-from trace_dag.stage import Stage
+from trace_dag.common.stage import Stage
 
 ROADS = (
     stage_spec(

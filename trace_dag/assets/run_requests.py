@@ -5,8 +5,8 @@ from typing import Any
 
 from dagster import AssetKey, DagsterInstance, DagsterRunStatus, RunRequest
 
+from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import PlannedBatch, Selection, plan
-from trace_dag.stage import Stage
 
 PROCESS_TAG = "trace_dag/process"
 """Names the command that started a run."""

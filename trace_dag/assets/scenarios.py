@@ -1,8 +1,8 @@
 """How the crashes happened: estimated and simulated."""
 
 from trace_dag.assets.specs import stage_spec
-from trace_dag.sim.log_io import SIMULATION_STEPS
-from trace_dag.stage import Stage
+from trace_dag.common.stage import Stage
+from trace_dag.simulation.log_io import SIMULATION_STEPS
 
 SCENARIOS = (
     stage_spec(

@@ -17,13 +17,13 @@ from dagster import (
 from trace_dag.assets.jobs import STAGES
 from trace_dag.assets.partitions import add_partitions
 from trace_dag.assets.run_requests import run_requests
-from trace_dag.cohorts.new_cases import register_new_cases
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.settings import AutomationSettings, Schedule
+from trace_dag.common.stage import Stage
+from trace_dag.flow.cohorts.new_cases import register_new_cases
 from trace_dag.flow.selection import Selection, not_released, select_stale
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages.wording import counted
-from trace_dag.settings import AutomationSettings, Schedule
-from trace_dag.stage import Stage
 
 _Look = Callable[[ScheduleEvaluationContext, Workspace], Sequence[RunRequest] | SkipReason]
 

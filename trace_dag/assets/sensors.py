@@ -16,12 +16,12 @@ from dagster import (
 from trace_dag.assets.jobs import STAGES
 from trace_dag.assets.partitions import add_partitions
 from trace_dag.assets.run_requests import UNFINISHED, keys_of, run_requests
-from trace_dag.cohorts.watched_folders import register_arrivals
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.provenance import crash_of
+from trace_dag.common.stage import Stage
+from trace_dag.flow.cohorts.watched_folders import register_arrivals
 from trace_dag.flow.selection import Selection
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages.wording import counted
-from trace_dag.provenance import crash_of
-from trace_dag.stage import Stage
 
 _INTERVAL_S = 30
 

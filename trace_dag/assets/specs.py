@@ -9,10 +9,10 @@ from typing import Any
 
 from dagster import AssetSpec, TableColumn, TableSchema
 
-from trace_dag import schemas
 from trace_dag.assets.partitions import CRASHES
-from trace_dag.errors import Reason
-from trace_dag.stage import Stage
+from trace_dag.common import schemas
+from trace_dag.common.errors import Reason
+from trace_dag.common.stage import Stage
 
 OWNERS = ["team:crash-reconstruction"]
 

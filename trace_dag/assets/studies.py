@@ -13,32 +13,32 @@ from typing import Any, TypeVar
 from dagster import AssetExecutionContext, AssetsDefinition, Config, Failure, MaterializeResult, MetadataValue, asset
 from pydantic import Field
 
-from trace_dag.assets.specs import OWNERS
-from trace_dag.benchmark.release import build_release
-from trace_dag.errors import Failure as BrokenPart
-from trace_dag.errors import UserError
-from trace_dag.evaluation.agent_main import AgentLimits
-from trace_dag.evaluation.evaluate import Conditions
-from trace_dag.evaluation.observation import Sensing
-from trace_dag.evaluation.registry import BASELINES
-from trace_dag.evaluation.traffic import Traffic
-from trace_dag.flow.workspace import Workspace
-from trace_dag.messages import markdown
-from trace_dag.messages.wording import counted
-from trace_dag.scenario.share_chart import data_url, share_chart
-from trace_dag.stage import Stage
-from trace_dag.studies.cases import AgentRole, StoredCase, likely_courses, stored_variations, verified_cases
-from trace_dag.studies.controls import negative_controls
-from trace_dag.studies.evaluations import evaluate_agents, try_agents
-from trace_dag.studies.stored_crashes import cohorts_of, of_each
-from trace_dag.studies.stored_variations import FamilyRequest
-from trace_dag.studies.summaries import (
+from trace_dag.agents.evaluation.agent_main import AgentLimits
+from trace_dag.agents.evaluation.evaluate import Conditions
+from trace_dag.agents.evaluation.observation import Sensing
+from trace_dag.agents.evaluation.registry import BASELINES
+from trace_dag.agents.evaluation.traffic import Traffic
+from trace_dag.agents.evaluations import evaluate_agents, try_agents
+from trace_dag.agents.families import make_families
+from trace_dag.agents.share_chart import data_url, share_chart
+from trace_dag.agents.stored_cases import AgentRole, StoredCase, likely_courses, stored_variations, verified_cases
+from trace_dag.agents.stored_variations import FamilyRequest
+from trace_dag.agents.summaries import (
     StudyTable,
     controls_table,
     evaluations_table,
     families_table,
 )
-from trace_dag.studies.variations import make_families
+from trace_dag.assets.specs import OWNERS
+from trace_dag.common.errors import Failure as BrokenPart
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages import markdown
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.stage import Stage
+from trace_dag.export.release import build_release
+from trace_dag.flow.controls import negative_controls
+from trace_dag.flow.stored_crashes import cohorts_of, of_each
+from trace_dag.flow.workspace import Workspace
 
 GROUP = "studies"
 Found = TypeVar("Found")

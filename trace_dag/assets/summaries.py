@@ -5,12 +5,12 @@ from typing import Any
 from dagster import AssetExecutionContext, Failure, MaterializeResult, MetadataValue, TableColumn, TableSchema, asset
 
 from trace_dag.assets.specs import OWNERS, as_markdown
-from trace_dag.benchmark.build import INDEX, PAGES_LATER, build_benchmark
+from trace_dag.common.messages import markdown
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.network.alerts import alerts_go_out, send
+from trace_dag.common.stage import Stage
+from trace_dag.export.build import INDEX, PAGES_LATER, build_benchmark
 from trace_dag.flow.workspace import Workspace
-from trace_dag.messages import markdown
-from trace_dag.messages.wording import counted
-from trace_dag.network.alerts import alerts_go_out, send
-from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.changes import alerts_since, standings_in
 from trace_dag.warehouse.query import open_warehouse, query

@@ -1,7 +1,7 @@
 """Whether the simulated crashes are the reported ones."""
 
 from trace_dag.assets.specs import stage_spec
-from trace_dag.stage import Stage
+from trace_dag.common.stage import Stage
 
 VERDICTS = (
     stage_spec(

@@ -11,14 +11,14 @@ from dagster import AssetKey, AssetMaterialization, DagsterEventType, DagsterIns
 
 from trace_dag.assets.metadata import DATA_VERSION, data_version, materialization
 from trace_dag.assets.partitions import CRASHES, add_partitions, remove_partitions
+from trace_dag.common.messages.progress import OnProgress, silent
+from trace_dag.common.provenance import Outcome, OutcomeRecord
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.crash_status import crash_status, valid_records
 from trace_dag.flow.records import Records
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.flow.verify import Disagreement, DisagreementKind
-from trace_dag.messages.progress import OnProgress, silent
-from trace_dag.provenance import Outcome, OutcomeRecord
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 _MATERIALIZED, _FAILED = "MATERIALIZED", "FAILED"
 

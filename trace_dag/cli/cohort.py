@@ -12,12 +12,12 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, OutputFile, examples, pass_root
 from trace_dag.cli.printing import one_line, print_table, say, write_json
-from trace_dag.errors import Failure, UserError
-from trace_dag.messages.logs import print_problem
-from trace_dag.messages.wording import counted
+from trace_dag.common.errors import Failure, UserError
+from trace_dag.common.messages.logs import print_problem
+from trace_dag.common.messages.wording import counted
 
 if TYPE_CHECKING:
-    from trace_dag.cohorts.registry import Cohort
+    from trace_dag.flow.cohorts.registry import Cohort
 
 _KEYS_SHOWN = 20
 
@@ -41,8 +41,8 @@ def cohort() -> None:
 @pass_root
 def list_cohorts(root: str, as_json: bool) -> None:
     """List the cohorts with their crashes and maps."""
-    from trace_dag.cohorts.registry import Registry
-    from trace_dag.storage.files import Storage
+    from trace_dag.common.storage.files import Storage
+    from trace_dag.flow.cohorts.registry import Registry
 
     cohorts = Registry(Storage.open(root, to_read=True)).cohorts()
     if as_json:
@@ -75,9 +75,9 @@ def list_cohorts(root: str, as_json: bool) -> None:
 @pass_root
 def show(root: str, name: str, as_json: bool) -> None:
     """Show a cohort's crashes, their kinds and where they come from."""
-    from trace_dag.cohorts.listings import kinds_of
-    from trace_dag.cohorts.registry import Registry
-    from trace_dag.storage.files import Storage
+    from trace_dag.common.storage.files import Storage
+    from trace_dag.flow.cohorts.listings import kinds_of
+    from trace_dag.flow.cohorts.registry import Registry
 
     storage = Storage.open(root, to_read=True)
     found = Registry(storage).cohort(name)
@@ -124,9 +124,9 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
 
     The files themselves stay where they are. What was cut from one that is left out is made anew by the next run.
     """
-    from trace_dag.cohorts.kept_maps import remove_unused_map_copies
-    from trace_dag.cohorts.registry import Registry
-    from trace_dag.storage.files import Storage
+    from trace_dag.common.storage.files import Storage
+    from trace_dag.flow.cohorts.kept_maps import remove_unused_map_copies
+    from trace_dag.flow.cohorts.registry import Registry
 
     storage = Storage.open(root, to_read=not drop)
     registry = Registry(storage)
@@ -157,9 +157,9 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
 
     One file with the surroundings of every crash whose report is at hand and says where it was.
     """
-    from trace_dag.cohorts.listings import listings_of
+    from trace_dag.common.errors import Rejection
     from trace_dag.crash.parse import reported_position
-    from trace_dag.errors import Rejection
+    from trace_dag.flow.cohorts.listings import listings_of
     from trace_dag.flow.workspace import Workspace
     from trace_dag.osm.osmium_config import osmium_config
     from trace_dag.osm.types import Site
@@ -195,13 +195,13 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
 
     What was made of the crashes stays, unless --artefacts is given: registered again, they are up to date.
     """
+    from trace_dag.assets.launch import dagster_records, summarise
     from trace_dag.assets.partitions import remove_partitions
-    from trace_dag.benchmark.removal import delete_artefacts
-    from trace_dag.cohorts.kept_maps import remove_unused_map_copies
-    from trace_dag.cohorts.registry import Registry
-    from trace_dag.definitions.launch import dagster_records, summarise
+    from trace_dag.common.storage.files import Storage
+    from trace_dag.export.removal import delete_artefacts
+    from trace_dag.flow.cohorts.kept_maps import remove_unused_map_copies
+    from trace_dag.flow.cohorts.registry import Registry
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.storage.files import Storage
 
     errors: tuple[str, ...] = ()
     storage, workspace = Storage.open(root), Workspace.open(root)

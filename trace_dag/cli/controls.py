@@ -16,7 +16,7 @@ from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
 
 if TYPE_CHECKING:
-    from trace_dag.settings import RuleSetName
+    from trace_dag.common.settings import RuleSetName
 
 
 @click.command(
@@ -53,10 +53,10 @@ def controls(
     """
     from dataclasses import asdict
 
+    from trace_dag.agents.summaries import controls_table
     from trace_dag.cli.problems import Problems
+    from trace_dag.flow.controls import negative_controls
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.studies.controls import negative_controls
-    from trace_dag.studies.summaries import controls_table
 
     workspace = Workspace.open(root)
     problems = Problems()

@@ -27,9 +27,9 @@ def demo(context: click.Context, people: bool, executor: str | None, workers: in
 
     Registers it as cohort "sample", runs it through all stages, and prints the funnel, the coverage and where to look.
     """
-    from trace_dag.benchmark.build import INDEX
     from trace_dag.cli.ingest import ingest
     from trace_dag.cli.run_selection import run_selection
+    from trace_dag.export.build import INDEX
     from trace_dag.flow.selection import select_stale
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.query import query

@@ -22,11 +22,11 @@ from trace_dag.cli.options import (
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
-from trace_dag.messages.logs import print_problem
-from trace_dag.storage.disk_errors import naming
+from trace_dag.common.messages.logs import print_problem
+from trace_dag.common.storage.disk_errors import naming
 
 if TYPE_CHECKING:
-    from trace_dag.evaluation.table import Row
+    from trace_dag.agents.evaluation.table import Row
 
 _DIMENSIONS = ("collision_type", "road_topology", "vehicle_trajectory")
 _FAULTS_SHOWN = 5
@@ -151,20 +151,20 @@ def evaluate(
     (--traffic reactive), or come to the conflict when the agent does, however slow it is (--traffic persistent). Every
     evaluation enters the warehouse, as tables evaluations and leaderboard.
     """
-    from trace_dag.benchmark.build import publish_leaderboard
+    from trace_dag.agents.evaluation.agent_main import AgentLimits
+    from trace_dag.agents.evaluation.evaluate import Conditions
+    from trace_dag.agents.evaluation.isolation import isolation
+    from trace_dag.agents.evaluation.observation import Sensing
+    from trace_dag.agents.evaluation.registry import BASELINES, with_arguments
+    from trace_dag.agents.evaluation.splits import Split
+    from trace_dag.agents.evaluation.traffic import Traffic
+    from trace_dag.agents.evaluations import evaluate_agents, remove_agent, try_agents
+    from trace_dag.agents.stored_cases import AgentRole, likely_courses, stored_variations, verified_cases
+    from trace_dag.agents.submissions import results_file
     from trace_dag.cli.problems import Problems
-    from trace_dag.errors import UserError
-    from trace_dag.evaluation.agent_main import AgentLimits
-    from trace_dag.evaluation.evaluate import Conditions
-    from trace_dag.evaluation.isolation import isolation
-    from trace_dag.evaluation.observation import Sensing
-    from trace_dag.evaluation.registry import BASELINES, with_arguments
-    from trace_dag.evaluation.splits import Split
-    from trace_dag.evaluation.traffic import Traffic
+    from trace_dag.common.errors import UserError
+    from trace_dag.export.build import publish_leaderboard
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.studies.cases import AgentRole, likely_courses, stored_variations, verified_cases
-    from trace_dag.studies.evaluations import evaluate_agents, remove_agent, try_agents
-    from trace_dag.studies.submissions import results_file
 
     if split and (only or variations):
         raise UserError("--split takes a part as a whole; leave --only and --variations away")
@@ -232,7 +232,7 @@ def _classes(warehouse: Path, dimension: str) -> dict[str, str]:
 
 def _print_probabilities(warehouse: Path, rows: Sequence[Row]) -> None:
     """What each agent made of each crash, and of all of them."""
-    from trace_dag.studies.summaries import probabilities_table
+    from trace_dag.agents.summaries import probabilities_table
     from trace_dag.warehouse.query import rows as rows_of
 
     driven = {(row["agent"], row["key"]) for row in rows}
@@ -242,7 +242,7 @@ def _print_probabilities(warehouse: Path, rows: Sequence[Row]) -> None:
 
 def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> None:
     """How often each agent did what, in all and by class of crash; and what faulty ones did."""
-    from trace_dag.studies.summaries import evaluations_table
+    from trace_dag.agents.summaries import evaluations_table
 
     print_table(*evaluations_table(rows, class_of, dimension)[:2])
     faults = Counter((row["agent"], row["fault"]) for row in rows if row["fault"])

@@ -10,7 +10,7 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, examples, pass_root
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_of
-from trace_dag.messages.wording import counted
+from trace_dag.common.messages.wording import counted
 
 
 @click.command(
@@ -39,9 +39,9 @@ def export(root: str, export_format: str, cohort: str | None, only: tuple[str, .
 
     Exported again, only what has changed is written.
     """
-    from trace_dag.benchmark.export import accepted_keys
-    from trace_dag.benchmark.export import export as write
     from trace_dag.cli.problems import Problems
+    from trace_dag.export.export import accepted_keys
+    from trace_dag.export.export import export as write
     from trace_dag.flow.workspace import Workspace
 
     workspace, folder = Workspace.open(root, to_read=True), output or Path(export_format)

@@ -15,17 +15,17 @@ from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
-from trace_dag.errors import Failure, UserError, UserErrors
-from trace_dag.messages.wording import counted
+from trace_dag.common.errors import Failure, UserError, UserErrors
+from trace_dag.common.messages.wording import counted
 
 if TYPE_CHECKING:
-    from trace_dag.cohorts.choice import Choice
-    from trace_dag.cohorts.ingest import IngestReport
+    from trace_dag.common.messages.progress import OnProgress
     from trace_dag.crash.registers.table import RegisterTable
     from trace_dag.crash.reported_place import PlaceFinder
+    from trace_dag.flow.cohorts.choice import Choice
+    from trace_dag.flow.cohorts.ingest import IngestReport
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.messages.progress import OnProgress
-    from trace_dag.narratives.source import NarratedTable, NarrativeFolder, Reader
+    from trace_dag.language.narratives.source import NarratedTable, NarrativeFolder, Reader
 
 _NAMED = 10
 
@@ -121,14 +121,14 @@ def ingest(
     Each crash finds the map that covers it. Ingesting again adds what is new and changes nothing else; maps can be
     added later by themselves.
     """
-    from trace_dag.cohorts.ingest import ingest as ingest_into
-    from trace_dag.cohorts.public_files import name_of
-    from trace_dag.cohorts.services import crash_api
-    from trace_dag.cohorts.sources import TableSource
+    from trace_dag.common.plugins import PluginKind, offered
+    from trace_dag.common.storage.files import Storage
     from trace_dag.crash.registers.check import check_table
+    from trace_dag.flow.cohorts.ingest import ingest as ingest_into
+    from trace_dag.flow.cohorts.public_files import name_of
+    from trace_dag.flow.cohorts.services import crash_api
+    from trace_dag.flow.cohorts.sources import TableSource
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.plugins import PluginKind, offered
-    from trace_dag.storage.files import Storage
 
     choice = choice_of(options)
     services = [path for path in maps if path in offered(PluginKind.MAP_SOURCE)]
@@ -192,7 +192,7 @@ def _read_sources(
         f"register {table.mapping.register_name}": table for table in tables
     }
     if narratives or any(table.mapping.crash.narrative for table in tables):
-        from trace_dag.narratives.source import NarratedTable, NarrativeFolder
+        from trace_dag.language.narratives.source import NarratedTable, NarrativeFolder
 
         with progress_bar("narratives read") as on_progress:
             reader = _narrative_reader(root, find, on_progress)
@@ -211,8 +211,8 @@ def _read_sources(
 def _narrative_reader(root: str, find: PlaceFinder | None, on_progress: OnProgress) -> Reader:
     """Who reads narratives: the language model of the settings. Raises UserError where it cannot be asked."""
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.narratives.source import Reader
-    from trace_dag.states.llm.estimator import llm_client
+    from trace_dag.language.hypotheses import llm_client
+    from trace_dag.language.narratives.source import Reader
 
     workspace = Workspace.open(root)
     settings = workspace.settings.states
@@ -241,8 +241,8 @@ def _public_files(root: str, choice: Choice, *, download: bool) -> list[Path]:
 
     Raises UserErrors that say which files are missing and where they are published.
     """
-    from trace_dag.cohorts.public_files import files_of, folders_to_look_in
-    from trace_dag.cohorts.services import downloader
+    from trace_dag.flow.cohorts.public_files import files_of, folders_to_look_in
+    from trace_dag.flow.cohorts.services import downloader
     from trace_dag.flow.workspace import Workspace
 
     wanted, folders = files_of(choice), folders_to_look_in()
@@ -270,7 +270,7 @@ def _public_files(root: str, choice: Choice, *, download: bool) -> list[Path]:
 
 def _coverage(workspace: Workspace, cohort: str) -> list[str]:
     """How many crashes of a cohort lie where its map files say that they reach."""
-    from trace_dag.cohorts.listings import listings_of
+    from trace_dag.flow.cohorts.listings import listings_of
     from trace_dag.osm.catalog import MapCatalog, box_around, is_on_earth, may_cover
     from trace_dag.osm.types import Site
 
@@ -292,11 +292,11 @@ def _coverage(workspace: Workspace, cohort: str) -> list[str]:
 
 
 def _add_partitions(root: str) -> None:
+    from trace_dag.assets.launch import dagster_records
     from trace_dag.assets.partitions import add_partitions
-    from trace_dag.cohorts.registry import Registry
-    from trace_dag.definitions.launch import dagster_records
+    from trace_dag.common.storage.files import Storage
+    from trace_dag.flow.cohorts.registry import Registry
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.storage.files import Storage
 
     with dagster_records(Workspace.open(root)) as instance:
         add_partitions(instance, Registry(Storage(root)).keys())

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from trace_dag.common.errors import UserError
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.kind import CrashKind
-from trace_dag.errors import UserError
 
 if TYPE_CHECKING:
-    from trace_dag.cohorts.choice import Choice
+    from trace_dag.flow.cohorts.choice import Choice
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -72,9 +72,9 @@ def choice_options(command: F) -> F:
 
 def choice_of(options: dict[str, Any]) -> Choice:
     """The choice that the options make. Raises UserError for a value that an option does not have."""
-    from trace_dag.cohorts.choice import Choice
     from trace_dag.crash.cohorts import CohortFilter
     from trace_dag.crash.places import state_code
+    from trace_dag.flow.cohorts.choice import Choice
 
     low, high = _range(options["vehicles"]) if options["vehicles"] else (None, None)
     return Choice(

@@ -10,7 +10,7 @@ import click
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say
 from trace_dag.cli.study import into_warehouse
-from trace_dag.messages.wording import counted
+from trace_dag.common.messages.wording import counted
 
 
 @click.group(epilog=examples("trace-dag leaderboard add results.json"))
@@ -26,10 +26,10 @@ def weighted(root: str, bench: Path) -> None:
 
     With 95 % intervals, the crash as the unit, and how many crashes of equal weight the weighted share rests on.
     """
-    from trace_dag.benchmark.trace_bench import read_definition
-    from trace_dag.errors import UserError
+    from trace_dag.agents.summaries import weighted_table
+    from trace_dag.common.errors import UserError
+    from trace_dag.export.trace_bench import read_definition
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.studies.summaries import weighted_table
     from trace_dag.warehouse.query import rows
 
     if not bench.is_file():
@@ -51,12 +51,12 @@ def add(root: str, file: Path) -> None:
     Refused with a line: a file that was changed, that lacks runs, whose crashes have been judged again or were measured
     by other code, or whose outcomes do not follow from its measures. Who drove is not proved.
     """
-    from trace_dag.benchmark.build import publish_leaderboard
+    from trace_dag.agents.evaluations import store_rows
+    from trace_dag.agents.submissions import check
     from trace_dag.cli.problems import Problems
-    from trace_dag.errors import UserError
+    from trace_dag.common.errors import UserError
+    from trace_dag.export.build import publish_leaderboard
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.studies.evaluations import store_rows
-    from trace_dag.studies.submissions import check
 
     if not file.is_file():
         raise UserError(f"{file}: there is no such file; trace-dag evaluate --results writes one")

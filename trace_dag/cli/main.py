@@ -31,9 +31,9 @@ from trace_dag.cli.tables import tables
 from trace_dag.cli.ui import ui
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
-from trace_dag.errors import Failure, UserError, UserErrors
-from trace_dag.messages.logs import configure_logging, print_problem, writes_json
-from trace_dag.storage.disk_errors import disk_failure
+from trace_dag.common.errors import Failure, UserError, UserErrors
+from trace_dag.common.messages.logs import configure_logging, print_problem, writes_json
+from trace_dag.common.storage.disk_errors import disk_failure
 from trace_dag.version import __version__
 
 EXIT_FAILED = 1

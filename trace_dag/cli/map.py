@@ -8,9 +8,9 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import say
-from trace_dag.formats import MAP_FORMS
-from trace_dag.messages.logs import print_problem
-from trace_dag.messages.wording import counted
+from trace_dag.common.messages.logs import print_problem
+from trace_dag.common.messages.wording import counted
+from trace_dag.export.formats import MAP_FORMS
 
 
 class _Numbers(click.ParamType[tuple[float, ...]]):
@@ -84,8 +84,8 @@ def map_command(
     Needs no storage root and no crash. map.json says what was measured of the map (its gates, for every road), and
     which tags it does not follow.
     """
+    from trace_dag.common.storage.disk_errors import naming
     from trace_dag.reading.road_map import make_map
-    from trace_dag.storage.disk_errors import naming
 
     made = make_map(osm, at=at, radius_m=radius_m, box=box, left_hand=traffic == "left")
     with naming(output):

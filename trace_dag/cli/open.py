@@ -9,8 +9,8 @@ import click
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
-from trace_dag.errors import UserError
-from trace_dag.messages.logs import print_problem
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages.logs import print_problem
 
 
 @click.command("open", epilog=examples("trace-dag open", "trace-dag open 2023-510179"))
@@ -21,8 +21,8 @@ def open_page(root: str, key: str | None) -> None:
 
     Of more crashes than execution.pages_up_to says runs make no pages: they are made now.
     """
-    from trace_dag.benchmark.build import INDEX, build_benchmark, page_name
     from trace_dag.crash.keys import parse_key
+    from trace_dag.export.build import INDEX, build_benchmark, page_name
     from trace_dag.flow.workspace import Workspace
 
     workspace = Workspace.open(root, to_read=True)

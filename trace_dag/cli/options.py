@@ -10,8 +10,8 @@ from typing import Any, TypeVar, cast
 
 import click
 
-from trace_dag.errors import UserError
-from trace_dag.stage import Stage
+from trace_dag.common.errors import UserError
+from trace_dag.common.stage import Stage
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -92,7 +92,7 @@ def pass_root(command: F) -> F:
     @click.pass_obj
     @wraps(command)
     def on_root(root: str, /, *arguments: Any, **options: Any) -> Any:
-        from trace_dag.storage.files import Storage
+        from trace_dag.common.storage.files import Storage
 
         Storage.open(root, to_read=True)
         return command(root, *arguments, **options)

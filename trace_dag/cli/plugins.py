@@ -15,7 +15,7 @@ def plugins(as_json: bool) -> None:
 
     Any installed package can offer more, as entry points; the documentation says how.
     """
-    from trace_dag.plugins import PluginKind, offered
+    from trace_dag.common.plugins import PluginKind, offered
 
     rows = [
         (kind.value.replace("_", " "), each.name, each.package, each.version, each.reference)

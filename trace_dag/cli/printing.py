@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trace_dag.messages.wording import printable
+from trace_dag.common.messages.wording import printable
 
 if TYPE_CHECKING:
+    from trace_dag.common.stage import Stage
     from trace_dag.flow.batch import StaleResult
     from trace_dag.flow.crash_status import CrashStatus
-    from trace_dag.stage import Stage
 
 _LONG_TEXT = 40  # characters
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # as OWASP lists them

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from trace_dag.cli.printing import one_line
-from trace_dag.errors import Failure
-from trace_dag.messages.logs import print_problem
+from trace_dag.common.errors import Failure
+from trace_dag.common.messages.logs import print_problem
 
 _SHOWN = 20
 _LINE = 500

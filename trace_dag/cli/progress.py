@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from trace_dag.messages.logs import own_stderr, writes_json
+from trace_dag.common.messages.logs import own_stderr, writes_json
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from trace_dag.messages.progress import OnProgress
+    from trace_dag.common.messages.progress import OnProgress
 
 
 @contextmanager

@@ -13,10 +13,10 @@ from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.study import into_warehouse
-from trace_dag.messages.wording import counted
+from trace_dag.common.messages.wording import counted
 
 if TYPE_CHECKING:
-    from trace_dag.scenario.release import ArchiveFormat
+    from trace_dag.export.release_files import ArchiveFormat
 
 
 @click.command(
@@ -62,9 +62,9 @@ def release(
     An interrupted release goes on where it stopped. A finished one is never changed: other content needs another
     version.
     """
-    from trace_dag.benchmark.export import accepted_keys
-    from trace_dag.benchmark.release import build_release, check_version
     from trace_dag.cli.problems import Problems
+    from trace_dag.export.export import accepted_keys
+    from trace_dag.export.release import build_release, check_version
     from trace_dag.flow.workspace import Workspace
 
     check_version(version)

@@ -10,10 +10,10 @@ import click
 
 from trace_dag.cli.options import OutputFile, agent_arguments, examples, kind_of_file, pass_root, traffic_option
 from trace_dag.cli.printing import say
-from trace_dag.storage.disk_errors import naming
+from trace_dag.common.storage.disk_errors import naming
 
 if TYPE_CHECKING:
-    from trace_dag.studies.replays import ReplayFormat
+    from trace_dag.agents.replays import ReplayFormat
 
 _FORMATS = ("html", "glb", "webp")
 
@@ -66,13 +66,13 @@ def replay(
 
     With an agent KEY may also be one of its variations or likely courses, as evaluations name them.
     """
-    from trace_dag.evaluation.registry import with_arguments
-    from trace_dag.evaluation.traffic import Traffic
+    from trace_dag.agents.evaluation.registry import with_arguments
+    from trace_dag.agents.evaluation.traffic import Traffic
+    from trace_dag.agents.replays import replay as made_of
+    from trace_dag.agents.replays import replay_with
+    from trace_dag.agents.stored_cases import AgentRole
+    from trace_dag.flow.stored_crashes import stored_crash
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.studies.cases import AgentRole
-    from trace_dag.studies.replays import replay as made_of
-    from trace_dag.studies.replays import replay_with
-    from trace_dag.studies.stored_crashes import stored_crash
 
     replay_format = cast("ReplayFormat", kind_of_file("replay", output, replay_format, _FORMATS) or _FORMATS[0])
     workspace = Workspace.open(root, to_read=True)

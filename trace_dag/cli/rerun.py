@@ -16,8 +16,8 @@ from trace_dag.cli.options import (
     stage_option,
 )
 from trace_dag.cli.run_selection import run_selection
-from trace_dag.errors import Reason, UserError
-from trace_dag.stage import Stage
+from trace_dag.common.errors import Reason, UserError
+from trace_dag.common.stage import Stage
 
 
 @click.command(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar, progress_of
-from trace_dag.errors import UserError
-from trace_dag.gc_pause import gc_paused
-from trace_dag.messages.logs import print_problem
+from trace_dag.common.errors import UserError
+from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.messages.logs import print_problem
 
 if TYPE_CHECKING:
     from trace_dag.flow.executors import Executor
@@ -65,7 +65,7 @@ def run_selection(root: str, settings: Mapping[str, Any], select: Callable[[Work
 @contextmanager
 def _started(workspace: Workspace) -> Iterator[Executor]:
     """One executor for the whole command; its workers start while this process still imports its modules."""
-    from trace_dag.benchmark.crash_files import MADE_WITH
+    from trace_dag.export.crash_files import MADE_WITH
     from trace_dag.flow.executors import make_executor
     from trace_dag.flow.worker import get_ready
 
@@ -77,8 +77,8 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
 def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
     with gc_paused():  # which takes an eighth of the time it takes to load Dagster
-        from trace_dag.benchmark.build import PAGES_LATER, benchmark_is_whole
-        from trace_dag.definitions.launch import dagster_records, planned, run_batches, summarise, summary_is_current
+        from trace_dag.assets.launch import dagster_records, planned, run_batches, summarise, summary_is_current
+        from trace_dag.export.build import PAGES_LATER, benchmark_is_whole
         from trace_dag.flow.run_summary import RunSummary
 
     errors: tuple[str, ...] = ()
@@ -117,7 +117,7 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
 
 def _damaged_warehouse(workspace: Workspace) -> str:
     """What is wrong with the warehouse, in a sentence; empty if it is undamaged."""
-    from trace_dag.errors import DamagedFile
+    from trace_dag.common.errors import DamagedFile
     from trace_dag.warehouse.query import check_warehouse
 
     try:

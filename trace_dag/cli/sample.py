@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 
 COHORT = "sample"
 

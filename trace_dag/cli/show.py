@@ -117,7 +117,7 @@ def _remedy(crash: CrashStatus) -> str:
 
 
 def _pages(workspace: Workspace, key: str) -> list[str]:
-    from trace_dag.benchmark.build import page_name
-    from trace_dag.benchmark.crash_files import package_name
+    from trace_dag.export.build import page_name
+    from trace_dag.export.crash_files import package_name
 
     return [name for name in (page_name(key), package_name(key)) if workspace.storage.exists(name)]

@@ -9,9 +9,9 @@ import click
 from trace_dag.cli.options import OutputFile, examples, kind_of_file, pass_root
 from trace_dag.cli.printing import print_table, say, write_csv, write_json
 from trace_dag.cli.row_files import FORMATS, PRINTED, write_rows
-from trace_dag.errors import UserError
-from trace_dag.messages.wording import counted
-from trace_dag.storage.disk_errors import naming
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.storage.disk_errors import naming
 
 
 @click.command(

@@ -9,10 +9,10 @@ import click
 
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import one_line, print_stale, print_statuses, print_table, say, write_json
-from trace_dag.messages.logs import print_problem
+from trace_dag.common.messages.logs import print_problem
 
 if TYPE_CHECKING:
-    from trace_dag.stage import Stage
+    from trace_dag.common.stage import Stage
 
 _MOST_SHOWN = 20
 
@@ -28,11 +28,11 @@ _MOST_SHOWN = 20
 @pass_root
 def status(root: str, as_json: bool, cohort: str | None) -> None:
     """Show the funnel and where each crash stands, from what is stored."""
+    from trace_dag.common.stage import Stage
     from trace_dag.flow.batch import stale_results
     from trace_dag.flow.crash_status import FinalState, crash_statuses, funnel
     from trace_dag.flow.records import read_records
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.stage import Stage
 
     workspace = Workspace.open(root, to_read=True)
     storage, registry = workspace.storage, workspace.registry

@@ -9,8 +9,8 @@ import click
 
 if TYPE_CHECKING:
     from trace_dag.cli.problems import Problems
+    from trace_dag.common.settings import RuleSetName
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.settings import RuleSetName
     from trace_dag.warehouse.build import BuildReport
 
 
@@ -31,8 +31,8 @@ def of_cohorts(
     workspace: Workspace, cohort: str | None, study: Callable[[str], Found], problems: Problems
 ) -> dict[str, Found]:
     """A study of one cohort, or of each; if nothing can be studied, complaints are printed before the error."""
-    from trace_dag.errors import UserError
-    from trace_dag.studies.stored_crashes import cohorts_of, of_each
+    from trace_dag.common.errors import UserError
+    from trace_dag.flow.stored_crashes import cohorts_of, of_each
 
     try:
         return of_each(cohorts_of(workspace, cohort), study)

@@ -6,7 +6,7 @@ import click
 
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 
 
 @click.command(epilog=examples("trace-dag tables", "trace-dag tables verdicts"))

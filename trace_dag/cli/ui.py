@@ -9,7 +9,7 @@ import sys
 import click
 
 from trace_dag.cli.options import examples, pass_root
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 
 
 @click.command(
@@ -30,9 +30,9 @@ def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: boo
 
     It answers to its own names and pages alone, and knows no users: anyone who can reach the port may do anything.
     """
+    from trace_dag.assets.launch import dagster_records
     from trace_dag.assets.partitions import add_partitions
     from trace_dag.assets.schedules import schedules
-    from trace_dag.definitions.launch import dagster_records
     from trace_dag.flow.workspace import Workspace
 
     _refuse_port_in_use(host, port)
@@ -42,7 +42,7 @@ def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: boo
         add_partitions(instance, workspace.registry.keys())
     os.chdir(workspace.dagster_home)
     os.environ.setdefault("PYTHONWARNINGS", "ignore")  # Dagster's to its own developers, one for each process
-    command = [sys.executable, "-m", "trace_dag.definitions.webserver", str(workspace.root), host, str(port)]
+    command = [sys.executable, "-m", "trace_dag.assets.webserver", str(workspace.root), host, str(port)]
     command += ["read-only" if read_only else "-", *allowed]
     # In place of this process, so that a signal sent to it reaches the servers.
     os.execv(sys.executable, command)  # noqa: S606 - our own interpreter

@@ -12,7 +12,7 @@ from trace_dag.cli.options import ManyValuesCommand, Within, examples, pass_root
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
-from trace_dag.storage.disk_errors import naming
+from trace_dag.common.storage.disk_errors import naming
 
 _SHARE, _SECONDS, _METRES = Within(0, 1, max_open=True), Within(0, 60), Within(0, 50)
 
@@ -74,17 +74,17 @@ def vary(
     and all stay on the road. trace-dag evaluate --variations drives in them. They enter the warehouse as table
     variations.
     """
-    from trace_dag.benchmark.packaging import package_of_variation
+    from trace_dag.agents.families import make_families
+    from trace_dag.agents.stored_cases import stored_variations, verified_cases
+    from trace_dag.agents.stored_variations import FamilyRequest
+    from trace_dag.agents.summaries import families_table
+    from trace_dag.agents.variations.family import Criteria
+    from trace_dag.agents.variations.perturbation import Bounds
     from trace_dag.cli.problems import Problems
-    from trace_dag.errors import Failure
+    from trace_dag.common.errors import Failure
+    from trace_dag.export.package import zip_files
+    from trace_dag.export.packaging import package_of_variation
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.scenario.package import zip_files
-    from trace_dag.studies.cases import stored_variations, verified_cases
-    from trace_dag.studies.stored_variations import FamilyRequest
-    from trace_dag.studies.summaries import families_table
-    from trace_dag.studies.variations import make_families
-    from trace_dag.variations.family import Criteria
-    from trace_dag.variations.perturbation import Bounds
 
     workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
     problems = Problems()

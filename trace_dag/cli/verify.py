@@ -12,8 +12,8 @@ import click
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import one_line, print_stale, print_table, say, write_json
 from trace_dag.cli.progress import progress_bar
-from trace_dag.messages.logs import print_problem
-from trace_dag.messages.wording import counted
+from trace_dag.common.messages.logs import print_problem
+from trace_dag.common.messages.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.flow.batch import StaleResult
@@ -40,13 +40,13 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     everything agrees, 1 if something does not (with --repair: if something is left, such as stages to be run again).
     Stages whose results are older than code, settings or inputs are listed too; they are not errors.
     """
+    from trace_dag.assets.launch import dagster_records, summarise
     from trace_dag.assets.verify import repair_dagster
-    from trace_dag.benchmark.verify import repair_benchmark
-    from trace_dag.definitions.launch import dagster_records, summarise
-    from trace_dag.errors import UserError
+    from trace_dag.common.errors import UserError
+    from trace_dag.common.stage import Stage
+    from trace_dag.export.verify import repair_benchmark
     from trace_dag.flow.verify import DisagreementKind, Quarantine, repair_storage
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.stage import Stage
     from trace_dag.warehouse.build import is_outdated
 
     workspace = Workspace.open(root)
@@ -103,7 +103,7 @@ def _look(
     storage: Any, workspace: Workspace, instance: Any, contents: bool = False
 ) -> tuple[StorageReport, list[Disagreement]]:
     from trace_dag.assets.verify import verify_dagster
-    from trace_dag.benchmark.verify import verify_benchmark
+    from trace_dag.export.verify import verify_benchmark
     from trace_dag.flow.verify import DisagreementKind, verify_storage
     from trace_dag.warehouse.verify import verify_warehouse
 
@@ -121,7 +121,7 @@ def _look(
 
 def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
     """The results that a run would make again; they are outdated but not damaged."""
-    from trace_dag.errors import DamagedFile
+    from trace_dag.common.errors import DamagedFile
     from trace_dag.flow.batch import stale_results
 
     try:

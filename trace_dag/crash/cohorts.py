@@ -1,8 +1,8 @@
 """Choosing crashes: filters, a reproducible random sample, and one that fills the coverage classes.
 
-Pure functions over listings; cohorts are named, stored and extended in :mod:`trace_dag.cohorts`. A sample depends on
-the seed and the crashes alone, not on the order in which a source lists them, and the first 50 of a sample of 100 are
-the sample of 50.
+Pure functions over listings; cohorts are named, stored and extended in :mod:`trace_dag.flow.cohorts`. A sample depends
+on the seed and the crashes alone, not on the order in which a source lists them, and the first 50 of a sample of 100
+are the sample of 50.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+from trace_dag.common.errors import UserError
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.listing import CrashListing
-from trace_dag.errors import UserError
 
 Box: TypeAlias = tuple[float, float, float, float]
 """South, west, north, east in degrees (WGS84)."""

@@ -12,6 +12,10 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from trace_dag.common.errors import Reason, Rejection, UserError
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.schemas import Column, ColumnType
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.codes.crash import REL_ROAD, TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.crash_types import crash_type_of
@@ -22,10 +26,6 @@ from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.road_departure import overturns_on_road, side_of_first
 from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
-from trace_dag.errors import Reason, Rejection, UserError
-from trace_dag.messages.wording import counted
-from trace_dag.schemas import Column, ColumnType
-from trace_dag.settings import CrashSettings
 
 US_LATITUDE_DEG: Final = (17.5, 71.6)
 US_LONGITUDE_DEG: Final = (-180.0, -64.4)
@@ -64,7 +64,7 @@ def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rul
     >>> check(record, CrashSettings())
     >>> check(record, CrashSettings(vehicles=3))
     Traceback (most recent call last):
-    trace_dag.errors.Rejection: outside_cohort: 2 motor vehicles in transport; the cohort takes 3
+    trace_dag.common.errors.Rejection: outside_cohort: 2 motor vehicles in transport; the cohort takes 3
     """
     for rule in (*filters_of(settings), *further, *KINDS, *RULES, *OF_VERDICTS):
         detail = rule.shortcoming(record)

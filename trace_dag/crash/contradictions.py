@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.codes.crash import AT_INTERSECTION, AWAY_FROM_JUNCTION, FUNC_SYS, MAN_COLL, RELJCT2, ROUTE, TYP_INT
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.codes.persons import BIKEPOS, LOCATION, PEDPOS
@@ -33,8 +35,6 @@ from trace_dag.crash.record import (
 )
 from trace_dag.crash.summary import event_in_words
 from trace_dag.crash.zones import ZONES_OF_BIKEPOS, ZONES_OF_LOCATION, ZONES_OF_PEDPOS
-from trace_dag.messages.wording import counted
-from trace_dag.units import mps_to_mph
 
 _TURNS: Final = frozenset({PreCrashMovement.TURNING_LEFT, PreCrashMovement.TURNING_RIGHT})
 _MAY_STAND: Final = STOPPED_MOVEMENTS | {

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+from trace_dag.common.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, mph_to_mps, wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes.events import CROSSED_CENTRELINE, HARM_EV, PERSON_EVENTS, VEHICLE_EVENTS
 from trace_dag.crash.codes.vehicle import CURVED
@@ -24,7 +25,6 @@ from trace_dag.crash.record import (
     VehicleRecord,
     first_vehicle_contact,
 )
-from trace_dag.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, mph_to_mps, wrap_angle
 
 HOUR_RAD: Final = math.pi / 6
 SAME_AREA_H: Final = 1.5

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
+from trace_dag.common.errors import Reason
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.codes import events as codes
 from trace_dag.crash.departure_side import SIDE_AFTER_EVENT, DepartureSide
@@ -21,7 +22,6 @@ from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
 from trace_dag.crash.summary import event_in_words
-from trace_dag.errors import Reason
 
 ORDER_OF_CONTACTS: Final = "order_of_contacts"
 _OBJECTS: Final = codes.FIXED_OBJECTS | codes.LYING_OBJECTS

@@ -8,8 +8,8 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.codes.table import CodeTable
-from trace_dag.errors import Reason, Rejection
 
 MAX_TEXT: Final = 2_000
 """Characters of one value; the longest in use, names of trafficways, have 30 (FARS manual, C9)."""

@@ -16,10 +16,10 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.common.errors import Rejection, UserError
 from trace_dag.crash.fields import Fields, local_name
 from trace_dag.crash.keys import crash_key
 from trace_dag.crash.xml_input import MAX_REPORT_BYTES, parse_leniently, parse_untrusted
-from trace_dag.errors import Rejection, UserError
 
 _CASE_YEAR: Final = re.compile(rb"<CaseYear>\s*([0-9]{4})\s*</CaseYear>")
 _STATE_CASE: Final = re.compile(rb"<ST_CASE>\s*([0-9]{5,6})\s*</ST_CASE>")
@@ -83,7 +83,7 @@ def scan(paths: Iterable[Path]) -> FolderScan:
 
     >>> scan([Path("no-such-folder")])
     Traceback (most recent call last):
-    trace_dag.errors.UserError: no-such-folder does not exist; expected a folder or file of crash reports
+    trace_dag.common.errors.UserError: no-such-folder does not exist; expected a folder or file of crash reports
     """
     by_key: dict[str, list[FoundReport]] = {}
     unrecognised: list[Unrecognised] = []

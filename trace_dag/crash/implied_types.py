@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Turn, turn_of
 from trace_dag.crash.record import EventRecord, PreCrashMovement, VehicleRecord, first_vehicle_contact
-from trace_dag.units import wrap_angle
 
 _REAR_END, _ANGLE = 1, 6  # MAN_COLL
 _STRUCK_WHILE: Final = {PreCrashMovement.STOPPED: 20, PreCrashMovement.DECELERATING: 28}

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 
 FARS: Final = "fars"
 """The name of NHTSA's register of fatal crashes."""

@@ -91,7 +91,7 @@ def list_record(record: CrashRecord) -> CrashListing:
 
 
 def list_report(data: bytes, *, name: str) -> CrashListing:
-    """The line of a report in any of its forms. Raises :class:`trace_dag.errors.Rejection` as reading it does.
+    """The line of a report in any of its forms. Raises :class:`trace_dag.common.errors.Rejection` as reading it does.
 
     >>> list_report(report_xml, name="crash_319003.xml").manner_of_collision_code  # MAN_COLL 6: angle
     6

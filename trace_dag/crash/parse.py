@@ -13,6 +13,8 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes.table import FIRST_YEAR, UnknownCodeError
@@ -27,8 +29,6 @@ from trace_dag.crash.sequence import known_by_events_alone, read_sequence, struc
 from trace_dag.crash.table_reports import is_json, report_from_json
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
-from trace_dag.errors import Reason, Rejection
-from trace_dag.settings import CrashSettings
 
 LATEST_YEAR: Final = 2100
 _MIDNIGHT_AS_24: Final = 24
@@ -43,7 +43,7 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
 
     Args:
         data: the report as its source serves it: a CrashAPI ``GetCaseDetails`` response (XML), the rows of FARS tables
-            (:class:`~trace_dag.crash.fars_rows.FarsRows`) or what a register's table says
+            (:class:`~trace_dag.crash.fars.rows.FarsRows`) or what a register's table says
             (:mod:`trace_dag.crash.table_reports`), both as JSON.
         name: what to call it in messages, a file name or URL.
         settings: ``repair_malformed`` allows badly escaped characters to be repaired; the record is then marked.
@@ -75,7 +75,7 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
 def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etree._Element, bool]:
     """The ``CrashResultSet`` of a report in FARS' own words, XML or rows, and whether its text had to be repaired.
 
-    Raises :class:`~trace_dag.errors.Rejection` as :func:`read_report` does.
+    Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
 
     >>> report_element(report_xml, name="crash_319003.xml")[0].findtext("STATENAME")
     'Nebraska'
@@ -89,7 +89,7 @@ def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etr
 def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashRecord | etree._Element, bool]:
     """What a report holds, a register's record or a ``CrashResultSet``, and whether its text had to be repaired.
 
-    Raises :class:`~trace_dag.errors.Rejection` as :func:`read_report` does.
+    Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
 
     >>> open_report(report_xml, name="crash_319003.xml")[0].findtext("STATENAME")
     'Nebraska'

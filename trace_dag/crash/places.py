@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from trace_dag.common.errors import UserError
 from trace_dag.crash.codes.crash import STATES
-from trace_dag.errors import UserError
 
 _ABBREVIATIONS: Final = (
     "AL AK AZ AR CA CO CT DE DC FL GA HI ID IL IN IA KS KY LA ME MD MA MI MN MS MO MT NE NV NH NJ NM NY NC ND OH OK OR "

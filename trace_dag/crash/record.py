@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.geometry import Pose
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.keys import FARS
@@ -28,7 +29,6 @@ from trace_dag.crash.parties import (
     thing_struck,
 )
 from trace_dag.crash.trailer import Trailer
-from trace_dag.geometry import Pose
 
 
 class PreCrashMovement(IntEnum):

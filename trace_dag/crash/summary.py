@@ -9,6 +9,7 @@ from __future__ import annotations
 from calendar import month_name
 from collections.abc import Set
 
+from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import persons as person_codes
@@ -33,7 +34,6 @@ from trace_dag.crash.record import (
     VehicleClass,
     VehicleRecord,
 )
-from trace_dag.units import mps_to_mph
 
 _CLASS_NAMES = {
     VehicleClass.SUV: "SUV",

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.crash.fars_rows import FarsRows
+from trace_dag.crash.fars.rows import FarsRows
 from trace_dag.crash.fields import malformed
 from trace_dag.crash.record import CrashRecord
 
@@ -33,7 +33,9 @@ def report_to_json(report: FarsRows | CrashRecord) -> bytes:
 
 
 def report_from_json(data: bytes, *, name: str) -> FarsRows | CrashRecord:
-    """What a document holds. Raises :class:`trace_dag.errors.Rejection` (``malformed_report``) for another one's.
+    """Return what a document holds.
+
+    Raises :class:`trace_dag.common.errors.Rejection` (``malformed_report``) for another one.
 
     >>> report_from_json(report_to_json(record), name="a report").key
     '2023-319003'

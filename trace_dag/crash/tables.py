@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import TypeAdapter
 
+from trace_dag.common.errors import Failure
+from trace_dag.common.schemas import Column, ColumnType, TableSchema, table_from_parquet
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Failure
-from trace_dag.schemas import Column, ColumnType, TableSchema, table_from_parquet
 
 if TYPE_CHECKING:
     import pyarrow as pa

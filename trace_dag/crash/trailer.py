@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray, Poses
+from trace_dag.common.geometry import FloatArray, Poses
 
 _FOLLOWS_STEP_M = 0.5
 

@@ -6,6 +6,7 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes import vehicle as codes
@@ -16,7 +17,6 @@ from trace_dag.crash.codes.trailers import trailer_of
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields, malformed
 from trace_dag.crash.record import Occupant, PreCrashMovement, VehicleRecord
-from trace_dag.units import mph_to_mps
 
 HIGHEST_REPORTED_MPH: Final = 151
 _ABOVE_HIGHEST: Final = 997

@@ -12,7 +12,7 @@ from typing import Final
 
 from lxml import etree
 
-from trace_dag.errors import Reason, Rejection
+from trace_dag.common.errors import Reason, Rejection
 
 MAX_REPORT_BYTES: Final = 16 * 1024 * 1024
 """The largest real report seen has 140 kB; a crash of a hundred vehicles would have about 5 MB."""

@@ -10,16 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Generic, Protocol, TypeVar
 
-from trace_dag.stage import Stage
+from trace_dag.common.stage import Stage
 
 if TYPE_CHECKING:
     from trace_dag.crash.record import CrashRecord
     from trace_dag.osm.types import OsmExtract, OsmFeature
+    from trace_dag.reconstruction.samples.simulated import SampledRuns
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport, RejectedMapReport
-    from trace_dag.sim.sampled import SampledRuns
-    from trace_dag.sim.types import SimulationLog
-    from trace_dag.states.types import StateEstimate
+    from trace_dag.simulation.states import StateEstimate
+    from trace_dag.simulation.types import SimulationLog
     from trace_dag.verdict.types import Verdict
 
 T = TypeVar("T")
@@ -77,13 +77,13 @@ REJECTED_REPORT: Final[Artefact[RejectedMapReport]] = Artefact(
     Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.json_io:rejected_report_from_json"
 )
 ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
-    Stage.STATE_ESTIMATE, ("json",), "trace_dag.states.json_io:estimate_from_json"
+    Stage.STATE_ESTIMATE, ("json",), "trace_dag.reconstruction.json_io:estimate_from_json"
 )
 LOGS: Final[Artefact[tuple[SimulationLog, ...]]] = Artefact(
-    Stage.SIMULATION_LOG, ("parquet", "json"), "trace_dag.sim.log_io:logs_from_files"
+    Stage.SIMULATION_LOG, ("parquet", "json"), "trace_dag.simulation.log_io:logs_from_files"
 )
 SAMPLED: Final[Artefact[SampledRuns]] = Artefact(
-    Stage.SIMULATION_LOG, ("samples.json",), "trace_dag.sim.sampled:samples_from_json"
+    Stage.SIMULATION_LOG, ("samples.json",), "trace_dag.reconstruction.samples.simulated:samples_from_json"
 )
 VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json",), "trace_dag.verdict.json_io:verdict_from_json")
 VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json",))

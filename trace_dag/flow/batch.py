@@ -12,9 +12,12 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from trace_dag.cohorts.registry import CrashSource
-from trace_dag.cohorts.services import Services
-from trace_dag.errors import Failure
+from trace_dag.common.errors import Failure
+from trace_dag.common.provenance import Outcome, now
+from trace_dag.common.references import referred
+from trace_dag.common.stage import Stage
+from trace_dag.flow.cohorts.registry import CrashSource
+from trace_dag.flow.cohorts.services import Services
 from trace_dag.flow.contract import CrashFiles, StageDefinition
 from trace_dag.flow.crash_store import CrashStore
 from trace_dag.flow.executors import Executor, run_redoing_lost
@@ -33,9 +36,6 @@ from trace_dag.flow.tasks import (
 )
 from trace_dag.flow.worker import installed, work_on_chunk
 from trace_dag.flow.workspace import Workspace
-from trace_dag.provenance import Outcome, now
-from trace_dag.references import referred
-from trace_dag.stage import Stage
 
 log = logging.getLogger(__name__)
 
@@ -91,7 +91,7 @@ def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[
 
 
 def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: str = "") -> None:
-    """Raise :class:`trace_dag.errors.UserError` if this machine lacks what the settings ask of some stages.
+    """Raise :class:`trace_dag.common.errors.UserError` if this machine lacks what the settings ask of some stages.
 
     A paid question that is asked here counts towards the run's budget. The workers of a cluster have an installation of
     their own, which is not checked.
@@ -119,7 +119,8 @@ def run_stages(
     Events of one crash come in the order of the stages. Workers call ``afterwards``, which can be pickled, with each
     crash that they are done with and have changed; the last event of the crash has what it returns.
 
-    Raises :class:`trace_dag.errors.UserError`, before anything is touched, for what :func:`check_requirements` finds.
+    Raises :class:`trace_dag.common.errors.UserError`, before anything is touched, for what :func:`check_requirements`
+    finds.
     """
     with workspace.executing() as executor:
         work = _shared_out(work_of(workspace, run_id, force, afterwards), executor.machines)

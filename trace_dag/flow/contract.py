@@ -11,9 +11,10 @@ A stage is a function that is given what its parameters ask for, by name:
 * ``settings``: the section of the settings that its annotation names;
 * ``key``: the crash; ``services``: what may be asked of the world outside.
 
-It returns a :class:`StageProduct` and raises :class:`trace_dag.errors.Rejection` or :class:`trace_dag.errors.Failure`.
-A function that returns a ``Mapping`` makes its stage for several crashes at once, where that is cheaper: whatever
-belongs to one crash is given to it by key, and it answers every key, what breaks for one crash alone with the failure.
+It returns a :class:`StageProduct` and raises :class:`trace_dag.common.errors.Rejection` or
+:class:`trace_dag.common.errors.Failure`. A function that returns a ``Mapping`` makes its stage for several crashes at
+once, where that is cheaper: whatever belongs to one crash is given to it by key, and it answers every key, what breaks
+for one crash alone with the failure.
 
 All of it is read from the function's source, so that asking what a stage depends on loads nothing.
 """
@@ -26,20 +27,20 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel
 
-from trace_dag.cohorts.registry import CrashSource
-from trace_dag.cohorts.services import Services
-from trace_dag.errors import DamagedFile, Rejection
+from trace_dag.common.errors import DamagedFile, Rejection
+from trace_dag.common.provenance import OutcomeRecord, artefact_name, libraries_of, settings_of
+from trace_dag.common.references import referred, signature_of
+from trace_dag.common.settings import Settings
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.artefacts import ARTEFACTS, LOGS, VERDICT, Artefact
+from trace_dag.flow.cohorts.registry import CrashSource
+from trace_dag.flow.cohorts.services import Services
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.flow.staleness import Recipe
-from trace_dag.provenance import OutcomeRecord, artefact_name, libraries_of, settings_of
-from trace_dag.references import referred, signature_of
-from trace_dag.settings import Settings
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage, StoredFile
 
 if TYPE_CHECKING:
-    from trace_dag.sim.types import SimulationLog
+    from trace_dag.simulation.types import SimulationLog
 
 T = TypeVar("T")
 _SECTIONS = {info.annotation.__name__: name for name, info in Settings.model_fields.items() if info.annotation}
@@ -200,7 +201,7 @@ class StageDefinition:
     ``version`` is the number of that code, to be raised when other results come out of it: then they are made again.
     ``grouping`` divides crashes, as :class:`CrashFiles`, into the lists of keys that a function for several crashes is
     best called with. ``requires`` is asked before a run in which the stage has work to do, with the settings and the
-    services, and raises :class:`trace_dag.errors.UserError` for what no crash could be done without. Both as
+    services, and raises :class:`trace_dag.common.errors.UserError` for what no crash could be done without. Both as
     ``module:function``.
     """
 

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from trace_dag.errors import Reason
+from trace_dag.common.errors import Reason
+from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.provenance import Outcome, OutcomeRecord
+from trace_dag.common.stage import Stage
 from trace_dag.flow.makers import Made, maker_of
 from trace_dag.flow.records import Records
-from trace_dag.gc_pause import gc_paused
-from trace_dag.provenance import Outcome, OutcomeRecord
-from trace_dag.stage import Stage
 from trace_dag.verdict.types import Grade, Label
 
 

@@ -21,14 +21,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
-from trace_dag.errors import Failure, Rejection
+from trace_dag.common.errors import Failure, Rejection
+from trace_dag.common.provenance import Outcome, OutcomeRecord, artefact_name
+from trace_dag.common.storage.file_locks import locked
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import intact, read_records, write_record
 from trace_dag.flow.tasks import Attempt, CrashTask, Work, failed_record, made_record
-from trace_dag.provenance import Outcome, OutcomeRecord, artefact_name
-from trace_dag.storage.file_locks import locked
-from trace_dag.storage.files import Storage
 
 log = logging.getLogger(__name__)
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from multiprocessing.context import SpawnProcess
 from typing import Any, Protocol, TypeVar
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.common.settings import ExecutionSettings
 from trace_dag.flow.pool import Lost, Pool, Task
-from trace_dag.settings import ExecutionSettings
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -167,7 +167,7 @@ class DaskExecutor:
     """The workers of a running Dask scheduler, which need nothing but this package and the storage root.
 
     A cluster may lose all its workers and get new ones. If it has none for :attr:`most_without_workers_s`, the run ends
-    with :class:`trace_dag.errors.UserError`; what was finished by then is stored.
+    with :class:`trace_dag.common.errors.UserError`; what was finished by then is stored.
     """
 
     most_without_workers_s = _MOST_WITHOUT_WORKERS_S

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from trace_dag.messages.wording import counted
-from trace_dag.provenance import OutcomeRecord
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.provenance import OutcomeRecord
 
 
 class Made(NamedTuple):

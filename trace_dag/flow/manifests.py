@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
-from trace_dag.cohorts.registry import Registry
-from trace_dag.errors import DamagedFile
-from trace_dag.schemas import table_from_parquet
-from trace_dag.storage.checksums import checked, with_checksum
-from trace_dag.storage.file_locks import locked
-from trace_dag.storage.files import Storage, StoredFile
+from trace_dag.common.errors import DamagedFile
+from trace_dag.common.schemas import table_from_parquet
+from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.file_locks import locked
+from trace_dag.common.storage.files import Storage, StoredFile
+from trace_dag.flow.cohorts.registry import Registry
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter

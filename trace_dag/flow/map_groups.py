@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from trace_dag.cohorts.registry import RegisteredMap
+from trace_dag.common.stage import Stage
+from trace_dag.flow.cohorts.registry import RegisteredMap
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.stages.osm_extract import catalog_of
-from trace_dag.stage import Stage
 
 
 def by_map_files(crashes: Sequence[CrashFiles]) -> list[list[str]]:

@@ -23,9 +23,9 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, Generic, Protocol, TypeVar
 
-from trace_dag.errors import Failure
-from trace_dag.messages.logs import configure_logging
-from trace_dag.processes import end_all, how_it_ended, is_stopped
+from trace_dag.common.errors import Failure
+from trace_dag.common.messages.logs import configure_logging
+from trace_dag.common.processes import end_all, how_it_ended, is_stopped
 
 C = TypeVar("C")  # what the steps of a task share
 S = TypeVar("S")  # one step

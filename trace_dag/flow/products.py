@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from trace_dag.errors import Rejection
+from trace_dag.common.errors import Rejection
 
 Figure = str | float | int | bool | None
 

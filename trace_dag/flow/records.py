@@ -14,11 +14,11 @@ import json
 import logging
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
-from trace_dag.errors import DamagedFile, Failure
-from trace_dag.gc_pause import gc_paused
-from trace_dag.provenance import MADE_AGAIN, OutcomeRecord, record_from_json, record_name, record_to_json
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Entry, Storage
+from trace_dag.common.errors import DamagedFile, Failure
+from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.provenance import MADE_AGAIN, OutcomeRecord, record_from_json, record_name, record_to_json
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Entry, Storage
 
 Records = dict[Stage, OutcomeRecord]  # of one crash
 OnProblem = Callable[[Failure], None]

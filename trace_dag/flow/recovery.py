@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import PurePosixPath
 
-from trace_dag.cohorts.registry import Registry, ReportSource
+from trace_dag.common.messages.logs import print_problem
+from trace_dag.common.provenance import crash_of
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.artefacts import REPORT_JSON, REPORT_XML
+from trace_dag.flow.cohorts.registry import Registry, ReportSource
 from trace_dag.flow.records import read_records
-from trace_dag.messages.logs import print_problem
-from trace_dag.provenance import crash_of
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 COHORT = "recovered"
 

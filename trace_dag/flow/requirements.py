@@ -1,14 +1,14 @@
 """What the settings ask of this machine and of services, looked at before a run, before anything is replaced.
 
-Each raises :class:`trace_dag.errors.UserError`.
+Each raises :class:`trace_dag.common.errors.UserError`.
 """
 
 from __future__ import annotations
 
-from trace_dag.cohorts.services import Services
+from trace_dag.common.settings import Settings
+from trace_dag.flow.cohorts.services import Services
 from trace_dag.roads.build import road_converter
-from trace_dag.settings import Settings
-from trace_dag.sim.backends import backend_factory
+from trace_dag.simulation.backends import backend_factory
 
 
 def road_map(settings: Settings, services: Services) -> None:

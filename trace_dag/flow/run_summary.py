@@ -10,12 +10,12 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.provenance import Outcome
+from trace_dag.common.settings import StateSettings
+from trace_dag.common.stage import Stage
 from trace_dag.flow.makers import Made, maker_of, makers_in_words
 from trace_dag.flow.tasks import Action, StageEvent
-from trace_dag.messages.wording import counted
-from trace_dag.provenance import Outcome
-from trace_dag.settings import StateSettings
-from trace_dag.stage import Stage
 
 _SLOWEST_NAMED = 3
 _USUAL_ESTIMATOR = StateSettings().estimator

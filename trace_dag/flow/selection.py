@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
-from trace_dag.cohorts.registry import in_order
+from trace_dag.common.errors import Reason, UserError
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.keys import parse_key
-from trace_dag.errors import Reason, UserError
 from trace_dag.flow.batch import first_stale
+from trace_dag.flow.cohorts.registry import in_order
 from trace_dag.flow.crash_status import FinalState, crash_statuses
 from trace_dag.flow.records import read_records
 from trace_dag.flow.workspace import Workspace
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 _LARGE_MAP = 50_000_000  # bytes, which take some 10 s
 

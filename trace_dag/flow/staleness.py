@@ -10,14 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
-from trace_dag.stage import Stage
+from trace_dag.common.provenance import Outcome, OutcomeRecord, Provenance
+from trace_dag.common.stage import Stage
 
 if TYPE_CHECKING:
-    from trace_dag.cohorts.registry import CrashSource
+    from trace_dag.flow.cohorts.registry import CrashSource
 
 MISSING, FAILED, FILES = "never made", "failed", "files"
-"""Reasons to run a stage beside what :meth:`trace_dag.provenance.Provenance.changed_to` names."""
+"""Reasons to run a stage beside what :meth:`trace_dag.common.provenance.Provenance.changed_to` names."""
 
 
 @dataclass(frozen=True)

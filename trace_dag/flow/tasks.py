@@ -14,17 +14,17 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 
-from trace_dag.cohorts.registry import CrashSource
-from trace_dag.errors import Failure, TransientFailure
+from trace_dag.common.errors import Failure, TransientFailure
+from trace_dag.common.messages.logs import at_work, figures
+from trace_dag.common.provenance import Outcome, OutcomeRecord, Provenance
+from trace_dag.common.settings import Settings
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage, StoredFile
+from trace_dag.flow.cohorts.registry import CrashSource
 from trace_dag.flow.contract import CrashFiles, Flow
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import Records
 from trace_dag.flow.staleness import Recipe
-from trace_dag.messages.logs import at_work, figures
-from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
-from trace_dag.settings import Settings
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage, StoredFile
 
 
 class Action(StrEnum):

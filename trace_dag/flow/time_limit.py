@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, TypeVar
 
-from trace_dag.errors import Failure
+from trace_dag.common.errors import Failure
 
 T = TypeVar("T")
 

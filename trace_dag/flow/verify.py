@@ -1,7 +1,7 @@
 """Whether what is stored agrees with what was recorded, and mending what does not.
 
 Belongs here: a disagreement with its remedy, and those between outcome records, artefacts, registered crashes and the
-results of studies. Those of pages and packages are in :mod:`trace_dag.benchmark.verify`, the warehouse's in
+results of studies. Those of pages and packages are in :mod:`trace_dag.export.verify`, the warehouse's in
 :mod:`trace_dag.warehouse.verify`, Dagster's in :mod:`trace_dag.assets.verify`.
 
 Sizes are compared over listings, so that a large cohort on an object store costs no request per crash; the contents
@@ -22,11 +22,19 @@ from enum import Enum
 from pathlib import Path
 from shutil import rmtree
 
-from trace_dag.cohorts.kept_maps import unused_map_copies
-from trace_dag.cohorts.listings import FILE as LISTINGS
-from trace_dag.cohorts.registry import Cohort, Registry
-from trace_dag.cohorts.services import CACHE_FOLDER
-from trace_dag.errors import DamagedFile
+from trace_dag.common.errors import DamagedFile
+from trace_dag.common.messages.progress import OnProgress
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.network.http import damaged_answers
+from trace_dag.common.processes import abandoned
+from trace_dag.common.provenance import MADE_AGAIN, Outcome, crash_of, record_name
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.checksums import checked
+from trace_dag.common.storage.files import Entry, Storage, StoredFile, check_name
+from trace_dag.flow.cohorts.kept_maps import unused_map_copies
+from trace_dag.flow.cohorts.listings import FILE as LISTINGS
+from trace_dag.flow.cohorts.registry import Cohort, Registry
+from trace_dag.flow.cohorts.services import CACHE_FOLDER
 from trace_dag.flow.crash_status import valid_records
 from trace_dag.flow.manifests import (
     FOLDERS,
@@ -41,14 +49,6 @@ from trace_dag.flow.manifests import (
 from trace_dag.flow.records import Records, read_records, write_record
 from trace_dag.flow.recovery import register_again
 from trace_dag.flow.workspace import BUILDING
-from trace_dag.messages.progress import OnProgress
-from trace_dag.messages.wording import counted
-from trace_dag.network.http import damaged_answers
-from trace_dag.processes import abandoned
-from trace_dag.provenance import MADE_AGAIN, Outcome, crash_of, record_name
-from trace_dag.stage import Stage
-from trace_dag.storage.checksums import checked
-from trace_dag.storage.files import Entry, Storage, StoredFile, check_name
 
 QUARANTINE = "quarantine"
 _RECORD_ENDING = ".outcome.json"

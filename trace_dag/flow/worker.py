@@ -16,7 +16,18 @@ from importlib import import_module
 
 from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_attempt, wait_exponential
 
-from trace_dag.errors import Failure, Rejection, TransientFailure
+from trace_dag.common.errors import Failure, Rejection, TransientFailure
+from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.messages.logs import at_work
+from trace_dag.common.provenance import (
+    Outcome,
+    OutcomeRecord,
+    Provenance,
+    libraries_of,
+    now,
+)
+from trace_dag.common.references import referred
+from trace_dag.common.stage import Stage
 from trace_dag.flow.contract import DamagedArtefactError, Flow, StageDefinition
 from trace_dag.flow.crash_store import CrashStore, opened
 from trace_dag.flow.products import StageProduct
@@ -31,17 +42,6 @@ from trace_dag.flow.tasks import (
     Work,
 )
 from trace_dag.flow.time_limit import SLOWEST_BYTES_PER_S, within
-from trace_dag.gc_pause import gc_paused
-from trace_dag.messages.logs import at_work
-from trace_dag.provenance import (
-    Outcome,
-    OutcomeRecord,
-    Provenance,
-    libraries_of,
-    now,
-)
-from trace_dag.references import referred
-from trace_dag.stage import Stage
 from trace_dag.version import __version__
 
 log = logging.getLogger(__name__)

@@ -11,16 +11,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from trace_dag.cohorts.registry import Registry
+from trace_dag.common.messages.progress import OnProgress, silent
+from trace_dag.common.settings import Settings
+from trace_dag.common.settings_sources import DescribedSetting, described_settings, load_settings
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.completeness import filters_of
+from trace_dag.flow.cohorts.registry import Registry
 from trace_dag.flow.contract import Flow
 from trace_dag.flow.executors import Executor, make_executor
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import StageEvent
-from trace_dag.messages.progress import OnProgress, silent
-from trace_dag.settings import Settings
-from trace_dag.settings_sources import DescribedSetting, described_settings, load_settings
-from trace_dag.storage.files import Storage
 
 ROOT_VARIABLE = "TRACE_DAG_ROOT"
 DEFAULT_ROOT = "trace_dag_home"
@@ -55,8 +55,8 @@ class Workspace:
     ) -> Workspace:
         """The workspace of a root, with the root's ``settings.toml``, the environment and ``overrides`` over them.
 
-        With ``to_read`` the root need not be writable. Raises :class:`trace_dag.errors.UserError` for a root that
-        cannot be used and settings that do not hold.
+        With ``to_read`` the root need not be writable. Raises :class:`trace_dag.common.errors.UserError` for a root
+        that cannot be used and settings that do not hold.
         """
         storage = Storage.open(root, to_read=to_read)
         return cls(storage, _settings(storage, overrides), flow)

@@ -1,12 +1,13 @@
 """Crashes as environments for learning, for Gymnasium and PettingZoo: the loop that evaluates agents. Extra ``gym``.
 
-Belongs here: what is observed and done as arrays, the reward, an episode taken step by step, and the environments.
-Does not belong here: simulating and measuring, which :mod:`trace_dag.sim` and :mod:`trace_dag.evaluation` do; learning.
+Belongs here: what is observed and done as arrays, the reward, an episode taken step by step, and the environments. Does
+not belong here: simulating and measuring, which :mod:`trace_dag.simulation` and :mod:`trace_dag.agents.evaluation` do;
+learning.
 
 Importing this package registers ``trace_dag/Crash-v0`` with Gymnasium.
 """
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 
 try:
     import gymnasium

@@ -7,12 +7,12 @@ from typing import Any, Final, Literal
 import numpy as np
 from gymnasium import spaces
 
-from trace_dag.errors import UserError
-from trace_dag.evaluation.agents import Motion, Recorded
-from trace_dag.evaluation.cases import Scenario
-from trace_dag.geometry import FloatArray
-from trace_dag.states.paths import Path
-from trace_dag.units import GRAVITY_MPS2
+from trace_dag.agents.evaluation.agents import Motion, Recorded
+from trace_dag.common.errors import UserError
+from trace_dag.common.geometry import FloatArray
+from trace_dag.common.paths import Path
+from trace_dag.common.units import GRAVITY_MPS2
+from trace_dag.scenario.cases import Scenario
 
 ActionKind = Literal["continuous", "discrete"]
 

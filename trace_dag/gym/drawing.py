@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.evaluation.cases import Case
+from trace_dag.common.geometry import Pose
 from trace_dag.flow.artefacts import RECORD
-from trace_dag.geometry import Pose
 from trace_dag.gym.episode import EpisodeMoment
 from trace_dag.gym.pool import Track
-from trace_dag.scenario.animation import View
+from trace_dag.pages.animation import View
+from trace_dag.pages.picture_motion import SampledBody, draw_body
+from trace_dag.pages.replay import write_html_player
+from trace_dag.pages.replay_content import replay_windows
+from trace_dag.scenario.cases import Case
 from trace_dag.scenario.colours import body_colour
-from trace_dag.scenario.picture_motion import SampledBody, draw_body
-from trace_dag.scenario.replay import write_html_player
-from trace_dag.scenario.replay_content import replay_windows
-from trace_dag.sim.types import SimulationLog
+from trace_dag.simulation.types import SimulationLog
 
 _SIZE_PX = 480
 

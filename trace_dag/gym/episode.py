@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
-from trace_dag.evaluation.agents import Motion, Observation, Recorded
-from trace_dag.evaluation.cases import Case, Scenario
-from trace_dag.evaluation.control import MotionController
-from trace_dag.evaluation.evaluate import AFTER_CONTACT_S, LEAST_RATE_HZ, others_of
-from trace_dag.evaluation.observation import Sensing, Sensor
-from trace_dag.evaluation.progress import Arrival, RecordedWay
-from trace_dag.evaluation.traffic import Traffic
-from trace_dag.sim.driving import BodyState, Driver, Pace, Pedals
-from trace_dag.sim.types import Simulation, SimulationLog
+from trace_dag.agents.evaluation.agents import Motion, Observation, Recorded
+from trace_dag.agents.evaluation.control import MotionController
+from trace_dag.agents.evaluation.evaluate import AFTER_CONTACT_S, LEAST_RATE_HZ, others_of
+from trace_dag.agents.evaluation.observation import Sensing, Sensor
+from trace_dag.agents.evaluation.traffic import Traffic
+from trace_dag.scenario.cases import Case, Scenario
+from trace_dag.scenario.progress import Arrival, RecordedWay
+from trace_dag.simulation.driving import BodyState, Driver, Pace, Pedals
+from trace_dag.simulation.types import Simulation, SimulationLog
 
 Act = Motion | Recorded
 States = Mapping[int, BodyState]
@@ -36,7 +36,7 @@ class EpisodeMoment:
 
 
 class _Seat:
-    """A driver's place; a :class:`trace_dag.sim.driving.Driver`."""
+    """A driver's place; a :class:`trace_dag.simulation.driving.Driver`."""
 
     def __init__(self, episode: Episode, number: int, scenario: Scenario, sensor: Sensor) -> None:
         self.period_s = scenario.period_s
@@ -50,11 +50,11 @@ class _Seat:
 
     @property
     def has_arrived(self) -> bool:
-        """See :class:`trace_dag.sim.driving.Driver`."""
+        """See :class:`trace_dag.simulation.driving.Driver`."""
         return self._arrival.reached
 
     def drive(self, time_s: float, states: States) -> Pedals | Pace | None:
-        """See :class:`trace_dag.sim.driving.Driver`."""
+        """See :class:`trace_dag.simulation.driving.Driver`."""
         self._arrival.look(time_s, states)
         act = self._episode.asked(EpisodeMoment(time_s, dict(states)))[self._number]
         if isinstance(act, Recorded):
@@ -72,8 +72,8 @@ class Episode:
     """A case with some of its vehicles, ``egos``, driven from outside every ``period_s``. ``seed`` is the sensors'.
 
     With reactive ``traffic`` the others keep their distance from the one ego, with persistent one they keep its
-    conflict, as in an evaluation, and look :data:`trace_dag.evaluation.evaluate.LEAST_RATE_HZ` times a second however
-    seldom the ego acts. A run without a contact ends once every ego has arrived, at the latest after twice the
+    conflict, as in an evaluation, and look :data:`trace_dag.agents.evaluation.evaluate.LEAST_RATE_HZ` times a second
+    however seldom the ego acts. A run without a contact ends once every ego has arrived, at the latest after twice the
     recorded time.
     """
 

@@ -13,11 +13,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from trace_dag.evaluation.agents import Observation, OwnState
-from trace_dag.evaluation.cases import Scenario
-from trace_dag.evaluation.lane_map import LaneMap, PathFollower
+from trace_dag.agents.evaluation.agents import Observation, OwnState
+from trace_dag.roads.map.lane_map import LaneMap, PathFollower
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.sim.types import BodyKind
+from trace_dag.scenario.cases import Scenario
+from trace_dag.simulation.types import BodyKind
 
 Seen = dict[str, NDArray[Any]]
 

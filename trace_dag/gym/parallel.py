@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from pettingzoo import ParallelEnv
 
-from trace_dag.evaluation.observation import Sensing
+from trace_dag.agents.evaluation.observation import Sensing
 from trace_dag.gym.acting import ActionKind, action_space
 from trace_dag.gym.drawing import Camera, show_page
 from trace_dag.gym.episode import Episode

@@ -8,16 +8,23 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from weakref import WeakKeyDictionary
 
-from trace_dag.errors import UserError
-from trace_dag.evaluation.cases import Case
+from trace_dag.agents.stored_cases import (
+    case_of,
+    likely_courses,
+    load_case,
+    somebody_met,
+    stored_variations,
+    verified_cases,
+)
+from trace_dag.common.errors import UserError
+from trace_dag.common.settings import SimSettings
 from trace_dag.flow.artefacts import CrashArtefacts
 from trace_dag.gym.observing import LanePoints
 from trace_dag.reading.crashes import Crashes, Home
 from trace_dag.reading.opening import open_place
-from trace_dag.settings import SimSettings
-from trace_dag.sim.backends import backend
-from trace_dag.sim.types import Simulation
-from trace_dag.studies.cases import case_of, likely_courses, load_case, somebody_met, stored_variations, verified_cases
+from trace_dag.scenario.cases import Case
+from trace_dag.simulation.backends import backend
+from trace_dag.simulation.types import Simulation
 
 Place = str | os.PathLike[str] | Crashes
 

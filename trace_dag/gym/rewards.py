@@ -1,11 +1,11 @@
-"""The reward, from the same measures that evaluations use (:mod:`trace_dag.evaluation.metrics`)."""
+"""The reward, from the same measures that evaluations use (:mod:`trace_dag.agents.evaluation.metrics`)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trace_dag.evaluation.metrics import Metrics
-from trace_dag.units import GRAVITY_MPS2
+from trace_dag.agents.evaluation.metrics import Metrics
+from trace_dag.common.units import GRAVITY_MPS2
 
 _LEAST_DELTA_V_MPS = 1.0
 _WORST = 2.0
@@ -17,7 +17,7 @@ class Reward:
 
     While it drives an agent gets ``progress`` for driving as far as was recorded, in parts, and never more than that:
     who stands still gets none. In the end it gets ``avoided`` if nobody touched anybody and it finished its way in
-    twice the recorded time (:mod:`trace_dag.evaluation.progress`), nothing if it did not; who touches loses ``contact``
+    twice the recorded time (:mod:`trace_dag.scenario.progress`), nothing if it did not; who touches loses ``contact``
     times the larger delta-v of the contact over that of the recorded crash (2 at most). It loses ``off_road`` and
     ``wrong_way`` for each second of these (1 at most of each), and ``comfort`` times its hardest braking in g.
     """

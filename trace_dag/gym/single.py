@@ -9,19 +9,19 @@ from typing import Any, Literal, NoReturn
 import gymnasium
 import numpy as np
 
-from trace_dag.errors import UserError
-from trace_dag.evaluation.cases import Case
-from trace_dag.evaluation.metrics import Metrics, measure, outcome_of
-from trace_dag.evaluation.observation import Sensing
-from trace_dag.evaluation.progress import RecordedWay
-from trace_dag.evaluation.traffic import Traffic
+from trace_dag.agents.evaluation.metrics import Metrics, measure, outcome_of
+from trace_dag.agents.evaluation.observation import Sensing
+from trace_dag.agents.evaluation.traffic import Traffic
+from trace_dag.agents.stored_cases import AgentRole, number_of
+from trace_dag.common.errors import UserError
 from trace_dag.gym.acting import ActionKind, Hands, action_space
 from trace_dag.gym.drawing import Camera, show_page
 from trace_dag.gym.episode import Episode
 from trace_dag.gym.observing import Eyes, LanePoints, Seen, observation_space
 from trace_dag.gym.pool import Place, Track, tracks
 from trace_dag.gym.rewards import Reward
-from trace_dag.studies.cases import AgentRole, number_of
+from trace_dag.scenario.cases import Case
+from trace_dag.scenario.progress import RecordedWay
 
 RenderMode = Literal["rgb_array", "human"]
 _SEEDS = 2**31
@@ -123,7 +123,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     actions give the same bits. An episode is terminated by the first contact of anybody with anybody, and truncated
     when the agent has arrived 50 m beyond the conflict or at the end of its recorded way, not before five seconds after
     the recorded impact, or has taken twice the recorded time. ``info`` has ``key``, ``case_id`` and ``ego``, and in the
-    end ``outcome`` and ``metrics``. Raises :class:`trace_dag.errors.UserError` for what is not there.
+    end ``outcome`` and ``metrics``. Raises :class:`trace_dag.common.errors.UserError` for what is not there.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012 - as its base

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay, RawWay
 from trace_dag.osm.walkways import is_walkway
 

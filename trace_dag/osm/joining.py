@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.osm.types import RawWay
 
 Ways = Mapping[int, RawWay]

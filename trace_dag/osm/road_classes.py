@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from trace_dag.units import mph_to_mps
+from trace_dag.common.units import mph_to_mps
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 Both answer a box with OSM XML that holds every way in it whole. Every answer is checked before it is used or cached:
 Overpass reports a query that ran out of time or memory as a ``remark`` inside an answer with status 200. All requests
-go through :class:`trace_dag.network.http.HttpClient`. For more than a few hundred crashes, download extracts of the
-states and use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pass instead of a request per crash.
+go through :class:`trace_dag.common.network.http.HttpClient`. For more than a few hundred crashes, download extracts of
+the states and use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pass instead of a request per crash.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
-from trace_dag.network.http import HttpClient, UnreachableError
+from trace_dag.common.errors import Failure, Reason, Rejection, TransientFailure, UserError
+from trace_dag.common.network.http import HttpClient, UnreachableError
+from trace_dag.common.settings import OsmSettings, ServiceSettings
 from trace_dag.osm.catalog import box_around, is_on_earth
 from trace_dag.osm.clip import clip_roads
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
@@ -24,7 +25,6 @@ from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, fea
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmWay, RawWay, Site
 from trace_dag.osm.walkways import WALKWAY_TAGS, is_walkway
 from trace_dag.osm.xml import read_osm
-from trace_dag.settings import OsmSettings, ServiceSettings
 
 OVERPASS_ENDPOINTS: Final = (
     "https://overpass-api.de/api/interpreter",

@@ -21,7 +21,7 @@ import shapely
 from osmium.osm import mutable
 from shapely.geometry import shape
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 from trace_dag.osm.extraction import relation_of
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmNode, OsmRelation, OsmWay
 from trace_dag.osm.walkways import is_walkway

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.osm.types import BoundingBox, OsmFeature, RawWay
 
 _ANY: Final[frozenset[str]] = frozenset()

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from shapely.geometry.base import BaseGeometry
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.osm.rights import OSM_ATTRIBUTION
 
 NO_TAGS: Final[Mapping[str, str]] = {}

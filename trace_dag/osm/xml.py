@@ -19,7 +19,7 @@ from xml.sax.saxutils import escape
 
 from lxml import etree
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 from trace_dag.osm.plain_xml import age, is_gone
 from trace_dag.osm.rights import read_attribution
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay

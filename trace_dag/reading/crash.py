@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 from trace_dag.flow.artefacts import (
     ESTIMATE,
     MAP_REPORT,
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from PIL.Image import Image
 
+    from trace_dag.agents.replays import ReplayFormat
     from trace_dag.crash.record import CrashRecord
-    from trace_dag.evaluation.drives import Drive
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport
-    from trace_dag.sim.types import SimulationLog
-    from trace_dag.states.types import StateEstimate
-    from trace_dag.studies.replays import ReplayFormat
+    from trace_dag.scenario.drives import Drive
+    from trace_dag.simulation.states import StateEstimate
+    from trace_dag.simulation.types import SimulationLog
     from trace_dag.verdict.types import Verdict
 
 T = TypeVar("T")
@@ -73,9 +73,9 @@ class Crash:
     """One crash of a root, a package or a release.
 
     Every part is read when first asked for, checked against what was written, and kept. What the crash did not get as
-    far as (an estimate of one that was rejected at its map) raises :class:`trace_dag.errors.UserError`; what is damaged
-    raises :class:`trace_dag.errors.Failure`. Frame: local transverse Mercator at the reported point, x east, y north,
-    metres, radians counter-clockwise from east, m/s.
+    far as (an estimate of one that was rejected at its map) raises :class:`trace_dag.common.errors.UserError`; what is
+    damaged raises :class:`trace_dag.common.errors.Failure`. Frame: local transverse Mercator at the reported point, x
+    east, y north, metres, radians counter-clockwise from east, m/s.
     """
 
     def __init__(self, stored: CrashArtefacts) -> None:
@@ -141,14 +141,14 @@ class Crash:
     @property
     def steps(self) -> pd.DataFrame:
         """The log as a table: a row per party and logged step, columns as
-        :data:`trace_dag.sim.log_io.SIMULATION_STEPS`."""
+        :data:`trace_dag.simulation.log_io.SIMULATION_STEPS`."""
         frame: pd.DataFrame = self.steps_arrow.to_pandas()
         return frame
 
     @cached_property
     def steps_arrow(self) -> pa.Table:
         """:attr:`steps` as an Arrow table, with the unit and meaning of each column in its schema."""
-        from trace_dag.sim.log_io import steps_table
+        from trace_dag.simulation.log_io import steps_table
 
         return steps_table([self.log]).drop_columns(["hypothesis"])
 
@@ -159,7 +159,7 @@ class Crash:
 
         import pandas as pd
 
-        from trace_dag.sim.types import Contact
+        from trace_dag.simulation.types import Contact
 
         names = [field.name for field in fields(Contact)]
         return pd.DataFrame([[getattr(each, name) for name in names] for each in self.log.contacts], columns=names)
@@ -184,7 +184,7 @@ class Crash:
 
         import pandas as pd
 
-        from trace_dag.sim.sampled import Interval
+        from trace_dag.reconstruction.samples.simulated import Interval
 
         rows = self._load(SAMPLED, "log").intervals if self._stored.has(SAMPLED) else ()
         return pd.DataFrame([asdict(row) for row in rows], columns=[field.name for field in fields(Interval)])
@@ -197,7 +197,7 @@ class Crash:
         import numpy as np
         import pandas as pd
 
-        from trace_dag.sim.sampled_courses import STEP_S
+        from trace_dag.reconstruction.samples.courses import STEP_S
 
         columns = ["course", "weight", "number", "time_s", "x_m", "y_m", "heading_rad"]
         if not self._stored.has(SAMPLED):
@@ -221,7 +221,7 @@ class Crash:
         import numpy as np
         import pandas as pd
 
-        from trace_dag.evaluation.drives import COURSE_COLUMNS, STEP_S
+        from trace_dag.scenario.drives import COURSE_COLUMNS, STEP_S
 
         parts = []
         for drive in self._drives:
@@ -239,8 +239,8 @@ class Crash:
         import pandas as pd
         import shapely
 
-        from trace_dag.evaluation.drives import GOAL_LENGTH_M, GOAL_WIDTH_M
-        from trace_dag.geometry import rectangle_corners
+        from trace_dag.common.geometry import rectangle_corners
+        from trace_dag.scenario.drives import GOAL_LENGTH_M, GOAL_WIDTH_M
 
         rows = {}
         for drive in self._drives:
@@ -258,9 +258,9 @@ class Crash:
 
     @cached_property
     def _drives(self) -> tuple[Drive, ...]:
-        from trace_dag.evaluation.drives import drives_of
-        from trace_dag.settings import SimSettings
-        from trace_dag.studies.cases import case_of
+        from trace_dag.agents.stored_cases import case_of
+        from trace_dag.common.settings import SimSettings
+        from trace_dag.scenario.drives import drives_of
 
         if not self._stored.has(VERDICT):
             raise self._missing("verdict")
@@ -288,9 +288,9 @@ class Crash:
     # --- to look at ------------------------------------------------------------------------------------------------
     def figure(self) -> Image:
         """What is known of it from above, as a picture (Pillow) of 1170 by 648 pixels."""
-        from trace_dag.flow.crash_picture import drawn
-        from trace_dag.scenario.canvas import pixels_of
-        from trace_dag.scenario.pictures import WIDTH_PX
+        from trace_dag.pages.canvas import pixels_of
+        from trace_dag.pages.pictures import WIDTH_PX
+        from trace_dag.reading.crash_picture import drawn
 
         svg = drawn(self._stored)
         if svg is None:
@@ -299,7 +299,7 @@ class Crash:
 
     def replay(self, replay_format: ReplayFormat = "html") -> CrashReplay:
         """The simulated crash to watch: a page with a time slider, a moving picture, or glTF in three dimensions."""
-        from trace_dag.studies.replays import replay
+        from trace_dag.agents.replays import replay
 
         if self._stored.shown_log() is None:
             raise self._missing("log")

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 from weakref import WeakSet
 
-from trace_dag.errors import UserError
-from trace_dag.messages.wording import counted
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages.wording import counted
 from trace_dag.reading.crash import Crash
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class Home(Crashes):
         return self.workspace.registry.keys()
 
     def _stored(self, key: str) -> CrashArtefacts:
-        from trace_dag.studies.stored_crashes import stored_crash
+        from trace_dag.flow.stored_crashes import stored_crash
 
         return stored_crash(self.workspace, key)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
 from trace_dag.roads.map.network import RoadNetwork
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 from trace_dag.flow.workspace import Workspace, storage_root
 from trace_dag.reading.crashes import Crashes, Home
 from trace_dag.reading.packed import ArchiveFiles, FolderFiles, packed_in

@@ -17,8 +17,11 @@ from typing import IO, TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from trace_dag.common.errors import DamagedFile, Failure, UserError
+from trace_dag.common.schemas import table_from_parquet
+from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.keys import parse_key
-from trace_dag.errors import DamagedFile, Failure, UserError
+from trace_dag.export.package import MANIFEST
 from trace_dag.flow.artefacts import (
     ESTIMATE,
     EXTRACT,
@@ -36,16 +39,13 @@ from trace_dag.flow.artefacts import (
 )
 from trace_dag.reading.crashes import Crashes
 from trace_dag.reading.untrusted import GET_AGAIN, MOST_BYTES, check_json, check_size
-from trace_dag.scenario.package import MANIFEST
-from trace_dag.schemas import table_from_parquet
-from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Happening
 
 if TYPE_CHECKING:
     import duckdb
     import pandas as pd
 
-    from trace_dag.sim.types import SimulationLog
+    from trace_dag.simulation.types import SimulationLog
 
 T = TypeVar("T")
 
@@ -254,7 +254,7 @@ class PackedCrash:
 
     def load(self, artefact: Artefact[T]) -> T:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`. Raises :class:`DamagedFile`."""
-        from trace_dag.references import referred
+        from trace_dag.common.references import referred
 
         if not artefact.reader:
             return self._read(self._name(artefact))  # type: ignore[return-value] # an artefact without a reader is one of bytes
@@ -264,8 +264,8 @@ class PackedCrash:
     def _parse(self, artefact: Artefact[T], reader: Any) -> T:
         name = self._name(artefact)
         if artefact is RECORD:
+            from trace_dag.common.settings import CrashSettings
             from trace_dag.crash.parse import read_report
-            from trace_dag.settings import CrashSettings
 
             place = self._place(name)
             return read_report(self._read(name), name=place, settings=CrashSettings(), expected_key=self.key)  # type: ignore[return-value]
@@ -356,7 +356,7 @@ class Release(Crashes):
 
     @cached_property
     def crashes(self) -> pd.DataFrame:
-        """The index of the release: :data:`trace_dag.scenario.release.RELEASE_INDEX`, indexed by key."""
+        """The index of the release: :data:`trace_dag.export.release_files.RELEASE_INDEX`, indexed by key."""
         import pyarrow as pa
 
         try:

@@ -11,15 +11,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from trace_dag.errors import Rejection, UserError
-from trace_dag.gc_pause import gc_paused
-from trace_dag.geometry import LocalFrame
-from trace_dag.network.http import HttpClient
+from trace_dag.common.errors import Rejection, UserError
+from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.network.http import HttpClient
+from trace_dag.common.settings import OsmSettings, RoadSettings
 from trace_dag.osm.catalog import MapCatalog, box_around, sides_m
 from trace_dag.osm.services import OverpassSource
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
 from trace_dag.roads.build import PlainMap, build_plain_map
-from trace_dag.settings import OsmSettings, RoadSettings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,8 +72,8 @@ class MadeMap:
 
     def picture(self) -> str:
         """The map from above, as an SVG."""
-        from trace_dag.scenario.map_scene import window_of
-        from trace_dag.scenario.maps import draw_network
+        from trace_dag.pages.map_scene import window_of
+        from trace_dag.pages.maps import draw_network
 
         return draw_network(self.network, window_of(self.network))
 
@@ -94,9 +94,9 @@ class MadeMap:
     @gc_paused()
     def save(self, folder: str | os.PathLike[str], forms: Iterable[str] = ()) -> list[Path]:
         """Write ``map.xodr``, ``map.json`` (the report), ``map.png`` and some forms
-        (:data:`trace_dag.formats.MAP_FORMS`) into a folder; what is written."""
-        from trace_dag.formats.road_maps import form_of_map
-        from trace_dag.scenario.canvas import as_png, pixels_of
+        (:data:`trace_dag.export.formats.MAP_FORMS`) into a folder; what is written."""
+        from trace_dag.export.formats.road_maps import form_of_map
+        from trace_dag.pages.canvas import as_png, pixels_of
 
         contents = {
             "map.xodr": self.xodr,

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.errors import DamagedFile
+from trace_dag.common.errors import DamagedFile
 
 MOST_BYTES: Final = 64_000_000
 """Of one file: a crash's largest has some two million."""
@@ -25,7 +25,7 @@ def check_size(name: str, size: int) -> None:
 
     >>> check_size("manifest.json", 1_200_000_000)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    trace_dag.errors.DamagedFile: manifest.json: damaged: has 1,200 MB, at most 64 are read; ...
+    trace_dag.common.errors.DamagedFile: manifest.json: damaged: has 1,200 MB, at most 64 are read; ...
     """
     if size > MOST_BYTES:
         raise DamagedFile(name, f"has {size / 1e6:,.0f} MB, at most {MOST_BYTES / 1e6:.0f} are read", GET_AGAIN)

@@ -1,5 +1,5 @@
-"""Estimates that simulate on the way: the search through a crash's events, and a planner for each kind of event.
+"""Estimates of the states before a crash: hypotheses, their search through the events, and what supports them.
 
-Belongs here: the estimators that the settings name (``analytic``, ``llm``), the search, and in ``planners`` how one
-kind of event can come about. How a first contact is solved for, without a simulator, is in :mod:`trace_dag.states`.
+``scene`` is the crash on its map, ``motion`` paths, manoeuvres and speeds, ``planners`` the ways in which one kind of
+event can come about, ``samples`` the draws of what a report leaves open. Excluded: verdicts, Dagster.
 """

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from trace_dag.common.errors import UserError
+from trace_dag.common.settings import StateSettings
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import UserError
+from trace_dag.reconstruction.analytic_hypotheses import NAME
 from trace_dag.reconstruction.search import estimate_by_record
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import StateSettings
-from trace_dag.states.analytic import NAME
-from trace_dag.states.types import StateEstimate
-from trace_dag.storage.files import Storage
+from trace_dag.simulation.states import StateEstimate
 
 
 class AnalyticEstimator:

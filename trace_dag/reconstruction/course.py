@@ -8,14 +8,14 @@ from typing import TypeAlias
 
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.reconstruction.default_simulation import DEFAULTS
-from trace_dag.sim.crash_run import CrashRun
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.matching import Happening, Matching, expected_of, happenings, happenings_of, match
-from trace_dag.sim.run import participant
-from trace_dag.sim.types import Contact, SimulationLog
-from trace_dag.states.objects import FixedObject
-from trace_dag.states.scene import Scene
-from trace_dag.states.types import LossOfControl, ParticipantState
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.simulation.crash_run import CrashRun
+from trace_dag.simulation.embedded import EmbeddedSimulation
+from trace_dag.simulation.matching import Happening, Matching, expected_of, happenings, happenings_of, match
+from trace_dag.simulation.objects import FixedObject
+from trace_dag.simulation.run import participant
+from trace_dag.simulation.states import LossOfControl, ParticipantState
+from trace_dag.simulation.types import Contact, SimulationLog
 
 _States: TypeAlias = tuple[ParticipantState, ...]
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Final
 
+from trace_dag.common.settings import SimSettings
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation
-from trace_dag.sim.run import surface_friction
+from trace_dag.simulation.embedded import EmbeddedBackend, EmbeddedSimulation
+from trace_dag.simulation.run import surface_friction
 
 DEFAULTS: Final = SimSettings()
 

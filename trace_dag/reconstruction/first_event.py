@@ -6,22 +6,22 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import StateSettings
 from trace_dag.crash.departure_side import SIDE_OF_EVENT
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import departure_of
-from trace_dag.errors import Reason, Rejection
+from trace_dag.reconstruction.alternatives import ambiguity_of
+from trace_dag.reconstruction.analytic_hypotheses import first_contact
+from trace_dag.reconstruction.planners.parked import parked_contacts
 from trace_dag.reconstruction.planners.pedestrian import strike_hypotheses
 from trace_dag.reconstruction.planners.rollover import overturn_hypotheses
-from trace_dag.settings import StateSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.states.alternatives import ambiguity_of
-from trace_dag.states.analytic import first_contact
-from trace_dag.states.parked import parked_contacts
-from trace_dag.states.run_off_road.planner import departure_hypotheses
-from trace_dag.states.scene import Scene
-from trace_dag.states.types import Hypothesis
+from trace_dag.reconstruction.planners.run_off_road.planner import departure_hypotheses
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.simulation.embedded import EmbeddedSimulation
+from trace_dag.simulation.states import Hypothesis
 
 _BELOW_BRIDGES: Final = frozenset({3, 17, 19, 32, 34, 35, 36, 37, 41, 42})
 """SOE of what is on the ground and on no bridge, from water and boulders to trees: who came to it broke the rail."""

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, TypeAlias
 
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection
+from trace_dag.reconstruction.alternatives import ambiguity_of
+from trace_dag.reconstruction.scene.mapped_ground import OFF_GROUND_M, Astray, astray, ways_of
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.states.alternatives import ambiguity_of
-from trace_dag.states.mapped_ground import OFF_GROUND_M, Astray, astray, ways_of
-from trace_dag.states.types import Hypothesis, StateEstimate
+from trace_dag.simulation.states import Hypothesis, StateEstimate
 
 LEAST_LEAD_S: Final = 2.0
 """The least time before the first event: who reacts to it needs some 1.5 s (AASHTO's design value is 2.5 s)."""

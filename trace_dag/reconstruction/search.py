@@ -16,12 +16,16 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.geometry import contact_clock_h
+from trace_dag.common.settings import StateSettings, VerdictSettings
+from trace_dag.common.units import clock_difference_h
 from trace_dag.crash.completed_record import without_headings
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence, sequence_of
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection
-from trace_dag.geometry import contact_clock_h
+from trace_dag.reconstruction.alternatives import ambiguity_of
+from trace_dag.reconstruction.analytic_hypotheses import NAME, VERSION, build_scene
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.default_simulation import default_simulation
 from trace_dag.reconstruction.first_event import FirstEvent, FirstScene, plan_first_event
@@ -38,16 +42,12 @@ from trace_dag.reconstruction.planners.roadside_object import object_plans
 from trace_dag.reconstruction.planners.rollover import later_overturn_plans
 from trace_dag.reconstruction.planners.standing import standing_plans
 from trace_dag.reconstruction.planners.way_after import ways_on
+from trace_dag.reconstruction.ranking import leaders_first
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import StateSettings, VerdictSettings
-from trace_dag.sim.matching import Happening
-from trace_dag.states.alternatives import ambiguity_of
-from trace_dag.states.analytic import NAME, VERSION, build_scene
-from trace_dag.states.objects import Resistance
-from trace_dag.states.ranking import leaders_first
-from trace_dag.states.types import EstimateCheck, EstimatorRun, Hypothesis, PlannedEvent, StateEstimate
-from trace_dag.units import clock_difference_h
+from trace_dag.simulation.matching import Happening
+from trace_dag.simulation.objects import Resistance
+from trace_dag.simulation.states import EstimateCheck, EstimatorRun, Hypothesis, PlannedEvent, StateEstimate
 
 _FIRSTS: Final = 6  # hypotheses of the first event that are gone on from
 _TRIED: Final = 6  # plans of one event that are simulated

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.plugins import PluginKind, load
+from trace_dag.common.settings import RoadSettings
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection
-from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract
-from trace_dag.plugins import PluginKind, load
 from trace_dag.roads.crash_site.agreement import NOT_COMPARABLE, compare
 from trace_dag.roads.crash_site.beside_road import things_near
 from trace_dag.roads.crash_site.crossings import with_kinds
@@ -40,7 +41,6 @@ from trace_dag.roads.report import (
     Structure,
     TagNotFollowed,
 )
-from trace_dag.settings import RoadSettings
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
 
 
 def road_converter(settings: RoadSettings) -> Converter:
-    """The converter that the settings name. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded.
+    """The converter that the settings name. Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
 
     >>> type(road_converter(RoadSettings())).__name__
     'NativeConverter'

@@ -1,4 +1,4 @@
-"""The output of the project: pictures, replays, OpenSCENARIO, scenario packages, pages.
+"""Files for simulators: OpenSCENARIO, the surroundings in OpenDRIVE, courses and cases to drive in.
 
-Belongs here: everything that presents or exports a crash. Does not belong here: decisions about it.
+Excluded: pictures and pages (:mod:`trace_dag.pages`), packages (:mod:`trace_dag.export`).
 """

@@ -12,9 +12,14 @@ import json
 from collections.abc import Sequence
 from typing import Any, Final
 
+from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_label, party_of_body
-from trace_dag.evaluation.cases import BEYOND_IMPACT_S
-from trace_dag.evaluation.drives import (
+from trace_dag.reconstruction.samples.simulated import SampledRuns
+from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
+from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.cases import BEYOND_IMPACT_S
+from trace_dag.scenario.drives import (
     COURSE_COLUMNS,
     GOAL_HEADING_RAD,
     GOAL_LENGTH_M,
@@ -24,14 +29,9 @@ from trace_dag.evaluation.drives import (
     Goal,
     course_of,
 )
-from trace_dag.evaluation.ensemble import drawn, likely_draws
-from trace_dag.geometry import FloatArray
-from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
-from trace_dag.roads.map.model import LaneRef
-from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.ensemble import drawn, likely_draws
 from trace_dag.scenario.polylines import worth_keeping
-from trace_dag.sim.sampled import SampledRuns
-from trace_dag.states.types import StateEstimate
+from trace_dag.simulation.states import StateEstimate
 
 _AS_GOOD_AS_M: Final = 0.05  # borders are simplified; nowhere are they farther than this from the map's
 _DECIMALS: Final = {"heading_rad": 3}

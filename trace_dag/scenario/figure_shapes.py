@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.sim import quadrupeds
-from trace_dag.sim.figures import LANDMARKS, PLACE_OF_LANDMARK
-from trace_dag.sim.types import BodyKind
+from trace_dag.simulation import quadrupeds
+from trace_dag.simulation.figures import LANDMARKS, PLACE_OF_LANDMARK
+from trace_dag.simulation.types import BodyKind
 
 if TYPE_CHECKING:
-    from trace_dag.geometry import FloatArray
-    from trace_dag.sim.types import Body, VehicleLog
+    from trace_dag.common.geometry import FloatArray
+    from trace_dag.simulation.types import Body, VehicleLog
 
 _LIMBS: Final = (("neck", "hand_l"), ("neck", "hand_r"), ("pelvis", "knee_l"), ("knee_l", "foot_l"))
 _LIMBS_RIGHT: Final = (("pelvis", "knee_r"), ("knee_r", "foot_r"))

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray, rectangle_corners
-from trace_dag.states.objects import FixedObject, PlacedBy, Resistance, slope_profile_m
+from trace_dag.common.geometry import FloatArray, rectangle_corners
+from trace_dag.simulation.objects import FixedObject, PlacedBy, Resistance, slope_profile_m
 
 _LEAST_M: Final = 0.5  # nothing thinner is drawn
 _ROUND_M: Final = 1.0  # compact objects smaller than this are drawn round
@@ -19,7 +19,7 @@ OBJECT_NOTE: Final = "placed by the program: the map has none of the kind there"
 def outline(item: FixedObject) -> FloatArray:
     """Corners of an object seen from above, shape (n, 2): of a ditch or embankment, of all that slopes.
 
-    >>> from trace_dag.geometry import Pose
+    >>> from trace_dag.common.geometry import Pose
     >>> barrier = FixedObject(1001, 1, 25, "concrete barrier", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 1.0, Resistance.RIGID)
     >>> float(np.ptp(outline(barrier)[:, 0]))
     20.0

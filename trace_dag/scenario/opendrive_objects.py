@@ -15,7 +15,7 @@ from lxml import etree
 
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.object_shapes import in_words, object_category
-from trace_dag.states.objects import FixedObject, base_m
+from trace_dag.simulation.objects import FixedObject, base_m
 
 _LOOK_AROUND_M: Final = 100.0
 _PARSER: Final = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)

@@ -21,7 +21,7 @@ from trace_dag.scenario.opendrive_objects import PlacedObject, add_notes, new_ob
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-    from trace_dag.geometry import FloatArray, LocalFrame
+    from trace_dag.common.geometry import FloatArray, LocalFrame
     from trace_dag.osm.types import OsmFeature
     from trace_dag.roads.map.network import RoadNetwork
 

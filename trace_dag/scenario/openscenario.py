@@ -25,10 +25,10 @@ from typing import NamedTuple
 import numpy as np
 from lxml import etree
 
+from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.trailer import Trailer
-from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario_conflict import KeptConflict
 from trace_dag.scenario.openscenario_elements import Element, element, properties, teleported
@@ -37,9 +37,9 @@ from trace_dag.scenario.openscenario_motion import SAME_TIME_S, PlayedMotion, Ti
 from trace_dag.scenario.openscenario_objects import misc_object, standing_at
 from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
 from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
-from trace_dag.sim.surface import NetworkSurface
-from trace_dag.sim.types import Body, SimulationLog, VehicleLog
-from trace_dag.states.objects import FixedObject
+from trace_dag.simulation.objects import FixedObject
+from trace_dag.simulation.surface import NetworkSurface
+from trace_dag.simulation.types import Body, SimulationLog, VehicleLog
 
 AUTHOR = "trace-dag"
 CONTROLLER = "free_vehicle_controller"

@@ -20,11 +20,11 @@ from typing import Protocol
 import numpy as np
 
 from trace_dag.crash.parties import party_label, party_of_body
-from trace_dag.evaluation.conflicts import is_ahead
-from trace_dag.evaluation.progress import FASTEST_PACE
+from trace_dag.reconstruction.motion.speeds import BRAKING_MPS2
+from trace_dag.scenario.conflicts import is_ahead
 from trace_dag.scenario.openscenario_elements import Element, element
-from trace_dag.sim.types import SimulationLog, VehicleLog
-from trace_dag.states.speeds import BRAKING_MPS2
+from trace_dag.scenario.progress import FASTEST_PACE
+from trace_dag.simulation.types import SimulationLog, VehicleLog
 
 _STANDS_MPS = 0.5
 _BEFORE_S = 0.05

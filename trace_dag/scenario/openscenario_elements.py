@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from lxml import etree
 
-from trace_dag.sim.types import Body
+from trace_dag.simulation.types import Body
 
 Element: TypeAlias = etree._Element
 

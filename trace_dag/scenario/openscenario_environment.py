@@ -14,7 +14,7 @@ from typing import Final, Literal
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.scenario.openscenario_elements import Element, element
-from trace_dag.sim.run import relative_friction
+from trace_dag.simulation.run import relative_friction
 
 # Elevations of the sun, degrees, by LGT_COND. Civil twilight ends 6 degrees below the horizon.
 _LIGHTS: Final = {1: (1.0, 90.0), 2: (-90.0, -6.0), 3: (-90.0, -6.0), 6: (-90.0, -6.0), 4: (-6.0, 6.0), 5: (-6.0, 6.0)}

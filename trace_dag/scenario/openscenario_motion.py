@@ -14,12 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.scenario.openscenario_vertices import kept_by_filters
 from trace_dag.scenario.polylines import needed_in_time
-from trace_dag.sim.outlines import Outline, separation
-from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import DEEPEST_EVERY_S, Contact, SimulationLog, VehicleLog
+from trace_dag.simulation.outlines import Outline, separation
+from trace_dag.simulation.surface import Surface
+from trace_dag.simulation.types import DEEPEST_EVERY_S, Contact, SimulationLog, VehicleLog
 
 INTO_EACH_OTHER_S = 0.001
 """Where a log has no state in which the bodies of a contact overlap: so long after the touch they are hardly slowed."""

@@ -10,7 +10,7 @@ from typing import Final
 
 from trace_dag.scenario.object_shapes import object_category
 from trace_dag.scenario.openscenario_elements import Element, bounding_box, element, properties, teleported
-from trace_dag.states.objects import FixedObject, base_m
+from trace_dag.simulation.objects import FixedObject, base_m
 
 _MASS_KG: Final = 1e5  # the standard wants one; nothing moves it
 

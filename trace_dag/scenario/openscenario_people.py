@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from trace_dag.scenario.carla_blueprints import choose_bicycle, choose_walker
 from trace_dag.scenario.openscenario_elements import Element, box_of, element, properties
 from trace_dag.scenario.openscenario_vehicles import axles, performance
-from trace_dag.sim.carla_blueprints import choose_bicycle, choose_walker
-from trace_dag.sim.types import Body, BodyKind
-from trace_dag.states.anthropometry import BICYCLE_LENGTH_M
+from trace_dag.simulation.body_sizes import BICYCLE_LENGTH_M
+from trace_dag.simulation.types import Body, BodyKind
 
 _HUB = 0.52 / BICYCLE_LENGTH_M  # share of the length: how far each hub is from the middle
 _WHEEL_DIAMETER_M = 0.68
@@ -41,7 +41,7 @@ def person(number: int, body: Body, said: Mapping[str, str], *, reference_ahead_
 
     ``carla`` names it by the blueprint of CARLA's library, which is how ScenarioRunner chooses.
 
-    >>> from trace_dag.sim.anthropometry import person_body
+    >>> from trace_dag.simulation.anthropometry import person_body
     >>> person(101, person_body(BodyKind.PEDESTRIAN, 40), {}, reference_ahead_m=0.0, carla=False).get("name")
     'pedestrian_101'
     """

@@ -13,10 +13,10 @@ from typing import Final
 
 from trace_dag.crash.record import HEAVY_VEHICLES, VehicleClass
 from trace_dag.crash.trailer import Trailer
+from trace_dag.scenario.carla_blueprints import BLUEPRINTS, choose_blueprint
 from trace_dag.scenario.openscenario_elements import Element, box_of, element, properties, rounded_m
-from trace_dag.sim.carla_blueprints import BLUEPRINTS, choose_blueprint
-from trace_dag.sim.types import Body
-from trace_dag.sim.vehicles import trailer_model, vehicle_model
+from trace_dag.simulation.types import Body
+from trace_dag.simulation.vehicles import trailer_model, vehicle_model
 
 _TRACK_SHARE = 0.85  # of the body's width, between the middles of the wheels
 _WHEEL_DIAMETER_M = 0.65

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 
 FILTER_RADIUS_M = 0.1
 _ROUNDED_M = 3e-5  # positions are written to a hundredth of a millimetre

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 
 _Away = Callable[[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]], FloatArray]
 

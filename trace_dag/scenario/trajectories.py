@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.errors import DamagedFile
-from trace_dag.sim.log_io import SIMULATION_STEPS
-from trace_dag.sim.types import Body, Contact, SimulationLog, Termination, VehicleLog
-from trace_dag.states.objects import FixedObject
+from trace_dag.common.errors import DamagedFile
+from trace_dag.simulation.log_io import SIMULATION_STEPS
+from trace_dag.simulation.objects import FixedObject
+from trace_dag.simulation.types import Body, Contact, SimulationLog, Termination, VehicleLog
 
 _DECIMALS = 6
 _COLUMNS = [field.name for field in fields(VehicleLog) if field.name != "number"]

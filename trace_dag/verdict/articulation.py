@@ -13,7 +13,7 @@ import numpy as np
 
 from trace_dag.crash.codes.vehicle import J_KNIFE
 from trace_dag.crash.record import CrashRecord
-from trace_dag.sim.types import SimulationLog
+from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.types import Criterion
 
 

@@ -14,19 +14,19 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.geometry import Pose, rectangle_corners
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import OFF_THE_ROAD
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.road_departure import Departure, departure_of
-from trace_dag.geometry import Pose, rectangle_corners
+from trace_dag.reconstruction.motion.walking_directions import CROSSING, reported_directions
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
-from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import SimulationLog
-from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
-from trace_dag.states.types import EstimatorRun, Hypothesis, Manoeuvre, ParticipantState, StateEstimate, Trajectory
-from trace_dag.states.walking_directions import CROSSING, reported_directions
+from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm, Resistance
+from trace_dag.simulation.states import EstimatorRun, Hypothesis, Manoeuvre, ParticipantState, StateEstimate, Trajectory
+from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.controls import ControlRow, JudgedCrash, row_of
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.rules import limits_of
@@ -74,7 +74,7 @@ def changed_plans(crash: JudgedCrash, settings: VerdictSettings) -> Iterator[tup
 
 
 def changed_estimate(crash: JudgedCrash, changed: ChangedPlan) -> StateEstimate:
-    """What :func:`trace_dag.sim.run.simulate` takes to run a changed plan."""
+    """What :func:`trace_dag.simulation.run.simulate` takes to run a changed plan."""
     return StateEstimate(crash.record.key, (changed.hypothesis,), EstimatorRun("changed plan", "1"))
 
 

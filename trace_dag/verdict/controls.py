@@ -15,19 +15,19 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
+from trace_dag.common.errors import Reason
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence, Missing, event_sequence, sequence_of
 from trace_dag.crash.parties import EventKind, PartyKind, person_party, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist
 from trace_dag.crash.road_departure import departure_of
 from trace_dag.crash.zones import reported_zones
-from trace_dag.errors import Reason
+from trace_dag.reconstruction.motion.walking_directions import COMPASS_DEG, reported_directions
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone
-from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import SimulationLog
-from trace_dag.states.types import Hypothesis
-from trace_dag.states.walking_directions import COMPASS_DEG, reported_directions
+from trace_dag.simulation.states import Hypothesis
+from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.directions import reported_relations_deg, reported_turns_deg
 from trace_dag.verdict.judge import judge_observed
 from trace_dag.verdict.metrics import clock_error_positions

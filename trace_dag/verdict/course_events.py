@@ -15,16 +15,16 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.geometry import Pose, rectangle_corners
 from trace_dag.crash.codes import events as codes
 from trace_dag.crash.codes.vehicle import NO_ROLLOVER
 from trace_dag.crash.departure_side import SIDE_OF_EVENT, DepartureSide
 from trace_dag.crash.record import EventRecord, VehicleClass
 from trace_dag.crash.summary import event_in_words
-from trace_dag.geometry import Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
-from trace_dag.sim.leaving_road import left_road
-from trace_dag.sim.types import Body, SimulationLog, VehicleLog, overturned_at
+from trace_dag.simulation.leaving_road import left_road
+from trace_dag.simulation.types import Body, SimulationLog, VehicleLog, overturned_at
 from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, Reservation
@@ -54,7 +54,7 @@ def course_doubts(beside: Comparison) -> Iterator[Reservation]:
     """Yield a doubt for each reported event of the course that does not happen, and for each unreported overturn.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.settings import VerdictSettings
+    >>> from trace_dag.common.settings import VerdictSettings
     >>> list(course_doubts(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
     []
     """

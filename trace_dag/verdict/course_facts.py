@@ -10,12 +10,12 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from trace_dag.common.units import clock_difference_h, wrap_angle
 from trace_dag.crash.classes import CollisionType, RoadTopology
 from trace_dag.crash.codes.events import HARM_EV
 from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH2
 from trace_dag.crash.crash_types import CrashType, EncounterRole, Relation, Side, crash_type_of, critical_event
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
-from trace_dag.units import clock_difference_h, wrap_angle
 from trace_dag.verdict.directions import STRAIGHT_MOVEMENTS, TURN_DEG, TURNS_BY_MOVEMENT, turn_error_deg
 from trace_dag.verdict.metrics import clock_error_positions, speed_error_rel
 from trace_dag.verdict.observation import ObservedVehicle
@@ -40,7 +40,7 @@ def course_facts(beside: Comparison) -> Iterator[Fact]:
     """Every fact about the course to the first contact of two vehicles that the report says something of.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.settings import VerdictSettings
+    >>> from trace_dag.common.settings import VerdictSettings
     >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
     >>> {fact.agreement.value for fact in course_facts(beside)}
     {'agrees'}

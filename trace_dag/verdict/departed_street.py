@@ -16,7 +16,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.crash_site.near_streets import joined_by, roads_near
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.sim.types import VehicleLog
+from trace_dag.simulation.types import VehicleLog
 
 _REACH_M: Final = 100.0
 _STEP_S: Final = 0.1

@@ -23,7 +23,7 @@ def departure_facts(beside: Comparison) -> Iterator[Fact]:
     """Every fact about how a vehicle left the road that the report says something of; none where nothing happened.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.settings import VerdictSettings
+    >>> from trace_dag.common.settings import VerdictSettings
     >>> from trace_dag.verdict.observation import observe_crash
     >>> observed = observe_crash(judged_tree.network, judged_tree.hypothesis, judged_tree.log)
     >>> facts = departure_facts(Comparison.of(tree_record, sequence_of(tree_record), observed, VerdictSettings()))

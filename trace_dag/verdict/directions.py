@@ -13,16 +13,16 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.geometry import FloatArray, Pose
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import CollisionType, VehicleTrajectory
 from trace_dag.crash.crash_types import EncounterRole, Relation, Turn, crash_type_of
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
-from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.paths import follow
-from trace_dag.sim.types import VehicleLog
-from trace_dag.states.types import Trajectory
-from trace_dag.units import wrap_angle
+from trace_dag.simulation.states import Trajectory
+from trace_dag.simulation.types import VehicleLog
 
 _ROUTE_AFTER_CONTACT_M = 20.0  # a turn begun before the contact is complete this far beyond it
 _LANE_REACH_M = 4.0

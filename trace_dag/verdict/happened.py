@@ -19,7 +19,7 @@ def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
     reported is not the reported event.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.settings import VerdictSettings
+    >>> from trace_dag.common.settings import VerdictSettings
     >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
     >>> [each.outcome.value for each in event_outcomes(beside)]  # one event: the two collide
     ['happened']

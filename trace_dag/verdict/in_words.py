@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from trace_dag.common.units import METRES_PER_FOOT, mps_to_mph
 from trace_dag.roads.report import CrashPlacement
-from trace_dag.units import METRES_PER_FOOT, mps_to_mph
 from trace_dag.verdict.types import Happening, Verdict
 
 _MOVED_M = 0.05  # a point moved by less prints as not moved

@@ -6,7 +6,7 @@ from functools import cache
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.errors import Failure
+from trace_dag.common.errors import Failure
 from trace_dag.verdict.types import Verdict
 
 

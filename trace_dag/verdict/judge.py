@@ -6,18 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from trace_dag.common.errors import Failure, Reason
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.completed_record import without_headings
 from trace_dag.crash.event_sequence import EventSequence, sequence_of
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Failure, Reason
-from trace_dag.messages.wording import counted
+from trace_dag.reconstruction.alternatives import alternatives
+from trace_dag.reconstruction.scene.mapped_ground import OFF_GROUND_M, Way, astray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import SimulationLog, moment_of
-from trace_dag.states.alternatives import alternatives
-from trace_dag.states.mapped_ground import OFF_GROUND_M, Way, astray
-from trace_dag.states.types import Hypothesis, StateEstimate
+from trace_dag.simulation.states import Hypothesis, StateEstimate
+from trace_dag.simulation.types import SimulationLog, moment_of
 from trace_dag.verdict.articulation import articulation_shown
 from trace_dag.verdict.happened import event_outcomes
 from trace_dag.verdict.observation import ObservedCrash, observe_crash

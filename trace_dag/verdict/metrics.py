@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from trace_dag.common.units import clock_difference_h, wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, ImpactArea, Moment, PreCrashMovement, VehicleRecord
-from trace_dag.units import clock_difference_h, wrap_angle
 from trace_dag.verdict.directions import relation_error_deg, reported_relations_deg, reported_turns_deg, turn_error_deg
 from trace_dag.verdict.observation import LEAST_SPEED_MPS, ObservedVehicle
 

@@ -14,18 +14,18 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.errors import Failure
+from trace_dag.common.geometry import Pose, contact_clock_h
+from trace_dag.common.units import bearing_to_clock_h, kmh_to_mps
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.parties import is_vehicle
-from trace_dag.errors import Failure
-from trace_dag.geometry import Pose, contact_clock_h
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadsidePlace, RoadZone, roadside_at
-from trace_dag.sim.leaving_road import left_road
-from trace_dag.sim.matching import Happening, Pair, happenings_of
-from trace_dag.sim.plan import tracking_errors
-from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
-from trace_dag.states.types import Hypothesis, ParticipantState
-from trace_dag.units import bearing_to_clock_h, kmh_to_mps
+from trace_dag.simulation.leaving_road import left_road
+from trace_dag.simulation.matching import Happening, Pair, happenings_of
+from trace_dag.simulation.plan import tracking_errors
+from trace_dag.simulation.states import Hypothesis, ParticipantState
+from trace_dag.simulation.types import Contact, SimulationLog, VehicleLog
 from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, departed_street
 from trace_dag.verdict.directions import direction
 from trace_dag.verdict.throws import Throw, throw_of

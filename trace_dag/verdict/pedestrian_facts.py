@@ -16,9 +16,9 @@ from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.zones import reported_zones
+from trace_dag.reconstruction.motion.walking_directions import reported_directions
 from trace_dag.roads.map.people import crosswalks, crosswalks_near
 from trace_dag.roads.report import CrashPlacement
-from trace_dag.states.walking_directions import reported_directions
 from trace_dag.verdict.course_facts import impact_fact, movement_fact, speed_fact
 from trace_dag.verdict.observation import ObservedEvent, ObservedPerson
 from trace_dag.verdict.people import compass_error_deg, course_error_deg, zone_error_m
@@ -35,7 +35,7 @@ def pedestrian_facts(beside: Comparison) -> Iterator[Fact]:
     """Every fact about the strikes that the report says something of; none where nothing touched.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.settings import VerdictSettings
+    >>> from trace_dag.common.settings import VerdictSettings
     >>> from trace_dag.verdict.observation import observe_crash
     >>> observed = observe_crash(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
     >>> told = sequence_of(pedestrian_record)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes.crash import FUNC_SYS, RUR_URB
 from trace_dag.crash.record import CrashRecord
@@ -33,7 +34,6 @@ from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, p
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
-from trace_dag.units import wrap_angle
 from trace_dag.verdict.observation import ObservedVehicle
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
+from trace_dag.common.units import kmh_to_mps, mps_to_mph
 from trace_dag.crash.record import CrashRecord, Severity
 from trace_dag.crash.summary import event_in_words, event_named
 from trace_dag.roads.crash_site.contradicted_road import has_name_of_another, is_on_ramp
@@ -17,7 +18,6 @@ from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.units import kmh_to_mps, mps_to_mph
 from trace_dag.verdict.course_events import course_doubts
 from trace_dag.verdict.observation import ObservedCrash
 from trace_dag.verdict.place_facts import names_at
@@ -53,7 +53,7 @@ def simulation_doubts(beside: Comparison, events: Sequence[EventOutcome]) -> tup
     """Return the doubts about one simulation: events that do not happen, no harm, other roads, another course.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.settings import VerdictSettings
+    >>> from trace_dag.common.settings import VerdictSettings
     >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
     >>> simulation_doubts(beside, verdict.events)
     ()

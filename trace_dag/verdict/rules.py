@@ -19,6 +19,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+from trace_dag.common.errors import Reason
+from trace_dag.common.messages.wording import beside_limit
+from trace_dag.common.settings import RuleSetName, VerdictSettings
+from trace_dag.common.units import clock_difference_h, wrap_angle
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.departure_side import DepartureSide
@@ -27,13 +31,9 @@ from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import Departure, departure_of
 from trace_dag.crash.zones import Zone, reported_zones, zones_of_first_event
-from trace_dag.errors import Reason
-from trace_dag.messages.wording import beside_limit
 from trace_dag.roads.crash_site.street_names import SAME_STREET
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
-from trace_dag.settings import RuleSetName, VerdictSettings
-from trace_dag.sim.matching import Happening, Matching, expected_of, happenings_of, match
-from trace_dag.units import clock_difference_h, wrap_angle
+from trace_dag.simulation.matching import Happening, Matching, expected_of, happenings_of, match
 from trace_dag.verdict.departed_street import street_likeness
 from trace_dag.verdict.metrics import (
     clock_error_positions,

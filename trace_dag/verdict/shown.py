@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.event_sequence import OFF_THE_ROAD
 from trace_dag.crash.parties import EventKind
-from trace_dag.units import wrap_angle
 from trace_dag.verdict.metrics import speed_error_rel
 from trace_dag.verdict.observation import ObservedEvent, ObservedVehicle, StruckSide
 from trace_dag.verdict.rules import Beside, Comparison, at_most
@@ -19,7 +19,7 @@ def shown_measures(beside: Comparison) -> Iterator[Criterion]:
     """What is shown of every reported event that happens, in order.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.settings import VerdictSettings
+    >>> from trace_dag.common.settings import VerdictSettings
     >>> shown = list(shown_measures(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
     >>> [(each.vehicle_number, each.value) for each in shown if each.name == "reported_clock"]
     [(2, 1.0), (1, 3.0)]

@@ -95,7 +95,7 @@ def facts_of(record: CrashRecord, network: RoadNetwork, report: MapReport, besid
     Not weighed yet. Where nothing happens, those of the place and of the report alone.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.settings import VerdictSettings
+    >>> from trace_dag.common.settings import VerdictSettings
     >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
     >>> facts = facts_of(record, network, map_report, beside)
     >>> len({fact.name for fact in facts}), [fact.name for fact in facts if fact.agreement is Agreement.DIFFERS]

@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.sim.types import Body, Contact, VehicleLog
-from trace_dag.units import GRAVITY_MPS2
+from trace_dag.common.units import GRAVITY_MPS2
+from trace_dag.simulation.types import Body, Contact, VehicleLog
 
 _FRICTION: Final = 0.66
 _UNDER_M: Final = 0.45  # height of the middle of who comes under a vehicle

@@ -8,8 +8,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from trace_dag.errors import Reason
-from trace_dag.states.alternatives import Approached
+from trace_dag.common.errors import Reason
+from trace_dag.reconstruction.alternatives import Approached
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from trace_dag.errors import UserError
-from trace_dag.settings import WarehouseSettings
+from trace_dag.common.errors import UserError
+from trace_dag.common.settings import WarehouseSettings
 from trace_dag.warehouse.query import query
 
 _CHILD = "from trace_dag.warehouse.asking import _answer; _answer()"

@@ -21,16 +21,16 @@ from typing import TYPE_CHECKING
 
 from tenacity import Retrying, retry_if_exception_type, stop_after_attempt
 
-from trace_dag.cohorts.registry import Registry
-from trace_dag.errors import DamagedFile, Failure, UserError
+from trace_dag.common.errors import DamagedFile, Failure, UserError
+from trace_dag.common.processes import temporary_prefix
+from trace_dag.common.provenance import crash_of
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.cohorts.registry import Registry
 from trace_dag.flow.manifests import bring_up_to_date
 from trace_dag.flow.records import OnProblem, log_problem
+from trace_dag.flow.study_tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, comparison_is_whole
 from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
-from trace_dag.processes import temporary_prefix
-from trace_dag.provenance import crash_of
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
-from trace_dag.studies.tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, comparison_is_whole
 from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
 from trace_dag.warehouse.evaluations import evaluation_tables

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from trace_dag.errors import BudgetSpent, DamagedFile, UserError
+from trace_dag.common.errors import BudgetSpent, DamagedFile, UserError
+from trace_dag.common.network.alerts import Alert, AlertedCrash, AlertKind
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.crash_status import FinalState
 from trace_dag.flow.records import read_records
-from trace_dag.network.alerts import Alert, AlertedCrash, AlertKind
-from trace_dag.storage.files import Storage
 from trace_dag.warehouse.query import query
 
 _SQL = "SELECT key, final_state, outdated, stage_reached, reason, detail, outdated_because FROM crashes ORDER BY key"

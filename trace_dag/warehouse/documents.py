@@ -7,12 +7,12 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from trace_dag.common.errors import Failure
+from trace_dag.common.schemas import table_from_parquet
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.disk_errors import disk_failure
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.errors import Failure
-from trace_dag.schemas import table_from_parquet
-from trace_dag.stage import Stage
-from trace_dag.storage.disk_errors import disk_failure
-from trace_dag.storage.files import Storage
 from trace_dag.warehouse.snapshot import CrashSnapshot
 
 if TYPE_CHECKING:

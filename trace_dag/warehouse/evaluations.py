@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from trace_dag.evaluation.table import EVALUATIONS
+from trace_dag.agents import evaluations, stored_variations
+from trace_dag.agents.evaluation.table import EVALUATIONS
+from trace_dag.agents.variations.table import VARIATIONS
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.records import OnProblem
-from trace_dag.storage.files import Storage
-from trace_dag.studies import evaluations, stored_variations
-from trace_dag.variations.table import VARIATIONS
 
 if TYPE_CHECKING:
     import pyarrow as pa

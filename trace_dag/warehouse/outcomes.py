@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from trace_dag.common.provenance import EarlierOutcome, Outcome, OutcomeRecord
+from trace_dag.common.stage import Stage
 from trace_dag.flow.crash_status import status_of_valid
-from trace_dag.provenance import EarlierOutcome, Outcome, OutcomeRecord
-from trace_dag.stage import Stage
 from trace_dag.warehouse.snapshot import CrashSnapshot
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.errors import DamagedFile, Failure, UserError
+from trace_dag.common.errors import DamagedFile, Failure, UserError
+from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.manifests import agreed
-from trace_dag.storage.checksums import checked, with_checksum
-from trace_dag.storage.files import Storage
 
 if TYPE_CHECKING:
     import duckdb

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.cohorts.listings import listings_of
-from trace_dag.cohorts.registry import Cohort
+from trace_dag.common.errors import Rejection
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.codes import crash, events, persons, vehicle
 from trace_dag.crash.codes.crash import STATES
 from trace_dag.crash.kind import JUDGED_KINDS, CrashKind
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
-from trace_dag.errors import Rejection
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
+from trace_dag.flow.cohorts.listings import listings_of
+from trace_dag.flow.cohorts.registry import Cohort
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from trace_dag.errors import DamagedFile
+from trace_dag.common.errors import DamagedFile
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.flow.contract import DamagedArtefactError
 from trace_dag.flow.crash_status import valid_records
 from trace_dag.flow.records import OnProblem, Records, read_records
-from trace_dag.stage import Stage
-from trace_dag.storage.files import Storage
 
 _CRASHES_AT_ONCE = 250
 _ATTEMPTS = 3

@@ -15,13 +15,13 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trace_dag.cohorts.registry import Cohort
-from trace_dag.errors import DamagedFile, UserError
-from trace_dag.gc_pause import gc_paused
-from trace_dag.provenance import crash_of
-from trace_dag.stage import Stage
-from trace_dag.storage.checksums import checked, with_checksum
-from trace_dag.storage.files import Storage
+from trace_dag.common.errors import DamagedFile, UserError
+from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.provenance import crash_of
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.cohorts.registry import Cohort
 from trace_dag.warehouse.documents import DOCUMENTS
 from trace_dag.warehouse.query import check_warehouse
 from trace_dag.warehouse.tables import TABLES, Rows

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from trace_dag.errors import DamagedFile, UserError
+from trace_dag.common.errors import DamagedFile, UserError
+from trace_dag.common.stage import Stage
 from trace_dag.flow.crash_status import crash_status, valid_records
 from trace_dag.flow.records import Records
 from trace_dag.flow.verify import Disagreement, DisagreementKind
-from trace_dag.stage import Stage
 from trace_dag.warehouse.build import is_outdated
 from trace_dag.warehouse.query import query
 

@@ -16,5 +16,5 @@ await build({
   target: ["es2022"],
   legalComments: "none",
   banner: { js: `/*! The 3D view of trace-dag's replays (Apache-2.0), with three.js ${version}:\n\n${licence}\n*/` },
-  outfile: "../../trace_dag/scenario/templates/replay3d.js",
+  outfile: "../../trace_dag/pages/templates/replay3d.js",
 });

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from tests.roads.towns import FRAME, SETTINGS, Town, report, vehicle
+from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.types import OsmExtract
@@ -16,7 +17,6 @@ from trace_dag.roads.crash_site.gap_filling import GapFilling, fill_gaps
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.report import Comparison
-from trace_dag.units import mph_to_mps
 
 UNDIVIDED, DIVIDED, ONE_WAY, TURN_LANE, RAMP = 1, 2, 4, 5, 6  # VTRAFWAY
 NO_CONTROL, SIGNAL, STOP = 0, 3, 20  # VTRAFCON

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from tests.roads.test_build import built, garbage
 from tests.roads.towns import SETTINGS, Town, report, vehicle
+from trace_dag.common.errors import Reason
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
-from trace_dag.errors import Reason
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.build import RoadMap, build_road_map
 from trace_dag.roads.map.model import Road
-from trace_dag.units import wrap_angle
 
 DRIVEWAY = 0  # VTRAFWAY
 

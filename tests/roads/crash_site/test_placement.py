@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.towns import SETTINGS, Town, report, vehicle
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.report import CrashPlacement
 

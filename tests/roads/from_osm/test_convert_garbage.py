@@ -11,8 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tests.roads.towns import FRAME, SETTINGS, Town
-from trace_dag.errors import Reason, Rejection
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.geometry import LocalFrame
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.from_osm.way_direction import along_traffic

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.towns import FRAME, SETTINGS, Town
+from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.gates.measures import crossings, link_gaps
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import RoadSettings
 
 
 def overpass(*, highway: str = "secondary", approach_m: float = 300.0, **over_tags: str) -> Town:

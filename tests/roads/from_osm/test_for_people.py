@@ -12,6 +12,7 @@ import pytest
 
 from tests.roads import judges
 from tests.roads.towns import FRAME, SETTINGS, Town, straight_street
+from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
@@ -24,7 +25,6 @@ from trace_dag.roads.map.people import crosswalks, crosswalks_near, lanes_beside
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import OsmSettings
 
 _LANE_M = 3.35  # of a residential street
 

@@ -8,19 +8,19 @@ from pathlib import Path
 import pytest
 
 from tests.roads.towns import Town, report, vehicle
-from trace_dag.errors import Failure, UserError
-from trace_dag.geometry import LocalFrame
+from trace_dag.carla import osm2odr
+from trace_dag.common.errors import Failure, UserError
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import OsmSettings, RoadSettings
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import write_osm
 from trace_dag.roads.build import build_road_map
-from trace_dag.roads.from_osm import osm2odr
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import OsmSettings, RoadSettings
 
 _TOWN = Path(__file__).resolve().parents[3] / "data" / "sample" / "osm" / "merrow.osm"
 

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trace_dag.errors import Reason, Rejection
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.gates import against_osm as map_comparison
@@ -24,7 +25,6 @@ from trace_dag.roads.map.rules import find_violations
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import CrashPlacement, MapGate
-from trace_dag.settings import RoadSettings
 
 _FRAME = LocalFrame(40.0, -100.0)
 

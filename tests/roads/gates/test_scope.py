@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from tests.roads.towns import SETTINGS, Town, report
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.settings import RoadSettings
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates.gates import require
@@ -14,7 +15,6 @@ from trace_dag.roads.gates.scope import CheckedMap, check_in_scope, roads_in_use
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.rules import find_violations
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import RoadSettings
 
 _NO_BRIDGES = MapLimits(grade=0.02)
 """No converter keeps this: any overpass of a main road is steeper."""

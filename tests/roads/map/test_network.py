@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.networks import FRAME, crossroads, curvy_road, one_road, plans, ring
+from trace_dag.common.units import wrap_angle
 from trace_dag.roads.map.model import (
     ContactPoint,
     Cubic,
@@ -26,7 +27,6 @@ from trace_dag.roads.map.model import (
 )
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.paths import follow, trace_forward
-from trace_dag.units import wrap_angle
 
 WEST_IN = LaneRef("west", 0, -1)  # road from x=-100 to the junction's west side, eastbound lane
 

@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.networks import FRAME, crossroads, curvy_road, plans, ring
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
+from trace_dag.common.units import mph_to_mps
 from trace_dag.roads.map.model import Junction, Lane, LaneRef, LaneSection, LaneType, Road, RoadMark, Signal
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.rules import find_violations
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.units import mph_to_mps
 
 _TEXT = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs", "Cn", "Co")), max_size=12).map(str.strip)
 _SPEEDS = st.none() | st.integers(5, 85).map(mph_to_mps)

@@ -15,18 +15,18 @@ from scipy.spatial.transform import Rotation
 
 from tests.scenario.solid.glb import Glb
 from tests.scenario.test_people import simulated as person_struck
-from tests.sim.motions import straight
+from tests.simulation.motions import straight
 from tests.verdict.crashes import FRAME, STREET, simulated, two_way
+from trace_dag.common.geometry import Pose
 from trace_dag.flow.artefacts import ROAD_MAP
+from trace_dag.flow.stored_crashes import stored_crash
 from trace_dag.flow.workspace import Workspace
-from trace_dag.geometry import Pose
+from trace_dag.pages.solid.scene import crash_glb
 from trace_dag.roads.map.model import Cubic
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.solid.scene import crash_glb
-from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
-from trace_dag.sim.types import SimulationLog, overturned_at
-from trace_dag.states.objects import KINDS, FixedObject
-from trace_dag.studies.stored_crashes import stored_crash
+from trace_dag.simulation.figures import LANDMARKS, RIDDEN_LANDMARKS
+from trace_dag.simulation.objects import KINDS, FixedObject
+from trace_dag.simulation.types import SimulationLog, overturned_at
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trace_dag.common.units import KG_PER_LB, METRES_PER_FOOT
 from trace_dag.crash.codes.table import code_table
 from trace_dag.crash.record import VehicleClass
-from trace_dag.units import KG_PER_LB, METRES_PER_FOOT
 
 DRIVER_KG: Final = 80.0
 _METRES_PER_INCH: Final = METRES_PER_FOOT / 12

@@ -18,11 +18,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
+from trace_dag.common.units import KG_PER_LB
 from trace_dag.crash.codes.bodies import GVWR_LIMIT_LB, LOADED_SHARE, SEDAN, ReportedBody
 from trace_dag.crash.codes.vehicle import TOWED_VEHICLES, TRAILERS_OF_TOW_VEH
 from trace_dag.crash.record import VehicleClass
 from trace_dag.crash.trailer import Trailer
-from trace_dag.units import KG_PER_LB
 
 _FIFTH_WHEEL_FROM_REAR_M: Final = 1.1  # some 0.2 m ahead of the middle of the tractor's rear axles
 _HITCH_BEHIND_M: Final = 0.15

@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
+from trace_dag.common.errors import Rejection
+from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import check
 from trace_dag.crash.record import CrashRecord, NonMotorist, Origin, VehicleRecord, origins
-from trace_dag.errors import Rejection
-from trace_dag.settings import CrashSettings
 
 
 class Table(Protocol):

@@ -16,14 +16,14 @@ from typing import Annotated, Final, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from trace_dag.common.errors import UserError
+from trace_dag.common.schemas import Column, ColumnType
+from trace_dag.common.units import KG_PER_LB, METRES_PER_FOOT, MPS_PER_KMH, MPS_PER_MPH
 from trace_dag.crash.codes.crash import STATES
 from trace_dag.crash.codes.table import code_table, has_codes
 from trace_dag.crash.keys import FARS, REGISTER_NAME
 from trace_dag.crash.record import Moment, Octant
 from trace_dag.crash.tables import CRASH_RECORD, NON_MOTORIST_COLUMNS, VEHICLE_COLUMNS
-from trace_dag.errors import UserError
-from trace_dag.schemas import Column, ColumnType
-from trace_dag.units import KG_PER_LB, METRES_PER_FOOT, MPS_PER_KMH, MPS_PER_MPH
 
 PARKED: Final = "parked"
 """What ``P_CRASH1`` can be beside its codes: the unit was parked, not in transport."""

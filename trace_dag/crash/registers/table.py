@@ -13,6 +13,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from trace_dag.common.errors import Rejection, UserError
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes.bodies import BodyEvidence, body_of
 from trace_dag.crash.codes.crash import STATES
@@ -46,9 +49,6 @@ from trace_dag.crash.registers.mapping import (
 )
 from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
 from trace_dag.crash.table_reports import report_to_json
-from trace_dag.errors import Rejection, UserError
-from trace_dag.messages.wording import counted
-from trace_dag.schemas import Column, ColumnType
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,7 +67,7 @@ _SHOWN: Final = 12
 
 
 class RegisterTable:
-    """The crashes of a register's table: a source of reports (:class:`trace_dag.cohorts.sources.ReportTables`)."""
+    """The crashes of a register's table: a source of reports (:class:`trace_dag.flow.cohorts.sources.ReportTables`)."""
 
     def __init__(self, mapping: RegisterMapping, path: Path, find: PlaceFinder | None = None) -> None:
         self.mapping = mapping

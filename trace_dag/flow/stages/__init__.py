@@ -7,8 +7,8 @@ its code has a number here. Does not belong here: how any of it is done.
 
 from __future__ import annotations
 
+from trace_dag.common.stage import Stage
 from trace_dag.flow.contract import Flow, StageDefinition
-from trace_dag.stage import Stage
 
 VERSIONS = {
     Stage.RAW_REPORT: 1,
@@ -40,5 +40,5 @@ FLOW = Flow(
         )
         for stage in Stage
     ),
-    picture="trace_dag.flow.crash_picture:crash_picture",
+    picture="trace_dag.reading.crash_picture:crash_picture",
 )

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from trace_dag.common.errors import Rejection
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.tables import record_to_parquet
-from trace_dag.errors import Rejection
 from trace_dag.flow.products import Figure, StageProduct
 
 if TYPE_CHECKING:
-    from trace_dag.settings import CrashSettings
+    from trace_dag.common.settings import CrashSettings
 
 
 def crash_record(

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trace_dag.errors import Failure, Rejection, TransientFailure
+from trace_dag.common.errors import Failure, Rejection, TransientFailure
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.services import MapSource
@@ -15,10 +15,10 @@ from trace_dag.osm.stored import write_extract
 from trace_dag.osm.types import OsmExtract, Site
 
 if TYPE_CHECKING:
-    from trace_dag.cohorts.registry import RegisteredMap
-    from trace_dag.cohorts.services import Services
+    from trace_dag.common.settings import OsmSettings
     from trace_dag.crash.record import CrashRecord
-    from trace_dag.settings import OsmSettings
+    from trace_dag.flow.cohorts.registry import RegisteredMap
+    from trace_dag.flow.cohorts.services import Services
 
 
 def osm_extract(

@@ -6,13 +6,13 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from trace_dag.common.errors import Failure, Reason, Rejection
 from trace_dag.crash.folder import identify
-from trace_dag.errors import Failure, Reason, Rejection
 from trace_dag.flow.products import StageProduct
 
 if TYPE_CHECKING:
-    from trace_dag.cohorts.registry import ReportSource
-    from trace_dag.cohorts.services import Services
+    from trace_dag.flow.cohorts.registry import ReportSource
+    from trace_dag.flow.cohorts.services import Services
 
 
 def raw_report(key: str, report: ReportSource, services: Services) -> StageProduct:

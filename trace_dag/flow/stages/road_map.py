@@ -9,9 +9,9 @@ from trace_dag.roads.build import RejectedRoadMap, build_road_map
 from trace_dag.roads.json_io import map_report_to_json, rejected_report_to_json
 
 if TYPE_CHECKING:
+    from trace_dag.common.settings import RoadSettings
     from trace_dag.crash.record import CrashRecord
     from trace_dag.osm.types import OsmExtract
-    from trace_dag.settings import RoadSettings
 
 
 def road_map(record: CrashRecord, extract: OsmExtract, settings: RoadSettings) -> StageProduct:

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parties import EventKind
-from trace_dag.errors import Reason, Rejection
 from trace_dag.flow.products import Figure, StageProduct
-from trace_dag.sim.backends import backend
-from trace_dag.sim.log_io import logs_to_files
-from trace_dag.sim.run import simulate
-from trace_dag.sim.sampled import samples_to_json, simulate_samples
-from trace_dag.sim.types import VehicleLog, overturned_at
-from trace_dag.states.scene import place_of
+from trace_dag.reconstruction.samples.simulated import samples_to_json, simulate_samples
+from trace_dag.reconstruction.scene.scene import place_of
+from trace_dag.simulation.backends import backend
+from trace_dag.simulation.log_io import logs_to_files
+from trace_dag.simulation.run import simulate
+from trace_dag.simulation.types import VehicleLog, overturned_at
 
 if TYPE_CHECKING:
+    from trace_dag.common.settings import SimSettings
     from trace_dag.crash.record import CrashRecord
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport
-    from trace_dag.settings import SimSettings
-    from trace_dag.states.types import StateEstimate
+    from trace_dag.simulation.states import StateEstimate
 
 
 def simulation_log(

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 from trace_dag.crash.parties import party_in_words
 from trace_dag.flow.products import Figure, StageProduct
-from trace_dag.states.estimate import UnusableAnswers
-from trace_dag.states.json_io import estimate_to_json, run_to_json
-from trace_dag.states.samples import draw_samples
+from trace_dag.reconstruction.estimate import UnusableAnswers
+from trace_dag.reconstruction.json_io import estimate_to_json, run_to_json
+from trace_dag.reconstruction.samples.draws import draw_samples
 
 if TYPE_CHECKING:
-    from trace_dag.cohorts.services import Services
+    from trace_dag.common.settings import StateSettings
     from trace_dag.crash.record import CrashRecord
+    from trace_dag.flow.cohorts.services import Services
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport
-    from trace_dag.settings import StateSettings
-    from trace_dag.states.types import EstimatorRun
+    from trace_dag.simulation.states import EstimatorRun
 
 
 def state_estimate(

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.parties import party_in_words
-from trace_dag.errors import Reason, Rejection
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.verdict.json_io import verdict_to_json
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Label
 
 if TYPE_CHECKING:
+    from trace_dag.common.settings import VerdictSettings
     from trace_dag.crash.record import CrashRecord
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport
-    from trace_dag.settings import VerdictSettings
-    from trace_dag.sim.types import SimulationLog
-    from trace_dag.states.types import StateEstimate
+    from trace_dag.simulation.states import StateEstimate
+    from trace_dag.simulation.types import SimulationLog
 
 
 def verdict(

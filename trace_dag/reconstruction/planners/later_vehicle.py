@@ -16,26 +16,26 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from trace_dag.common.geometry import FloatArray, Poses, gaps_m
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.paths import Path
+from trace_dag.common.units import bearing_to_clock_h
 from trace_dag.crash.event_sequence import CrashEvent
-from trace_dag.geometry import FloatArray, Poses, gaps_m
-from trace_dag.messages.wording import counted
+from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven
 from trace_dag.reconstruction.course import Course, Plan, Search
-from trace_dag.sim.types import Body, VehicleLog
-from trace_dag.states.approaches import Approach
-from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven
-from trace_dag.states.contact import STANDING_MPS, touching
-from trace_dag.states.evidence import impact_area_log_likelihood
-from trace_dag.states.manoeuvres import Option, keep_lane
-from trace_dag.states.parked import STANDS, stands
-from trace_dag.states.paths import Path
-from trace_dag.states.pedestrian_impact.planner import approaches_of, way_terms
-from trace_dag.states.pre_crash_scenarios import Party, party
-from trace_dag.states.scene import Scene
-from trace_dag.states.solver import Placed
-from trace_dag.states.speed_prior import speed_profile
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed
-from trace_dag.states.types import ParticipantState
-from trace_dag.units import bearing_to_clock_h
+from trace_dag.reconstruction.evidence import impact_area_log_likelihood
+from trace_dag.reconstruction.motion.contact import STANDING_MPS, touching
+from trace_dag.reconstruction.motion.manoeuvres import Option, keep_lane
+from trace_dag.reconstruction.motion.solver import Placed
+from trace_dag.reconstruction.motion.speed_prior import speed_profile
+from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
+from trace_dag.reconstruction.planners.parked import STANDS, stands
+from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of, way_terms
+from trace_dag.reconstruction.pre_crash_scenarios import Party, party
+from trace_dag.reconstruction.scene.approaches import Approach
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.simulation.states import ParticipantState
+from trace_dag.simulation.types import Body, VehicleLog
 
 LONGEST_WAIT_S: Final = 8.0
 """A vehicle that comes later than this after the contact before belongs to another crash."""

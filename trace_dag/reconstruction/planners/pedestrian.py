@@ -15,15 +15,16 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.geometry import FloatArray, Pose
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.settings import StateSettings
 from trace_dag.crash.animals import Pace, Species, StruckAnimal
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
-from trace_dag.errors import Reason, Rejection
-from trace_dag.geometry import FloatArray, Pose
-from trace_dag.messages.wording import counted
 from trace_dag.reconstruction.course import Course, Plan, Search
-from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import StateSettings
-from trace_dag.states.pedestrian_impact.hypothesis import (
+from trace_dag.reconstruction.motion.walking_directions import CROSSING
+from trace_dag.reconstruction.motion.walking_directions import Course as Walking
+from trace_dag.reconstruction.planners.pedestrian_impact.hypothesis import (
     ROOM_M,
     first_states,
     impact_hypothesis,
@@ -31,12 +32,11 @@ from trace_dag.states.pedestrian_impact.hypothesis import (
     least_gap_m,
     next_way,
 )
-from trace_dag.states.pedestrian_impact.planner import MANOEUVRES, ImpactPlan, edge_of, impact_plans
-from trace_dag.states.ranking import drawn, leaders_first
-from trace_dag.states.scene import Scene
-from trace_dag.states.types import Hypothesis, Manoeuvre
-from trace_dag.states.walking_directions import CROSSING
-from trace_dag.states.walking_directions import Course as Walking
+from trace_dag.reconstruction.planners.pedestrian_impact.planner import MANOEUVRES, ImpactPlan, edge_of, impact_plans
+from trace_dag.reconstruction.ranking import drawn, leaders_first
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.simulation.states import Hypothesis, Manoeuvre
 
 LONGEST_CHAIN_S: Final = 12.0
 """From the first strike to the last."""

@@ -16,16 +16,16 @@ from typing import Final
 import numpy as np
 import shapely
 
+from trace_dag.common.units import kmh_to_mps
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.planners.way_after import Way, ways_on
+from trace_dag.reconstruction.scene.mapped_objects import nearest_of, things_of_kind
+from trace_dag.reconstruction.scene.object_ground import Struck, on_free_ground
+from trace_dag.reconstruction.scene.object_placement import as_mapped, placed
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MappedThing
-from trace_dag.states.mapped_objects import nearest_of, things_of_kind
-from trace_dag.states.object_ground import Struck, on_free_ground
-from trace_dag.states.object_placement import as_mapped, placed
-from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
-from trace_dag.units import kmh_to_mps
+from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm
 
 _NEAREST_M: Final = 0.1  # beyond the edge
 _SHORT_M: Final = 10.0

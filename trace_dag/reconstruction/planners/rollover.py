@@ -16,27 +16,35 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.geometry import FloatArray
+from trace_dag.common.paths import Path
+from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass
 from trace_dag.crash.road_departure import Departure
-from trace_dag.errors import Reason, Rejection
-from trace_dag.geometry import FloatArray
+from trace_dag.reconstruction.assemble import driven
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.default_simulation import DEFAULTS
+from trace_dag.reconstruction.motion.manoeuvres import Option
+from trace_dag.reconstruction.motion.speeds import TravelSpeed
+from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of
+from trace_dag.reconstruction.planners.run_off_road.path import (
+    SIGN,
+    edge_near,
+    lane_path,
+    path_aside,
+    skid_profile,
+    skidding,
+    slope_of,
+)
 from trace_dag.reconstruction.planners.way_after import ways_on
-from trace_dag.sim.run import participants
-from trace_dag.sim.types import Simulation, overturned_at
-from trace_dag.states.assemble import driven
-from trace_dag.states.manoeuvres import Option
-from trace_dag.states.paths import Path
-from trace_dag.states.pedestrian_impact.planner import approaches_of
-from trace_dag.states.pre_crash_scenarios import Party, party
-from trace_dag.states.ranking import Scored
-from trace_dag.states.run_off_road.path import SIGN, edge_near, lane_path, path_aside, skid_profile, skidding, slope_of
-from trace_dag.states.scene import Scene
-from trace_dag.states.speeds import TravelSpeed
-from trace_dag.states.types import (
+from trace_dag.reconstruction.pre_crash_scenarios import Party, party
+from trace_dag.reconstruction.ranking import Scored
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.simulation.run import participants
+from trace_dag.simulation.states import (
     Hypothesis,
     LossOfControl,
     Manoeuvre,
@@ -44,7 +52,7 @@ from trace_dag.states.types import (
     SpeedSource,
     Trajectory,
 )
-from trace_dag.units import GRAVITY_MPS2
+from trace_dag.simulation.types import Simulation, overturned_at
 
 _BEYOND_EDGE_M: Final = 1.5  # the middle of the vehicle, when nobody holds it any more
 _MOTORCYCLE_BEYOND_M: Final = 0.3

@@ -12,15 +12,15 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.geometry import Pose
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist, VehicleRecord
-from trace_dag.geometry import Pose
+from trace_dag.reconstruction.assemble import driven_still
 from trace_dag.reconstruction.course import Course, Plan, Search
+from trace_dag.reconstruction.motion.contact_points import contact_points_of
+from trace_dag.reconstruction.planners.pedestrian_impact.hypothesis import standing_person
 from trace_dag.reconstruction.planners.way_after import Way, stands_after, ways_on
-from trace_dag.states.assemble import driven_still
-from trace_dag.states.contact_points import contact_points_of
-from trace_dag.states.pedestrian_impact.hypothesis import standing_person
-from trace_dag.states.types import ParticipantState
+from trace_dag.simulation.states import ParticipantState
 
 _SHARES: Final = (0.25, 0.5, 0.1, 0.75)  # of the way, at which it is tried
 _LEAST_M: Final = 2.0  # from where the vehicle was

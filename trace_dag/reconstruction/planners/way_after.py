@@ -17,20 +17,20 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from trace_dag.common.geometry import FloatArray, Pose, rectangle_corners
+from trace_dag.common.units import bearing_to_clock_h
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.record import ImpactArea, VehicleClass
-from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.reconstruction.course import Course, Search
+from trace_dag.reconstruction.motion.contact_points import ContactPoint, contact_points_of
+from trace_dag.reconstruction.planners.run_off_road.path import SIGN
 from trace_dag.roads.map.areas import Area
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import roadside_at
-from trace_dag.sim.leaving_road import left_road_after_contact
-from trace_dag.sim.types import PULSE_S, Body, SimulationLog, VehicleLog
-from trace_dag.states.contact_points import ContactPoint, contact_points_of
-from trace_dag.states.run_off_road.path import SIGN
-from trace_dag.states.types import LossOfControl
-from trace_dag.units import bearing_to_clock_h
+from trace_dag.simulation.leaving_road import left_road_after_contact
+from trace_dag.simulation.states import LossOfControl
+from trace_dag.simulation.types import PULSE_S, Body, SimulationLog, VehicleLog
 
 _REACH_M: Final = 250.0  # farther from a contact nobody slides
 _CREEPS_MPS: Final = 0.5

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from trace_dag.common.units import mps_to_mph, wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.osm.road_classes import road_class
@@ -34,7 +35,6 @@ from trace_dag.roads.crash_site.reported_road import (
 from trace_dag.roads.map.model import ContactPoint, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement
-from trace_dag.units import mps_to_mph, wrap_angle
 
 AGREES: Final = "agrees"
 DIFFERS: Final = "differs"

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.geometry import LocalFrame
 from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.report import CrashPlacement, MappedThing
 

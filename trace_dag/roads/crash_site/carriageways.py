@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from trace_dag.common.units import wrap_angle
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
 from trace_dag.roads.from_osm.tags import LEFT_TURNS, RIGHT_TURNS
 from trace_dag.roads.map.model import Lane, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.units import wrap_angle
 
 _OTHER_CARRIAGEWAY_M: Final = 60.0  # how far apart the carriageways of one divided road may be
 _OPPOSED_RAD: Final = math.radians(150)

@@ -13,13 +13,13 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.model import ContactPoint, Junction, Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.units import wrap_angle
 
 _MEDIAN_M: Final = 45.0  # junctions this near to each other, one on each carriageway, are one crossing
 _OFFSET_M: Final = 30.0  # so are two halves of one street that meet another this far apart

@@ -18,9 +18,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from trace_dag.common.geometry import FloatArray, arc_lengths
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Relation, Side, Turn, crash_type_of, critical_event, opposite_side, turn_of
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
-from trace_dag.geometry import FloatArray, arc_lengths
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
@@ -30,7 +31,6 @@ from trace_dag.roads.from_osm.tags import INFERRED_TAG, goes_one_way
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
-from trace_dag.units import wrap_angle
 
 DRIVEWAY_RELATIONS: Final = frozenset({4, 8})  # RELJCT2: in a driveway access, or related to one
 _DRIVEWAY_TRAFFICWAY: Final = 0  # VTRAFWAY: a driveway access or other non-trafficway

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 import shapely
 
+from trace_dag.common.geometry import FloatArray, LocalFrame
 from trace_dag.crash.reported_place import FromCrossing, Place
-from trace_dag.geometry import FloatArray, LocalFrame
 from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS
 from trace_dag.osm.extraction import reading

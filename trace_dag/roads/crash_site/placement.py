@@ -22,10 +22,11 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.messages.wording import beside_limit
+from trace_dag.common.settings import RoadSettings
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection
-from trace_dag.messages.wording import beside_limit
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.crash_site.carriageways import carriageway_at
@@ -48,7 +49,6 @@ from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.model import LaneMatch, LaneRef, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
-from trace_dag.settings import RoadSettings
 
 _LOOK_AROUND_M: Final = 100.0  # a road with the reported name is looked for this far, even if no crash is moved so far
 _DISTANCES_M: Final = (0.0, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0)
@@ -92,7 +92,7 @@ def place_crash(network: RoadNetwork, record: CrashRecord, settings: RoadSetting
     Raises :class:`Rejection` (``crash_off_road``) if no road is that near, if the report says outright that the
     likeliest is not its road, or if only its limit speaks for a road that the point lies beside.
 
-    >>> from trace_dag.settings import RoadSettings
+    >>> from trace_dag.common.settings import RoadSettings
     >>> placement = place_crash(network, record, RoadSettings())
     >>> placement.moved_m, network.road_by_id[placement.road_id].name
     (0.0, 'Main Street')

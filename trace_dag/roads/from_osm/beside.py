@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.marks import LEGAL_EDGE, NOT_CROSSED

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.roads.map.arcs import along_arcs
 from trace_dag.roads.map.model import Road
 

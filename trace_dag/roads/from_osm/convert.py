@@ -21,10 +21,11 @@ from typing import Final
 import numpy as np
 import shapely
 
-from trace_dag.errors import Reason, Rejection
-from trace_dag.gc_pause import gc_paused
-from trace_dag.geometry import LocalFrame
-from trace_dag.messages.wording import counted
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
 from trace_dag.roads.from_osm.arm_cuts import end_profile
@@ -54,7 +55,6 @@ from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, without_tight_
 from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_plan
 from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import RoadSettings
 from trace_dag.version import __version__
 
 CONVERTER: Final = f"trace-dag native {__version__}"

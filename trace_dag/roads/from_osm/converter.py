@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.geometry import LocalFrame
+from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M
 from trace_dag.roads.map.curves import SHORTEST_ELEMENT_M
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import RoadSettings
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,11 @@ class Converter(Protocol):
     limits: MapLimits
 
     def require(self) -> None:
-        """Raise :class:`trace_dag.errors.UserError` before anything runs if something it needs is not installed."""
+        """Raise :class:`trace_dag.common.errors.UserError` if something is not installed, before anything runs."""
 
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
     ) -> RoadNetwork:
         """The road network of an extract whose one-way roads go along their ways, in ``frame``; ``hints`` by OSM way
-        id. Raises :class:`trace_dag.errors.Rejection` (``map_distorted``) where nothing can be made of the extract."""
+        id. Raises :class:`trace_dag.common.errors.Rejection` (``map_distorted``) where nothing can be made of the
+        extract."""

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from trace_dag.geometry import hermite
+from trace_dag.common.geometry import hermite
 from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.marks import NOT_CROSSED
 from trace_dag.roads.from_osm.turn_curves import tightest_radius_m, turn_of_radius

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from trace_dag.geometry import arc_lengths
+from trace_dag.common.geometry import arc_lengths
 from trace_dag.osm.types import OsmExtract
 from trace_dag.osm.walkways import is_crossing
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph

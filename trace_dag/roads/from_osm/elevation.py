@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray, hermite
+from trace_dag.common.geometry import FloatArray, hermite
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.ground import ground_heights, has_height_tags
 from trace_dag.roads.from_osm.height_graph import HeightGraph, HeightProfile, NodeId

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.height_graph import HeightGraph, NodeId
 from trace_dag.roads.map.network import RoadNetwork

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.roads.map.model import ContactPoint, Road
 from trace_dag.roads.map.network import RoadNetwork
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.geometry import LocalFrame
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode
 from trace_dag.roads.from_osm.tag_values import MOST_LANES, parse_integer
 from trace_dag.roads.map.model import Cubic, Junction, Lane, LaneSection, PlanElement, Road, RoadMark

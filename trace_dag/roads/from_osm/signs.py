@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Final, NamedTuple
 
+from trace_dag.common.units import mps_to_mph
 from trace_dag.osm.types import OsmExtract, OsmNode
 from trace_dag.roads.from_osm.junction_areas import JunctionArea
 from trace_dag.roads.from_osm.movements import JunctionArm, Movement
@@ -23,7 +24,6 @@ from trace_dag.roads.from_osm.street_roads import StreetRoads
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanView, Point
 from trace_dag.roads.map.model import ContactPoint, Road, Signal
-from trace_dag.units import mps_to_mph
 
 _APPROACH_M: Final = 60.0  # a node farther than this from a junction stands by itself (a pedestrian crossing)
 _BESIDE_M: Final = 0.8  # distance of a post from the edge of the road

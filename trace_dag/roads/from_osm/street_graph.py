@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.geometry import LocalFrame
+from trace_dag.common.geometry import LocalFrame
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.osm.types import OsmExtract, OsmWay
 from trace_dag.roads.from_osm.tags import WayProfile

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trace_dag.geometry import FloatArray, arc_lengths
+from trace_dag.common.geometry import FloatArray, arc_lengths
 from trace_dag.osm.types import OsmExtract
 from trace_dag.osm.walkways import is_crossing
 from trace_dag.roads.from_osm.beside_tags import NOTHING, SIDEWALK_WIDTH_M, Beside, read_beside

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from trace_dag.units import METRES_PER_FOOT, kmh_to_mps, mph_to_mps
+from trace_dag.common.units import METRES_PER_FOOT, kmh_to_mps, mph_to_mps
 
 MOST_LANES: Final = 12
 """Of one direction; a larger number is a typing error."""

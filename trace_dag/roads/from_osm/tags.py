@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from trace_dag.messages.wording import counted
+from trace_dag.common.messages.wording import counted
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmWay
 from trace_dag.roads.from_osm.beside_tags import read_beside

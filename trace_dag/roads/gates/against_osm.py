@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import shapely
 
-from trace_dag.geometry import arc_lengths
-from trace_dag.messages.wording import counted
+from trace_dag.common.geometry import arc_lengths
+from trace_dag.common.messages.wording import counted
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, read_profile
 from trace_dag.roads.gates.axes import SAMPLE_M, distances_to_axes
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.osm.types import OsmExtract, OsmWay
     from trace_dag.roads.map.model import Road
     from trace_dag.roads.map.network import RoadNetwork

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.roads.map.model import Road
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.map.reference_line import ReferenceLine

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.errors import Reason, Rejection
-from trace_dag.messages.wording import counted
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.messages.wording import counted
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates import measures
 from trace_dag.roads.gates.against_osm import MapComparison
@@ -24,7 +24,7 @@ from trace_dag.roads.map.rules import roads_of
 from trace_dag.roads.report import CrashPlacement, MapGate
 
 if TYPE_CHECKING:
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.osm.types import OsmExtract
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.map.stored_map import StoredMap

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import shapely
 
+from trace_dag.common.units import wrap_angle
 from trace_dag.roads.map.lane_geometry import lane_ends, sample_at, sample_lanes
 from trace_dag.roads.map.lane_index import polygon
 from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.sampling import Stations, stations_between
 from trace_dag.roads.map.separations import find_separations
-from trace_dag.units import wrap_angle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.roads.map.network import RoadNetwork
 
 _TURN_STEP_M: Final = 0.25

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 if TYPE_CHECKING:
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
 
 _STRAIGHT_RAD: Final = 1e-9  # half a turn below which chord and arc differ by less than a double can tell
 

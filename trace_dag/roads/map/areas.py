@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.roads.map.lane_geometry import LaneGeometry
     from trace_dag.roads.map.lane_index import Box
     from trace_dag.roads.map.model import LaneRef

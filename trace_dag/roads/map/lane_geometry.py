@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from trace_dag.geometry import Pose
+from trace_dag.common.geometry import Pose
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.reference_line import ReferenceLine
 from trace_dag.roads.map.sampling import Stations, sample_profiles, sample_reference_lines, stations_between
@@ -20,7 +20,7 @@ from trace_dag.roads.map.sampling import Stations, sample_profiles, sample_refer
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.roads.map.model import Lane, LaneSection, Road
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from shapely.geometry.base import BaseGeometry
 
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.roads.map.lane_geometry import LaneGeometry
     from trace_dag.roads.map.model import Cubic, LaneRef, LaneSection, Road
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray
 from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.network import RoadNetwork
 

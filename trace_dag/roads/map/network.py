@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray, LocalFrame, Pose
+from trace_dag.common.geometry import FloatArray, LocalFrame, Pose
 from trace_dag.roads.map.areas import Area, LaneAreas
 from trace_dag.roads.map.lane_geometry import LaneGeometry, RoadGeometry
 from trace_dag.roads.map.lane_index import LaneIndex

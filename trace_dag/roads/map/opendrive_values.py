@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from lxml import etree
 
-from trace_dag.errors import UserError
+from trace_dag.common.errors import UserError
 
 Notes = dict[str, list[str]]
 """Values of ``<userData>`` by code."""

@@ -15,7 +15,7 @@ import shapely
 from trace_dag.roads.map.model import LaneRef, LaneType
 
 if TYPE_CHECKING:
-    from trace_dag.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.roads.map.model import Crosswalk
     from trace_dag.roads.map.network import RoadNetwork
 

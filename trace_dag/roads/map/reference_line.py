@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from trace_dag.geometry import hermite
+from trace_dag.common.geometry import hermite
 from trace_dag.roads.map.arcs import along_arc, along_arcs
 from trace_dag.roads.map.cubic_profile import CubicProfile
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from trace_dag.geometry import FloatArray, Number
+    from trace_dag.common.geometry import FloatArray, Number
     from trace_dag.roads.map.model import PlanElement
 
 SAMPLE_STEP_M = 2.0

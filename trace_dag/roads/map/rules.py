@@ -108,7 +108,7 @@ _ENUMERATED: Final[dict[tuple[str, str], frozenset[str]]] = {
 def find_violations(xodr: bytes, *, name: str = "map") -> list[str]:
     """Every broken rule with where it is broken; empty for a file that keeps them all.
 
-    Raises :class:`~trace_dag.errors.UserError` if the file is not OpenDRIVE at all.
+    Raises :class:`~trace_dag.common.errors.UserError` if the file is not OpenDRIVE at all.
 
     >>> find_violations(xodr, name="map.xodr")
     []

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class StoredMap:
     """An OpenDRIVE file, ``xodr``, parsed when first needed; ``name`` is for messages.
 
-    A file that is not OpenDRIVE raises :class:`~trace_dag.errors.UserError` then.
+    A file that is not OpenDRIVE raises :class:`~trace_dag.common.errors.UserError` then.
     """
 
     def __init__(self, xodr: bytes, *, name: str = "map") -> None:

@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable
 from typing import Final, Literal
 
+from trace_dag.common.units import mps_to_mph
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.model import (
     Controller,
@@ -28,7 +29,6 @@ from trace_dag.roads.map.model import (
     Signal,
 )
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.units import mps_to_mph
 
 _MARK_WIDTH_M: Final = "0.12"
 _SPECIAL: Final = re.compile("[&<>\"'\t\n\r]|[^\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

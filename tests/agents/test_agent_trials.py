@@ -1,0 +1,51 @@
+"""Agents that cannot be made are said before any crash is run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from trace_dag.agents.evaluation.agent_main import AgentLimits
+from trace_dag.agents.evaluations import try_agents
+from trace_dag.common.errors import UserError
+
+AGENTS = """
+import os, time
+
+class Driver:
+    def __init__(self): self.act = self.reset = lambda given: None
+
+class Raising:
+    def __init__(self): raise KeyError("weights")
+
+class Hanging:
+    def __init__(self): time.sleep(60)
+
+class Leaving:
+    def __init__(self): os._exit(3)
+"""
+
+
+@pytest.fixture(autouse=True)
+def agents(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my_agents.py").write_text(AGENTS)
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def test_what_has_the_methods_of_an_agent_is_one_wherever_they_come_from():
+    assert try_agents(["my_agents:Driver"], AgentLimits()) is None  # it raises for what is none
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Raising", "cannot be made: KeyError: 'weights'"),
+        ("Hanging", "took longer than 2.5 s"),
+        ("Leaving", "ended its process"),
+    ],
+)
+def test_an_agent_that_cannot_be_made_is_named_with_what_came_of_it(name, said):
+    with pytest.raises(UserError, match=f"--agent my_agents:{name}: ") as caught:
+        try_agents(["my_agents:Driver", f"my_agents:{name}"], AgentLimits(time_s=0.5))
+    assert said in str(caught.value)

@@ -1,0 +1,329 @@
+"""What exporters write says what the crash says, by the standards of each form."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import pickle
+import struct
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import sample_runs
+import shapely
+from lxml import etree
+
+import trace_dag
+from tests.roads import judges
+from tests.roads.towns import Town
+from trace_dag.common.errors import UserError
+from trace_dag.common.units import mps_to_mph
+from trace_dag.export.export import export
+from trace_dag.export.formats import commonroad as commonroad_form
+from trace_dag.export.formats import scenarionet
+from trace_dag.export.formats.osi import trace
+from trace_dag.export.formats.sumo import floating_car_data, network_xml
+from trace_dag.flow.artefacts import ROAD_MAP
+from trace_dag.roads.map.lane_shapes import lane_shapes
+from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.scenario.drives import STEP_S
+
+KEY = "2023-319003"
+GPX = "{http://www.topografix.com/GPX/1/1}"
+
+
+@pytest.fixture(scope="module")
+def home():
+    return trace_dag.open(sample_runs.finished())
+
+
+@pytest.fixture(scope="module")
+def commonroad(home, tmp_path_factory):
+    """The CommonRoad files of one crash, parsed, by name."""
+    folder = tmp_path_factory.mktemp("commonroad")
+    assert export(home.workspace, [KEY], folder, "commonroad") == 2
+    return {file.stem: etree.parse(file).getroot() for file in folder.iterdir()}
+
+
+def points(element):
+    return np.array([[float(point.findtext(axis)) for axis in "xy"] for point in element.iterfind("point")])
+
+
+def number(element, path):
+    return float(element.findtext(path))
+
+
+def test_there_is_a_planning_problem_for_each_driver_and_the_others_are_obstacles(commonroad, home):
+    log = home[KEY].log
+    assert sorted(commonroad) == [f"{KEY}_V1", f"{KEY}_V2"]
+    for name, root in commonroad.items():
+        ego = int(name[-1])
+        (problem,), (obstacle,) = root.findall("planningProblem"), root.findall("dynamicObstacle")
+        own, other = (next(v for v in log.vehicles if (v.number == ego) is mine) for mine in (True, False))
+        for element, vehicle in ((problem, own), (obstacle, other)):
+            initial = element.find("initialState")
+            np.testing.assert_allclose(points(initial.find("position"))[0], (vehicle.x_m[0], vehicle.y_m[0]), atol=0.01)
+            assert number(initial, "velocity/exact") == pytest.approx(vehicle.speed_mps[0], abs=0.01)
+        assert number(obstacle, "shape/rectangle/length") == pytest.approx(log.bodies[other.number].length_m, abs=1e-3)
+
+
+def test_obstacles_drive_as_recorded_until_the_crash_and_on_as_if_there_were_none(commonroad, home):
+    crash = home[KEY]
+    contact_s = crash.log.first_contact.time_s
+    obstacle = commonroad[f"{KEY}_V1"].find("dynamicObstacle")
+    states = obstacle.findall("trajectory/state")
+    assert [int(state.findtext("time/exact")) for state in states] == list(range(1, len(states) + 1))
+    other = next(vehicle for vehicle in crash.log.vehicles if vehicle.number == 2)
+    places = np.array([points(state.find("position"))[0] for state in states])
+    before = np.arange(1, len(states) + 1) * STEP_S < contact_s
+    times = np.arange(1, len(states) + 1)[before] * STEP_S
+    logged = np.column_stack([np.interp(times, other.time_s, values) for values in (other.x_m, other.y_m)])
+    assert np.hypot(*(places[before] - logged).T).max() < 0.5, "what a driver plans and what the wheels do"
+    assert len(states) * STEP_S > contact_s + 4.0
+
+
+def test_a_driver_has_a_file_where_its_course_meets_an_obstacle(home, monkeypatch):
+    """The second vehicle drives far from the first, as one does that only a thrown vehicle would have struck."""
+    stored = home[KEY].stored
+    case = commonroad_form.as_driven(stored)
+    away = case.participants[1]
+    moved = replace(away, trajectory=replace(away.trajectory, y_m=away.trajectory.y_m + 500.0))
+    monkeypatch.setattr(
+        commonroad_form, "as_driven", lambda crash: replace(case, participants=(case.participants[0], moved))
+    )
+    with pytest.raises(UserError, match="nobody who drives in it has anything to avoid"):
+        commonroad_form.CommonRoad([KEY]).of_crash(stored)
+
+
+def test_places_have_no_heights_which_the_drivability_checkers_borders_refuse(commonroad):
+    assert not [z for root in commonroad.values() for z in root.iter("z")]
+
+
+def test_lanelets_meet_and_refer_to_what_is_there(commonroad):
+    root = commonroad[f"{KEY}_V1"]
+    lanelets = {element.get("id"): element for element in root.iterfind("lanelet")}
+    everything = [element.get("id") for element in root.iter() if element.get("id")]
+    assert len(everything) == len(set(everything))
+    links = 0
+    for lanelet in lanelets.values():
+        left, right = points(lanelet.find("leftBound")), points(lanelet.find("rightBound"))
+        assert left.shape == right.shape
+        along, across = left[1] - left[0], left[0] - right[0]
+        assert along[0] * across[1] - along[1] * across[0] > 0, "the left border is on the left"
+        for successor in lanelet.iterfind("successor"):
+            after = lanelets[successor.get("ref")]
+            assert lanelet.get("id") in [each.get("ref") for each in after.iterfind("predecessor")]
+            assert np.hypot(*(points(after.find("leftBound"))[0] - left[-1])) < 0.6
+            links += 1
+    assert links > len(lanelets) / 2
+
+
+def test_lanelets_have_the_limits_signs_and_lights_of_the_map(commonroad, home):
+    root, network = commonroad[f"{KEY}_V1"], home[KEY].stored.load(ROAD_MAP)
+    signs = {each.get("id"): each.findtext("trafficSignElement/trafficSignID") for each in root.iterfind("trafficSign")}
+    limits = {
+        each.get("id"): number(each, "trafficSignElement/additionalValue")
+        for each in root.iterfind("trafficSign")
+        if signs[each.get("id")] == "274"
+    }
+    said = [limits[ref.get("ref")] for ref in root.iterfind("lanelet/trafficSignRef") if ref.get("ref") in limits]
+    posted = [shape.speed_mps for shape in lane_shapes(network, drivable_only=True) if shape.speed_mps is not None]
+    assert sorted(said) == pytest.approx(sorted(posted), abs=1e-3), "metres a second, as CommonRoad has limits"
+    on_the_map = [signal for road in network.roads for signal in road.signals]
+    for sign in ("205", "206"):  # to yield, to stop: of Zamunda as on the map
+        assert list(signs.values()).count(sign) == sum(signal.type == sign for signal in on_the_map)
+    assert "206" in signs.values()
+    assert len(root.findall("trafficLight")) == sum(signal.type == "1000001" for signal in on_the_map) > 0
+    referred = {ref.get("ref") for name in ("Sign", "Light") for ref in root.iterfind(f"lanelet/traffic{name}Ref")}
+    assert referred == {each.get("id") for name in ("Sign", "Light") for each in root.iterfind(f"traffic{name}")}
+
+
+def test_who_passes_a_light_or_a_stop_sign_has_a_line_across_the_lane_to_stop_at(commonroad):
+    root = commonroad[f"{KEY}_V1"]
+    stops = {each.get("id") for each in root.iterfind("trafficSign") if each.findtext(".//trafficSignID") == "206"}
+    lines = 0
+    for lanelet in root.iterfind("lanelet"):
+        held = lanelet.find("trafficLightRef") is not None
+        held |= any(ref.get("ref") in stops for ref in lanelet.iterfind("trafficSignRef"))
+        line = lanelet.find("stopLine")
+        assert (line is not None) == held
+        if line is not None:
+            lane = shapely.Polygon(
+                np.concatenate([points(lanelet.find("leftBound")), points(lanelet.find("rightBound"))[::-1]])
+            )
+            across = shapely.LineString(points(line))
+            assert lane.buffer(0.05).contains(across)
+            assert across.length > 2.0
+            lines += 1
+    assert lines
+
+
+def test_a_scenario_description_has_everybody_and_the_lanes_they_drive_on(home, tmp_path):
+    assert export(home.workspace, [KEY], tmp_path, "scenarionet") == 3
+    (name,) = pickle.loads((tmp_path / "dataset_summary.pkl").read_bytes())
+    scenario = pickle.loads((tmp_path / name).read_bytes())
+    log, length = home[KEY].log, scenario["length"]
+    assert scenario["metadata"]["sdc_id"] in scenario["tracks"]
+    for vehicle in log.vehicles:
+        state = scenario["tracks"][f"V{vehicle.number}"]["state"]
+        assert {len(values) for values in state.values()} == {length}
+        np.testing.assert_allclose(state["position"][0, :2], (vehicle.x_m[0], vehicle.y_m[0]), atol=0.01)
+        np.testing.assert_allclose(np.diff(state["position"][:, :2], axis=0) / STEP_S, state["velocity"][1:], atol=1.0)
+    lanes = {name: each for name, each in scenario["map_features"].items() if each["type"].startswith("LANE")}
+    for lane in lanes.values():
+        for after in lane["exit_lanes"]:
+            assert np.hypot(*(lanes[after]["polyline"][0] - lane["polyline"][-1])[:2]) < 0.6
+
+
+def test_who_met_nobody_is_the_ego_of_the_description(home, monkeypatch):
+    stored = home[KEY].stored
+    case = scenarionet.as_driven(stored)
+    alone = replace(case, participants=case.participants[1:], recorded=replace(case.recorded, contacts=()))
+    monkeypatch.setattr(scenarionet, "as_driven", lambda crash: alone)
+    (data,) = scenarionet.ScenarioNet([KEY]).of_crash(stored).values()
+    description = pickle.loads(data)
+    assert description["metadata"]["sdc_id"] == "V2"
+    assert list(description["tracks"]) == ["V2"]
+
+
+def test_floating_cars_are_where_the_log_has_their_fronts(home):
+    log = home[KEY].log
+    root = etree.fromstring(floating_car_data(log))
+    for number, vehicle in enumerate(log.vehicles, 1):
+        first = root.find("timestep").findall("vehicle")[number - 1]
+        ahead_m = log.bodies[vehicle.number].length_m / 2
+        heading = vehicle.heading_rad[0]
+        assert float(first.get("x")) == pytest.approx(vehicle.x_m[0] + ahead_m * math.cos(heading), abs=1e-3)
+        assert float(first.get("y")) == pytest.approx(vehicle.y_m[0] + ahead_m * math.sin(heading), abs=1e-3)
+        clockwise = math.radians(float(first.get("angle")))  # from north
+        assert (math.sin(clockwise), math.cos(clockwise)) == pytest.approx(
+            (math.cos(heading), math.sin(heading)), abs=1e-3
+        )
+
+
+def test_a_network_for_sumo_keeps_its_places_and_the_same_map_gives_the_same_bytes(home, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(judges.judges_environment()), prepend=os.pathsep)
+    assert export(home.workspace, [KEY], tmp_path, "sumo") == 2
+    assert export(home.workspace, [KEY], tmp_path, "sumo") == 0
+    location = etree.parse(tmp_path / f"{KEY}.net.xml").find("location")
+    assert location.get("netOffset") == "0.00,0.00"
+    assert "+proj=tmerc" in location.get("projParameter")
+
+
+def test_in_sumo_the_higher_road_has_priority_and_a_lane_without_limit_its_classs_usual_speed():
+    """A primary road of one lane meets a wider side street, which a stop sign does not help; netconvert's own numbers
+    are priority 1, 13.89 m/s, and 1.39 m/s on a centre turn lane.
+    """
+    town = Town()
+    town.street([(-200, 0), (0, 0), (200, 0)], highway="primary", lanes="3", turn__lanes__both_ways="left")
+    town.street([(0, -200), (0, 0), (0, 200)], highway="residential", lanes="4")
+    town.street([(200, 0), (400, 0)], highway="primary", lanes="2", maxspeed="30 mph")
+    town.street([(200, -200), (200, 0)], highway="secondary", lanes="2")
+    town.sign(200, 0, highway="stop")
+    network = town.network()
+    program = judges.judges_environment() / "netconvert"
+    root = etree.fromstring(network_xml(str(program), "town", network, write_opendrive(network)))
+    speeds_mph = defaultdict(set)
+    for lane in root.iterfind("edge[@priority]/lane"):
+        assumed = lane.find("param[@key='assumedSpeed']") is not None
+        speeds_mph[int(lane.getparent().get("priority"))].add((round(mps_to_mph(float(lane.get("speed")))), assumed))
+    # 45 and 25 mph are usual on primary roads and residential streets; priority 0 is the stop sign's.
+    assert speeds_mph == {6: {(45, True), (30, False)}, 2: {(25, True)}, 5: {(45, True)}, 0: {(45, True)}}
+    names = {edge.get("id"): edge.get("priority") for edge in root.iterfind("edge[@priority]")}
+    ahead = {
+        (names[c.get("from")], c.get("state")) for c in root.iterfind("connection[@dir='s']") if c.get("from") in names
+    }
+    assert ahead == {("6", "M"), ("2", "m")}
+
+
+def test_a_trace_has_a_message_for_every_moment(home, tmp_path):
+    groundtruth = pytest.importorskip("osi3.osi_groundtruth_pb2")
+    assert export(home.workspace, [KEY], tmp_path, "osi") == 1
+    data, messages = (tmp_path / f"{KEY}_gt.osi").read_bytes(), []
+    while data:
+        (size,) = struct.unpack_from("<I", data)
+        messages.append(groundtruth.GroundTruth.FromString(data[4 : 4 + size]))
+        data = data[4 + size :]
+    log = home[KEY].log
+    assert len(messages) == pytest.approx(log.duration_s / 0.05, abs=1.5)
+    for message in (messages[0], messages[40]):
+        time_s = message.timestamp.seconds + message.timestamp.nanos / 1e9
+        for moving, vehicle in zip(message.moving_object, log.vehicles, strict=True):
+            for axis in "xy":
+                logged = np.interp(time_s, vehicle.time_s, getattr(vehicle, f"{axis}_m"))
+                assert getattr(moving.base.position, axis) == pytest.approx(logged, abs=1e-6)
+    assert messages[0].lane
+    assert not messages[1].lane, "what does not move is said once"
+
+
+def test_a_trace_has_the_lights_signs_lines_and_conditions_of_map_and_report(home):
+    groundtruth = pytest.importorskip("osi3.osi_groundtruth_pb2")
+    town = Town()
+    town.street([(-200, 0), (0, 0), (200, 0)], highway="primary", name="Avenue", lanes="4", maxspeed="45 mph")
+    town.street([(0, -200), (0, 0), (0, 200)], highway="secondary", name="Cross", lanes="2")
+    town.street([(200, -200), (200, -20), (200, 0)], highway="residential", name="Side", lanes="2")
+    town.street([(200, 0), (400, 0)], highway="primary", name="Avenue", lanes="4", maxspeed="45 mph")
+    town.sign(0, 0, highway="traffic_signals")
+    town.sign(200, -20, highway="stop", direction="forward")
+    network = town.network()
+    record = replace(home[KEY].record, light_code=3, weather_code=2, hour=21, minute=30)
+    data = trace(network, home[KEY].log, record)
+    (size,) = struct.unpack_from("<I", data)
+    first = groundtruth.GroundTruth.FromString(data[4 : 4 + size])
+    lanes = {lane.id.value: lane for lane in first.lane}
+    assert sorted(len(light.classification.assigned_lane_id) for light in first.traffic_light) == [1, 1, 2, 2]
+    for light in first.traffic_light:  # stands right of its lanes and looks at who comes
+        line = lanes[light.classification.assigned_lane_id[0].value].classification.centerline
+        way = math.atan2(line[-1].y - line[-2].y, line[-1].x - line[-2].x)
+        assert math.cos(light.base.orientation.yaw - way) == pytest.approx(-1.0, abs=1e-3)
+    about = [sign.main_sign.classification for sign in first.traffic_sign]
+    kinds = about[0].Type
+    assert {kinds.Name(each.type) for each in about} == {"TYPE_STOP", "TYPE_SPEED_LIMIT_BEGIN"}
+    assert {each.value.value for each in about if each.type == kinds.Value("TYPE_SPEED_LIMIT_BEGIN")} == {45.0}
+    lines = {(each.classification.type, each.classification.color) for each in first.lane_boundary}
+    kind = first.lane_boundary[0].classification
+    assert (kind.TYPE_SOLID_LINE, kind.COLOR_YELLOW) in lines, "the centre line of a four-lane road"
+    assert (kind.TYPE_DASHED_LINE, kind.COLOR_WHITE) in lines, "between lanes of one direction"
+    told = first.environmental_conditions
+    assert told.time_of_day.seconds_since_midnight == 21 * 3600 + 30 * 60
+    assert told.AmbientIllumination.Name(told.ambient_illumination) == "AMBIENT_ILLUMINATION_LEVEL4"
+    assert told.Precipitation.Name(told.precipitation) == "PRECIPITATION_MODERATE"
+    assert told.sun.elevation < 0.0
+
+
+def test_tags_say_what_the_report_says(home, tmp_path):
+    assert export(home.workspace, [KEY], tmp_path, "openlabel") == 1
+    document = json.loads((tmp_path / f"{KEY}.json").read_text())["openlabel"]
+    tags = {tag["type"]: tag for tag in document["tags"].values()}
+    record = home[KEY].record
+    assert tags["scenarioDescription"]["tag_data"]["text"][0]["val"] == record.summary
+    assert ("IlluminationDay" in tags) == (record.light_code == 1)
+    assert ("IntersectionCrossroad" in tags) == (record.intersection_type_code == 2)
+    assert any(name.startswith("Vehicle") for name in tags)
+
+
+def test_points_lie_where_the_reports_say(home, tmp_path):
+    keys = sorted(home.crashes.query("final_state == 'verified'").index)
+    assert export(home.workspace, keys, tmp_path, "points") == 2
+    data = (tmp_path / "crashes.parquet").read_bytes()
+    table = pq.read_table(io.BytesIO(data))
+    about = json.loads(table.schema.metadata[b"geo"])
+    assert (about["version"], about["primary_column"]) == ("1.1.0", "geometry")
+    assert about["columns"]["geometry"]["encoding"] == "WKB"
+    waypoints = etree.parse(tmp_path / "crashes.gpx").getroot().findall(f"{GPX}wpt")
+    assert table.column("key").to_pylist() == keys == [point.findtext(f"{GPX}name") for point in waypoints]
+    for key, wkb, point in zip(keys, table.column("geometry").to_pylist(), waypoints, strict=True):
+        record = home[key].record
+        place = shapely.from_wkb(wkb)
+        assert (place.x, place.y) == (record.longitude_deg, record.latitude_deg)
+        assert float(point.get("lat")) == pytest.approx(record.latitude_deg, abs=1e-7)
+
+
+def test_a_format_that_nobody_offers_is_said(home, tmp_path):
+    with pytest.raises(UserError, match="no exporter 'nonsense' is installed; expected one of commonroad"):
+        export(home.workspace, [KEY], tmp_path, "nonsense")

@@ -1,0 +1,254 @@
+"""Verified crashes and their variations as cases: what agents are evaluated on, and what variations are made of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from trace_dag.agents.evaluation.crash_parts import part_of
+from trace_dag.agents.evaluation.splits import Split, splits_of
+from trace_dag.agents.stored_variations import families, read_variation
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.stage import Stage
+from trace_dag.crash.event_sequence import OFF_THE_ROAD, sequence_of
+from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, SAMPLED, VERDICT, XODR, CrashArtefacts
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.crash_status import FinalState, status_of_valid
+from trace_dag.flow.records import OnProblem, log_problem, raised
+from trace_dag.flow.selection import registered
+from trace_dag.flow.stored_crashes import crash_files
+from trace_dag.flow.workspace import Workspace
+from trace_dag.scenario.cases import Case
+
+if TYPE_CHECKING:
+    from trace_dag.common.settings import SimSettings
+    from trace_dag.simulation.states import Hypothesis
+    from trace_dag.simulation.types import SimulationLog
+
+
+_PART_OF_A_CRASH = re.compile(r"(?P<key>.+)-(?P<letter>[cv])\d+")  # 2023-319003-c02, 2023-319003-v001
+
+
+class AgentRole(StrEnum):
+    """Whose place an agent takes, of the two that collided first."""
+
+    FIRST = "first"  # by their numbers in the report
+    SECOND = "second"
+    STRIKING = "striking"  # the one that closes in faster at the contact
+    STRUCK = "struck"
+
+
+@dataclass(frozen=True)
+class StoredCase:
+    """Where a case comes from: a verified crash, a variation of it if ``variation`` names one, or a likely course of
+    it: the draw ``sample`` of its estimate, with its weight among the courses."""
+
+    files: CrashFiles
+    variation: str | None = None
+    sample: int | None = None
+    weight: float = 1.0
+
+    @property
+    def key(self) -> str:
+        """The crash's key."""
+        return self.files.key
+
+    @property
+    def case_id(self) -> str:
+        """The crash's key, the variation's, or the course's: the crash's with the number of the draw."""
+        if self.sample is not None:
+            return f"{self.key}-c{self.sample:02d}"
+        return self.variation or self.key
+
+    @property
+    def fingerprint(self) -> str:
+        """The fingerprint of the verdict that the case rests on."""
+        return self.files.records[Stage.VERDICT].fingerprint
+
+
+def load_case(stored: StoredCase) -> Case:
+    """A case as it is evaluated."""
+    files = stored.files.unread()
+    if stored.sample is not None:
+        return _drawn_case(stored.case_id, files, stored.sample)
+    if stored.variation is None:
+        return case_of(files, files.settings.sim)
+    varied = read_variation(files.storage, stored.variation)
+    return _case(stored.case_id, files, varied.hypothesis, varied.log, varied.about.friction)
+
+
+def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
+    """A verified crash as it is evaluated, stored in a root or in a package."""
+    from trace_dag.simulation.run import surface_friction
+
+    hypothesis = crash.load(ESTIMATE).hypotheses[crash.load(VERDICT).hypothesis]
+    log = crash.shown_log()
+    assert log is not None, "a crash with a verdict was simulated"
+    return _case(crash.key, crash, hypothesis, log, surface_friction(settings, crash.load(RECORD)))
+
+
+def _drawn_case(case_id: str, files: CrashFiles, sample: int) -> Case:
+    """A likely course, simulated to know what an agent in it has to avoid."""
+    from trace_dag.scenario.ensemble import drawn
+    from trace_dag.simulation.backends import backend
+
+    crash = case_of(files, files.settings.sim)
+    course = drawn(files.load(ESTIMATE), sample)
+    case = replace(
+        crash,
+        case_id=case_id,
+        participants=course.participants,
+        objects=course.objects,
+        impact_time_s=course.impact_time_s,
+        friction=crash.friction * course.friction,
+    )
+    simulation = backend(files.settings.sim).load(case.network, case.xodr, friction=case.friction)
+    return replace(case, recorded=simulation.run(case.going_on, time_limit_s=case.end_s, objects=case.objects))
+
+
+def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: SimulationLog, friction: float) -> Case:
+    from trace_dag.simulation.run import participants
+
+    record = crash.load(RECORD)
+    return Case(
+        case_id=case_id,
+        key=crash.key,
+        network=crash.load(ROAD_MAP),
+        xodr=crash.load(XODR),
+        friction=friction,
+        participants=participants(hypothesis),
+        impact_time_s=hypothesis.impact_time_s,
+        recorded=log,
+        parked=frozenset(each.number for each in record.vehicles if not each.in_transport),
+        departed=None if somebody_met(crash) else hypothesis.participants[0].vehicle_number,
+        objects=hypothesis.objects,
+        parts={each.number: part for each in record.vehicles if (part := part_of(record, each.number)) is not None},
+    )
+
+
+def somebody_met(crash: CrashArtefacts) -> bool:
+    """Whether anybody met somebody in a crash: a vehicle that left the road by itself had nobody to react to."""
+    return sequence_of(crash.load(RECORD)).first.kind not in OFF_THE_ROAD
+
+
+def number_of(case: Case, role: AgentRole) -> int:
+    """The number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one.
+
+    Where one of the two is a person or parked, whom no agent drives, it is the other one in every role, and so is
+    who left the road by itself.
+    """
+    first, second = case.pair
+    if case.departed is not None:
+        return case.departed
+    if case.recorded.bodies[second].is_figure or second in case.parked:
+        return first
+    if first in case.parked:
+        return second
+    if role is AgentRole.FIRST:
+        return first
+    if role is AgentRole.SECOND:
+        return second
+    if role is AgentRole.STRIKING:
+        return case.striking
+    return second if case.striking == first else first
+
+
+def verified_cases(
+    workspace: Workspace,
+    cohort: str | None,
+    only: Collection[str],
+    *,
+    split: Split | None = None,
+    departures: bool | None = False,
+    on_problem: OnProblem = log_problem,
+) -> list[StoredCase]:
+    """The verified ones of the crashes asked for in which somebody met somebody, or those in which a vehicle left the
+    road by itself (``departures``; None: both); :class:`UserError` if there are none. ``split`` takes one part of
+    them, as a release of the same crashes has it.
+
+    ``on_problem`` is called for damaged records: whether their crash is verified cannot be told.
+    """
+    keys = registered(workspace, cohort, only)
+    cases = [
+        StoredCase(files)
+        for files in crash_files(workspace, keys, on_problem=on_problem)
+        if status_of_valid(files.key, files.records).final_state is FinalState.VERIFIED
+    ]
+    if not cases:
+        raise UserError(f"no crash of the {len(keys)} asked for is verified; trace-dag status tells where they stand")
+    if split is not None:
+        records = {case.key: case.files.unread().load(RECORD) for case in cases}
+        parts = splits_of({key: (record.latitude_deg, record.longitude_deg) for key, record in records.items()})
+        cases = [case for case in cases if parts[case.key] is split]
+        if not cases:
+            raise UserError(f"none of the {len(parts)} verified crashes is in the part {split}")
+    chosen = [case for case in cases if departures is None or somebody_met(case.files) is not departures]
+    if not chosen and departures:
+        raise UserError(
+            f"in none of the {len(cases)} verified crashes asked for did a vehicle leave the road by itself"
+        )
+    if not chosen:
+        raise UserError(
+            f"in none of the {len(cases)} verified crashes asked for did anybody meet somebody: a vehicle left the "
+            "road by itself, which leaves an agent nothing to react to; evaluate --departures evaluates those"
+        )
+    return chosen
+
+
+def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
+    """The likely courses of some crashes, each crash's heaviest first. Raises :class:`UserError` if there are none."""
+    from trace_dag.scenario.ensemble import likely_draws
+
+    found = [
+        replace(case, sample=sample, weight=weight)
+        for case in cases
+        if (files := case.files.unread()).has(SAMPLED)
+        for sample, weight in likely_draws(files.load(SAMPLED))
+    ]
+    if not found:
+        raise UserError(
+            f"of {counted(len(cases), 'crash', 'crashes')} asked for, no draw agrees with the report; "
+            "the setting samples says how many are made"
+        )
+    return found
+
+
+def stored_case(workspace: Workspace, case_id: str) -> StoredCase:
+    """A verified crash, or a variation or likely course of one, by the id that evaluations have it by.
+
+    Raises :class:`UserError` where there is none.
+    """
+    part = _PART_OF_A_CRASH.fullmatch(case_id)
+    (crash,) = verified_cases(workspace, None, [part["key"] if part else case_id], departures=None)
+    if part is None:
+        return crash
+    there = likely_courses([crash]) if part["letter"] == "c" else stored_variations(workspace, [crash])
+    found = next((each for each in there if each.case_id == case_id), None)
+    if found is None:
+        raise UserError(f"{case_id} is not among {', '.join(each.case_id for each in there)}")
+    return found
+
+
+def stored_variations(
+    workspace: Workspace, cases: Sequence[StoredCase], *, on_problem: OnProblem = raised
+) -> list[StoredCase]:
+    """The stored variations of some crashes that were made of them as they are now.
+
+    ``on_problem`` is called for damaged families. Raises :class:`UserError` if there are no variations.
+    """
+    of_crash = {case.key: case for case in cases}
+    found = [
+        replace(of_crash[key], variation=each["variation_id"])
+        for key, rows in families(workspace.storage, on_problem, of_crash).items()
+        for each in rows
+        if each["verdict_fingerprint"] == of_crash[key].fingerprint
+    ]
+    if not found:
+        raise UserError(
+            f"of {counted(len(cases), 'crash', 'crashes')} asked for, no variation is stored; trace-dag vary makes them"
+        )
+    return found

@@ -1,0 +1,119 @@
+"""Families of variations as they are stored, read back as scenarios like the crashes.
+
+``ROOT/variations/<key>.family.parquet`` lists a crash's family; each variation ``<key>-v001`` has, in the formats of
+the crash's own artefacts, ``.estimate.json`` (the plan), ``.steps.parquet`` and ``.log.json`` (the simulation), and
+``.json`` (what was changed and how it was made).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING
+
+from trace_dag.agents.evaluation.table import Row, rows_from_parquet
+from trace_dag.agents.variations.family import Criteria, VariationKind
+from trace_dag.agents.variations.perturbation import Bounds, Perturbation
+from trace_dag.common.errors import DamagedFile
+from trace_dag.common.provenance import crash_of
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.manifests import read_listed, sound_manifest
+from trace_dag.flow.records import OnProblem, raised
+from trace_dag.reconstruction.json_io import estimate_from_json
+from trace_dag.simulation.log_io import logs_from_files
+from trace_dag.simulation.states import Hypothesis, StateEstimate
+from trace_dag.simulation.types import SimulationLog
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+FOLDER = "variations"
+
+
+@dataclass(frozen=True)
+class FamilyRequest:
+    """How families are made: members asked for, seed, how far they may go, and what they have to meet."""
+
+    count: int = 10
+    seed: int = 1
+    bounds: Bounds = field(default_factory=Bounds)
+    criteria: Criteria = field(default_factory=Criteria)
+
+
+@dataclass(frozen=True)
+class AboutVariation:
+    """What a variation is, beside its plan and log."""
+
+    variation_id: str
+    key: str
+    number: int
+    kind: VariationKind
+    gap_m: float
+    friction: float
+    perturbation: Perturbation
+    request: FamilyRequest
+    code_version: str
+    verdict_fingerprint: str
+
+
+@dataclass(frozen=True, eq=False)
+class StoredVariation:
+    """A variation as read: a scenario in the terms of any crash."""
+
+    about: AboutVariation
+    estimate: StateEstimate
+    log: SimulationLog
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """The plan of all vehicles."""
+        return self.estimate.best
+
+
+def read_variation(storage: Storage, name: str) -> StoredVariation:
+    """A stored variation by its id. Raises :class:`DamagedFile` where it is not as its manifest says."""
+    key = name.rpartition("-")[0]
+
+    def read(extension: str) -> bytes:
+        return _read(storage, key, f"{FOLDER}/{name}.{extension}")
+
+    about = abouts().validate_json(read("json"))
+    estimate = estimate_from_json(read("estimate.json"), name=name)
+    (log,) = logs_from_files(read("steps.parquet"), read("log.json"))
+    return StoredVariation(about, estimate, log)
+
+
+def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
+    """Every stored variation as a row; ``on_problem`` hears of the families that are damaged."""
+    return [each for rows in families(storage, on_problem).values() for each in rows]
+
+
+def families(storage: Storage, on_problem: OnProblem, keys: Collection[str] | None = None) -> dict[str, list[Row]]:
+    """The lists of the families there are, of some crashes or all, by key."""
+    there = {*sound_manifest(storage, FOLDER).files, *storage.list(FOLDER)}
+    listed = {crash_of(name) for name in there if name.endswith(".family.parquet")}
+    found = {}
+    for key in sorted(listed if keys is None else listed & set(keys)):
+        try:
+            found[key] = rows_from_parquet(_read(storage, key, family_name(key)))
+        except DamagedFile as damaged:
+            on_problem(damaged)
+    return found
+
+
+def _read(storage: Storage, key: str, name: str) -> bytes:
+    return read_listed(storage, name, remedy=f"trace-dag vary --only {key} makes the crash's variations again")
+
+
+def family_name(key: str) -> str:
+    """Where the list of a crash's family lies below the root."""
+    return f"{FOLDER}/{key}.family.parquet"
+
+
+@cache
+def abouts() -> TypeAdapter[AboutVariation]:
+    """Reads and writes what a variation is, as JSON."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(AboutVariation)

@@ -1,0 +1,165 @@
+"""The table that people read of each study, for the terminal and for the UI, and the shares that the UI draws of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trace_dag.agents.evaluation.crash_parts import CrashPart
+from trace_dag.agents.evaluation.metrics import AVOIDED, OFF_ROAD_S, DriveOutcome
+from trace_dag.agents.evaluation.shares import clustered_share, effective_number, share_avoided
+from trace_dag.agents.evaluation.table import Row
+from trace_dag.agents.families import FamilyReport
+from trace_dag.agents.share_chart import Share
+from trace_dag.common.messages.wording import percent
+from trace_dag.verdict.controls import ControlRow
+
+
+class StudyTable(NamedTuple):
+    """Names of columns, and rows of cells. ``shares`` are what a picture shows of it, ``of_what`` its title."""
+
+    names: list[str]
+    rows: list[tuple[Any, ...]]
+    shares: Sequence[Share] = ()
+    of_what: str = ""
+
+
+_CHANGED = {
+    "mirrored": "its own, the side mirrored",
+    "shifted": "its own, one party late",
+    "moved": "its own, the object or the parked vehicle moved",
+    "dropped": "its own, one contact dropped",
+    "swapped": "its own, two contacts swapped",
+}
+
+
+def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
+    """How many verdicts accept a crash's own report, others', and its own with one party late or mirrored, the
+    object moved, one contact dropped or two swapped, by cohort and kind of crash."""
+    lines: list[tuple[Any, ...]] = []
+    by_kind = {
+        (cohort, kind): [row for row in rows if row.crash_kind == kind]
+        for cohort, rows in found.items()
+        for kind in dict.fromkeys(row.crash_kind for row in rows)
+    }
+    for (cohort, kind), rows in by_kind.items():
+        differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
+        groups = (
+            ("its own report", [row for row in rows if row.kind == "true"]),
+            ("another crash's report", [row for row in rows if row.kind == "other_report"]),
+            ("another that says something else", differ),
+            *((title, [row for row in rows if row.kind == name]) for name, title in _CHANGED.items()),
+        )
+        for title, group in groups:
+            if not group:
+                continue
+            judged = [row for row in group if row.verified is not None]
+            verified = [row for row in judged if row.verified]
+            kept = [row for row in verified if row.speeds_kept is not False]
+            rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (verified, kept)]
+            lines.append((cohort, kind, title, len(judged), len(verified), *rates))
+    names = ["cohort", "kind", "judged against", "judgements", "verified", "rate", "speeds kept too"]
+    shares = [
+        Share(
+            f"{kind.replace('_', ' ')}: {title}" if len(found) == 1 else f"{cohort}, {kind}: {title}", verified, judged
+        )
+        for cohort, kind, title, judged, verified, *_ in lines
+    ]
+    return StudyTable(names, lines, shares, "Accepted by the verdict")
+
+
+def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> StudyTable:
+    """How often each agent did what, in all, as initiator and responder, and by class of crash."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["agent"], "all"), []).append(row)
+    for part in CrashPart:
+        for row in rows:
+            if row.get("part") == part:
+                groups.setdefault((row["agent"], part), []).append(row)
+    for row in sorted(rows, key=class_of):
+        groups.setdefault((row["agent"], class_of(row)), []).append(row)
+    order = {name: index for index, name in enumerate(dict.fromkeys(row["agent"] for row in rows))}
+    lines: list[tuple[Any, ...]] = []
+    for (agent, group), members in sorted(groups.items(), key=lambda item: (order[item[0][0]], item[0][1] != "all")):
+        counts = Counter(row["outcome"] for row in members)
+        off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
+        unfinished = sum(not (row.get("collided") or row.get("finished")) for row in members)
+        share = share_avoided(members)
+        avoided_in = _with_interval(share.part / share.of, share.low, share.high)
+        shown = (
+            len(members),
+            share.crashes,
+            avoided_in,
+            *(counts[each] for each in DriveOutcome),
+            off_road,
+            unfinished,
+        )
+        lines.append((agent, group.replace("_", " "), *shown))
+    outcomes = [each.replace("_", " ") for each in DriveOutcome]
+    names = [
+        "agent",
+        dimension.replace("_", " "),
+        "runs",
+        "crashes",
+        "avoided (95 %)",
+        *outcomes,
+        "off road",
+        "unfinished",
+    ]
+    avoided = [names.index(each.replace("_", " ")) for each in AVOIDED]
+    shares = [Share(line[0], sum(line[at] for at in avoided), line[2]) for line in lines if line[1] == "all"]
+    return StudyTable(names, lines, shares, "Crashes avoided")
+
+
+def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
+    """How probably each agent avoids each crash, a row of ``agent_probabilities`` each, and over all of them, with 95 %
+    intervals: of a crash by its courses, of all by the crashes."""
+    lines: list[tuple[Any, ...]] = []
+    for agent in dict.fromkeys(row["agent"] for row in rows):
+        own = [row for row in rows if row["agent"] == agent]
+        share = clustered_share((row["key"], row["avoided"]) for row in own)
+        courses = sum(row["courses"] for row in own)
+        rest = [percent(sum(row[name] for row in own) / len(own)) for name in _BESIDE_AVOIDED]
+        lines.append((agent, "all", "", courses, _with_interval(share.part / share.of, share.low, share.high), *rest))
+        for row in own:
+            avoided = _with_interval(row["avoided"], row["avoided_low"], row["avoided_high"])
+            rest = [percent(row[name]) for name in _BESIDE_AVOIDED]
+            lines.append((agent, row["key"], row["vehicle_number"], row["courses"], avoided, *rest))
+    names = ["agent", "crash", "vehicle", "courses", "avoided (95 %)", *_BESIDE_AVOIDED]
+    return StudyTable(names, lines)
+
+
+def weighted_table(runs: Sequence[Row], weights: Mapping[str, float]) -> StudyTable:
+    """How often each agent avoids the crashes it drove in, each crash as one and by its weight."""
+    lines: list[tuple[Any, ...]] = []
+    for agent in sorted({run["agent"] for run in runs}):
+        own = [run for run in runs if run["agent"] == agent and run["case_id"] == run["key"]]
+        avoided = [(run["key"], run["outcome"] in AVOIDED) for run in own]
+        shares = [clustered_share(avoided, by) for by in ({}, weights)]
+        effective = effective_number(np.array([weights[key] for key in sorted({run["key"] for run in own})]))
+        shown = [_with_interval(each.part / each.of, each.low, each.high) for each in shares]
+        lines.append((agent, len(own), shares[0].crashes, *shown, f"{effective:.1f}"))
+    return StudyTable(["agent", "runs", "crashes", "avoided (95 %)", "weighted (95 %)", "effective crashes"], lines)
+
+
+_BESIDE_AVOIDED = ("did_not_arrive", "rules_broken", "mitigated", "worse")
+
+
+def _with_interval(share: float, low: float, high: float) -> str:
+    return f"{percent(share)} ({100 * low:.0f} to {100 * high:.0f})"
+
+
+def families_table(reports: Sequence[FamilyReport]) -> StudyTable:
+    """How many variations were kept, of how many drawn."""
+    kept, near_misses = sum(each.kept for each in reports), sum(each.near_misses for each in reports)
+    drawn = sum(each.drawn for each in reports)
+    return StudyTable(
+        ["crashes", "variations", "collisions", "near misses", "drawn"],
+        [(len(reports), kept, kept - near_misses, near_misses, drawn)],
+        [Share(each.key, each.kept, each.drawn) for each in reports],
+        "Variations kept, of those drawn",
+    )

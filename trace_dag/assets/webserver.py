@@ -1,0 +1,216 @@
+"""Dagster's web server behind a guard, and its daemon: what ``trace-dag ui`` starts.
+
+Dagster's web server has no users: whoever reaches it may run and delete everything, by a plain link too
+(``GET /graphql?query=mutation...``). A page open in a browser on the same machine reaches it. So the guard lets through
+what comes to one of the server's own names, from no page but its own, and nothing that changes something but by POST.
+It is not a substitute for users and passwords where others reach the port: ``deploy/`` says what must stand in front.
+"""
+
+from __future__ import annotations
+
+import http.client
+import importlib
+import json
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+from urllib.parse import parse_qs, urlsplit
+
+import click
+
+from trace_dag.assets.asgi import App, Message, Receive, Send, again, read_body, send_bytes
+from trace_dag.assets.site import PREFIX, REPLAY, BenchmarkSite
+from trace_dag.common.storage.files import Storage
+
+log = logging.getLogger(__name__)
+
+_LOCAL: Final = ("localhost", "127.0.0.1", "::1")
+_WITHOUT_EFFECT: Final = ("GET", "HEAD", "OPTIONS")
+_CODE: Final = ("-m", "trace_dag.assets.definitions")
+_FRAMES: Final = ("frame", "iframe", "embed", "object", "fencedframe")
+_NO_FRAMES: Final = [(b"content-security-policy", b"frame-ancestors 'none'"), (b"x-frame-options", b"DENY")]
+_OF_RUNS: Final = ("/download_debug/", "/logs/", "/notebook")
+_NAMED: Final = frozenset({b"op"})  # by this the UI names the question that is in the body
+_MOST_ASKED: Final = 2**24
+"""Bytes of a question: launching 100,000 partitions takes 2 MB."""
+_QUIET: Final = ("--log-level", "warning")
+
+
+class Guard:
+    """An ASGI application in front of another. ``hosts``: the names it is reached by, without port."""
+
+    def __init__(self, app: App, hosts: tuple[str, ...]) -> None:
+        self._app = app
+        self._hosts = {host.lower() for host in hosts}
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it in a line."""
+        refused = self._refused(scope) if scope["type"] in ("http", "websocket") else ""
+        if not refused and scope["type"] == "http" and scope["method"] == "POST" and _asks_graphql(scope):
+            body = await read_body(receive, _MOST_ASKED)
+            if body is None or _is_no_question(scope, body):
+                status, said = (413, f"at most {_MOST_ASKED} bytes") if body is None else (400, "a JSON object")
+                await send_bytes(send, status, f"trace-dag ui: a question to GraphQL is {said}\n".encode())
+                return
+            receive = again(body, receive)
+        if not refused and scope["type"] == "http":
+            await self._answer(scope, receive, send)
+        elif not refused:
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": refused})
+        else:
+            await send_bytes(send, 403, f"trace-dag ui: {refused}\n".encode())
+
+    async def _answer(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Let Dagster answer, in no frame but the replay; what it has of runs that there are not is not found."""
+        of_a_run = str(scope["path"]).startswith(_OF_RUNS)
+        broken = False
+
+        async def send_guarded(message: Message) -> None:
+            nonlocal broken
+            if message["type"] == "http.response.start":
+                broken = of_a_run and message["status"] == 500
+                if scope["path"] != REPLAY:
+                    message = {**message, "headers": [*message["headers"], *_NO_FRAMES]}
+            if not broken:
+                await send(message)
+
+        try:
+            await self._app(scope, receive, send_guarded)
+        except Exception as error:
+            if not broken:
+                raise
+            log.warning("%r is answered as not found: %r", scope["path"], error)
+        if broken:
+            await send_bytes(send, 404, b"trace-dag ui: there is nothing of such a run\n", _NO_FRAMES)
+
+    def _refused(self, scope: Message) -> str:
+        """Why a request is refused; empty if it is accepted."""
+        headers: dict[bytes, list[str]] = {}
+        for name, value in scope["headers"]:
+            headers.setdefault(name.lower(), []).append(value.decode("latin-1"))
+        hosts, origins = headers.get(b"host", []), headers.get(b"origin", [])
+        if len(hosts) != 1 or (_host_of(hosts[0]) or "") not in self._hosts:
+            return "this is not a name of this server; trace-dag ui --allow-host adds one"
+        if any(urlsplit(origin).netloc.lower() != hosts[0].lower() for origin in origins):
+            return "pages of other origins may not ask this server"
+        if scope["type"] == "websocket":
+            return ""
+        if headers.get(b"sec-fetch-dest", [""])[0] in _FRAMES and scope["path"] != REPLAY:
+            return "its pages are shown in no frame"
+        if scope["path"].startswith(f"{PREFIX}/") and scope["method"] in _WITHOUT_EFFECT:
+            return ""  # its pages have an origin of their own, and what they show changes nothing
+        navigates = headers.get(b"sec-fetch-mode") == ["navigate"] and scope["method"] in _WITHOUT_EFFECT
+        if not navigates and headers.get(b"sec-fetch-site", ["none"])[0] not in ("none", "same-origin"):
+            return "pages of other origins may not ask this server"
+        if _asks_graphql(scope):
+            return _refused_question(scope, headers)
+        return ""
+
+
+def _asks_graphql(scope: Message) -> bool:
+    return str(scope["path"]).rstrip("/").endswith("/graphql")
+
+
+def _is_no_question(scope: Message, body: bytes) -> bool:
+    """Whether a body is none that Dagster can answer, which takes every JSON for an object."""
+    if not any(name.lower() == b"content-type" and b"json" in value.lower() for name, value in scope["headers"]):
+        return False
+    try:
+        return not isinstance(json.loads(body), dict)
+    except (ValueError, RecursionError):
+        return True
+
+
+def _refused_question(scope: Message, headers: dict[bytes, list[str]]) -> str:
+    """Why a GraphQL request is refused: one that a plain link or form could send."""
+    asked = parse_qs(scope["query_string"], keep_blank_values=True).keys()
+    if asked - _NAMED or (asked and scope["method"] != "POST"):
+        return "questions to GraphQL are sent by POST, in the body"
+    content_type = headers.get(b"content-type", [""])[0].partition(";")[0].strip().lower()
+    if scope["method"] == "POST" and content_type not in ("application/json", "application/graphql"):
+        return "questions to GraphQL are sent as application/json"
+    return ""
+
+
+def _host_of(host: str) -> str | None:
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
+
+
+def serve(root: str, host: str, port: int, *, allowed: tuple[str, ...] = (), read_only: bool = False) -> None:
+    """Serve the UI until the process is told to end; with the daemon, unless it is only to be looked at.
+
+    The address is printed once it answers, so that a script can wait for that line.
+    """
+    cli: Any = importlib.import_module("dagster_webserver.cli")
+    hosts = (*_LOCAL, host, *allowed)
+    unguarded = cli.create_app_from_workspace_process_context
+
+    def guarded(*arguments: Any, **options: Any) -> Guard:
+        return Guard(BenchmarkSite(unguarded(*arguments, **options), Storage(root)), hosts)
+
+    cli.create_app_from_workspace_process_context = guarded
+    daemon = None if read_only else _start_daemon()
+    words = ["--host", host, "--port", str(port), *_CODE, "--dagster-log-level", "warning"]
+    signal.signal(signal.SIGINT, _end)  # also where a script has started this in the background
+    signal.signal(signal.SIGTERM, _end)
+    only = ", read-only" if read_only else ""
+    greeting = (
+        f"Dagster UI on http://{host}:{port} for {root}{only}, the site on http://{host}:{port}{PREFIX}/; Dagster's "
+        f"history is in {os.environ['DAGSTER_HOME']} (Ctrl-C ends it)"
+    )
+    threading.Thread(target=_print_once_it_answers, args=(host, port, greeting), daemon=True).start()
+    try:
+        cli.cli(["--read-only", *words] if read_only else words, standalone_mode=False)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if daemon is not None:
+            daemon.send_signal(signal.SIGINT)
+            try:
+                daemon.wait(timeout=20)
+            except subprocess.TimeoutExpired:
+                daemon.kill()
+
+
+def _print_once_it_answers(host: str, port: int, greeting: str) -> None:
+    local = "127.0.0.1" if host in ("", "0.0.0.0", "::") else host  # noqa: S104 - every interface holds this one
+    while True:
+        connection = http.client.HTTPConnection(local, port, timeout=5)
+        try:
+            connection.request("GET", "/server_info", headers={"Host": "localhost"})
+            connection.getresponse().read()
+        except (OSError, http.client.HTTPException):
+            time.sleep(0.2)
+        else:
+            click.echo(greeting)
+            return
+        finally:
+            connection.close()
+
+
+def _start_daemon() -> subprocess.Popen[bytes]:
+    """The Dagster daemon, which starts launched runs, in a process of its own."""
+    beside = Path(sys.executable).with_name("dagster-daemon")
+    return subprocess.Popen([str(beside), "run", *_CODE, *_QUIET])  # noqa: S603 - a program of this environment
+
+
+def _end(_signal: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    _root, _host, _port, _read_only, *_allowed = sys.argv[1:]
+    serve(_root, _host, int(_port), allowed=tuple(_allowed), read_only=_read_only == "read-only")

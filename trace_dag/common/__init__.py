@@ -1,0 +1,1 @@
+"""Shared ground of all rooms: outcomes and errors, units and the one frame, settings, storage, network, messages."""

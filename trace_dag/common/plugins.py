@@ -1,0 +1,89 @@
+"""What installed packages offer by name: back-ends, converters, estimators, agents, exporters, sources of
+reports and maps.
+
+Each kind is a group of entry points (``trace_dag.backends``); what this package offers is registered in the same way.
+What a plugin of a kind has to be is said where it is used; see the page on extending in the documentation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from importlib import import_module, metadata
+from typing import Any
+
+from trace_dag.common.errors import UserError
+
+
+class PluginKind(StrEnum):
+    """The kinds of plugins; the value is the last part of the group of entry points."""
+
+    AGENT = "agents"
+    EXPORTER = "exporters"
+    BACKEND = "backends"
+    CONVERTER = "converters"
+    ESTIMATOR = "estimators"
+    REPORT_SOURCE = "report_sources"
+    MAP_SOURCE = "map_sources"
+
+    @property
+    def group(self) -> str:
+        """The group of entry points."""
+        return f"trace_dag.{self.value}"
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """Something offered under a name: ``module:attribute``, and the package and version it comes with."""
+
+    kind: PluginKind
+    name: str
+    reference: str
+    package: str
+    version: str
+
+    @property
+    def module(self) -> str:
+        """The module it is in."""
+        return self.reference.partition(":")[0]
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether it is a part of this package."""
+        return self.module.partition(".")[0] == "trace_dag"
+
+
+@cache
+def offered(kind: PluginKind) -> dict[str, Plugin]:
+    """Everything of a kind that is installed, by name. Nothing of it is imported."""
+    found = {}
+    for point in metadata.entry_points(group=kind.group):
+        package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+        found[point.name] = Plugin(kind, point.name, point.value, package, version)
+    return dict(sorted(found.items()))
+
+
+def plugin(kind: PluginKind, name: str) -> Plugin:
+    """The plugin of that name. Raises :class:`UserError` that lists the names there are."""
+    there_are = offered(kind)
+    if name in there_are:
+        return there_are[name]
+    what = kind.value.replace("_", " ").removesuffix("s")
+    if not there_are:  # a checkout that was brought up to date after it was installed
+        raise UserError(
+            f"this installation knows no {what}, not even ours; install the package again (pip install -e .)"
+        )
+    raise UserError(
+        f"no {what} {name!r} is installed; expected one of {', '.join(there_are)} (trace-dag plugins lists them)"
+    )
+
+
+def load(kind: PluginKind, name: str) -> Any:
+    """What a plugin's reference names, its module imported. Raises :class:`UserError` where that cannot be done."""
+    found = plugin(kind, name)
+    module, _, attribute = found.reference.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{kind.value} {name} ({found.package} {found.version}) cannot be loaded: {error}") from error

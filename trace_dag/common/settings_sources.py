@@ -1,0 +1,184 @@
+"""Reading the settings: from ``<root>/settings.toml`` and from the environment (``TRACE_DAG_SIM__STEP_S=0.002``).
+
+The environment wins. What does not fit is told with the name of the setting, the value found and what was expected.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import tomllib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pydantic import ValidationError
+
+from trace_dag.common.errors import UserError, UserErrors
+from trace_dag.common.settings import Settings
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+_PREFIX = "TRACE_DAG_"
+_SHOWN = 80  # characters of a value that is wrong
+
+
+def load_settings(
+    toml: bytes = b"", *, name: str = "settings.toml", overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Settings from a TOML file's content, the environment over it, and ``overrides`` over both.
+
+    ``overrides`` has the shape of the file: ``{"states": {"estimator": "llm"}}``. Raises :class:`UserError` that names
+    the setting, the value found and what was expected.
+    """
+    from_environment = _from_environment()
+    try:
+        merged = _merge(_merge(_from_file(toml, name), from_environment), overrides or {})
+        return Settings.model_validate(merged)
+    except ValidationError as error:
+        wrong = []
+        for each in error.errors():
+            source = name
+            if _holds(overrides or {}, each["loc"]):
+                source = "the command line"
+            elif _holds(from_environment, each["loc"]):
+                source = "environment variable " + _PREFIX + "__".join(map(str, each["loc"][:2])).upper()
+            setting = ".".join(map(str, each["loc"]))
+            wrong.append(f"setting {setting} = {_shortened(each['input'])} (from {source}): {_expected(each)}")
+        raise UserErrors(wrong) from error
+
+
+def _holds(settings: Mapping[str, Any], path: tuple[int | str, ...]) -> bool:
+    """Whether a source has a section's setting."""
+    section = settings.get(str(path[0]), {}) if path else {}
+    return len(path) > 1 and isinstance(section, Mapping) and path[1] in section
+
+
+def _expected(error: ErrorDetails) -> str:
+    """What is wrong with a value, in words that do not need Python's types."""
+    if error["type"] == "tuple_type":
+        return 'expected a list, such as ["a", "b"] or [1, 2]'
+    if error["type"] != "extra_forbidden":
+        return error["msg"]
+    *before, last = map(str, error["loc"])
+    if len(before) > 1:  # of an item of a list
+        return "there is no such setting; trace-dag settings lists them"
+    known = _fields(Settings.model_fields[before[0]].annotation) if before else list(Settings.model_fields)
+    near = difflib.get_close_matches(last, known, n=1)
+    meant = f"did you mean {'.'.join((*before, near[0]))}? " if near else ""
+    return f"there is no such {'setting' if before else 'section'}; {meant}trace-dag settings lists them"
+
+
+def _fields(section: Any) -> list[str]:
+    return list(getattr(section, "model_fields", {}))
+
+
+class DescribedSetting(NamedTuple):
+    """A setting as it stands, and where its value comes from: ``default``, the file's name, or ``environment``."""
+
+    section: str
+    name: str
+    value: Any
+    default: Any
+    source: str
+    meaning: str
+
+
+def described_settings(toml: bytes = b"", *, name: str = "settings.toml") -> list[DescribedSetting]:
+    """Every setting as :func:`load_settings` finds it, in the order of the sections."""
+    settings = load_settings(toml, name=name)
+    from_file, from_environment = _from_file(toml, name), _from_environment()
+    described = []
+    for section in Settings.model_fields:
+        values = getattr(settings, section)
+        for setting, field in type(values).model_fields.items():
+            source = "default"
+            if setting in from_file.get(section, {}):
+                source = name.rpartition("/")[2]
+            if setting in from_environment.get(section, {}):
+                source = "environment"
+            default = field.get_default(call_default_factory=True)
+            value = getattr(values, setting)
+            described.append(DescribedSetting(section, setting, value, default, source, field.description or ""))
+    return described
+
+
+def _from_file(toml: bytes, name: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(toml.decode())
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
+        raise UserError(f"{name}: not TOML ({error}); mend it or delete it to use the defaults") from error
+
+
+def _from_environment() -> dict[str, Any]:
+    from pydantic_settings import BaseSettings, EnvSettingsSource
+    from pydantic_settings.exceptions import SettingsError
+
+    misnamed = _misnamed(os.environ)
+    if misnamed:
+        raise UserErrors(misnamed)
+
+    class Sources(BaseSettings, Settings):  # type: ignore[misc] # its model_config is BaseSettings', the fields are ours
+        """The same sections, readable from the environment."""
+
+    try:
+        return EnvSettingsSource(Sources, env_prefix=_PREFIX, env_nested_delimiter="__", env_parse_none_str="null")()
+    except (SettingsError, RecursionError) as error:
+        raise UserErrors(_not_json(os.environ) or [f"a variable {_PREFIX}...: {error}; expected JSON"]) from error
+
+
+def _misnamed(environment: Mapping[str, str]) -> list[str]:
+    """What is wrong with the names of variables that look like settings; a typing error would go unnoticed."""
+    wrong = []
+    for variable in sorted(environment):
+        section, separator, field = variable.upper().removeprefix(_PREFIX).partition("__")
+        if not variable.upper().startswith(_PREFIX) or section.lower() in Settings.model_fields:
+            continue
+        if separator:
+            near = difflib.get_close_matches(section.lower(), Settings.model_fields, n=1)
+            expected = (
+                f"did you mean {_PREFIX}{near[0].upper()}__{field}"
+                if near
+                else "sections are " + ", ".join(Settings.model_fields)
+            )
+            wrong.append(f"environment variable {variable}: there is no section {section.lower()}; {expected}")
+        else:
+            before, _, after = section.partition("_")
+            if before.lower() in Settings.model_fields:
+                wrong.append(
+                    f"environment variable {variable}: expected {_PREFIX}{before}__{after}, with two underscores"
+                )
+    return wrong
+
+
+def _not_json(environment: Mapping[str, str]) -> list[str]:
+    """Which variables hold a broken list or table."""
+    wrong = []
+    for variable, value in sorted(environment.items()):
+        if not variable.upper().startswith(_PREFIX):
+            continue
+        section, _, field = variable.lower().removeprefix(_PREFIX.lower()).partition("__")
+        if section not in Settings.model_fields:
+            continue
+        try:
+            json.loads(value)
+        except (ValueError, RecursionError) as error:
+            annotation = Settings.model_fields[section].annotation
+            fields = getattr(annotation, "model_fields", {})
+            if not field or "[" in str(fields[field].annotation if field in fields else ""):
+                wrong.append(f"environment variable {variable} = {_shortened(value)}: expected JSON ({error})")
+    return wrong
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for name, value in over.items():
+        below = merged.get(name)
+        merged[name] = _merge(below, value) if isinstance(below, Mapping) and isinstance(value, Mapping) else value
+    return merged

@@ -1,0 +1,1 @@
+"""FARS as NHTSA publishes it: CrashAPI, and the yearly CSV tables."""

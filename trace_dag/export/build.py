@@ -1,0 +1,322 @@
+"""The benchmark: a scenario package for every accepted crash, and a static site about all crashes.
+
+``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
+``thumbnails/`` moving pictures of accepted crashes, ``replays/`` what ``replay.html`` shows of every crash that got so
+far. Nothing is stored twice: pages link to the artefacts and pictures of the root. A crash whose artefacts, outcome and
+code have not changed is not made again. Belongs here: pages, and what goes where. Does not belong here: the other files
+of a crash (:mod:`trace_dag.export.crash_files`), and what packages and pages look like (:mod:`trace_dag.scenario`).
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import json
+import math
+import traceback
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from trace_dag.agents.leaderboard import write_leaderboard
+from trace_dag.common.errors import Failure
+from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.provenance import crash_of
+from trace_dag.common.storage.files import Storage, StoredFile
+from trace_dag.export.crash_files import (
+    FOLDER,
+    MADE_WITH,
+    REPLAYS,
+    VERSION,
+    made_of,
+    make_files,
+    noted,
+    package_name,
+    replay_name,
+    thumbnail_name,
+)
+from trace_dag.export.packaging import map_attribution
+from trace_dag.flow.artefacts import (
+    ESTIMATE,
+    LOGS,
+    MAP_REPORT,
+    RECORD,
+    REJECTED_REPORT,
+    SAMPLED,
+    VERDICT,
+    XODR,
+    Artefact,
+)
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.crash_status import FinalState
+from trace_dag.flow.executors import run_redoing_lost
+from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
+from trace_dag.flow.pool import Lost
+from trace_dag.flow.records import Records, read_records
+from trace_dag.flow.stored_crashes import crash_files
+from trace_dag.flow.workspace import Workspace
+from trace_dag.osm.rights import Rights
+from trace_dag.warehouse import query
+
+_BY_CODE = "code"  # of all, beside what each crash's files were made of
+INDEX = f"{FOLDER}/index.html"
+LEADERBOARD = f"{FOLDER}/leaderboard.html"
+PAGES_LATER = (
+    "No packages and pages were made: there are more crashes than execution.pages_up_to says. trace-dag open and "
+    "trace-dag release make them all; trace-dag replay and trace-dag export --only make those of single crashes."
+)
+# Of a crash without a package, as its page calls them.
+_OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDICT}
+
+
+def page_name(key: str) -> str:
+    """Where the page of a crash lies below the root."""
+    return f"{FOLDER}/crashes/{key}.html"
+
+
+@dataclass(frozen=True)
+class BenchmarkReport:
+    """How many packages and pages there are, how many were made now, and what went wrong by crash."""
+
+    packages: int
+    pages: int
+    made: int
+    errors: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Crashes whose pages are to be made; rows are those of the warehouse."""
+
+    crashes: tuple[_Crash, ...]
+
+    def split(self) -> list[_Task]:
+        return [replace(self, crashes=(crash,)) for crash in self.crashes]
+
+
+@dataclass(frozen=True)
+class _Crash:
+    files: CrashFiles
+    row: Mapping[str, Any]
+    outcomes: tuple[Mapping[str, Any], ...]
+    rights: Rights
+    digest: str
+    made: tuple[StoredFile, ...] | None  # beside its page, by a worker of a run; None where that is still to do
+
+    @property
+    def key(self) -> str:
+        return self.files.key
+
+
+def build_benchmark(workspace: Workspace, *, contents: bool = False) -> BenchmarkReport:
+    """Bring packages and site up to date with the warehouse, and make again what is not as it was made.
+
+    That is seen by its size, with ``contents`` by its SHA-256.
+    """
+    storage, warehouse = workspace.storage, workspace.warehouse
+    *of_table, outcomes = query.rows_of(warehouse, (*_TABLE, "stage_outcomes"))
+    table = _table(*of_table)
+    crashes = _crashes(workspace, outcomes, table)
+    accepted = {row["key"] for row in table if FinalState(row["final_state"]).accepted}
+    before = sound_manifest(storage, FOLDER)
+    listed = before.files.values()
+    damaged = {crash_of(file.name) for file, _ in not_as_listed(storage, listed, contents=contents)}
+    stale = [crash for crash in crashes if crash.key in damaged or before.made_of.get(crash.key) != crash.digest]
+    errors: dict[str, str] = {}
+    made: dict[str, StoredFile] = {}
+    done = 0
+    with workspace.executing() as executor:
+        if any(crash.made is None and crash.files.has(LOGS) for crash in stale):
+            executor.prepare(get_ready)
+        for task, found in run_redoing_lost(executor, _make, _tasks(workspace, stale, executor.workers), _Task.split):
+            if isinstance(found, Lost):
+                errors.update({crash.key: found.detail for crash in task.crashes})
+            else:
+                errors.update(found.errors)
+                made.update((file.name, file) for file in found.files)
+            done += len(task.crashes)
+            workspace.page_listener(done, len(stale))
+    digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
+    kept = digests.keys() - {crash.key for crash in stale}
+    left = {name: file for name, file in before.files.items() if crash_of(name) in kept | errors.keys()}
+    files = left | made
+    index = _write_index(storage, warehouse, table, {crash.key: crash.rights for crash in crashes}, files)
+    for name in before.files.keys() - files.keys() - {file.name for file in index}:
+        storage.delete(name)
+    _remove_others(storage, {"packages": accepted, "thumbnails": accepted, REPLAYS: {crash.key for crash in crashes}})
+    all_files = files | {file.name: file for file in index}
+    write_manifest(storage, FOLDER, Manifest(all_files, digests | {_BY_CODE: VERSION}))
+    packages = sum(name.endswith(".zip") for name in files)
+    return BenchmarkReport(packages, len(crashes), len(stale), errors)
+
+
+_TABLE = ("judged_crashes", "vehicles")
+
+
+def _table(table: list[dict[str, Any]], vehicles: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The warehouse's crashes, each with its verdict's grade and the classes of its vehicles."""
+    classes: defaultdict[str, set[str]] = defaultdict(set)
+    for row in vehicles:
+        classes[row["key"]].add(row["vehicle_class"])
+    return [row | {"vehicle_classes": ", ".join(sorted(classes[row["key"]]))} for row in table]
+
+
+def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
+    """Write the leaderboard and the index that links it anew, without the pages of the crashes."""
+    table, before = _table(*query.rows_of(warehouse, _TABLE)), sound_manifest(storage, FOLDER)
+    rights = _rights(table, read_records(storage, [row["key"] for row in table]))
+    pages = {page.name: page for page in _write_index(storage, warehouse, table, rights, before.files)}
+    write_manifest(storage, FOLDER, Manifest(before.files | pages, before.made_of))
+
+
+def benchmark_is_whole(storage: Storage) -> bool:
+    """Whether every file of the benchmark is there with the size it was made with."""
+    files = sound_manifest(storage, FOLDER).files
+    return bool(files) and not any(not_as_listed(storage, files.values()))
+
+
+def _crashes(
+    workspace: Workspace, stage_outcomes: Sequence[Mapping[str, Any]], table: Sequence[Mapping[str, Any]]
+) -> list[_Crash]:
+    keys = [row["key"] for row in table]
+    files = {each.key: each for each in crash_files(workspace, keys)}
+    records = {key: each.records for key, each in files.items()}
+    outcomes: dict[str, list[Mapping[str, Any]]] = {}
+    for row in stage_outcomes:
+        outcomes.setdefault(row["key"], []).append(row)
+    rights = _rights(table, records)
+    at_once = noted(workspace.storage)
+    crashes = []
+    for crash in table:
+        key, said = crash["key"], tuple(outcomes.get(crash["key"], ()))
+        of_files = made_of(records[key])
+        parts = [VERSION, crash, of_files, [each["outcome"] for each in said], rights[key].attributions]
+        digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
+        made = at_once[key].files if key in at_once and at_once[key].made_of == of_files else None
+        crashes.append(_Crash(files[key], crash, said, rights[key], digest, made))
+    return crashes
+
+
+def _rights(table: Sequence[Mapping[str, Any]], records: Mapping[str, Records]) -> dict[str, Rights]:
+    """What each crash's map says; of a crash without one, what the maps of its cohort say."""
+    own = {row["key"]: attribution for row in table if (attribution := map_attribution(records[row["key"]]))}
+    cohorts: dict[str, set[str]] = {}
+    for row in table:
+        if row["key"] in own:
+            cohorts.setdefault(row["cohort"], set()).add(own[row["key"]])
+    return {
+        row["key"]: Rights.of([own[row["key"]]] if row["key"] in own else cohorts.get(row["cohort"], ()))
+        for row in table
+    }
+
+
+def _tasks(workspace: Workspace, crashes: Sequence[_Crash], workers: int) -> list[_Task]:
+    size = max(1, min(workspace.settings.execution.chunk_size, math.ceil(len(crashes) / (4 * workers))))
+    return [_Task(tuple(crashes[start : start + size])) for start in range(0, len(crashes), size)]
+
+
+@dataclass(frozen=True)
+class _Made:
+    """The files of some crashes, and what went wrong by crash."""
+
+    files: Sequence[StoredFile]
+    errors: Mapping[str, str]
+
+
+def get_ready() -> None:
+    """What a worker does before its first page, ahead of time: imports.
+
+    What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
+    """
+    for name in (*MADE_WITH, "trace_dag.pages.crash_page"):
+        import_module(name)
+    gc.collect()
+    gc.freeze()
+
+
+def _make(task: _Task) -> _Made:
+    """Packages and pages of some crashes."""
+    made: list[StoredFile] = []
+    errors: dict[str, str] = {}
+    for crash in task.crashes:
+        try:
+            made += _make_one(crash.files.unread(), crash)
+        except Failure as failure:
+            errors[crash.key] = str(failure)
+        except Exception as error:
+            # One crash without a page keeps no other from having one.
+            errors[crash.key] = "".join(traceback.format_exception(error))
+    return _Made(made, errors)
+
+
+@gc_paused()
+def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
+    from trace_dag.pages.crash_page import CrashPage, Download, write_crash_page
+    from trace_dag.pages.replay_library import PAGE
+
+    storage, key = files.storage, files.key
+    made = crash.made
+    if made is None:
+        made = make_files(files, accepted=FinalState(crash.row["final_state"]).accepted)
+    sizes = {file.name: file.size for file in made}
+    if package_name(key) in sizes:
+        downloads = [Download("Scenario package", f"../packages/{key}.zip", sizes[package_name(key)])]
+    else:
+        stored = {label: files.stored(artefact) for label, artefact in _OFFERED.items()}
+        downloads = [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]
+    picture = files.picture("png")
+    page = CrashPage(
+        crash.row,
+        crash.outcomes,
+        crash.rights,
+        record=files.load(RECORD) if files.has(RECORD) else None,
+        map_report=files.load(MAP_REPORT) if files.has(MAP_REPORT) else None,
+        rejected_map=files.load(REJECTED_REPORT) if files.has(REJECTED_REPORT) else None,
+        estimate=files.load(ESTIMATE) if files.has(ESTIMATE) else None,
+        verdict=files.load(VERDICT) if files.has(VERDICT) else None,
+        sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
+        picture=f"../../{picture.name}" if picture else None,
+        replay=f"../{PAGE}?{key}" if replay_name(key) in sizes else None,
+        downloads=downloads,
+    )
+    return [*made, storage.write(page_name(key), write_crash_page(page))]
+
+
+def is_made_by_this_code(storage: Storage) -> bool:
+    """Whether packages and pages were made by the present code."""
+    return sound_manifest(storage, FOLDER).made_of.get(_BY_CODE) == VERSION
+
+
+def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
+    """By folder, files of crashes that are not among these keys: packages of crashes that are no longer accepted."""
+    for folder, keys in kept.items():
+        for name in storage.list(f"{FOLDER}/{folder}"):
+            if Path(name).stem not in keys:
+                storage.delete(name)
+
+
+def _write_index(
+    storage: Storage,
+    warehouse: Path,
+    table: Sequence[Mapping[str, Any]],
+    rights: Mapping[str, Rights],
+    files: Mapping[str, StoredFile],
+) -> list[StoredFile]:
+    """The pages about all crashes together. ``files``: those of the single crashes that have been made."""
+    from trace_dag.pages.site import IndexRows, static_files, write_index
+
+    names = ("funnel", "coverage", "failure_reasons", "evaluations")
+    ranked = ("leaderboard", "leaderboard_by_class", "agent_probabilities")
+    funnel, coverage, reasons, driven, *of_agents = query.rows_of(warehouse, (*names, *ranked))
+    moving = [row for row in table if thumbnail_name(row["key"]) in files]
+    shown = IndexRows(table, moving, funnel, coverage, reasons, any(of_agents))
+    runs = [row for row in driven if row["case_id"] == row["key"]]
+    of_all = Rights.of(attribution for each in rights.values() for attribution in each.attributions)
+    return [
+        storage.write(INDEX, write_index(shown, of_all)),
+        storage.write(LEADERBOARD, write_leaderboard(runs, *of_agents)),
+        *(storage.write(f"{FOLDER}/{name}", data) for name, data in static_files().items()),
+    ]

@@ -1,0 +1,127 @@
+"""What the benchmark has of one crash beside its page: its replay, its scenario package, its moving picture.
+
+A run lets its workers make them when the last stage of a crash is done (:func:`making_at_once`): all that the stages
+made is at hand then, where whoever builds the benchmark would have to read it back, and the workers have something to
+do to the end. The manifest of the benchmark says what was made so; the rest is made when the benchmark is built. Does
+not belong here: pages, and what all crashes have together (:mod:`trace_dag.export.build`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Collection, Mapping, Set
+from functools import partial
+
+from trace_dag.common.provenance import crash_of
+from trace_dag.common.storage.files import Storage, StoredFile
+from trace_dag.export.packaging import package_of
+from trace_dag.flow.artefacts import ROAD_MAP, surroundings_of
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.crash_status import status_of_valid, valid_records
+from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
+from trace_dag.flow.records import Records
+from trace_dag.flow.tasks import MadeFiles
+
+FOLDER = "benchmark"
+VERSION = "7"
+"""Of the code that makes pages, packages and replays; see :data:`trace_dag.flow.stages.VERSIONS`."""
+REPLAYS = "replays"
+FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))
+MADE_WITH = (  # modules that take a while to load, also those that are imported where they are used
+    "jinja2",
+    "resvg_py",
+    "trace_dag.scenario.drives",
+    "trace_dag.export.package",
+    "trace_dag.pages.thumbnail",
+    "trace_dag.agents.replays",
+)
+
+
+def package_name(key: str) -> str:
+    """Return the path of an accepted crash's package below the root."""
+    return f"{FOLDER}/packages/{key}.zip"
+
+
+def replay_name(key: str) -> str:
+    """Where what ``replay.html`` shows of a crash lies below the root."""
+    return f"{FOLDER}/{REPLAYS}/{key}.js"
+
+
+def thumbnail_name(key: str) -> str:
+    """Return the path of an accepted crash's moving picture below the root."""
+    return f"{FOLDER}/thumbnails/{key}.svg"
+
+
+def make_files(files: CrashFiles, *, accepted: bool) -> tuple[StoredFile, ...]:
+    """Make and store what there can be of a crash: a replay if it was simulated, the rest if it is accepted."""
+    from trace_dag.agents.replays import content_of
+    from trace_dag.export.package import zip_files
+    from trace_dag.pages.replay import replay_script
+    from trace_dag.pages.thumbnail import moving_thumbnail
+
+    storage, key, log = files.storage, files.key, files.shown_log()
+    if log is None:
+        return ()
+    replay = content_of(files, log)
+    made = {replay_name(key): replay_script(replay)}
+    if accepted:
+        made[package_name(key)] = zip_files(package_of(files, replay), folder=key)
+        made[thumbnail_name(key)] = moving_thumbnail(files.load(ROAD_MAP), log, surroundings_of(files)).encode()
+    return tuple(storage.write(name, data) for name, data in made.items())
+
+
+def made_of(records: Records) -> str:
+    """A digest of what the files of a crash are made of: its artefacts, its picture, and the code."""
+    listed = [file.sha256 for record in records.values() for file in (*record.artefacts, *record.pictures)]
+    return hashlib.sha256(json.dumps([VERSION, listed]).encode()).hexdigest()
+
+
+def making_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:
+    """What makes the files of a crash of a run that has come to its end, for :func:`trace_dag.flow.batch.run_stages`.
+
+    It makes none where some are there already, which its manifest lists: they are for whoever builds it
+    to replace; nor where a later stage's record is from before this run. What is there is asked once for the whole run:
+    an object store takes two requests, one of them a listing, to say of one file that it is not there.
+    """
+    names = [name(key) for name in (replay_name, package_name, thumbnail_name) for key in keys]
+    return partial(_made_at_once, already=frozenset(crash_of(name) for name in storage.sizes(names)))
+
+
+def _made_at_once(files: CrashFiles, already: Set[str]) -> MadeFiles | None:
+    records = files.records
+    valid = valid_records(records)
+    if valid.keys() != records.keys() or files.key in already:
+        return None
+    accepted = status_of_valid(files.key, valid).final_state.accepted
+    return MadeFiles(make_files(files, accepted=accepted), made_of(valid))
+
+
+def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:
+    """Note what the workers of a run made at once, by crash."""
+    if not made:
+        return
+    before = sound_manifest(storage, FOLDER)
+    files = {name: file for name, file in before.files.items() if crash_of(name) not in made}
+    files |= {file.name: file for each in made.values() for file in each.files}
+    made_of = {key: digest for key, digest in before.made_of.items() if key not in made}  # their pages are outdated
+    made_of |= {_at_once(key): each.made_of for key, each in made.items()}
+    write_manifest(storage, FOLDER, Manifest(files, made_of))
+
+
+def noted(storage: Storage) -> dict[str, MadeFiles]:
+    """What workers have made at once since the benchmark was last built, by crash, where all of it is still there."""
+    manifest = sound_manifest(storage, FOLDER)
+    files: dict[str, list[StoredFile]] = {}
+    for file in manifest.files.values():
+        if _at_once(crash_of(file.name)) in manifest.made_of:
+            files.setdefault(crash_of(file.name), []).append(file)
+    gone = {crash_of(file.name) for each in files.values() for file, _ in not_as_listed(storage, each)}
+    return {
+        key: MadeFiles(tuple(each), manifest.made_of[_at_once(key)]) for key, each in files.items() if key not in gone
+    }
+
+
+def _at_once(key: str) -> str:
+    """What the manifest says by this name is of the files beside a crash's page, which is still to be made."""
+    return f"beside the page of {key}"

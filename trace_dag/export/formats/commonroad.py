@@ -1,0 +1,372 @@
+"""CommonRoad scenarios (format 2020a): the road as lanelets, and a planning problem for each driver.
+
+A file per driver who has something to avoid. Its planning problem starts as that driver did and has to reach where the
+vehicle would have been without the crash (:class:`trace_dag.scenario.drives.Goal`); everybody else is an obstacle
+that drives as recorded, without the crash: what agents are evaluated in. Times are steps of
+:data:`trace_dag.scenario.drives.STEP_S`, places are in the crash's local frame, as in its OpenDRIVE map.
+
+A limit is a sign of the lanelets where it holds; stop signs and lights have a stop line. What a light shows is not
+known. Signs, and with them the benchmark's id, are of Zamunda, the format's country for no country in particular: its
+schema lacks the American stop sign (R1-1), and commonroad-io the American yield sign. The place is in ``location``.
+
+Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
+documentation of the XML format 2020a.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import date
+from itertools import count
+from typing import Final, NamedTuple
+
+import numpy as np
+from lxml import etree
+
+from trace_dag.common.errors import UserError
+from trace_dag.common.geometry import FloatArray
+from trace_dag.crash.parties import party_of_body
+from trace_dag.crash.record import CrashRecord, VehicleClass
+from trace_dag.export.formats.exporter import as_driven
+from trace_dag.flow.artefacts import RECORD
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
+from trace_dag.roads.map.model import LaneRef, Road, Signal
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.drives import (
+    GOAL_HEADING_RAD,
+    GOAL_LENGTH_M,
+    GOAL_WIDTH_M,
+    STEP_S,
+    Drive,
+    drives_of,
+    meets,
+)
+from trace_dag.simulation.types import Body, BodyKind
+from trace_dag.version import __version__
+
+_TYPES: Final[Mapping[VehicleClass, str]] = {
+    VehicleClass.MOTORCYCLE: "motorcycle",
+    VehicleClass.BUS: "bus",
+    VehicleClass.TRUCK: "truck",
+    VehicleClass.LIGHT_TRUCK: "truck",
+    VehicleClass.TRACTOR_TRAILER: "truck",
+    VehicleClass.TRAILER: "truck",
+}
+_FIGURES: Final = {
+    BodyKind.PEDESTRIAN: "pedestrian",
+    BodyKind.CYCLIST: "bicycle",
+    BodyKind.CONVEYANCE: "pedestrian",
+    BodyKind.ANIMAL: "unknown",  # the format has no animals
+}
+_COUNTRY: Final = "ZAM"
+_LIGHT, _YIELD, _STOP, _LIMIT = "1000001", "205", "206", "274"  # types of signals of the map, and the format's signs
+_UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoNames entry
+
+
+class CommonRoad:
+    """``<key>_V<number>.xml`` for each driver who leaves the road or would meet somebody, were nobody to react.
+
+    Who was struck by a vehicle that the crash had thrown there, or was struck on the trailer, which a planning problem
+    does not have, has nothing to avoid.
+    """
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        """Nothing to prepare."""
+
+    def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
+        case, record = as_driven(crash), crash.load(RECORD)
+        drives = drives_of(case)
+        tested = {}
+        for own in filter(lambda drive: drive.is_driven, drives):
+            others = [each for each in drives if party_of_body(each.number) != own.number]  # not the own trailer
+            if own.number == case.departed or any(meets(own, each) for each in others):
+                tested[own] = others
+        if not tested:
+            raise UserError("nobody who drives in it has anything to avoid")
+        road = _Lanelets(case.network)
+        source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
+        return {
+            f"{crash.key}_V{own.number}.xml": _scenario(record, road, own, others, source)
+            for own, others in tested.items()
+        }
+
+    def beside(self) -> Mapping[str, bytes]:
+        """Each file explains itself."""
+        return {}
+
+
+def road_scenario(network: RoadNetwork) -> bytes:
+    """A road map without traffic, as a scenario that has lanelets alone."""
+    root = _root(f"{_COUNTRY}_Map-1_1_T-1", f"trace-dag {__version__}, {network.attribution}", date.today())
+    _add_location(root, network.frame.latitude_deg, network.frame.longitude_deg)
+    etree.SubElement(etree.SubElement(root, "scenarioTags"), "urban")
+    _Lanelets(network).write_into(root)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+class _Post(NamedTuple):
+    """A sign or light, and the lanes whose traffic passes it."""
+
+    signal: Signal
+    lanes: tuple[LaneRef, ...]
+
+
+class _Limit(NamedTuple):
+    """A limit, and the lanes of a road where it holds; ``sign`` is None where none stands there."""
+
+    speed_mps: float
+    lanes: tuple[LaneRef, ...]
+    sign: Signal | None
+
+
+class _Lanelets:
+    """The drivable lanes as lanelets, and the signs, limits and lights of their roads; ids from 1 on."""
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self._network = network
+        self._shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
+        self._ids = {shape.ref: number for number, shape in enumerate(self._shapes, 1)}
+        posts = [post for road in network.roads for post in self._posts(road)]
+        self._limits = self._limits_of({post.lanes: post.signal for post in posts if post.signal.type == _LIMIT})
+        self._signs = [post for post in posts if post.signal.type in (_YIELD, _STOP)]
+        self._lights = [post for post in posts if post.signal.type == _LIGHT]
+        self._signs_of: dict[LaneRef, list[int]] = defaultdict(list)
+        self._lights_of: dict[LaneRef, list[int]] = defaultdict(list)
+        self.next_id = len(self._shapes) + 1
+        for ids_of, rows in (
+            (self._signs_of, [*(limit.lanes for limit in self._limits), *(sign.lanes for sign in self._signs)]),
+            (self._lights_of, [light.lanes for light in self._lights]),
+        ):
+            for lanes in rows:
+                for ref in lanes:
+                    ids_of[ref].append(self.next_id)
+                self.next_id += 1
+        stops = [post for post in (*self._lights, *self._signs) if post.signal.type in (_LIGHT, _STOP)]
+        self._stops_at = {ref: post.signal.s_m for post in stops for ref in post.lanes}
+
+    def _posts(self, road: Road) -> Iterator[_Post]:
+        lanes = [ref for ref in self._network.drivable_lanes_of(road) if ref in self._ids]
+        for signal in road.signals:
+            direction = -1 if signal.orientation == "-" else 1
+            passed = [
+                ref
+                for ref in lanes
+                for begin_m, end_m in [self._network.lane_span(ref)]
+                if self._network.direction(ref) == direction and begin_m <= signal.s_m <= end_m
+            ]
+            if passed:
+                yield _Post(signal, tuple(passed))
+
+    def _limits_of(self, signs: Mapping[tuple[LaneRef, ...], Signal]) -> list[_Limit]:
+        """The limits of each road and direction; a sign that stands on the road is the one that says so."""
+        by_limit: dict[tuple[str, int, float], list[LaneRef]] = defaultdict(list)
+        for shape in self._shapes:
+            if shape.speed_mps is not None:
+                key = (shape.ref.road_id, self._network.direction(shape.ref), shape.speed_mps)
+                by_limit[key].append(shape.ref)
+        sign_of = {ref: signal for lanes, signal in signs.items() for ref in lanes}
+        return [
+            _Limit(speed_mps, tuple(refs), next((sign_of[ref] for ref in refs if ref in sign_of), None))
+            for (_, _, speed_mps), refs in by_limit.items()
+        ]
+
+    def write_into(self, root: etree._Element) -> None:
+        """Add an element for each lanelet, sign and light."""
+        for shape in self._shapes:
+            self._write(root, shape)
+        numbers = count(len(self._shapes) + 1)
+        for limit in self._limits:
+            place = self._place(limit.lanes[0].road_id, limit.sign) if limit.sign is not None else None
+            _add_sign(root, next(numbers), _LIMIT, place, _number(limit.speed_mps))
+        for sign in self._signs:
+            place = self._place(sign.lanes[0].road_id, sign.signal)
+            _add_sign(root, next(numbers), sign.signal.type, place)
+        for light in self._lights:
+            _add_light(root, next(numbers), self._place(light.lanes[0].road_id, light.signal))
+
+    def _place(self, road_id: str, signal: Signal) -> FloatArray:
+        x, y, heading, _ = self._network.road_geometry(road_id).line.at(signal.s_m)
+        return np.array([x - signal.t_m * math.sin(heading), y + signal.t_m * math.cos(heading)])
+
+    def _write(self, root: etree._Element, shape: LaneShape) -> None:
+        lanelet = etree.SubElement(root, "lanelet", id=str(self._ids[shape.ref]))
+        for side, border in (("leftBound", shape.left_m), ("rightBound", shape.right_m)):
+            bound = etree.SubElement(lanelet, side)
+            for point in border:
+                _add_point(bound, point)
+        for name, others in (("predecessor", shape.predecessors), ("successor", shape.successors)):
+            for other in self._known(others):
+                etree.SubElement(lanelet, name, ref=str(other))
+        for name, beside, same_way in (
+            ("adjacentLeft", shape.left, shape.left_same_way),
+            ("adjacentRight", shape.right, shape.right_same_way),
+        ):
+            for other in self._known([beside] if beside else []):
+                etree.SubElement(lanelet, name, ref=str(other), drivingDir="same" if same_way else "opposite")
+        if shape.ref in self._stops_at:
+            self._add_stop_line(lanelet, shape.ref)
+        _add(lanelet, "laneletType", "intersection" if shape.junction_id is not None else "urban")
+        _add(lanelet, "userOneWay", "vehicle")
+        for sign in self._signs_of[shape.ref]:
+            etree.SubElement(lanelet, "trafficSignRef", ref=str(sign))
+        for light in self._lights_of[shape.ref]:
+            etree.SubElement(lanelet, "trafficLightRef", ref=str(light))
+
+    def _add_stop_line(self, lanelet: etree._Element, ref: LaneRef) -> None:
+        s_m, half_m = self._stops_at[ref], self._network.width_m(ref, self._stops_at[ref]) / 2
+        line = etree.SubElement(lanelet, "stopLine")
+        for offset_m in (half_m, -half_m):
+            pose = self._network.pose(ref, s_m, offset_m)
+            _add_point(line, np.array([pose.x_m, pose.y_m]))
+        _add(line, "lineMarking", "solid")
+
+    def _known(self, refs: Iterable[LaneRef]) -> list[int]:
+        return [self._ids[ref] for ref in refs if ref in self._ids]
+
+
+def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | None, value: str = "") -> None:
+    """A sign; without a place it is one that nobody has put up: the limit holds all the same."""
+    element = etree.SubElement(root, "trafficSign", id=str(number))
+    about = etree.SubElement(element, "trafficSignElement")
+    _add(about, "trafficSignID", sign)
+    if value:
+        _add(about, "additionalValue", value)
+    if place is not None:
+        _add_point(etree.SubElement(element, "position"), place)
+    _add(element, "virtual", "true" if place is None else "false")
+
+
+def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
+    """A light; what it shows when is not known, so it is one that is off."""
+    light = etree.SubElement(root, "trafficLight", id=str(number))
+    shows = etree.SubElement(etree.SubElement(light, "cycle"), "cycleElement")
+    _add(shows, "duration", "1")
+    _add(shows, "color", "inactive")
+    _add_point(etree.SubElement(light, "position"), place)
+    _add(light, "direction", "all")
+    _add(light, "active", "false")
+
+
+def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, others: Sequence[Drive], source: str) -> bytes:
+    year, _, number = record.key.partition("-")
+    day = date(record.year or record.case_year, record.month or 1, record.day or 1)
+    root = _root(f"{_COUNTRY}_Fars{year}x{number}V{own.number}-1_1_T-1", source, day)
+    _add_location(root, record.latitude_deg, record.longitude_deg)
+    etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
+    road.write_into(root)
+    next_id = road.next_id
+    for each in sorted(others, key=lambda each: not each.is_parked):  # those that stand come first
+        _add_obstacle(root, next_id, each)
+        next_id += 1
+    _add_problem(root, next_id, own)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def _root(benchmark: str, source: str, day: date) -> etree._Element:
+    return etree.Element(
+        "commonRoad",
+        timeStepSize=f"{STEP_S:g}",
+        commonRoadVersion="2020a",
+        author="trace-dag",
+        affiliation="",
+        source=source,
+        benchmarkID=benchmark,
+        date=day.isoformat(),
+    )
+
+
+def _add_location(root: etree._Element, latitude_deg: float, longitude_deg: float) -> None:
+    location = etree.SubElement(root, "location")
+    _add(location, "geoNameId", _UNKNOWN_PLACE)
+    _add(location, "gpsLatitude", f"{latitude_deg:.7f}")
+    _add(location, "gpsLongitude", f"{longitude_deg:.7f}")
+
+
+def _add_obstacle(root: etree._Element, number: int, drive: Drive) -> None:
+    stands, body, states = drive.is_parked, drive.participant.body, drive.course
+    obstacle = etree.SubElement(root, "staticObstacle" if stands else "dynamicObstacle", id=str(number))
+    _add(obstacle, "type", "parkedVehicle" if stands else _type_of(body))
+    _add_rectangle(etree.SubElement(obstacle, "shape"), body.length_m, body.width_m)
+    initial = etree.SubElement(obstacle, "initialState")
+    if stands:
+        _add_position(initial, states[0])
+        _add_exact(initial, "orientation", states[0, 3])
+        _add_exact(initial, "time", 0)
+        return
+    _add_state(initial, 0, states[0])
+    trajectory = etree.SubElement(obstacle, "trajectory")
+    for step, state in enumerate(states[1:], 1):
+        _add_state(etree.SubElement(trajectory, "state"), step, state)
+
+
+def _type_of(body: Body) -> str:
+    return _FIGURES[body.kind] if body.is_figure else _TYPES.get(body.vehicle_class, "car")
+
+
+def _add_problem(root: etree._Element, number: int, own: Drive) -> None:
+    problem = etree.SubElement(root, "planningProblem", id=str(number))
+    initial, first = etree.SubElement(problem, "initialState"), own.course[0]
+    _add_position(initial, first)
+    for name, value in (("orientation", first[3]), ("time", 0), ("velocity", first[4])):
+        _add_exact(initial, name, value)
+    for name in ("yawRate", "slipAngle"):
+        _add_exact(initial, name, 0.0)
+    assert own.goal is not None, "a driver has a goal"
+    pose = own.goal.pose
+    goal = etree.SubElement(problem, "goalState")
+    where = etree.SubElement(etree.SubElement(goal, "position"), "rectangle")
+    _add(where, "length", _number(GOAL_LENGTH_M))
+    _add(where, "width", _number(GOAL_WIDTH_M))
+    _add(where, "orientation", _number(pose.heading_rad))
+    centre = etree.SubElement(where, "center")
+    _add(centre, "x", _number(pose.x_m))
+    _add(centre, "y", _number(pose.y_m))
+    _add_interval(goal, "orientation", pose.heading_rad - GOAL_HEADING_RAD, pose.heading_rad + GOAL_HEADING_RAD)
+    time = etree.SubElement(goal, "time")
+    _add(time, "intervalStart", str(max(round(own.goal.from_s / STEP_S), 1)))
+    _add(time, "intervalEnd", str(round(own.goal.to_s / STEP_S)))
+
+
+def _add_state(element: etree._Element, step: int, state: FloatArray) -> None:
+    _add_position(element, state)
+    _add_exact(element, "orientation", state[3])
+    _add_exact(element, "time", step)
+    _add_exact(element, "velocity", state[4])
+
+
+def _add_position(element: etree._Element, state: FloatArray) -> None:
+    _add_point(etree.SubElement(element, "position"), state[:2])
+
+
+def _add_point(element: etree._Element, place: FloatArray) -> None:
+    point = etree.SubElement(element, "point")
+    for name, value in zip("xy", place[:2], strict=True):  # readers refuse borders that have heights
+        _add(point, name, _number(value))
+
+
+def _add_rectangle(element: etree._Element, length_m: float, width_m: float) -> None:
+    rectangle = etree.SubElement(element, "rectangle")
+    _add(rectangle, "length", _number(length_m))
+    _add(rectangle, "width", _number(width_m))
+
+
+def _add_exact(element: etree._Element, name: str, value: float) -> None:
+    _add(etree.SubElement(element, name), "exact", _number(value))
+
+
+def _add_interval(element: etree._Element, name: str, low: float, high: float) -> None:
+    interval = etree.SubElement(element, name)
+    _add(interval, "intervalStart", _number(low))
+    _add(interval, "intervalEnd", _number(high))
+
+
+def _add(element: etree._Element, name: str, text: str) -> None:
+    etree.SubElement(element, name).text = text
+
+
+def _number(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{round(float(value), 4) + 0.0:.4f}"

@@ -1,0 +1,32 @@
+"""What an exporter is, and the course of a crash without the crash, which most forms want."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from trace_dag.agents.stored_cases import case_of
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.scenario.cases import Case
+
+
+class Exporter(Protocol):
+    """Writes crashes in one form (entry points of the group ``trace_dag.exporters``, usually a class)."""
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        """``keys`` are the crashes that are going to be written."""
+
+    def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
+        """The files of one verified crash, by path below the folder of the export.
+
+        Raises :class:`trace_dag.common.errors.UserError` for a crash that the form has no words for: it is left out and
+        named.
+        """
+
+    def beside(self) -> Mapping[str, bytes]:
+        """The files about all of them, asked for when every crash has been written."""
+
+
+def as_driven(crash: CrashFiles) -> Case:
+    """A verified crash with everybody's course as it would have gone on: what agents are evaluated in."""
+    return case_of(crash, crash.settings.sim)

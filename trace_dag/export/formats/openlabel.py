@@ -1,0 +1,164 @@
+"""Tags of ASAM OpenLABEL 1.0.0 for each crash: what scenario databases search by.
+
+Types are classes of OpenLABEL's ontology of scenario tags, which follows BSI PAS 1883:2020 for the operational design
+domain. A tag is set for what the report, or the reconstruction, says; what neither says has none.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from trace_dag.crash.classes import RoadTopology
+from trace_dag.crash.record import CrashRecord, VehicleClass
+from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.osm.rights import Rights
+from trace_dag.simulation.states import Manoeuvre, ParticipantState
+from trace_dag.simulation.types import BodyKind
+from trace_dag.version import __version__
+
+_ONTOLOGY: Final = "https://openlabel.asam.net/V1-0-0/ontologies/openlabel_ontology_scenario_tags.ttl"
+_ONTOLOGY_UID: Final = "0"
+
+_LIGHT: Final = {  # LGT_COND
+    1: ("IlluminationDay",),
+    2: ("LowLightNight",),
+    3: ("LowLightNight", "ArtificialStreetLighting"),
+    4: ("LowLightAmbient",),
+    5: ("LowLightAmbient",),
+    6: ("LowLightNight",),
+}
+_WEATHER: Final = {  # WEATHER
+    2: "WeatherRain",
+    3: "WeatherSnow",  # sleet and hail, which the ontology has no class for
+    4: "WeatherSnow",
+    5: "ParticulatesWater",
+    6: "WeatherWind",
+    7: "ParticulatesDust",
+    10: "IlluminationCloudiness",
+    11: "WeatherSnow",
+    12: "WeatherRain",
+}
+_SURFACE: Final = {  # VSURCOND
+    2: "SurfaceConditionWet",
+    3: "SurfaceConditionSnow",
+    4: "SurfaceConditionIcy",
+    5: "SurfaceConditionContamination",
+    6: "SurfaceConditionStandingWater",
+    7: "SurfaceConditionContamination",
+    10: "SurfaceConditionSnow",
+    11: "SurfaceConditionContamination",
+}
+_ROAD: Final = {  # FUNC_SYS: interstates and freeways; arterials and collectors; local roads
+    1: "RoadTypeMotorway",
+    2: "RoadTypeMotorway",
+    3: "RoadTypeDistributor",
+    4: "RoadTypeDistributor",
+    5: "RoadTypeDistributor",
+    6: "RoadTypeDistributor",
+    7: "RoadTypeMinor",
+}
+_JUNCTION: Final = {
+    RoadTopology.FOUR_WAY: "IntersectionCrossroad",
+    RoadTopology.T: "IntersectionTJunction",
+    RoadTopology.Y: "IntersectionYJunction",
+    RoadTopology.ROUNDABOUT: "JunctionRoundabout",
+    RoadTopology.FIVE_POINT_OR_MORE: "JunctionIntersection",
+    RoadTopology.L: "JunctionIntersection",
+}
+_VEHICLES: Final = {
+    VehicleClass.MOTORCYCLE: ("VehicleMotorcycle",),
+    VehicleClass.BUS: ("VehicleBus",),
+    VehicleClass.TRUCK: ("VehicleTruck",),
+    VehicleClass.LIGHT_TRUCK: ("VehicleTruck",),
+    VehicleClass.TRACTOR_TRAILER: ("VehicleTruck", "VehicleTrailer"),
+    VehicleClass.VAN: ("VehicleVan",),
+}
+_PEOPLE: Final = {
+    BodyKind.PEDESTRIAN: ("HumanPedestrian",),
+    BodyKind.CYCLIST: ("HumanCyclist", "VehicleCycle"),
+    BodyKind.CONVEYANCE: ("RoadUserHuman",),
+    BodyKind.ANIMAL: ("RoadUserAnimal",),
+}
+_MOTIONS: Final = {
+    Manoeuvre.TURN_LEFT: "MotionTurnLeft",
+    Manoeuvre.TURN_RIGHT: "MotionTurnRight",
+    Manoeuvre.U_TURN: "MotionUTurn",
+    Manoeuvre.LANE_CHANGE_LEFT: "MotionLaneChangeLeft",
+    Manoeuvre.LANE_CHANGE_RIGHT: "MotionLaneChangeRight",
+    Manoeuvre.PASS: "MotionOvertake",
+    Manoeuvre.STOPPED: "MotionStop",
+    Manoeuvre.STAND: "MotionStop",
+    Manoeuvre.STARTING: "MotionAway",
+    Manoeuvre.BACKING: "MotionReverse",
+    Manoeuvre.CROSS_FROM_LEFT: "MotionCross",
+    Manoeuvre.CROSS_FROM_RIGHT: "MotionCross",
+}
+
+
+class OpenLabel:
+    """``<key>.json`` for each crash."""
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        """Nothing to prepare."""
+
+    def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
+        record, network = crash.load(RECORD), crash.load(ROAD_MAP)
+        parties = crash.load(ESTIMATE).hypotheses[crash.load(VERDICT).hypothesis].participants
+        about = {
+            "scenarioUniqueReference": crash.key,
+            "scenarioName": f"Crash {crash.key}",
+            "scenarioDescription": record.summary,
+            "scenarioDefinition": "scenario.xosc",
+            "scenarioDefinitionLanguageURI": "https://www.asam.net/standards/detail/openscenario-xml/",
+            "licenseURI": f"https://spdx.org/licenses/{Rights.of([network.attribution]).licence}",
+        }
+        tags = [_tag(name, text) for name, text in about.items()]
+        tags += [_tag(name) for name in dict.fromkeys((*_of_report(record), *_of_parties(parties)))]
+        document = {
+            "openlabel": {
+                "metadata": {
+                    "schema_version": "1.0.0",
+                    "name": crash.key,
+                    "annotator": f"trace-dag {__version__}",
+                    "tagged_file": "scenario.xosc",
+                },
+                "ontologies": {_ONTOLOGY_UID: _ONTOLOGY},
+                "tags": {str(number): tag for number, tag in enumerate(tags)},
+            }
+        }
+        return {f"{crash.key}.json": (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()}
+
+    def beside(self) -> Mapping[str, bytes]:
+        """Each file explains itself."""
+        return {}
+
+
+def _tag(name: str, text: str | None = None) -> dict[str, Any]:
+    data = {} if text is None else {"tag_data": {"text": [{"type": "value", "val": text}]}}
+    return {"type": name, "ontology_uid": _ONTOLOGY_UID, **data}
+
+
+def _of_report(record: CrashRecord) -> Iterator[str]:
+    yield from _LIGHT.get(record.light_code or 0, ())
+    for table, code in ((_WEATHER, record.weather_code), (_ROAD, record.function_class_code)):
+        if code in table:
+            yield table[code]
+    if record.road_topology in _JUNCTION:
+        yield _JUNCTION[record.road_topology]
+    for vehicle in record.vehicles:
+        if vehicle.surface_condition_code in _SURFACE:
+            yield _SURFACE[vehicle.surface_condition_code]
+
+
+def _of_parties(parties: Sequence[ParticipantState]) -> Iterator[str]:
+    for each in parties:
+        kind = BodyKind(each.kind)
+        yield from _VEHICLES.get(each.vehicle_class, ("VehicleCar",)) if kind not in _PEOPLE else _PEOPLE[kind]
+        if each.manoeuvre in _MOTIONS:
+            yield _MOTIONS[each.manoeuvre]
+        elif each.initial_speed_mps > 0.0:
+            yield "MotionWalk" if kind in (BodyKind.PEDESTRIAN, BodyKind.ANIMAL) else "MotionDrive"

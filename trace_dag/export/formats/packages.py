@@ -1,0 +1,23 @@
+"""Scenario packages as folders, one per key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from trace_dag.export.packaging import package_of
+from trace_dag.flow.contract import CrashFiles
+
+
+class Packages:
+    """A folder per crash with everything about it; see :mod:`trace_dag.export.package`."""
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        """Nothing to prepare."""
+
+    def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
+        return {f"{crash.key}/{name}": data for name, data in package_of(crash).items()}
+
+    def beside(self) -> Mapping[str, bytes]:
+        """Each package explains itself."""
+        return {}

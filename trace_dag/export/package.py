@@ -1,0 +1,304 @@
+"""The scenario package of one crash: everything a tester needs in one archive, with its own documentation.
+
+A package is a set of named files; :func:`package_files` makes them, :func:`zip_files` puts them into an archive: the
+same content gives the same bytes. Nothing in it refers to the machine it was made on. :func:`package_files` takes a
+crash on its road as simulated and judged: a verified crash or a variation of one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Final, NamedTuple
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+from trace_dag.crash.keys import FARS
+from trace_dag.crash.parties import party_label
+from trace_dag.crash.record import CrashRecord
+from trace_dag.export.documents import render_document
+from trace_dag.osm.rights import Rights
+from trace_dag.osm.types import OsmFeature
+from trace_dag.pages.canvas import as_png, pixels_of
+from trace_dag.pages.pictures import WIDTH_PX, draw_crash
+from trace_dag.pages.replay import replay_page
+from trace_dag.pages.replay_content import ReplayContent, replay_content
+from trace_dag.pages.replay_impacts import strikes
+from trace_dag.reconstruction.json_io import estimate_to_json
+from trace_dag.reconstruction.samples.simulated import SampledRuns, samples_to_json
+from trace_dag.roads.json_io import map_report_to_json
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.roads.report import MapReport
+from trace_dag.scenario.drives import Drive
+from trace_dag.scenario.driving_files import courses_to_json, ensemble_to_json, lanes_to_json
+from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
+from trace_dag.scenario.opendrive_objects import PlacedObject, fixed_objects, with_objects
+from trace_dag.scenario.opendrive_surroundings import surrounding_objects
+from trace_dag.scenario.openscenario import Flavour, OpenScenarios
+from trace_dag.scenario.trajectories import log_to_json
+from trace_dag.simulation.states import StateEstimate
+from trace_dag.simulation.types import SimulationLog
+from trace_dag.verdict.in_words import label_in_words
+from trace_dag.verdict.json_io import verdict_to_json
+from trace_dag.verdict.types import Verdict
+from trace_dag.version import __version__
+
+MANIFEST = "manifest.json"
+
+_CC0, _PUBLIC = "CC0-1.0", "US public domain"
+_ZIP_DATE: Final = (1980, 1, 1, 0, 0, 0)  # the format's first: a fixed one keeps archives reproducible
+
+
+@dataclass(frozen=True, eq=False)
+class PackageInput:
+    """One crash's artefacts. ``log`` is of the hypothesis that ``verdict`` names.
+
+    ``report`` (its file's name and content), ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as
+    read, ``surroundings`` lie behind its roads. ``sampled`` is what the draws of the estimate came to. ``drives`` are
+    what everybody was going to do. ``picture`` is the crash from above as PNG, ``replay`` what its replay shows; they
+    are made where they are not at hand. ``variation`` says what was changed, as JSON, where this is not the crash
+    itself.
+    """
+
+    record: CrashRecord
+    report: tuple[str, bytes]
+    osm_xml: bytes
+    map_xodr: bytes
+    provenance: Mapping[str, object]
+    network: RoadNetwork
+    map_report: MapReport
+    estimate: StateEstimate
+    log: SimulationLog
+    verdict: Verdict
+    drives: Sequence[Drive]
+    variation: Mapping[str, object] | None = None
+    surroundings: Sequence[OsmFeature] = ()
+    picture: bytes | None = None
+    replay: ReplayContent | None = None
+    sampled: SampledRuns | None = None
+
+    @property
+    def rights(self) -> Rights:
+        """What may be done with the map, and with what is made of it."""
+        return Rights.of([self.network.attribution])
+
+
+class _File(NamedTuple):
+    name: str
+    licence: str
+    what: str
+    data: bytes
+
+
+def package_files(crash: PackageInput) -> dict[str, bytes]:
+    """The files of a package by name, ``manifest.json`` with their SHA-256 checksums among them."""
+    files = [
+        *_sources(crash),
+        *_scenarios(crash),
+        *_results(crash),
+        _File(
+            "LICENSES.md",
+            _CC0,
+            "what may be done with it",
+            render_document(
+                "licenses.md.jinja",
+                rights=crash.rights,
+                inferred=crash.map_report.inferred_roads,
+                registers=[crash.record.attribution] if crash.record.attribution else [],
+                fars=crash.record.register == FARS,
+            ),
+        ),
+    ]
+    readme = _File("README.md", _CC0, "this", _readme(crash, files))
+    described = sorted([*files, readme])
+    manifest = {
+        "key": crash.record.key,
+        "made_by": f"trace-dag {__version__}",
+        "files": {
+            file.name: {
+                "sha256": hashlib.sha256(file.data).hexdigest(),
+                "bytes": len(file.data),
+                "licence": file.licence,
+                "what": file.what,
+            }
+            for file in described
+        },
+    }
+    return {**{file.name: file.data for file in described}, MANIFEST: _json(manifest)}
+
+
+def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
+    """An archive of ``files`` below ``folder``, the same bytes for the same content.
+
+    >>> ZipFile(BytesIO(zip_files({"README.txt": b"A crash."}, folder="2023-319003"))).read("2023-319003/README.txt")
+    b'A crash.'
+    """
+    stream = BytesIO()
+    with ZipFile(stream, "w", ZIP_DEFLATED) as archive:
+        for name in sorted(files):
+            archive.writestr(ZipInfo(f"{folder}/{name}", _ZIP_DATE), files[name], ZIP_DEFLATED)
+    return stream.getvalue()
+
+
+def _map_objects(crash: PackageInput) -> list[PlacedObject]:
+    """The objects beside the roads: the fixed objects of the crash, and the surroundings."""
+    items = crash.log.objects
+    around = surrounding_objects(crash.network, crash.surroundings, without={item.osm_id for item in items})
+    return [*fixed_objects(crash.network, items), *around]
+
+
+def _sources(crash: PackageInput) -> list[_File]:
+    objects = crash.log.objects
+    beside = _map_objects(crash)
+    legal = with_objects(write_opendrive(crash.network, marks="legal"), beside)
+    crossable = with_objects(crash.map_xodr, beside)
+    stand = f", with the {names(objects)} of the report" if objects else ": any may be crossed"
+    rights = crash.rights
+    name, data = crash.report
+    if crash.record.attribution:
+        report = _File(name, crash.record.attribution, "what its register says of the crash", data)
+    elif rights.fictional:
+        report = _File(name, rights.licence, "a fictional report as NHTSA's CrashAPI would serve it", data)
+    else:
+        report = _File(name, _PUBLIC, "the report as NHTSA's CrashAPI serves it", data)
+    return [
+        report,
+        _File("summary.txt", _CC0, "the report in words", (crash.record.summary + "\n").encode()),
+        _File("map.osm", rights.licence, "the OSM data the maps were made of", crash.osm_xml),
+        _File("map.xodr", rights.licence, f"OpenDRIVE 1.7; its marks allow the crash{stand}", crossable),
+        _File("map_legal_marks.xodr", rights.licence, "the same roads with the marks the law paints", legal),
+    ]
+
+
+def _scenarios(crash: PackageInput) -> list[_File]:
+    scenarios = OpenScenarios(crash.record, crash.network, crash.log)
+
+    def scenario(name: str, flavour: Flavour, what: str) -> _File:
+        return _File(name, _CC0, what, scenarios.write(flavour))
+
+    files = [
+        scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: everybody follows their trajectory"),
+        scenario("scenario.carla.xosc", Flavour(carla=True), "OpenSCENARIO 1.0 for CARLA's ScenarioRunner 0.9.16"),
+    ]
+    for number in _left_free(crash.log):
+        what = f"with V{number} left to a controller of yours"
+        files += [
+            scenario(f"scenario.free_V{number}.xosc", Flavour(free=number), f"OpenSCENARIO 1.2, {what}"),
+            scenario(
+                f"scenario.conflict_V{number}.xosc",
+                Flavour(free=number, keeps_conflict=True),
+                f"OpenSCENARIO 1.2, {what}, whom it met coming when it comes",
+            ),
+            scenario(
+                f"scenario.carla.free_V{number}.xosc",
+                Flavour(carla=True, free=number),
+                f"for ScenarioRunner, {what} (external_control)",
+            ),
+        ]
+    return files
+
+
+def _left_free(log: SimulationLog) -> list[int]:
+    """The vehicles that a controller can drive: each in turn, if there is another party."""
+    if len(log.parties) < 2:
+        return []
+    return sorted(each.number for each in log.parties if not log.is_figure(each.number))
+
+
+def _results(crash: PackageInput) -> list[_File]:
+    content = crash.replay or replay_content(
+        crash.record,
+        crash.network,
+        crash.log,
+        crash.verdict,
+        surroundings=crash.surroundings,
+        sampled=crash.sampled,
+        in_3d=False,
+    )
+    replay = replay_page(content, in_3d=False)
+    files = [
+        _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
+        _File(
+            "trajectories.json",
+            _CC0,
+            "the simulated motion and contacts",
+            log_to_json(crash.record.key, crash.log),
+        ),
+        _File(
+            "courses.json",
+            _CC0,
+            "everybody's course without the crash, each driver's route and goal",
+            courses_to_json(crash.record.key, crash.drives),
+        ),
+        _File(
+            "lanes.json",
+            crash.rights.licence,
+            "the lanes of the map as points, with the lanes after and beside each",
+            lanes_to_json(crash.record.key, crash.network),
+        ),
+        _File("map_report.json", _CC0, "the crash's place on the map, gates", map_report_to_json(crash.map_report)),
+        _File("verdict.json", _CC0, "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
+        _File("replay.html", crash.rights.licence, "the crash to watch, in any browser", replay),
+        _File("picture.png", crash.rights.licence, "the crash from above", crash.picture or _drawn(crash)),
+        _File("provenance.json", _CC0, "code, settings and inputs of every step", _json(crash.provenance)),
+    ]
+    struck = strikes(crash.log)
+    if struck:
+        files.append(_File("strikes.json", _CC0, "of each person struck: trigger, path, impact point", _json(struck)))
+    if crash.sampled is not None:
+        what = (
+            "what the report leaves open: draws of the crash, weighed by the report, their intervals and likely courses"
+        )
+        files.append(_File("intervals.json", _CC0, what, samples_to_json(crash.sampled)))
+        what = "courses that agree with the report as weighted plans of all parties, for an agent to be put into each"
+        files.append(
+            _File("ensemble.json", _CC0, what, ensemble_to_json(crash.record.key, crash.estimate, crash.sampled))
+        )
+    if crash.variation is not None:
+        files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
+    return files
+
+
+def _drawn(crash: PackageInput) -> bytes:
+    svg = draw_crash(
+        crash.record,
+        crash.network,
+        crash.map_report,
+        crash.estimate,
+        crash.log,
+        crash.verdict,
+        surroundings=crash.surroundings,
+    )
+    return as_png(pixels_of(svg, WIDTH_PX))
+
+
+def _readme(crash: PackageInput, files: list[_File]) -> bytes:
+    return render_document(
+        "package_readme.md.jinja",
+        rights=crash.rights,
+        crash=crash.record,
+        variation=crash.variation,
+        frame=crash.network.frame,
+        contact=crash.log.first_contact,
+        verdict=crash.verdict,
+        label_in_words=label_in_words,
+        judged=[criterion for criterion in crash.verdict.criteria if criterion.reason is not None],
+        log=crash.log,
+        people={party_label(number): body for number, body in sorted(crash.log.bodies.items()) if body.is_figure},
+        strikes=strikes(crash.log),
+        objects=crash.log.objects,
+        note=OBJECT_NOTE,
+        left_free=_left_free(crash.log),
+        party_label=party_label,
+        estimated_by=crash.estimate.run.in_words(),
+        vehicles={vehicle.number: vehicle for vehicle in crash.record.vehicles},
+        files=files,
+        inferred=crash.map_report.inferred_roads,
+    )
+
+
+def _json(value: object) -> bytes:
+    return (json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()

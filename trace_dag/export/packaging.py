@@ -1,0 +1,109 @@
+"""Stored crashes as scenario packages.
+
+Belongs here: which stored artefacts make up a package or an exported scenario. Does not belong here: what either looks
+like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.export.build`,
+:mod:`trace_dag.export.export`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from trace_dag.common.stage import Stage
+from trace_dag.flow.artefacts import (
+    ESTIMATE,
+    EXTRACT,
+    LOGS,
+    MAP_REPORT,
+    RECORD,
+    ROAD_MAP,
+    SAMPLED,
+    VERDICT,
+    XODR,
+    report_file,
+    surroundings_of,
+)
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.records import Records
+
+if TYPE_CHECKING:
+    from trace_dag.agents.stored_cases import StoredCase
+    from trace_dag.pages.replay_content import ReplayContent
+
+
+def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[str, bytes]:
+    """The scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand."""
+    from trace_dag.agents.stored_cases import case_of
+    from trace_dag.export.package import PackageInput, package_files
+    from trace_dag.osm.xml import write_osm
+    from trace_dag.scenario.drives import drives_of
+
+    verdict, picture = files.load(VERDICT), files.picture("png")
+    return package_files(
+        PackageInput(
+            record=files.load(RECORD),
+            report=report_file(files),
+            osm_xml=write_osm(files.load(EXTRACT)),
+            map_xodr=files.load(XODR),
+            provenance={
+                stage.value: {
+                    "code": record.provenance.code,
+                    "settings": record.provenance.settings,
+                    "inputs": record.provenance.inputs,
+                    "fingerprint": record.fingerprint,
+                }
+                for stage, record in files.records.items()
+            },
+            network=files.load(ROAD_MAP),
+            map_report=files.load(MAP_REPORT),
+            estimate=files.load(ESTIMATE),
+            log=files.load(LOGS)[verdict.hypothesis],
+            verdict=verdict,
+            drives=drives_of(case_of(files, files.settings.sim)),
+            surroundings=surroundings_of(files),
+            picture=files.storage.read_whole(picture) if picture else None,
+            replay=replay,
+            sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
+        )
+    )
+
+
+def package_of_variation(stored: StoredCase) -> dict[str, bytes]:
+    """Return the scenario package of a variation, by file name, with a verdict that compares it with the report."""
+    from trace_dag.agents.stored_cases import load_case
+    from trace_dag.agents.stored_variations import abouts, read_variation
+    from trace_dag.export.package import PackageInput, package_files
+    from trace_dag.osm.xml import write_osm
+    from trace_dag.scenario.drives import drives_of
+    from trace_dag.verdict.judge import judge
+
+    if stored.variation is None:
+        raise ValueError(f"{stored.key} is not a variation")
+    files = stored.files.unread()
+    varied = read_variation(files.storage, stored.variation)
+    record, network, map_report = files.load(RECORD), files.load(ROAD_MAP), files.load(MAP_REPORT)
+    about: dict[str, Any] = abouts().dump_python(varied.about, mode="json")
+    verdict = judge(record, network, map_report, varied.estimate, [varied.log], files.settings.verdict)
+    return package_files(
+        PackageInput(
+            record=record,
+            report=report_file(files),
+            osm_xml=write_osm(files.load(EXTRACT)),
+            map_xodr=files.load(XODR),
+            provenance={"variation": {"code": varied.about.code_version, "request": asdict(varied.about.request)}},
+            network=network,
+            map_report=map_report,
+            estimate=varied.estimate,
+            log=varied.log,
+            verdict=verdict,
+            drives=drives_of(load_case(stored)),
+            variation=about,
+        )
+    )
+
+
+def map_attribution(records: Records) -> str:
+    """The attribution that a crash's map needs; empty if there is no map."""
+    record = records.get(Stage.OSM_EXTRACT)
+    return str(record.figures.get("attribution") or "") if record else ""

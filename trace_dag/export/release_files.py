@@ -1,0 +1,368 @@
+"""What stands beside the packages of a benchmark release: index, datasheet, checksums, citation, and its archive.
+
+A release is a folder ``trace-dag-benchmark-<version>``: ``packages/<key>.zip``, ``index.parquet`` and ``index.json``
+with a row per package, ``README.md`` (with the head of a data set card), ``PROTOCOL.md``, ``croissant.json``,
+``datacite.json``, ``DATASHEET.md`` (after Gebru et al., Datasheets for Datasets, CACM 64(12), 2021), ``LICENSES.md``,
+``CITATION.cff`` and ``SHA256SUMS`` over all of them. The same crashes give the same bytes.
+Belongs here: what these say. Does not belong here: collecting it (:mod:`trace_dag.export.release`).
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import tarfile
+import zipfile
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Literal
+
+from trace_dag.agents.evaluation.splits import SITE_M, Split
+from trace_dag.common.errors import Reason
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.schemas import Column, ColumnType, TableSchema
+from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.keys import FARS
+from trace_dag.crash.kind import CrashKind
+from trace_dag.export.documents import render_document
+from trace_dag.export.geoparquet import geoparquet
+from trace_dag.export.release_metadata import croissant, datacite, licences
+from trace_dag.osm.rights import Rights
+from trace_dag.verdict.types import Grade
+from trace_dag.version import __version__
+
+NAME = "trace-dag-benchmark"
+CHECKSUMS = "SHA256SUMS"
+
+ArchiveFormat = Literal["tar", "zip"]
+Row = Mapping[str, Any]
+
+_T = ColumnType
+RELEASE_INDEX = TableSchema(
+    "release_index",
+    "One row per scenario package of a release",
+    (
+        Column("key", _T.TEXT, "Key of the crash, <caseYear>-<stateCase> or <register>-<id>", required=True),
+        Column("split", _T.TEXT, "Part it belongs to: train, validation or test; no site is in two", required=True),
+        Column("weight", _T.REAL, "Weight to stand for a country's crashes, 1 in the mean; null without tables"),
+        Column("package", _T.TEXT, "Its package, a path in the release", required=True),
+        Column("package_bytes", _T.INTEGER, "Size of the package", required=True),
+        Column("package_sha256", _T.TEXT, "SHA-256 of the package, hexadecimal", required=True),
+        Column("cohort", _T.TEXT, "Cohort it was run in"),
+        Column("register", _T.TEXT, "Register that the report is of: fars, or the name of another"),
+        Column("case_year", _T.INTEGER, "Year of the case file", source="CaseYear"),
+        Column("state_case", _T.INTEGER, "Case number, unique in its year", source="ST_CASE"),
+        Column("state_name", _T.TEXT, "State"),
+        Column("place", _T.TEXT, "City, county and state as labelled"),
+        Column("latitude_deg", _T.REAL, "Reported latitude, WGS84", unit="deg", source="LATITUDE"),
+        Column("longitude_deg", _T.REAL, "Reported longitude, WGS84", unit="deg", source="LONGITUD"),
+        Column("month", _T.INTEGER, "Month of the crash"),
+        Column("hour", _T.INTEGER, "Hour of the crash, local time"),
+        Column("kind", _T.TEXT, "Kind of crash", source="HARM_EV, VE_FORMS, SOE"),
+        Column("collision_type", _T.TEXT, "Coverage class of the manner of collision", source="MAN_COLL"),
+        Column("road_topology", _T.TEXT, "Coverage class of the intersection", source="TYP_INT"),
+        Column("vehicle_trajectory", _T.TEXT, "Coverage class of the courses of the pair", source="ACC_TYPE"),
+        Column("vehicles", _T.INTEGER, "Vehicles in the report"),
+        Column("vehicle_classes", _T.TEXT, "Bodies of the vehicles in transport, by their numbers"),
+        Column("speeds_reported", _T.INTEGER, "Vehicles in transport with a reported speed", source="TRAV_SP"),
+        Column("fatalities", _T.INTEGER, "People who died", source="FATALS"),
+        Column("severity", _T.TEXT, "How badly anybody was hurt: K, A, B, C or O", source="INJ_SEV, FATALS"),
+        Column("attribution", _T.TEXT, "Whom the report is to be attributed to; null of FARS, public domain"),
+        Column("trafficway_1", _T.TEXT, "Road of the crash", source="TWAY_ID"),
+        Column("trafficway_2", _T.TEXT, "Crossing road", source="TWAY_ID2"),
+        Column("map_attribution", _T.TEXT, "Whom the map is to be attributed to, and its licence"),
+        Column("estimator", _T.TEXT, "What estimated the states, such as analytic or llm"),
+        Column("asked_estimator", _T.TEXT, "What was asked for the states; it made none where it is another"),
+        Column("fallback_reason", _T.TEXT, "Why it made none"),
+        Column("ambiguity", _T.REAL, "Posterior share of the sides that the best one does not come from, 0 to 1"),
+        Column("backend", _T.TEXT, "Simulator and its version"),
+        Column("rule_set", _T.TEXT, "Rules it was verified by"),
+        Column("label", _T.TEXT, "What happens: verified (all reported that can be modelled) or first_event_only"),
+        Column("grade", _T.TEXT, "How well it is supported: corroborated or consistent"),
+        Column("support", _T.REAL, "Sum of the weights of all facts of the report, natural logarithm"),
+        Column("independent_facts", _T.INTEGER, "Different facts of the report that agree with map or course"),
+        Column("contact_distance_m", _T.REAL, "First contact, or overturn, from the reported point", unit="m"),
+        Column("judged_distance_m", _T.REAL, "The same along the road, for what stands beside it", unit="m"),
+        Column("moved_m", _T.REAL, "How far the reported point was moved onto a road", unit="m"),
+        Column("events_reported", _T.INTEGER, "Harmful events of the report", source="SOE"),
+        Column("events_happened", _T.INTEGER, "Harmful events that happen in the simulation"),
+        Column("events_not_modelled", _T.INTEGER, "Harmful events that no simulation can have"),
+        Column("alternatives", _T.TEXT, "What else is likely beside the course in the package, in words"),
+        Column(
+            "clock_error_max_positions",
+            _T.REAL,
+            "Impact against the reported clock position, the worse vehicle",
+            unit="h",
+        ),
+        Column(
+            "speed_error_initial_max_rel",
+            _T.REAL,
+            "Initial speed against the reported one, the worse vehicle, relative",
+        ),
+        Column("closing_speed_mps", _T.REAL, "Speed at which the vehicles closed", unit="mps"),
+        Column("approach_angle_deg", _T.REAL, "Angle between their headings at contact", unit="deg"),
+        Column("delta_v_max_mps", _T.REAL, "Change of velocity, the larger of the two", unit="mps"),
+    ),
+)
+
+_CLASSES: Mapping[str, type[StrEnum]] = {
+    "collision_type": CollisionType,
+    "road_topology": RoadTopology,
+    "vehicle_trajectory": VehicleTrajectory,
+}
+_MOVERS = {
+    CrashKind.PEDESTRIAN: "pedestrians",
+    CrashKind.CYCLIST: "cyclists and others on conveyances",
+    CrashKind.ANIMAL: "animals",
+}
+_EVENT_COUNTS = ("events_reported", "events_happened", "events_not_modelled")
+_THOUSAND = 1000
+_EPOCH_S = 315532800  # 1980-01-01, the first date a zip archive knows
+
+
+@dataclass(frozen=True, eq=False)
+class BenchmarkRelease:
+    """What a release is made of: ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not
+    (warehouse table ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`. ``made_on`` is the day
+    on which the newest of them was verified, as ISO 8601 has it."""
+
+    version: str
+    made_on: str
+    cohorts: Sequence[str]
+    crashes: Sequence[Row]
+    packages: Sequence[Row]
+
+    @property
+    def name(self) -> str:
+        """Name of its folder and archive."""
+        return f"{NAME}-{self.version}"
+
+    @property
+    def rights(self) -> Rights:
+        """What may be done with the maps of all packages together."""
+        return Rights.of(str(row["map_attribution"]) for row in self.packages)
+
+
+def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
+    """The files beside the packages by name, all but the checksums.
+
+    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
+    >>> row = dict.fromkeys(column.name for column in RELEASE_INDEX.columns)
+    >>> row |= {"key": "2023-510001", "map_attribution": OSM_ATTRIBUTION, "latitude_deg": 37.0, "longitude_deg": -78.0}
+    >>> row["case_year"] = 2023
+    >>> row |= {"split": "train", "package": "packages/2023-510001.zip", "package_bytes": 1, "package_sha256": ""}
+    >>> files = release_documents(BenchmarkRelease("1.0", "2026-01-31", ["va-2023"], [], [row]))
+    >>> b"2023-510001" in files["index.json"], b"ODbL" in files["LICENSES.md"]
+    (True, True)
+    """
+    index = _index_parquet(release)
+    return {
+        "README.md": _card(release) + _rendered("release_readme.md.jinja", release),
+        "PROTOCOL.md": _rendered("release_protocol.md.jinja", release),
+        "DATASHEET.md": _rendered("release_datasheet.md.jinja", release),
+        "CITATION.cff": _rendered("release_citation.cff.jinja", release),
+        "LICENSES.md": render_document(
+            "licenses.md.jinja",
+            rights=release.rights,
+            inferred=True,
+            **_registers(release),
+        ),
+        "index.json": _index_json(release),
+        "index.parquet": index,
+        "croissant.json": croissant(
+            NAME, release.version, release.made_on, _about(release), release.rights, RELEASE_INDEX, index
+        ),
+        "datacite.json": datacite(
+            NAME,
+            release.version,
+            release.made_on,
+            f"{NAME}: crashes reconstructed from police reports, as scenarios",
+            _about(release),
+            release.rights,
+            _box_deg(release),
+        ),
+    }
+
+
+def _registers(release: BenchmarkRelease) -> dict[str, Any]:
+    """Where the reports are from, for the documents: whether FARS is among the registers, and the others."""
+    return {
+        "registers": sorted({row["attribution"] for row in release.packages if row.get("attribution")}),
+        "fars": any(row.get("register") in (None, FARS) for row in release.packages),
+    }
+
+
+def checksums(sha256_by_name: Mapping[str, str]) -> bytes:
+    """``SHA256SUMS`` as ``sha256sum --check`` reads it.
+
+    >>> checksums({"b.zip": "22", "a.zip": "11"})
+    b'11  a.zip\\n22  b.zip\\n'
+    """
+    return "".join(f"{sha256}  {name}\n" for name, sha256 in sorted(sha256_by_name.items())).encode()
+
+
+def read_checksums(data: bytes) -> dict[str, str]:
+    """SHA-256 by name of a ``SHA256SUMS``.
+
+    >>> read_checksums(b"11  a.zip\\n22  b.zip\\n")
+    {'a.zip': '11', 'b.zip': '22'}
+    """
+    lines = (line.split("  ", 1) for line in data.decode().splitlines() if line)
+    return {name: sha256 for sha256, name in lines}
+
+
+def write_archive(folder: Path, names: Iterable[str], target: Path, archive_format: ArchiveFormat) -> None:
+    """One archive of files of a release's folder, the same bytes for the same files, never more than one in memory.
+
+    Packages are compressed already, so the archive stores them as they are.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as made:
+    ...     _ = (Path(made) / "README.md").write_bytes(b"about this")
+    ...     write_archive(Path(made), ["README.md"], Path(made) / "release.zip", "zip")
+    ...     [name.split("/")[1] for name in zipfile.ZipFile(Path(made) / "release.zip").namelist()]
+    ['README.md']
+    """
+    if archive_format == "tar":
+        with tarfile.open(target, "w", format=tarfile.USTAR_FORMAT) as tar:
+            for name in sorted(names):
+                entry = tarfile.TarInfo(f"{folder.name}/{name}")
+                entry.size, entry.mtime, entry.mode = (folder / name).stat().st_size, _EPOCH_S, 0o644
+                with (folder / name).open("rb") as content:
+                    tar.addfile(entry, content)
+        return
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
+        for name in sorted(names):
+            stored = zipfile.ZipInfo(f"{folder.name}/{name}")  # dated 1980-01-01
+            stored.create_system, stored.external_attr = 3, 0o644 << 16
+            archive.writestr(stored, (folder / name).read_bytes())
+
+
+# --- documents ---------------------------------------------------------------------------------------------------
+def _card(release: BenchmarkRelease) -> bytes:
+    """The head of a data set card as the Hugging Face hub reads it, in front of the README."""
+    names = [each.rpartition("/")[2].lower() for each in licences(release.rights)]
+    lines = [
+        "---",
+        f"pretty_name: {NAME} {release.version}",
+        f"license: {names[0] if len(names) == 1 else 'other'}",
+        *([] if len(names) == 1 else [f"license_name: {'-and-'.join(names)}", "license_link: LICENSES.md"]),
+        "language: [en]",
+        "tags: [automated-driving, crash-reconstruction, openscenario, opendrive, fars, croissant]",
+        f"size_categories: [{'n<1K' if len(release.packages) < _THOUSAND else '1K<n<10K'}]",
+        "configs:",
+        "  - config_name: crashes",
+        "    data_files: index.parquet",
+        "---",
+        "",
+        "",
+    ]
+    return "\n".join(lines).encode()
+
+
+def _about(release: BenchmarkRelease) -> str:
+    what = "fictional" if release.rights.fictional else "police-reported"
+    crashes = counted(len(release.packages), f"{what} crash", f"{what} crashes")
+    return (
+        f"{crashes}, each with its report, an OpenDRIVE map of the road, the simulated "
+        "motion of everybody, OpenSCENARIO files and the verdict by which it agrees with the report; split by place "
+        "for training, validation and test."
+    )
+
+
+def _box_deg(release: BenchmarkRelease) -> tuple[float, float, float, float]:
+    """West, south, east and north of the crashes."""
+    places = [(float(row["longitude_deg"]), float(row["latitude_deg"])) for row in release.packages]
+    east_west, north_south = zip(*places, strict=True)
+    return min(east_west), min(north_south), max(east_west), max(north_south)
+
+
+def _index_json(release: BenchmarkRelease) -> bytes:
+    content = {
+        "name": NAME,
+        "version": release.version,
+        "made_by": f"trace-dag {__version__}",
+        "columns": RELEASE_INDEX.dictionary(),
+        "packages": [{column.name: row[column.name] for column in RELEASE_INDEX.columns} for row in release.packages],
+    }
+    return (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def _index_parquet(release: BenchmarkRelease) -> bytes:
+    import pyarrow as pa
+
+    return geoparquet(pa.Table.from_pylist(list(release.packages), schema=RELEASE_INDEX.arrow()))
+
+
+def _rendered(template: str, release: BenchmarkRelease) -> bytes:
+    packed = {row["kind"] for row in release.packages}
+    return render_document(
+        template,
+        release=release,
+        rights=release.rights,
+        name=NAME,
+        made_by=f"trace-dag {__version__}",
+        **_registers(release),
+        columns=RELEASE_INDEX.dictionary(),
+        classes={name: _by_class(release, name, values) for name, values in _CLASSES.items()},
+        kinds=_kinds(release),
+        movers=["motor vehicles", *(words for kind, words in _MOVERS.items() if kind in packed)],
+        trailers=any("trailer" in str(row["vehicle_classes"] or "") for row in release.packages),
+        **{name: sum(int(row[name] or 0) for row in release.packages) for name in _EVENT_COUNTS},
+        states=Counter(str(crash["final_state"]) for crash in release.crashes),
+        reasons=_reasons(release),
+        figures=_figures(release),
+        years=sorted({int(row["case_year"]) for row in release.packages}),
+        places=Counter(str(row["state_name"] or "unknown") for row in release.packages).most_common(),
+        bodies=Counter(
+            body for row in release.packages for body in str(row["vehicle_classes"] or "").split(", ") if body
+        ).most_common(),
+        rule_sets=Counter(str(row["rule_set"]) for row in release.packages).most_common(),
+        estimators=Counter(_estimator(row) for row in release.packages).most_common(),
+        backends=Counter(str(row["backend"]) for row in release.packages).most_common(),
+        speeds_reported=sum(int(row["speeds_reported"] or 0) for row in release.packages),
+        splits=[(each.value, sum(row["split"] == each for row in release.packages)) for each in Split],
+        site_m=SITE_M,
+        megabytes=sum(int(row["package_bytes"]) for row in release.packages) / 1e6,
+    )
+
+
+def _estimator(row: Row) -> str:
+    made, asked = row["estimator"], row["asked_estimator"]
+    return str(made) if made == asked else f"{made} in place of {asked}"
+
+
+def _kinds(release: BenchmarkRelease) -> list[tuple[str, int, int, int]]:
+    """Each kind of crash with how many are registered, packed, and corroborated."""
+    registered = Counter(crash["kind"] for crash in release.crashes)
+    packed = Counter(row["kind"] for row in release.packages)
+    sure = Counter(row["kind"] for row in release.packages if row["grade"] == Grade.CORROBORATED)
+    counts = [(kind.value, registered[kind], packed[kind], sure[kind]) for kind in CrashKind]
+    return [each for each in counts if each[1] or each[2]]
+
+
+def _by_class(release: BenchmarkRelease, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:
+    """Each class with its crashes registered and packed; those that occur nowhere left out."""
+    registered = Counter(crash[name] for crash in release.crashes)
+    packed = Counter(row[name] for row in release.packages)
+    return [(each.value, registered[each.value], packed[each.value]) for each in values if registered[each.value]]
+
+
+def _reasons(release: BenchmarkRelease) -> list[tuple[str, str, int]]:
+    """Why registered crashes are not in it: stage, reason, crashes."""
+    rejected = Counter(crash["reason"] for crash in release.crashes if crash["final_state"] == "rejected")
+    return [(reason.stage.value, reason.value, rejected[reason.value]) for reason in Reason if rejected[reason.value]]
+
+
+def _figures(release: BenchmarkRelease) -> list[tuple[str, str, int, float, float, float]]:
+    """What the scenarios measure: column, unit, how many have it, least, median and largest."""
+    rows = []
+    for column in RELEASE_INDEX.columns:
+        if column.unit in ("m", "h", "mps") or column.name.endswith("_rel"):
+            known = [float(row[column.name]) for row in release.packages if row[column.name] is not None]
+            if known:
+                rows.append((column.meaning, column.unit, len(known), min(known), statistics.median(known), max(known)))
+    return rows

@@ -1,0 +1,63 @@
+"""Cases that the CrashAPI has released since a cohort was chosen: registering them, and asking again for those awaited.
+
+A cohort follows the service by the choices it was made with (``trace-dag ingest --crashapi ... --watch``). A case that
+was listed before its report was released stands rejected as ``not_released``; it is worth asking for again.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from trace_dag.common.errors import UserError
+from trace_dag.common.settings import ServiceSettings
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.cohorts.ingest import ingest
+from trace_dag.flow.cohorts.registry import Registry, in_order
+from trace_dag.flow.cohorts.services import crash_api
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class NewCases:
+    """A look at the service: how many cohorts follow it, cases listed for the first time, and cases still awaited."""
+
+    followers: int
+    added: tuple[str, ...] = ()
+    awaited: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All crashes whose report is to be asked for."""
+        return tuple(in_order((*self.added, *self.awaited)))
+
+
+def register_new_cases(
+    storage: Storage, services: ServiceSettings, not_released: Callable[[Collection[str]], Collection[str]]
+) -> NewCases:
+    """Ask the service for the lists of cases again, for every cohort that follows it, and register what is new.
+
+    ``not_released`` tells which of some crashes had no report yet when it was last asked for. Raises TransientFailure
+    or Failure where the service does not answer; what was registered before that stays.
+    """
+    cohorts = [cohort for cohort in Registry(storage).cohorts().values() if cohort.followed]
+    added: list[str] = []
+    awaited: list[str] = []
+    for cohort in cohorts:
+        awaited += not_released([key for key, report in cohort.reports.items() if report.kind == "crashapi"])
+        for choice in cohort.followed:
+            try:
+                found = ingest(
+                    storage,
+                    cohort.name,
+                    crash_api=crash_api(services, storage),
+                    case_lists=crash_api(services, storage, refresh=True),
+                    choice=choice,
+                )
+            except UserError as error:  # the service lists no such case yet
+                log.warning("cohort %s: %s", cohort.name, error)
+                continue
+            added += found.registration.added
+    return NewCases(len(cohorts), tuple(in_order(added)), tuple(in_order(awaited)))

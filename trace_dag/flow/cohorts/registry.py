@@ -1,0 +1,342 @@
+"""Which crashes there are: cohorts, each with its reports and its maps.
+
+One file per cohort, ``ROOT/cohorts/<name>.json``. A crash belongs to the cohort that registered it first, so that
+every crash is counted once. Registering again is harmless: what is known stays, what is new is added, a report that
+changed is noted as changed. Does not belong here: reading reports or maps.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+from pydantic import TypeAdapter, ValidationError
+
+from trace_dag.common.errors import DamagedFile, UserError
+from trace_dag.common.provenance import combined_digest, now
+from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.files import Storage
+from trace_dag.crash.keys import parse_key
+from trace_dag.flow.cohorts.choice import Choice
+
+_FOLDER = "cohorts"
+_COPIES = "cohorts/copies"  # of each file, in case one is lost: nothing else says where reports and maps are
+_REMEDY = "trace-dag verify --repair puts it back from its copy"
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
+
+
+@dataclass(frozen=True)
+class ReportSource:
+    """Where a crash's report comes from.
+
+    ``file``: ``location`` is a path. ``stored``: a name below the storage root. ``crashapi``: the service, asked for
+    this crash (``location`` is empty). ``sha256`` of the content where it is known beforehand.
+    """
+
+    kind: Literal["file", "stored", "crashapi"]
+    location: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class RegisteredMap:
+    """A file of OSM data: a path, or a name below the storage root if ``stored``."""
+
+    location: str
+    sha256: str
+    size: int
+    stored: bool = False
+
+
+@dataclass(frozen=True)
+class CrashSource:
+    """Everything outside the storage's stages that a crash is made from."""
+
+    cohort: str
+    report: ReportSource
+    maps: tuple[RegisteredMap, ...] = ()
+    map_service: str | None = None
+    lost_maps: str | None = None
+
+    @property
+    def maps_digest(self) -> str:
+        """One SHA-256 for all map files and the service beside them."""
+        if self.lost_maps is not None and not self.maps:
+            return self.lost_maps
+        return _maps_digest(self.maps, self.map_service)
+
+
+@lru_cache(maxsize=64)
+def _maps_digest(maps: tuple[RegisteredMap, ...], map_service: str | None) -> str:
+    """Thousands of crashes share their maps."""
+    files = {file.sha256: Path(file.location).name for file in maps}
+    return combined_digest(files | ({"service": map_service} if map_service else {}))
+
+
+@dataclass(frozen=True)
+class Cohort:
+    """A named set of crashes that share their maps. Reports by key.
+
+    ``map_service`` is asked where no map file covers a crash. ``origins`` says, once for each time the cohort grew,
+    where its crashes came from and how they were chosen. Reports that arrive in the ``watched`` folders join it, and
+    so do crashes of the ``followed`` choices that the CrashAPI releases later. ``lost_maps``: all that is known of its
+    maps is their digest, since the registry was lost; it counts until maps are registered again.
+    """
+
+    name: str
+    created_at: str
+    reports: dict[str, ReportSource] = field(default_factory=dict)
+    maps: tuple[RegisteredMap, ...] = ()
+    map_service: str | None = None
+    origins: tuple[str, ...] = ()
+    watched: tuple[str, ...] = ()
+    followed: tuple[Choice, ...] = ()
+    lost_maps: str | None = None
+
+    @property
+    def keys(self) -> list[str]:
+        """The crashes, in order."""
+        return in_order(self.reports)
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The result of registering: keys by whether they are new, known or changed."""
+
+    added: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+    known: tuple[str, ...] = ()
+    elsewhere: Mapping[str, str] = field(default_factory=dict)  # key -> the cohort it belongs to
+    maps_added: int = 0
+
+
+_COHORTS = TypeAdapter(Cohort)
+
+
+def in_order(keys: Iterable[str]) -> list[str]:
+    """Keys of FARS by year, then by state case as a number, then each other register's; each once: the order in which
+    they are registered.
+
+    >>> in_order(["2023-510010", "tempe-7", "2023-40002", "2015-390503", "2023-510010"])
+    ['2015-390503', '2023-40002', '2023-510010', 'tempe-7']
+    """
+    return sorted(set(keys), key=lambda key: parse_key(key).order)
+
+
+class Registry:
+    """The cohorts of one storage root. A file that is as it was is not taken apart again: a year has 5 MB of them."""
+
+    def __init__(self, storage: Storage) -> None:
+        self._storage = storage
+        self._known: dict[str, tuple[bytes, Cohort]] = {}
+
+    def cohorts(self) -> dict[str, Cohort]:
+        """All cohorts by name; :class:`DamagedFile` for one that is lost or not as it was written."""
+        names = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")}
+        for name in sorted(self._copied() - names):
+            raise DamagedFile(name, "it is not there", _REMEDY)
+        found = {}
+        for name, data in sorted(self._storage.read_many(names).items()):
+            if name not in self._known or self._known[name][0] != data:
+                self._known[name] = (data, _cohort(name, data))
+            cohort = self._known[name][1]
+            found[cohort.name] = cohort
+        return found
+
+    def damage(self) -> list[DamagedFile]:
+        """The files of cohorts, and their copies, that are lost or not as they were written."""
+        there = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")} | self._copied()
+        found = []
+        for name in sorted(there):
+            for each in (name, _copy_of(name)):
+                try:
+                    _cohort(each, self._storage.read(each))
+                except FileNotFoundError:
+                    found.append(DamagedFile(each, "it is not there", _REMEDY))
+                except DamagedFile as damaged:
+                    found.append(damaged)
+        return found
+
+    def put_back(self, name: str) -> bool:
+        """Replace a file of a cohort by its copy, or the copy by the file; whether the one to take was whole."""
+        other = name.replace(_COPIES, _FOLDER) if name.startswith(_COPIES) else _copy_of(name)
+        try:
+            data = self._storage.read(other)
+            _cohort(other, data)
+        except (FileNotFoundError, DamagedFile):
+            return False
+        self._storage.write(name, data)
+        return True
+
+    def _copied(self) -> set[str]:
+        return {name.replace(_COPIES, _FOLDER) for name in self._storage.list(_COPIES) if name.endswith(".json")}
+
+    def _write(self, cohort: Cohort) -> None:
+        data = with_checksum(_COHORTS.dump_json(cohort))
+        for name in (f"{_FOLDER}/{cohort.name}.json", f"{_COPIES}/{cohort.name}.json"):
+            self._storage.write(name, data)
+
+    def listed(self) -> str:
+        """A digest (SHA-256, hexadecimal) of how the files of the cohorts are listed: another once one has changed."""
+        return hashlib.sha256(repr(sorted(self._storage.list(_FOLDER).items())).encode()).hexdigest()
+
+    def cohort(self, name: str) -> Cohort:
+        """One cohort; :class:`UserError` if it is not there."""
+        cohorts = self.cohorts()
+        if name not in cohorts:
+            raise UserError(f"cohort {name!r} is not registered; there is {', '.join(cohorts) or 'none yet'}")
+        return cohorts[name]
+
+    def keys(self, cohort: str | None = None) -> list[str]:
+        """The crashes of one cohort or of all, in order; :class:`UserError` for a cohort that is not there."""
+        if cohort is not None:
+            return self.cohort(cohort).keys
+        return in_order(key for each in self.cohorts().values() for key in each.reports)
+
+    def sources(self, keys: Iterable[str]) -> dict[str, CrashSource]:
+        """Where some crashes come from; :class:`UserError` for a key that is not registered."""
+        cohorts = self.cohorts().values()
+        found = {}
+        for key in keys:
+            parse_key(key)
+            for cohort in cohorts:
+                if key in cohort.reports:
+                    found[key] = CrashSource(
+                        cohort.name, cohort.reports[key], cohort.maps, cohort.map_service, cohort.lost_maps
+                    )
+                    break
+            else:
+                raise UserError(f"crash {key} is not registered in {self._storage.root}; see trace-dag ingest")
+        return found
+
+    def register(
+        self,
+        cohort: str,
+        reports: Mapping[str, ReportSource],
+        maps: Iterable[RegisteredMap] = (),
+        *,
+        map_service: str | None = None,
+        origin: str = "",
+        watched: Iterable[str] = (),
+        followed: Iterable[Choice] = (),
+        lost_maps: str | None = None,
+    ) -> Registration:
+        """Add reports and maps to a cohort, which is made if need be.
+
+        ``map_service`` replaces the one before if it is given; ``origin`` is noted if it brought crashes;
+        ``lost_maps`` is the digest of maps that are not known any more.
+        """
+        if not _NAME.fullmatch(cohort):
+            raise UserError(f"cohort name {cohort!r}: expected letters, digits, '-' and '_' only, 64 at most")
+        cohorts = self.cohorts()
+        before = cohorts.pop(cohort, None) or Cohort(cohort, now())
+        elsewhere = {key: other.name for other in cohorts.values() for key in reports if key in other.reports}
+        added, changed, known = [], [], []
+        for key in in_order(reports):
+            if key in elsewhere:
+                continue
+            if key not in before.reports:
+                added.append(key)
+            elif before.reports[key] != reports[key]:
+                changed.append(key)
+            else:
+                known.append(key)
+        new = {key: reports[key] for key in (*added, *changed)}
+        merged = {file.location: file for file in before.maps} | {file.location: file for file in maps}
+        after = replace(
+            before,
+            reports={key: new.get(key) or before.reports[key] for key in in_order((*before.reports, *added))},
+            maps=tuple(merged[location] for location in sorted(merged)),
+            map_service=map_service or before.map_service,
+            origins=(*before.origins, origin) if origin and added else before.origins,
+            watched=tuple(sorted({*before.watched, *watched})),
+            followed=tuple(dict.fromkeys((*before.followed, *followed))),
+            lost_maps=lost_maps or before.lost_maps,
+        )
+        if after != before or not before.reports:
+            self._write(after)
+        return Registration(tuple(added), tuple(changed), tuple(known), elsewhere, len(after.maps) - len(before.maps))
+
+    def drop_maps(self, files: Collection[str], cohort: str | None = None) -> dict[str, tuple[str, ...]]:
+        """Forget map files, given by path or name, in one cohort or in all; what was forgotten, by cohort.
+
+        What was cut from them is made anew by the next run. Raises :class:`UserError` for a file that no cohort has.
+        """
+        cohorts = [self.cohort(cohort)] if cohort is not None else list(self.cohorts().values())
+        gone = {each.name: {file: found for file in files if (found := _dropped(each, file))} for each in cohorts}
+        for file in files:
+            if not any(file in found for found in gone.values()):
+                raise UserError(f"{file}: no such map file is registered; trace-dag cohort maps lists them")
+        for each in cohorts:
+            left = tuple(file for file in each.maps if file not in gone[each.name].values())
+            if left != each.maps:
+                after = replace(each, maps=left)
+                self._write(after)
+        return {name: tuple(file.location for file in found.values()) for name, found in gone.items() if found}
+
+    def leaving(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
+        """The crashes that :meth:`remove` would take away, in order.
+
+        Raises :class:`UserError` for a cohort or a crash that is not there.
+        """
+        before = self.cohort(cohort)
+        for key in only:
+            if key not in before.reports:
+                raise UserError(
+                    f"crash {key} is not in cohort {cohort}; trace-dag cohort show {cohort} --json lists those that are"
+                )
+        return tuple(in_order(only or before.keys))
+
+    def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
+        """Forget a cohort, or some of its crashes; the crashes that are registered no more, in order.
+
+        What was made of them stays in storage. Raises as :meth:`leaving`.
+        """
+        gone = self.leaving(cohort, only)
+        if not only:
+            for folder in (_COPIES, _FOLDER):  # a copy without its file would be a loss
+                self._storage.delete(f"{folder}/{cohort}.json")
+            return gone
+        before = self.cohort(cohort)
+        left = {key: report for key, report in before.reports.items() if key not in only}
+        self._write(replace(before, reports=left))
+        return gone
+
+
+def _copy_of(name: str) -> str:
+    return name.replace(_FOLDER, _COPIES, 1)
+
+
+def _cohort(name: str, data: bytes) -> Cohort:
+    try:
+        cohort = _COHORTS.validate_python(checked(data, name=name))
+        if cohort.name != Path(name).stem:
+            raise DamagedFile(name, f"the file of cohort {cohort.name}", _REMEDY)
+        return cohort
+    except ValidationError as error:
+        raise DamagedFile(name, f"not a cohort file ({error.errors()[0]['msg']})", _REMEDY) from error
+    except DamagedFile as damaged:
+        raise damaged.mended_by(_REMEDY) from damaged
+
+
+def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:
+    """The map file of a cohort with this path or name; None if there is no such file."""
+    exact = [each for each in cohort.maps if each.location in (file, str(Path(file).absolute()))]
+    named = exact or [each for each in cohort.maps if Path(each.location).name == Path(file).name]
+    if len(named) > 1:
+        raise UserError(f"{file}: {len(named)} map files of cohort {cohort.name} are called so; give the whole path")
+    return named[0] if named else None
+
+
+def map_file(path: Path) -> RegisteredMap:
+    """A local map file with its digest."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return RegisteredMap(str(path.absolute()), digest.hexdigest(), path.stat().st_size)

@@ -1,0 +1,179 @@
+"""Where crashes come from, each as offers to choose from and reports to register: folders, FARS CSV, the CrashAPI.
+
+Belongs here: what each source offers under a choice, and how a chosen crash's report is found again by the first
+stage. Does not belong here: reading reports (:mod:`trace_dag.crash`) and storing cohorts (the registry).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from trace_dag.common.errors import Rejection, UserError
+from trace_dag.common.messages.progress import OnProgress
+from trace_dag.common.plugins import PluginKind, load
+from trace_dag.common.storage.files import Storage
+from trace_dag.crash.folder import FoundReport
+from trace_dag.crash.keys import fars_case
+from trace_dag.crash.listing import CrashListing, list_report
+from trace_dag.crash.table_reports import is_json
+from trace_dag.flow.cohorts.choice import Choice
+from trace_dag.flow.cohorts.registry import ReportSource
+
+if TYPE_CHECKING:
+    from trace_dag.crash.fars.crashapi import CrashApiClient
+
+
+class Source(Protocol):
+    """A source of crashes."""
+
+    @property
+    def name(self) -> str:
+        """How a cohort notes where its crashes came from."""
+        ...
+
+    def offers(self, choice: Choice) -> list[CrashListing]:
+        """The crashes that the choice admits, before any sample is taken, with what the choice needs to know of them.
+
+        Raises UserError for a source that cannot be read.
+        """
+        ...
+
+    def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
+        """Where the reports of some offered crashes are found from now on."""
+        ...
+
+
+@dataclass(frozen=True)
+class FolderSource:
+    """Reports found in folders."""
+
+    found: Sequence[FoundReport]
+    name: str = "reports"
+
+    def offers(self, choice: Choice) -> list[CrashListing]:
+        """See :class:`Source`. A report that cannot be read offers its key alone."""
+        if choice.takes_all:
+            return [_bare(report.key) for report in self.found]
+        return choice.admitted(_listed(report.key, report.path.read_bytes()) for report in self.found)
+
+    def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
+        """See :class:`Source`. Files stay where they lie; an object store takes copies."""
+        taken = {}
+        for report in self.found:
+            if report.key not in keys:
+                continue
+            if storage.local_root is not None:
+                taken[report.key] = ReportSource("file", str(report.path.absolute()), report.sha256)
+            else:
+                stored = storage.write(_stored_name(report.key), report.path.read_bytes())
+                taken[report.key] = ReportSource("stored", stored.name, report.sha256)
+        return taken
+
+
+class ReportTables(Protocol):
+    """What a package offers as a source of reports, opened at a location (entry points of the group
+    ``trace_dag.report_sources``: a class with ``open(location)``)."""
+
+    def notes(self) -> Sequence[str]:
+        """What is there and what is missing, in sentences. Raises UserError where that leaves nothing to do."""
+        ...
+
+    def listings(self) -> Iterable[CrashListing]:
+        """One line per crash there."""
+        ...
+
+    def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes]]:
+        """Key and report of the crashes asked for, in a form that :func:`trace_dag.crash.parse.read_report` reads."""
+        ...
+
+
+class TableSource:
+    """A source that reads whole tables: the register of a mapping, or what a package offers under a name, such as
+    ``fars-csv``, the national CSV files."""
+
+    def __init__(self, name: str, tables: ReportTables) -> None:
+        self.name = name
+        self._tables = tables
+        self.notes = tuple(tables.notes())
+
+    @classmethod
+    def of_plugin(cls, plugin: str, location: str) -> TableSource:
+        """The source that a package offers under a name, opened at a location."""
+        return cls(f"{plugin} {Path(location).name}", load(PluginKind.REPORT_SOURCE, plugin).open(location))
+
+    def offers(self, choice: Choice) -> list[CrashListing]:
+        """See :class:`Source`."""
+        return choice.admitted(self._tables.listings())
+
+    def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
+        """See :class:`Source`. Each report is kept below the root."""
+        taken = {}
+        present = storage.list("reports")
+        for key, data in self._tables.reports(keys):
+            name = _stored_name(key, "json" if is_json(data) else "xml")
+            if name not in present or storage.read(name) != data:
+                storage.write(name, data)
+            taken[key] = ReportSource("stored", name, hashlib.sha256(data).hexdigest())
+        return taken
+
+
+@dataclass(frozen=True)
+class CrashApiSource:
+    """The CrashAPI. What a list of cases does not say is looked up in the reports, which stay in the cache."""
+
+    client: CrashApiClient
+    progress: OnProgress | None = None
+    case_lists: CrashApiClient | None = None
+    name: str = "CrashAPI"
+
+    def offers(self, choice: Choice) -> list[CrashListing]:
+        """See :class:`Source`. Raises TransientFailure or Failure where the service does not answer."""
+        wanted = choice.wanted
+        if choice.cases:
+            cases = [_bare(key) for key in choice.cases]
+        elif wanted.states and wanted.years:
+            low, high = wanted.min_vehicles, wanted.max_vehicles
+            cases = (self.case_lists or self.client).list_cases(
+                wanted.states,
+                wanted.years,
+                min_vehicles=1 if low is None else low,
+                max_vehicles=99 if high is None else high,
+            )
+        else:
+            raise UserError("CrashAPI: say which cases to ask for, by states and years or by their keys")
+        if not choice.reads_reports:
+            # The service has counted the vehicles; its list does not repeat the numbers.
+            counted = replace(wanted, min_vehicles=None, max_vehicles=None)
+            return replace(choice, wanted=counted).admitted(cases)
+        return choice.admitted(self._looked_up(cases))
+
+    def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
+        """See :class:`Source`: the service is asked when the crash is run."""
+        return {key: ReportSource("crashapi") for key in keys}
+
+    def _looked_up(self, cases: Sequence[CrashListing]) -> Iterable[CrashListing]:
+        for done, case in enumerate(cases):
+            if self.progress is not None:
+                self.progress(done, len(cases))
+            yield _listed(case.key, self.client.report(case.key))
+        if self.progress is not None:
+            self.progress(len(cases), len(cases))
+
+
+def _bare(key: str) -> CrashListing:
+    return CrashListing(key, *fars_case(key))
+
+
+def _listed(key: str, data: bytes) -> CrashListing:
+    try:
+        return list_report(data, name=key)
+    except Rejection:
+        return _bare(key)
+
+
+def _stored_name(key: str, extension: str = "xml") -> str:
+    return f"reports/{key}.{extension}"

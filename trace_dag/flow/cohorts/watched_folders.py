@@ -1,0 +1,97 @@
+"""Folders that cohorts watch: which reports lie there now, and registering those that arrived.
+
+A folder is watched by the cohort that asked for it (``trace-dag ingest --reports DIR --cohort NAME --watch``). Files
+that may still be written to are left for the next look.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from trace_dag.common.errors import UserError
+from trace_dag.common.storage.files import Storage
+from trace_dag.crash.folder import Unrecognised
+from trace_dag.flow.cohorts.ingest import ingest
+from trace_dag.flow.cohorts.registry import Registry, in_order
+
+SETTLING_S: Final = 5.0
+"""A file changed more recently than this may not be whole yet."""
+_NAMED = 20
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """A look at the watched folders: ``state`` stands for what lies there, ``keys`` are new or changed crashes.
+
+    ``unread`` names the files that hold no report, and why; "" if all do.
+    """
+
+    state: str
+    folders: int
+    keys: tuple[str, ...] = ()
+    unread: str = ""
+
+    @property
+    def seen(self) -> str:
+        """What the next look takes to tell whether anything has changed since."""
+        return f"{self.state} {self.unread}"
+
+
+def register_arrivals(storage: Storage, seen: str = "") -> Arrivals:
+    """Look at the folders of all cohorts and register what is new; nothing is read where they are as ``seen``."""
+    watched = {name: cohort.watched for name, cohort in Registry(storage).cohorts().items() if cohort.watched}
+    files = {name: _settled(map(Path, folders)) for name, folders in watched.items()}
+    listing = {name: [(str(path), *about) for path, about in found.items()] for name, found in files.items()}
+    state = hashlib.sha256(json.dumps(listing).encode()).hexdigest()
+    folders = sum(map(len, watched.values()))
+    seen_state, _, unread_before = seen.partition(" ")
+    if state == seen_state:
+        return Arrivals(state, folders, unread=unread_before)
+    keys: list[str] = []
+    unread: list[Unrecognised] = []
+    for name, found in files.items():
+        if not found:
+            continue
+        try:
+            report = ingest(storage, name, reports=list(found), watch=True)
+        except UserError as error:
+            log.warning("cohort %s: %s", name, error)
+            continue
+        keys += [*report.registration.added, *report.registration.changed]
+        unread += report.unrecognised
+    return Arrivals(state, folders, tuple(in_order(keys)), _named(unread))
+
+
+def _named(unread: Sequence[Unrecognised]) -> str:
+    if not unread:
+        return ""
+    named = "; ".join(f"{each.path}: {each.why}" for each in unread[:_NAMED])
+    more = f"; and {len(unread) - _NAMED} more" if len(unread) > _NAMED else ""
+    return f"Not crash reports, left aside: {named}{more}"
+
+
+def _settled(folders: Iterable[Path]) -> dict[Path, tuple[int, int]]:
+    """The files below some folders with size and time of change, in order; those just written to are left out."""
+    now_s = time.time()
+    found: dict[Path, tuple[int, int]] = {}
+    for folder in folders:
+        if not folder.is_dir():
+            log.warning("%s: the watched folder is not there", folder)
+            continue
+        for path in sorted(folder.rglob("*")):
+            try:
+                status = path.stat()
+            except FileNotFoundError:
+                continue  # gone again
+            if path.is_file() and now_s - status.st_mtime >= SETTLING_S:
+                found[path] = (status.st_size, status.st_mtime_ns)
+    return found

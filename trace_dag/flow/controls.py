@@ -1,0 +1,60 @@
+"""Negative controls of a cohort: its verdicts against other crashes' reports, and with one party late, mirrored or
+moved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages.progress import OnProgress, silent
+from trace_dag.flow.records import OnProblem, raised
+from trace_dag.flow.stored_crashes import judged_crashes
+from trace_dag.flow.study_tables import CONTROLS, store
+from trace_dag.flow.workspace import Workspace
+from trace_dag.verdict.changed_plans import changed_estimate, changed_plans, changed_row
+from trace_dag.verdict.controls import ControlRow, changed_reports, true_pairing
+
+
+def negative_controls(
+    workspace: Workspace,
+    cohort: str,
+    *,
+    most: int,
+    on_progress: OnProgress = silent,
+    on_problem: OnProblem = raised,
+) -> list[ControlRow]:
+    """Every judged crash of a cohort against its own report, every verified one against every other's report of its
+    kind and with one vehicle late; of a crash with people the person late, and from the other side; of a vehicle that
+    leaves the road the side mirrored, and the object moved. Stored for the warehouse.
+
+    Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
+    at random. ``on_progress`` hears how many of how many are read, and then judged; ``on_problem`` of those left out.
+
+    Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
+    """
+    from trace_dag.simulation.embedded import EmbeddedBackend
+    from trace_dag.simulation.run import simulate
+
+    crashes = judged_crashes(
+        workspace, workspace.registry.keys(cohort), most=most, on_progress=on_progress, on_problem=on_problem
+    )
+    if not crashes:
+        raise UserError(f"no crash of cohort {cohort!r} has a verdict yet; trace-dag run --cohort {cohort} makes them")
+    settings = workspace.settings
+    kinds = {crash.judged.record.key: crash.judged.record.kind.value for crash in crashes}
+    rows = [true_pairing(crash.judged, settings.verdict) for crash in crashes]
+    verified = [crash.judged for crash in crashes if crash.verified]
+    backend = EmbeddedBackend(settings.sim)
+
+    for done, crash in enumerate(verified, 1):
+        rows += changed_reports(crash, verified, settings.verdict)
+        for name, changed in changed_plans(crash, settings.verdict):
+            log = None
+            if changed is not None:
+                states = changed_estimate(crash, changed)
+                (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
+            rows.append(changed_row(crash, name, changed, log, settings.verdict))
+        on_progress(done, len(verified))
+    rows = [replace(row, crash_kind=kinds[row.key]) for row in rows]
+    store(workspace, CONTROLS, cohort, rows)
+    return rows

@@ -1,0 +1,199 @@
+"""The LLM estimator: it asks, checks the answer, asks again with what was wrong, and lets the solver turn the choice
+into states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+from trace_dag.common.messages.wording import counted
+from trace_dag.common.settings import StateSettings
+from trace_dag.crash.event_sequence import CrashEvent
+from trace_dag.crash.record import CrashRecord
+from trace_dag.language.answer import Decision, WrongAnswer, decide, form, parse, schema_of, text_of
+from trace_dag.language.choices import Choices
+from trace_dag.language.client import LlmClient
+from trace_dag.language.ledger import SharedFiles, SpendingLedger
+from trace_dag.language.prompt import Prompt, ask_again
+from trace_dag.language.store import AnswerFiles, AnswerStore, StoredAnswer
+from trace_dag.reconstruction.analytic_hypotheses import NAME as ANALYTIC
+from trace_dag.reconstruction.analytic_hypotheses import VERSION as ANALYTIC_VERSION
+from trace_dag.reconstruction.analytic_hypotheses import first_contact, parties, ranked, solve_all
+from trace_dag.reconstruction.candidates import candidates
+from trace_dag.reconstruction.estimate import UnusableAnswers
+from trace_dag.reconstruction.pre_crash_scenarios import pre_crash_scenarios
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.simulation.states import EstimatorRun, Hypothesis, StateEstimate
+
+NAME = "llm"
+VERSION = "1"
+_MOST_CHECKS = 4
+
+
+class LlmFiles(AnswerFiles, SharedFiles, Protocol):
+    """Where answers and ledgers are kept; :class:`trace_dag.common.storage.files.Storage` is one."""
+
+
+def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger: str = "run") -> LlmClient:
+    """A client by the settings: answers, budget and rate kept in ``files`` (a storage root), else in memory.
+
+    Clients with the same ``files`` and the same ``ledger`` share budget and rate, over all processes and machines.
+
+    >>> llm_client(StateSettings(llm_model="a-model")).model
+    'a-model'
+    """
+    return LlmClient(
+        model=settings.llm_model,
+        timeout_s=settings.llm_timeout_s,
+        attempts=settings.llm_provider_attempts,
+        question_time_s=settings.llm_question_time_s,
+        max_output_tokens=settings.llm_max_output_tokens,
+        store=AnswerStore(files),
+        ledger=SpendingLedger(
+            settings.llm_budget_usd, settings.llm_requests_per_minute, files, settings.llm_ledger or ledger
+        ),
+    )
+
+
+@dataclass
+class _Tally:
+    """Attempts, tokens, cost and answers so far, for the provenance of the estimate."""
+
+    answers: list[dict[str, object]] = field(default_factory=list)
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost_usd: float = 0.0
+    latency_s: float = 0.0
+
+    def add(self, answer: StoredAnswer, complaints: list[str]) -> None:
+        self.prompt_tokens += answer.prompt_tokens
+        self.completion_tokens += answer.completion_tokens
+        self.cost_usd += answer.cost_usd
+        self.latency_s += answer.latency_s
+        self.answers.append(
+            {
+                "text": answer.text,
+                "finish_reason": answer.finish_reason,
+                "model": answer.model,
+                "prompt_tokens": answer.prompt_tokens,
+                "completion_tokens": answer.completion_tokens,
+                "cost_usd": answer.cost_usd,
+                "latency_s": answer.latency_s,
+                "complaints": complaints,
+            }
+        )
+
+    def run(self, settings: StateSettings) -> EstimatorRun:
+        return EstimatorRun(
+            estimator=NAME,
+            version=VERSION,
+            model=settings.llm_model,
+            prompt_version=settings.llm_prompt,
+            attempts=len(self.answers),
+            prompt_tokens=self.prompt_tokens,
+            completion_tokens=self.completion_tokens,
+            cost_usd=round(self.cost_usd, 8),
+            latency_s=round(self.latency_s, 3),
+            answers=tuple(self.answers),
+        )
+
+
+def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, client: LlmClient) -> StateEstimate:
+    """The contact of two vehicles with the approaches a language model chose.
+
+    A wrong answer is a counted attempt; after ``llm_max_attempts`` of them, or once they have taken
+    ``llm_question_time_s``, the fallback of the settings follows.
+
+    Raises:
+        Rejection: ``no_feasible_state``: no approach lets the vehicles meet, or no answer was usable and the fallback
+            is "reject" (:class:`UnusableAnswers`).
+        TransientFailure, Failure: the provider failed or the budget is spent, see :meth:`LlmClient.ask`.
+        UserError: no such prompt.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.reconstruction.analytic_hypotheses import build_scene
+    >>> class Unhelpful:  # in place of a client that asks a provider
+    ...     def ask(self, messages, *, prompt, schema):
+    ...         return StoredAnswer("I do not know.", "stop", "a-model", 900, 5, 0.0, 1.0)
+    >>> scene = build_scene(record, network, map_report, lead_time_s=5.0)
+    >>> event = sequence_of(record).first
+    >>> made = estimate_llm(scene, event, StateSettings(llm_model="a-model"), Unhelpful())
+    >>> made.run.estimator, made.run.fallback_from, made.run.attempts
+    ('analytic', 'llm', 3)
+    """
+    prompt = Prompt.load(settings.llm_prompt)
+    record = scene.record
+    one, two = parties(record, event)
+    numbers = (one.vehicle.number, two.vehicle.number)
+    found = [each for reading in pre_crash_scenarios(record, one, two) for each in candidates(scene, reading)]
+    choices = Choices(scene, tuple(found))
+    if not choices.offered:
+        first_contact(scene, event, settings)  # this raises the rejection that says why
+    schema = schema_of(prompt.kind, choices)
+    messages = prompt.messages(record, choices, lead_time_s=settings.lead_time_s)
+    tally = _Tally()
+    while len(tally.answers) < settings.llm_max_attempts and tally.latency_s < settings.llm_question_time_s:
+        answer = client.ask(messages, prompt=f"{prompt.version}:{prompt.digest}", schema=schema)
+        try:
+            decision = _decision(answer, prompt, choices, record, numbers, settings)
+            hypotheses, ambiguity = _solved(choices, decision, settings)
+        except WrongAnswer as wrong:
+            tally.add(answer, wrong.complaints)
+            messages = ask_again(messages, answer.text, wrong.complaints)
+            continue
+        tally.add(answer, [])
+        return StateEstimate(record.key, hypotheses, tally.run(settings), ambiguity)
+    last = "; ".join(str(each) for each in _complaints(tally))
+    tries = counted(len(tally.answers), "attempt")
+    slow = f", {tally.latency_s:.0f} s" if len(tally.answers) < settings.llm_max_attempts else ""
+    why = f"{settings.llm_model} gave no usable answer in {tries}{slow}; the last: {last}"
+    asked = tally.run(settings)
+    if settings.llm_fallback == "reject":
+        raise UnusableAnswers(why, asked, threshold=settings.llm_max_attempts)
+    hypotheses, ambiguity = first_contact(scene, event, settings)
+    run = replace(
+        asked, estimator=ANALYTIC, version=ANALYTIC_VERSION, fallback_from=asked.estimator, fallback_reason=why
+    )
+    return StateEstimate(record.key, hypotheses, run, ambiguity)
+
+
+def _complaints(tally: _Tally) -> list[object]:
+    listed = tally.answers[-1]["complaints"] if tally.answers else []
+    return list(listed) if isinstance(listed, list) else []
+
+
+def _decision(
+    answer: StoredAnswer,
+    prompt: Prompt,
+    choices: Choices,
+    record: CrashRecord,
+    numbers: tuple[int, int],
+    settings: StateSettings,
+) -> Decision:
+    return decide(parse(text_of(answer), form(prompt.kind)), choices, record, numbers, lead_time_s=settings.lead_time_s)
+
+
+def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
+    """Hypotheses on the chosen approaches; if they fail their checks, the model is told and asked again."""
+    chosen = choices.chosen(decision.offered)
+    ids = " and ".join(f"{offered.id} for vehicle {number}" for number, offered in decision.offered.items())
+    if not chosen:
+        raise WrongAnswer(
+            [f"No manoeuvre the report allows leads to the crash on {ids} together: no path to the crash exists."]
+        )
+    hypotheses, ambiguity = ranked(choices.scene, solve_all(choices.scene, chosen), settings)
+    if not hypotheses:
+        raise WrongAnswer([f"On {ids} the vehicles do not touch near the reported place."])
+    failed = [check for check in hypotheses[0].checks if not check.passed]
+    if failed:
+        failed = [check for check in failed if check.name not in _unavoidable(choices, settings)]
+    if failed:
+        raise WrongAnswer([f"With {ids}: {check.name}: {check.detail}." for check in failed[:_MOST_CHECKS]])
+    return hypotheses, ambiguity
+
+
+def _unavoidable(choices: Choices, settings: StateSettings) -> set[str]:
+    """Checks that fail for every choice of approaches: the record contradicts itself or the map, and another answer
+    would not help."""
+    best, _ = ranked(choices.scene, solve_all(choices.scene, list(choices.found)), settings)
+    return {check.name for check in best[0].checks if not check.passed} if best else set()

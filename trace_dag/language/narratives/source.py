@@ -1,0 +1,200 @@
+"""Narratives as a source of reports: a folder of text files, or a column of a register's table.
+
+A text file may begin with lines such as ``time: 2023-05-03 16:20``, ``latitude: 41.83`` and ``longitude: -101.54``;
+the rest is the narrative. Without coordinates the crash is where the two streets that it names cross on the maps. The
+narrative itself is not stored: the record has the words that its fields were read from.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+from trace_dag.common.errors import UserError
+from trace_dag.common.messages.progress import OnProgress, silent
+from trace_dag.common.messages.wording import counted
+from trace_dag.crash.listing import CrashListing, list_record
+from trace_dag.crash.record import CrashRecord, Octant
+from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
+from trace_dag.crash.table_reports import report_to_json
+from trace_dag.language.answer import WrongAnswer
+from trace_dag.language.narratives.asking import Model, read_narrative
+from trace_dag.language.narratives.reading import Reading
+from trace_dag.language.narratives.record import Narrative, merged, record_of
+from trace_dag.language.narratives.vocabulary import CRASH, measured, vocabulary
+
+_SHOWN: Final = 12
+_HEADER: Final = re.compile(r"(?P<name>time|latitude|longitude): *(?P<value>.*)", re.IGNORECASE)
+
+
+class Reader:
+    """Reads narratives by a language model, of that name. ``attempts``: answers to one question; ``find``: looks up
+    where streets cross."""
+
+    def __init__(
+        self,
+        model: Model,
+        name: str,
+        *,
+        attempts: int,
+        find: PlaceFinder | None = None,
+        on_progress: OnProgress = silent,
+    ) -> None:
+        self.name, self.find = name, find
+        self._model, self._attempts, self._on_progress = model, attempts, on_progress
+
+    def readings(self, texts: Mapping[str, str]) -> tuple[dict[str, Reading], dict[str, str]]:
+        """What each narrative says; and of those that no answer could be had for, why.
+
+        Raises as the model does; what was answered before is stored, so that reading again goes on from there.
+        """
+        readings: dict[str, Reading] = {}
+        unread: dict[str, str] = {}
+        for done, (name, text) in enumerate(texts.items()):
+            self._on_progress(done, len(texts))
+            try:
+                readings[name] = read_narrative(text, vocabulary(), self._model, attempts=self._attempts)
+            except WrongAnswer as wrong:
+                unread[name] = f"no usable answer: {wrong}"
+        self._on_progress(len(texts), len(texts))
+        return readings, unread
+
+
+class _Source(ABC):
+    """A source of reports (:class:`trace_dag.flow.cohorts.sources.ReportTables`)."""
+
+    def records(self) -> list[CrashRecord]:
+        """Every crash, in the order of the files' names or of the table; they are read when they are first asked for.
+        Raises as the model does."""
+        return self._read[0]
+
+    def listings(self) -> list[CrashListing]:
+        """One line per crash."""
+        return [list_record(record) for record in self.records()]
+
+    def reports(self, keys: Collection[str]) -> Iterator[tuple[str, bytes]]:
+        """Key and record, as JSON, of the crashes asked for."""
+        return ((record.key, report_to_json(record)) for record in self.records() if record.key in keys)
+
+    @cached_property
+    def _read(self) -> tuple[list[CrashRecord], dict[str, str]]:
+        """The crashes, and of the narratives without one why."""
+        return self._read_all()
+
+    @abstractmethod
+    def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
+        """Those, read."""
+
+
+class NarrativeFolder(_Source):
+    """The crashes that a folder's text files tell of."""
+
+    def __init__(self, folder: Path, reader: Reader) -> None:
+        self._folder, self._reader = folder, reader
+        self._narratives = narratives_in(folder)
+
+    def notes(self) -> list[str]:
+        """How many narratives became crashes, what is left out and why, and what of the others does not stand."""
+        records, left_out = self._read
+        notes = [
+            f"{counted(len(self._narratives), 'narrative')} in {self._folder}: {len(records)} with a place and time"
+        ]
+        return [*notes, *(f"left out: {name}: {why}" for name, why in left_out.items()), *_remarks(records)]
+
+    def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
+        readings, left_out = self._reader.readings({each.id: each.text for each in self._narratives})
+        told = [each for each in self._narratives if each.id in readings]
+        wanted = {each.id: _place_in_words(readings[each.id]) for each in told if each.place is None}
+        places, placeless = look_up(wanted, self._reader.find)
+        records = []
+        for narrative in told:
+            if narrative.id in placeless:
+                left_out[narrative.id] = placeless[narrative.id]
+                continue
+            made = record_of(narrative, places.get(narrative.id), readings[narrative.id], vocabulary())
+            if isinstance(made, str):
+                left_out[narrative.id] = made
+            else:
+                records.append(replace(made, attribution=f"{made.attribution}; read by {self._reader.name}"))
+        return records, left_out
+
+
+class NarratedTable(_Source):
+    """A register's table with a column of narratives, which are read for what its other columns do not say."""
+
+    def __init__(self, table: RegisterTable, reader: Reader) -> None:
+        self.mapping = table.mapping
+        self._table, self._reader = table, reader
+
+    def notes(self) -> list[str]:
+        """Those of the table, and what of the narratives does not stand."""
+        records, unread = self._read
+        notes = [*self._table.notes(), f"{counted(len(self._table.narratives()), 'narrative')} read"]
+        return [*notes, *(f"not read: {name}: {why}" for name, why in unread.items()), *_remarks(records)]
+
+    def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
+        readings, unread = self._reader.readings(self._table.narratives())
+        return [self._with_narrative(each, readings.get(each.key)) for each in self._table.records()], unread
+
+    def _with_narrative(self, coded: CrashRecord, reading: Reading | None) -> CrashRecord:
+        if reading is None:
+            return coded
+        place = Place(coded.latitude_deg, coded.longitude_deg)
+        narrated = record_of(Narrative(coded.key, "", str(coded.case_year), place), None, reading, vocabulary())
+        if isinstance(narrated, str):
+            return coded
+        attribution = f"{coded.attribution}; its narratives read by {self._reader.name}"
+        return replace(merged(coded, narrated), attribution=attribution)
+
+
+def narratives_in(folder: Path) -> list[Narrative]:
+    """The text files of a folder, in the order of their names. Raises :class:`UserError` where there are none."""
+    if not folder.is_dir():
+        raise UserError(f"{folder}: no such folder; expected one with narratives, a text file (.txt) for each crash")
+    files = sorted(folder.glob("*.txt"))
+    if not files:
+        raise UserError(f"{folder}: no narratives; expected a text file (.txt) for each crash")
+    return [_narrative(file) for file in files]
+
+
+def _narrative(file: Path) -> Narrative:
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    said: dict[str, str] = {}
+    while lines and (match := _HEADER.fullmatch(lines[0].strip())):
+        said[match["name"].lower()] = match["value"].strip()
+        del lines[0]
+    try:
+        place = Place(float(said["latitude"]), float(said["longitude"])) if said.keys() >= {"latitude"} else None
+    except (KeyError, ValueError) as error:
+        raise UserError(f"{file}: latitude and longitude are not both a number of degrees") from error
+    return Narrative(file.stem, "\n".join(lines).strip(), said.get("time", ""), place)
+
+
+def _place_in_words(reading: Reading) -> FromCrossing | None:
+    columns = vocabulary().mapping.crash
+    assert columns.from_crossing is not None
+    street, cross_street = (reading.value(CRASH, str(each)) for each in (columns.trafficway_1, columns.trafficway_2))
+    distance = reading.value(CRASH, columns.from_crossing.distance.column)
+    direction = reading.value(CRASH, columns.from_crossing.direction.column)
+    octant = Octant(direction) if direction else None
+    return FromCrossing.said(street, cross_street, measured(distance) if distance else 0.0, octant)
+
+
+def _remarks(records: Sequence[CrashRecord]) -> list[str]:
+    """What of the readings contradicts itself or was not taken, some of it by name."""
+    remarks = []
+    for what, sentences in (
+        ("contradictions", [(each.key, said) for each in records for said in each.contradictions]),
+        ("not taken, as no words support it", [(each.key, said) for each in records for said in each.ambiguities]),
+    ):
+        shown = "; ".join(f"{key}: {said.partition(': ')[2]}" for key, said in sentences[:_SHOWN])
+        more = f"; and {len(sentences) - _SHOWN} more" if len(sentences) > _SHOWN else ""
+        if sentences:
+            remarks.append(f"{len(sentences)} {what}: {shown}{more}")
+    return remarks

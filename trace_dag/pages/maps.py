@@ -1,0 +1,97 @@
+"""Road networks drawn from above: surfaces by lane type, marks, crosswalks, turn arrows, signs, names, heights.
+
+Draws in metres of the local frame, everything except names below z-order 15. It draws maps only, no crashes. Geometry
+is made once for all windows, and what lies outside of one is not drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from trace_dag.pages.canvas import Canvas, Ink
+from trace_dag.pages.map_ground import Arrows, Crosswalks, Marks, Shade, Surfaces, height_shades
+from trace_dag.pages.map_scene import MapScene, Window
+from trace_dag.pages.map_signs import Names, Signs
+from trace_dag.pages.scenery import Scenery, corners_of, draw_fading, draw_night, map_reach_m
+from trace_dag.roads.map.network import RoadNetwork
+
+if TYPE_CHECKING:
+    from trace_dag.osm.types import OsmFeature
+
+GROUND: Final = "#EFEDE4"
+_ARROWS_UP_TO_M: Final = 350.0  # in wider windows arrows are specks
+_HIGHEST_LEVEL: Final = 9
+NAMES_Z: Final = 22.0
+"""Above the paths that vehicles take, below their bodies."""
+
+
+class MapDrawing:
+    """A map ready to be drawn in any windows inside an extent (m).
+
+    ``legal_marks`` shows marks as the law has them, else as written in the map for the reconstruction. ``heights``
+    colours the surfaces by height where they differ. ``surroundings`` lie behind the roads, ``dark`` is the night,
+    ``fading`` lets a map that was cut out around its origin fade at its edge.
+    """
+
+    def __init__(
+        self,
+        network: RoadNetwork,
+        extent_m: Window,
+        *,
+        legal_marks: bool = True,
+        heights: bool = False,
+        surroundings: Sequence[OsmFeature] = (),
+        dark: bool = False,
+        fading: bool = False,
+    ) -> None:
+        scene = MapScene(network, extent_m)
+        self.shade: Shade | None = height_shades(scene) if heights else None
+        self._layers = [
+            (layer > 0, Surfaces(scene, sections, self.shade), Marks(sections, legal=legal_marks), Arrows(sections))
+            for layer, sections in scene.sections_by_layer()
+        ]
+        self._crosswalks = Crosswalks(scene)
+        self._signs = Signs(scene)
+        self._names = Names(scene)
+        self._scenery = Scenery(surroundings, network.frame, extent_m)
+        self._dark = dark
+        self._reach_m = map_reach_m(network) if fading else 0.0
+
+    def draw(self, canvas: Canvas, *, names: bool = True) -> None:
+        """Draw what lies in a canvas' window."""
+        canvas.polygons([corners_of(canvas.window)], Ink(GROUND), 0.0)
+        self._scenery.draw(canvas)
+        if self._reach_m:
+            draw_fading(canvas, self._reach_m, GROUND)
+        if self._dark:
+            draw_night(canvas)
+        for level, (bridge, surfaces, marks, arrows) in enumerate(self._layers):
+            z = 1.0 + min(level, _HIGHEST_LEVEL)
+            surfaces.draw(canvas, z, bridge=bridge)
+            marks.draw(canvas, z + 0.3)
+            if canvas.span_m <= _ARROWS_UP_TO_M:
+                arrows.draw(canvas, z + 0.4)
+        self._crosswalks.draw(canvas, 12.0)
+        self._signs.draw(canvas, 13.0)
+        if names:
+            self._names.draw(canvas, NAMES_Z, GROUND)
+
+
+def draw_network(
+    network: RoadNetwork,
+    window_m: Window,
+    *,
+    width_pt: float = 460.0,
+    legal_marks: bool = True,
+    names: bool = True,
+    heights: bool = False,
+) -> str:
+    """One window of a map as an SVG; options as of :class:`MapDrawing`.
+
+    >>> draw_network(network, (-30.0, -20.0, 30.0, 20.0))[:4]
+    '<svg'
+    """
+    canvas = Canvas(window_m, width_pt)
+    MapDrawing(network, window_m, legal_marks=legal_marks, heights=heights).draw(canvas, names=names)
+    return canvas.svg()

@@ -1,0 +1,102 @@
+"""What all pages share: the templates of HTML, and how values are written in them."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from functools import cache
+from typing import TYPE_CHECKING
+
+from trace_dag.common.units import mps_to_mph
+from trace_dag.crash.codes.events import SOE
+from trace_dag.crash.parties import party_in_words, party_label, thing_party
+from trace_dag.crash.summary import TOPOLOGIES, place_in_words
+from trace_dag.scenario.vehicle_names import vehicle_name
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+_TOPOLOGIES = {topology.value: name for topology, name in TOPOLOGIES.items()}
+
+
+def words(value: object) -> str:
+    """``"two_vehicles"`` as ``"two vehicles"``, ``"t"`` as ``"T junction"``.
+
+    >>> words('two_vehicles'), words('t')
+    ('two vehicles', 'T junction')
+    """
+    return _TOPOLOGIES.get(str(value), str(value).replace("_", " ")) if value else ""
+
+
+def _party(number: int | None) -> str:
+    """``V2``, ``P1``, ``what event 3 struck``: a party as tables and pictures name it."""
+    if number is None:
+        return "–"
+    return party_label(number) if number < thing_party(0) else party_in_words(number)
+
+
+def _fixed(value: float | None, digits: int = 2) -> str:
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before a zero
+
+
+def _holds(passed: bool | None, threshold: float | None) -> str:
+    if passed is None:
+        return "reported only" if threshold is None else "not evaluated"
+    return "yes" if passed else "no"
+
+
+@cache
+def templates() -> Environment:
+    """The environment of all pages. It escapes everything: reports and maps are not trusted.
+
+    >>> templates().from_string("{{ name }}").render(name="<b>")  # nothing of a report is taken for HTML
+    '&lt;b&gt;'
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("trace_dag.pages", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["words"] = lambda value: words(value) or "–"
+    environment.filters["holds"] = _holds
+    environment.filters["party"] = _party
+    environment.filters["place"] = place_in_words
+    environment.filters["vehicle_name"] = vehicle_name
+    environment.filters["event"] = SOE.meaning
+    environment.filters["mph"] = lambda mps: "–" if mps is None else f"{mps_to_mph(mps):.0f} mph"
+    environment.filters["fixed"] = _fixed
+    environment.filters["percent"] = lambda value: "–" if value is None else f"{100 * value:.0f} %"
+    environment.filters["unit"] = lambda unit: "m/s" if unit == "mps" else unit
+    environment.filters["kilobytes"] = lambda size: f"{max(1, round(size / 1024)):,} kB"
+    return environment
+
+
+def zipped(data: bytes) -> bytes:
+    """What pages hold is large, as gzip. The same data gives the same bytes.
+
+    >>> import gzip
+    >>> gzip.decompress(zipped(b"a log"))
+    b'a log'
+    """
+    return gzip.compress(data, 6, mtime=0)
+
+
+def in_base64(data: bytes) -> str:
+    """Bytes as a page holds them: ``bytes_of_base64`` of its script (``templates/unzipped.js``) makes them again.
+
+    >>> in_base64(b"a log")
+    'YSBsb2c='
+    """
+    return base64.b64encode(data).decode()
+
+
+def read(name: str) -> str:
+    """A file of the folder of templates as it is."""
+    from importlib import resources
+
+    return resources.files("trace_dag.pages").joinpath("templates", name).read_text(encoding="utf-8")

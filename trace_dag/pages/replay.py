@@ -1,0 +1,146 @@
+"""A simulated crash to watch: an HTML page with everything in it, to be opened anywhere, from a stick or a mail.
+
+The map is drawn once, as SVG, by the same hand as the pictures; the page moves the bodies of the log over it. No
+network, no library, no CDN. A site has one such page for all of its crashes
+(:mod:`trace_dag.pages.replay_library`), and a file with what is shown of each. The animated pictures of the same
+thing are in :mod:`trace_dag.pages.animation`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.pages.drive import AgentDrive
+from trace_dag.pages.map_scene import Window
+from trace_dag.pages.page_templates import in_base64, templates, zipped
+from trace_dag.pages.replay_content import (
+    ReplayContent,
+    ReplayWindows,
+    place_in_words,
+    replay_content,
+    shown_windows,
+    square,
+)
+from trace_dag.pages.replay_library import packed_library
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.simulation.types import SimulationLog
+from trace_dag.verdict.types import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from trace_dag.osm.types import OsmFeature
+
+
+def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = False) -> bytes:
+    """A page that stands alone, with the plan alone if not ``in_3d`` or where the content is not; one that is
+    ``paired`` has no time line: that is the page's around (:func:`write_html_pair`). The same content gives the same
+    bytes.
+
+    >>> from trace_dag.pages.replay_content import replay_content
+    >>> replay_page(replay_content(record, network, log, in_3d=False))[:15]
+    b'<!DOCTYPE html>'
+    """
+    solid = content.solid if in_3d else None
+    return (
+        templates()
+        .get_template("replay.html.jinja")
+        .render(
+            title=content.said["title"],
+            paired=paired,
+            in_3d=solid is not None,
+            data=_script_safe(content.said),
+            map_svg=in_base64(content.zipped_map),
+            solid=in_base64(zipped(solid)) if solid is not None else "",
+            library=packed_library() if solid is not None else "",
+        )
+        .encode()
+    )
+
+
+def replay_script(content: ReplayContent) -> bytes:
+    """What the page of a site reads of one crash: a script that calls it with the parts of the content, as gzip in
+    base64.
+
+    >>> from trace_dag.pages.replay_content import replay_content
+    >>> replay_script(replay_content(record, network, log, in_3d=False))[:8]
+    b'replay({'
+    """
+    said = json.dumps(content.said, separators=(",", ":"), allow_nan=False)
+    parts = {"data": zipped(said.encode()), "map": content.zipped_map}
+    if content.solid is not None:
+        parts["solid"] = zipped(content.solid)
+    held = ",".join(f'"{name}":"{in_base64(data)}"' for name, data in parts.items())
+    return f"replay({{{held}}})\n".encode()
+
+
+def write_html_player(
+    record: CrashRecord,
+    network: RoadNetwork,
+    log: SimulationLog,
+    verdict: Verdict | None = None,
+    drive: AgentDrive | None = None,
+    *,
+    surroundings: Sequence[OsmFeature] = (),
+) -> bytes:
+    """The page: roads, vehicles, people, paths, contact and speeds over time, with a slider; one file, no other needed.
+
+    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. The same input gives the same
+    bytes.
+    """
+    return replay_page(replay_content(record, network, log, verdict, drive, surroundings=surroundings))
+
+
+def _around(windows: Sequence[Window]) -> Window:
+    """The smallest square around some windows."""
+    low, high = np.array(windows)[:, :2].min(axis=0), np.array(windows)[:, 2:].max(axis=0)
+    return square((low + high) / 2, float((high - low).max()) / 2)
+
+
+def write_html_pair(
+    record: CrashRecord,
+    network: RoadNetwork,
+    driven: Sequence[tuple[AgentDrive, SimulationLog]],
+    *,
+    surroundings: Sequence[OsmFeature] = (),
+) -> bytes:
+    """The drives of several agents in the same crash, beside each other on one page with one time line and one view."""
+    each = [shown_windows(log, drive) for drive, log in driven]
+    windows = ReplayWindows(_around([one.overview for one in each]), each[0].impact)
+    sides = [
+        (
+            drive.title,
+            replay_page(
+                replay_content(
+                    record, network, log, drive=drive, surroundings=surroundings, beside=windows, in_3d=False
+                ),
+                paired=True,
+            ),
+        )
+        for drive, log in driven
+    ]
+    recorded = driven[0][0].recorded
+    contact = recorded.first_contact
+    return (
+        templates()
+        .get_template("replay_pair.html.jinja")
+        .render(
+            title=f"Crash {record.key}: {' and '.join(drive.agent for drive, _ in driven)}",
+            place=place_in_words(record),
+            sides=[(title, page.decode()) for title, page in sides],
+            hit="null" if contact is None else round(contact.time_s, 4),
+            end=round(max(float(log.vehicles[0].time_s[-1]) for _, log in driven), 3),
+        )
+        .encode()
+    )
+
+
+def _script_safe(data: Mapping[str, Any]) -> str:
+    """JSON that can stand inside a script element whatever text the report holds."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

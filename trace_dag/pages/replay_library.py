@@ -1,0 +1,35 @@
+"""What all replays have in common: the script of the 3D view, and the one page of a site that shows every crash.
+
+The script is within a page that stands alone, or once beside all pages of a site. It is built from ``web/replay3d``
+with three.js, whose licence stands at its beginning.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Final
+
+from trace_dag.pages.page_templates import in_base64, read, templates, zipped
+
+PAGE: Final = "replay.html"
+"""The page of a site that shows every replay of it: ``replay.html?KEY``."""
+
+LIBRARY: Final = "replay3d.js"
+"""The script's file, among the templates and on a site."""
+
+
+@cache
+def packed_library() -> str:
+    """The script, for a page that stands alone."""
+    return in_base64(zipped(read(LIBRARY).encode()))
+
+
+def site_files() -> dict[str, bytes]:
+    """What a site needs for its replays, but for the library of the third dimension: the page and its script.
+
+    >>> sorted(site_files())
+    ['replay.html', 'replay.js']
+    """
+    shown = {"title": "Replay", "paired": False, "in_3d": True}
+    pages = {PAGE: "site_replay.html.jinja", "replay.js": "replay_main.js.jinja"}
+    return {name: templates().get_template(template).render(shown).encode() for name, template in pages.items()}

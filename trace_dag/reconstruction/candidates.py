@@ -1,0 +1,110 @@
+"""Candidates: for one reading of the record, the pairs of paths that can have led to the crash.
+
+Whether and where the bodies touch on these paths is found by the solver.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from trace_dag.crash.crash_types import Relation
+from trace_dag.reconstruction import evidence
+from trace_dag.reconstruction.motion.manoeuvres import Option
+from trace_dag.reconstruction.motion.path_pairs import PathPair
+from trace_dag.reconstruction.motion.path_pairs_along import opposite, same_direction, same_lane
+from trace_dag.reconstruction.motion.path_pairs_crossing import backing, crossing
+from trace_dag.reconstruction.motion.speed_prior import speed_profile
+from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
+from trace_dag.reconstruction.pre_crash_scenarios import PreCrashScenario
+from trace_dag.reconstruction.scene.approaches import Approach
+from trace_dag.reconstruction.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A pair of options, the mover's first. ``parallel``: both go along one road, so the contact can be anywhere along
+    it."""
+
+    scenario: PreCrashScenario
+    mover: Option
+    other: Option
+    mover_speed: TravelSpeed
+    other_speed: TravelSpeed
+    mover_profile: SpeedProfile
+    other_profile: SpeedProfile
+    parallel: bool
+    terms: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def log_prior(self) -> float:
+        """Log-likelihood of everything known before the contact is solved for."""
+        return self.scenario.log_prior + math.fsum(self.terms.values())
+
+
+def candidates(scene: Scene, scenario: PreCrashScenario) -> list[Candidate]:
+    """All candidates of one reading.
+
+    >>> from trace_dag.reconstruction.pre_crash_scenarios import pre_crash_scenarios
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.reconstruction.analytic_hypotheses import parties
+    >>> found = candidates(scene, pre_crash_scenarios(record, *parties(record, sequence_of(record).first))[0])
+    >>> {each.mover.manoeuvre.value for each in found}  # vehicle 1 turns left, by every reading of its path
+    {'turn_left'}
+    """
+    if scenario.mover.backing:
+        return [_judged(scene, scenario, pair) for pair in backing(scene, scenario)]
+    makers: dict[Relation, Callable[[Scene, PreCrashScenario], Iterator[PathPair]]] = {
+        Relation.SAME_LANE: same_lane,
+        Relation.SAME_DIRECTION: same_direction,
+        Relation.OPPOSITE_DIRECTION: opposite,
+        Relation.CROSSING: crossing,
+    }
+    pairs = makers[scenario.relation](scene, scenario)
+    return [_judged(scene, scenario, pair) for pair in pairs if _at_one_time(pair.mover.approach, pair.other.approach)]
+
+
+def _at_one_time(one: Approach, two: Approach) -> bool:
+    """Whether both can be there at one time: the traffic of reversible roads goes one way."""
+    if not (one.goes_either_way and two.goes_either_way) or one.wrong_way or two.wrong_way:
+        return True
+    return one.other_way == two.other_way
+
+
+def _judged(scene: Scene, scenario: PreCrashScenario, pair: PathPair) -> Candidate:
+    terms = pair.terms | evidence.crossing_ahead_terms(scene, scenario.relation, pair.mover.approach)
+    sides = ((scenario.mover, pair.mover), (scenario.other, pair.other))
+    speeds = (pair.mover_speed.speed_mps, pair.other_speed.speed_mps)
+    for (party, option), speed_mps in zip(sides, speeds, strict=True):
+        number = party.vehicle.number
+        approach = option.approach
+        for name, value in {
+            **evidence.street_terms(scene.network, scene.placement, scene.record, approach),
+            **evidence.road_terms(party.vehicle, approach),
+            **evidence.lane_terms(party.vehicle, approach, party.turn),
+            **evidence.speed_terms(party.vehicle, approach, party.turn),
+            **evidence.driveway_speed_terms(approach, speed_mps),
+            **evidence.heading_terms(party.vehicle, option),
+            **option.costs,
+        }.items():
+            terms[f"{name} (vehicle {number})"] = value
+    keep_on = [option.approach for party, option in sides if not (party.turn or party.backing)]
+    terms |= evidence.first_street_terms(scene, keep_on, cross=scenario.relation is Relation.CROSSING)
+    if scenario.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _ in sides):
+        one, two = (
+            evidence.CrossingVehicle(party.vehicle, option.approach, speed_mps)
+            for (party, option), speed_mps in zip(sides, speeds, strict=True)
+        )
+        terms |= evidence.crossing_terms(one, two)
+    return Candidate(
+        scenario,
+        pair.mover,
+        pair.other,
+        pair.mover_speed,
+        pair.other_speed,
+        speed_profile(scenario.mover, pair.mover_speed.speed_mps),
+        pair.other_profile or speed_profile(scenario.other, pair.other_speed.speed_mps),
+        pair.parallel,
+        terms,
+    )

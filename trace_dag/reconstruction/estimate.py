@@ -1,0 +1,80 @@
+"""Estimating states: the interface of an estimator, and the estimator that the settings name.
+
+Belongs here: the interface, which packages implement and offer by name (:mod:`trace_dag.common.plugins`). Does not
+belong here: how an estimator finds its hypotheses.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.plugins import PluginKind, load
+from trace_dag.common.settings import StateSettings
+from trace_dag.common.storage.files import Storage
+from trace_dag.crash.record import CrashRecord
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.simulation.states import EstimatorRun, StateEstimate
+
+
+class Estimator(Protocol):
+    """Makes hypotheses of how a crash came about."""
+
+    def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
+        """States of the vehicles and people of one crash: ranked hypotheses, at least one.
+
+        Raises :class:`trace_dag.common.errors.Rejection` with ``no_feasible_state``, :class:`UnusableAnswers` among
+        them; one that asks a service :class:`trace_dag.common.errors.Failure` and
+        :class:`trace_dag.common.errors.TransientFailure`.
+        """
+
+    def require(self) -> None:
+        """Raise :class:`trace_dag.common.errors.UserError` if something is missing, before anything runs."""
+
+
+class EstimatorFactory(Protocol):
+    """What a package offers as an estimator, usually its class (entry points of the group ``trace_dag.estimators``)."""
+
+    paid: bool
+    """Whether an estimate may cost money: then nobody asks it for estimates that were not asked for by name."""
+
+    def __call__(self, settings: StateSettings, files: Storage | None = None, ledger: str = "run") -> Estimator:
+        """The estimator by the settings.
+
+        It may keep answers of a service in ``files``, a storage root that all workers share. Estimators with the same
+        ``files`` and the same ``ledger`` share one budget and one rate.
+        """
+
+    def variant(self, settings: StateSettings, name: str) -> StateSettings:
+        """The settings for a name such as ``llm:PROMPT@MODEL``; the part behind the estimator's own name, never empty.
+
+        Raises :class:`trace_dag.common.errors.UserError` if the estimator has no such variant.
+        """
+
+
+class UnusableAnswers(Rejection):
+    """A service gave no usable answer; ``run`` holds its answers and what they cost."""
+
+    def __init__(self, detail: str, run: EstimatorRun, *, threshold: float) -> None:
+        super().__init__(Reason.NO_FEASIBLE_STATE, detail, measured=run.attempts, threshold=threshold)
+        self.run = run
+
+
+def estimator_factory(settings: StateSettings) -> EstimatorFactory:
+    """The factory of the estimator. Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
+
+    >>> estimator = estimator_factory(StateSettings(estimator="analytic"))(StateSettings())
+    >>> estimator.estimate(record, network, map_report).key
+    '2023-319003'
+    """
+    factory: EstimatorFactory = load(PluginKind.ESTIMATOR, settings.estimator)
+    return factory
+
+
+def estimate(record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings) -> StateEstimate:
+    """One crash estimated by the estimator the settings name, see :meth:`Estimator.estimate`.
+
+    Answers of a service are kept in memory, and the budget is for this call alone.
+    """
+    return estimator_factory(settings)(settings).estimate(record, network, report)

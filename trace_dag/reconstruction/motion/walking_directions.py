@@ -1,0 +1,227 @@
+"""Which way a person moved, seen from the vehicle that struck it: what the report says, and what it leaves open.
+
+A course is relative to the vehicle: across its path from its left or right, along with it, towards it, or none. It is
+read from the typing of the crash (``PEDCTYPE``, ``PEDSNR``, ``BIKECTYPE``) and the compass directions (``PEDDIR``,
+``MOTDIR``); if these say nothing, from what the person did (``NMACTION``); if that says nothing either, each course has
+its national share. Sources: FARS/CRSS Pedestrian Bicyclist Crash Typing Manual; shares by the typing of one national
+year (2016: 8,008 pedestrians, 1,115 cyclists).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from trace_dag.crash.crash_types import Side, Turn
+from trace_dag.crash.parties import PartyKind
+from trace_dag.crash.record import ImpactArea, NonMotorist
+
+
+class Course(StrEnum):
+    """Which way a person moved, seen from the vehicle that struck it."""
+
+    FROM_LEFT = "from_left"
+    FROM_RIGHT = "from_right"
+    ALONG = "along"  # in the vehicle's direction
+    TOWARDS = "towards"  # against the vehicle's direction
+    STANDING = "standing"
+
+
+CROSSING: Final = frozenset({Course.FROM_LEFT, Course.FROM_RIGHT})
+RELATIVE_DEG: Final[Mapping[Course, float]] = {
+    Course.FROM_LEFT: -90.0,
+    Course.FROM_RIGHT: 90.0,
+    Course.ALONG: 0.0,
+    Course.TOWARDS: 180.0,
+}
+"""Heading of the person less that of the vehicle, degrees counter-clockwise."""
+
+COMPASS_DEG: Final[Mapping[int, float]] = {1: 90.0, 2: 0.0, 3: -90.0, 4: 180.0}
+"""``PEDDIR``, ``MOTDIR``: degrees counter-clockwise from east."""
+
+# --- what the codes say --------------------------------------------------------------------------------------------
+_OF_PEDESTRIAN_TYPE: Final[Mapping[int, frozenset[Course]]] = {
+    **dict.fromkeys((410, 430), frozenset({Course.ALONG})),  # struck from behind
+    **dict.fromkeys((420, 440), frozenset({Course.TOWARDS})),  # struck from the front
+    459: frozenset({Course.ALONG, Course.TOWARDS}),
+    **dict.fromkeys((230, 311, 312, 313, 320, 330, 510, 520, 590, 610), frozenset({Course.STANDING})),
+    **dict.fromkeys((341, 342, 461, 465, 469, 710, 730, 741, 742, 760, 770, 910), CROSSING),
+    **dict.fromkeys((781, 782, 791, 792, 794, 795, 799), CROSSING),
+}
+_OF_PEDESTRIAN_GROUP: Final[Mapping[int, frozenset[Course]]] = {
+    400: frozenset({Course.ALONG, Course.TOWARDS}),
+    **dict.fromkeys((310, 500), frozenset({Course.STANDING})),
+    **dict.fromkeys((340, 460, 720, 740, 750, 790, 910), CROSSING),
+}
+_OF_CYCLIST_TYPE: Final[Mapping[int, frozenset[Course]]] = {
+    **dict.fromkeys(range(141, 181), CROSSING),
+    **dict.fromkeys((211, 213, 214, 212, 217, 219), CROSSING),  # the motorist turned into the cyclist's path
+    **dict.fromkeys((221, 222, 223, 224, 225), CROSSING),  # the cyclist turned into the motorist's path
+    **dict.fromkeys((231, 232, 235, 239), frozenset({Course.ALONG})),
+    **dict.fromkeys((241, 242, 243, 249), frozenset({Course.ALONG})),
+    **dict.fromkeys((250, 255, 259), frozenset({Course.TOWARDS})),
+    **dict.fromkeys(range(311, 330), CROSSING),
+    **dict.fromkeys((357, 380), CROSSING),
+}
+_OF_CYCLIST_GROUP: Final[Mapping[int, frozenset[Course]]] = {
+    **dict.fromkeys((140, 145, 150, 158, 190, 210, 215, 220, 225, 310, 320), CROSSING),
+    **dict.fromkeys((230, 240), frozenset({Course.ALONG})),
+    258: frozenset({Course.TOWARDS}),
+}
+_CROSSING_ACTION, _WITH_TRAFFIC, _AGAINST_TRAFFIC, _ALONG_ACTION = 3, 5, 6, 16  # NMACTION
+_STANDING_ACTIONS: Final = frozenset({2, 8, 10, 11, 12})
+_WITH, _FACING = 1, 2  # BIKEDIR
+_SAME_WAY_FIRST: Final = frozenset({211, 213, 217})  # BIKECTYPE: both came along the same way, the motorist turned
+_OTHER_WAY_FIRST: Final = frozenset({212, 214})
+
+# --- shares where they say nothing -----------------------------------------------------------------------------------
+_FROM_LEFT_SHARE: Final = 0.53  # 524 of 987 whose PEDSNR says the side
+_PEDESTRIAN_SHARES: Final[Mapping[Course, float]] = {
+    # 4,108 crossing, 1,197 along the road (731 from behind, 231 from the front), 659 in the roadway.
+    Course.FROM_LEFT: 0.69 * _FROM_LEFT_SHARE,
+    Course.FROM_RIGHT: 0.69 * (1 - _FROM_LEFT_SHARE),
+    Course.ALONG: 0.15,
+    Course.TOWARDS: 0.05,
+    Course.STANDING: 0.11,
+}
+_CYCLIST_SHARES: Final[Mapping[Course, float]] = {
+    # 508 on crossing ways or turning into one, 440 along (overtaken or parallel), 63 the wrong way.
+    Course.FROM_LEFT: 0.25,
+    Course.FROM_RIGHT: 0.25,
+    Course.ALONG: 0.44,
+    Course.TOWARDS: 0.06,
+}
+_ANIMAL_SHARES: Final[Mapping[Course, float]] = {Course.FROM_LEFT: 0.5, Course.FROM_RIGHT: 0.5}
+"""No report tells from which side an animal came."""
+_SHARES: Final = {PartyKind.CYCLIST: _CYCLIST_SHARES, PartyKind.ANIMAL: _ANIMAL_SHARES}
+_OTHER_SIDE: Final = -1.5
+"""Log-likelihood of a person that came from the other side than that of the vehicle it was struck at."""
+_AHEAD_RAD: Final = math.radians(46)  # the front and its corners, by :func:`trace_dag.common.geometry.body_bearing_rad`
+
+
+@dataclass(frozen=True)
+class CourseReading:
+    """One course with its log-probability, and whether the report says it (also if it allows several)."""
+
+    course: Course
+    log_prior: float
+    told: bool
+
+
+def reported_directions(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
+    """The courses that the report allows; empty if it says nothing about the course.
+
+    ``turn``: the turn the vehicle made.
+    """
+    allowed = _of_kind(person)
+    side = _told_side(person, turn)
+    if side is not None and (not allowed or not allowed.isdisjoint(CROSSING)):
+        return frozenset({Course.FROM_LEFT if side is Side.LEFT else Course.FROM_RIGHT})
+    if not allowed and turn is None:
+        allowed = _of_compass(person)
+    return allowed or _of_actions(person)
+
+
+def readings(person: NonMotorist, turn: Turn | None, area: ImpactArea | None) -> tuple[CourseReading, ...]:
+    """All possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at.
+
+    >>> found = readings(pedestrian_record.non_motorists[0], None, None)
+    >>> round(sum(math.exp(reading.log_prior) for reading in found), 6)
+    1.0
+    """
+    told = reported_directions(person, turn)
+    shares = _SHARES.get(person.kind, _PEDESTRIAN_SHARES)
+    left = told or shares.keys()
+    known = {course: share for course, share in shares.items() if course in left} or dict.fromkeys(left, 1.0)
+    if turn is not None and not told:  # a turning vehicle seldom strikes somebody who walks along its road
+        known = {course: share for course, share in known.items() if course in CROSSING} or known
+    total = math.fsum(known.values())
+    found = [
+        CourseReading(course, math.log(share / total) + _side_term(course, area), bool(told))
+        for course, share in known.items()
+    ]
+    return tuple(sorted(found, key=lambda reading: (-reading.log_prior, reading.course)))
+
+
+def _of_kind(person: NonMotorist) -> frozenset[Course]:
+    if person.kind is PartyKind.CYCLIST:
+        by_type = _OF_CYCLIST_TYPE.get(person.cyclist_type_code or 0)
+        found = by_type or _OF_CYCLIST_GROUP.get(person.cyclist_group_code or 0, frozenset())
+        along = {_WITH: Course.ALONG, _FACING: Course.TOWARDS}.get(person.cyclist_direction_code or 0)
+        return frozenset({along}) if not found and along is not None else found
+    by_type = _OF_PEDESTRIAN_TYPE.get(person.pedestrian_type_code or 0)
+    return by_type or _OF_PEDESTRIAN_GROUP.get(person.pedestrian_group_code or 0, frozenset())
+
+
+def _told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
+    """The side of the vehicle's path from which the person came: by ``PEDSNR``, else by the compass directions, else by
+    which of the two turned into the other's path."""
+    if person.scenario and person.scenario[-1] in "ab":
+        left = person.scenario[-1] == "a"
+        number = int(person.scenario[:-1])
+        if number in (
+            7,
+            8,
+        ):  # turned right, far side: "a" went as the motorist did, so came from the right
+            left = not left
+        return Side.LEFT if left else Side.RIGHT
+    relative = _compass_relative_deg(person)
+    if relative is None:
+        return _side_of_turn(person, turn)
+    if turn in (Turn.LEFT, Turn.RIGHT) and relative in (0.0, 180.0):
+        same = relative == 0.0
+        return Side.LEFT if same is (turn is Turn.LEFT) else Side.RIGHT
+    return {-90.0: Side.LEFT, 90.0: Side.RIGHT}.get(relative)
+
+
+def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
+    """A person who goes straight on in the vehicle's direction crosses the path of a vehicle that turns left from its
+    left."""
+    code = person.cyclist_type_code
+    if turn not in (Turn.LEFT, Turn.RIGHT) or code not in _SAME_WAY_FIRST | _OTHER_WAY_FIRST:
+        return None
+    same = code in _SAME_WAY_FIRST
+    return Side.LEFT if same is (turn is Turn.LEFT) else Side.RIGHT
+
+
+def _compass_relative_deg(person: NonMotorist) -> float | None:
+    """Direction of the person minus that of the motorist: 0, 90, 180 or -90 degrees; None if either is not coded."""
+    of_person, of_motorist = (
+        COMPASS_DEG.get(code or 0) for code in (person.pedestrian_direction_code, person.motorist_direction_code)
+    )
+    if of_person is None or of_motorist is None:
+        return None
+    relative = math.remainder(of_person - of_motorist, 360.0)
+    return 180.0 if relative == -180.0 else relative
+
+
+def _of_compass(person: NonMotorist) -> frozenset[Course]:
+    relative = _compass_relative_deg(person)
+    return frozenset(course for course, angle in RELATIVE_DEG.items() if angle == relative)
+
+
+def _of_actions(person: NonMotorist) -> frozenset[Course]:
+    actions = frozenset(person.actions)
+    if _CROSSING_ACTION in actions:
+        return CROSSING
+    if _WITH_TRAFFIC in actions:
+        return frozenset({Course.ALONG})
+    if _AGAINST_TRAFFIC in actions:
+        return frozenset({Course.TOWARDS})
+    if _ALONG_ACTION in actions:
+        return frozenset({Course.ALONG, Course.TOWARDS})
+    return frozenset({Course.STANDING}) if actions & _STANDING_ACTIONS else frozenset()
+
+
+def _side_term(course: Course, area: ImpactArea | None) -> float:
+    """A person who came from one side is rarely struck by the other side of the vehicle."""
+    if area is None or course not in CROSSING or abs(area.centre_rad) < _AHEAD_RAD / 3:
+        return 0.0
+    on_left = area.centre_rad > 0
+    agrees = on_left is (course is Course.FROM_LEFT)
+    if agrees:
+        return 0.0
+    return _OTHER_SIDE if abs(area.centre_rad) > _AHEAD_RAD else _OTHER_SIDE / 3

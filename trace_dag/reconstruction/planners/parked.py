@@ -1,0 +1,324 @@
+"""A vehicle strikes one that is parked or at work: where the standing one is, and how the other comes to it.
+
+A vehicle that stands beside the road is on the right of its direction of travel (on a one-way road on either side). The
+coded zone (``REL_ROAD``) says whether it is at the kerb within the carriageway, on the shoulder or in the parking lane,
+or beyond. Its exact place across the road is not coded. The moving vehicle drifts out of its lane towards it. Frame:
+the local frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from trace_dag.common.geometry import FloatArray
+from trace_dag.common.paths import Path
+from trace_dag.common.units import GRAVITY_MPS2, bearing_to_clock_h
+from trace_dag.crash.codes.events import RAN_OFF_LEFT, RAN_OFF_RIGHT
+from trace_dag.crash.crash_types import Side
+from trace_dag.crash.event_sequence import CrashEvent
+from trace_dag.crash.record import VehicleRecord
+from trace_dag.crash.zones import Zone, zones_of_first_event
+from trace_dag.reconstruction.assemble import AFTER_IMPACT_S, driven
+from trace_dag.reconstruction.evidence import impact_area_log_likelihood, place_log_likelihood
+from trace_dag.reconstruction.motion.contact import Contacts, Mover, first_contacts
+from trace_dag.reconstruction.motion.manoeuvres import Option, keep_lane, lateral_shift, steepest_slope
+from trace_dag.reconstruction.motion.speed_prior import speed_profile
+from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
+from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of, edge_m
+from trace_dag.reconstruction.pre_crash_scenarios import Party, party
+from trace_dag.reconstruction.ranking import Scored, leaders_first
+from trace_dag.reconstruction.scene.approaches import Approach
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.simulation.states import (
+    EstimateCheck,
+    Hypothesis,
+    Manoeuvre,
+    ParticipantState,
+    PlannedEvent,
+    SpeedSource,
+)
+
+_FROM_KERB_M: Final = 0.3
+_BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.3, Zone.WALKED: 0.6, Zone.OUTSIDE: 3.0}
+"""How far beyond the carriageway's edge the side towards it is taken to stand."""
+_DRIFT_G, _SWERVE_G = 0.08, 0.2
+_OVERLAPS: Final = (0.0, 0.45, -0.45, 0.8, -0.8)
+"""How far the two are aside of each other, as shares of half their widths together."""
+_OTHER_SIDE: Final = -3.0  # log-likelihood of leaving to the side that the report does not say
+_ACROSS: Final = -1.5  # of leaving across oncoming traffic, if no side is reported
+_IN_THE_LANE: Final = -1.0  # of standing in the middle of a lane, not at its edge
+_ABRUPT: Final = -0.5
+_ACROSS_SAYS: Final = 0.25
+_LEAST_DRIFT_M: Final = 0.3
+_SHAPE_MPS: Final = 7.0
+_LONGEST_AFTER_S: Final = 8.0
+_SLIDES: Final = 3
+_DECIMALS: Final = 6
+_ROUNDED: Final = 1e-5  # more than rounding takes from a score
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """One place to stand along an approach, in a zone; ``terms`` are its log-likelihoods."""
+
+    option: Option
+    zone: Zone
+    terms: dict[str, float] = field(default_factory=dict)
+
+
+STANDS: Final = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
+
+
+def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
+    """The places where a parked or working vehicle can have stood, by the zone of the first harmful event.
+
+    >>> zones = {stand.zone.value for stand in stands(scene, record.vehicles[0])}
+    >>> zones  # the first harmful event was on the roadway
+    {'carriageway'}
+    """
+    zones = zones_of_first_event(scene.record) or frozenset({Zone.CARRIAGEWAY})
+    for approach in scene.on_road(scene.through):
+        if approach.wrong_way:
+            continue
+        kerb = approach.kerb_sign
+        for side in (kerb, -kerb) if approach.one_way else (kerb,):
+            edge = edge_m(scene, approach.path.pose(approach.station_m), side)
+            for zone in sorted(zones):
+                if zone is Zone.CARRIAGEWAY:
+                    at_edge = edge - vehicle.width_m / 2 - _FROM_KERB_M
+                    if at_edge > _LEAST_DRIFT_M:
+                        yield _stand(approach, zone, vehicle, side * at_edge)
+                    if side == kerb:
+                        yield _stand(approach, zone, vehicle, 0.0, {"in the middle of a lane": _IN_THE_LANE})
+                else:
+                    yield _stand(approach, zone, vehicle, side * (edge + _BEYOND_EDGE_M[zone] + vehicle.width_m / 2))
+
+
+def _stand(
+    approach: Approach, zone: Zone, vehicle: VehicleRecord, offset_m: float, terms: dict[str, float] | None = None
+) -> Stand:
+    return Stand(keep_lane(approach, vehicle, 0.0, offset_m=round(offset_m, 3)), zone, terms or {})
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan(Scored):
+    """The contact of one way to drive with one place to stand."""
+
+    who: Party
+    drive: Option
+    path: Path
+    speed: TravelSpeed
+    profile: SpeedProfile
+    station_m: float
+    stand: Stand
+    parked_path: Path
+    parked_station_m: float
+    bearings_rad: tuple[float, float]
+    contact_xy_m: tuple[float, float]
+    terms: dict[str, float]
+
+    @property
+    def group(self) -> tuple[str, str, float]:
+        """Plans of one group differ in detail only."""
+        return self.drive.approach.name, self.stand.option.approach.name, self.stand.option.constant_m
+
+
+def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
+    """The ranked hypotheses of a moving vehicle that strikes a standing one first, at most so many.
+
+    >>> from dataclasses import replace
+    >>> from trace_dag.crash.parties import EventKind
+    >>> car = tree_record.vehicles[0]
+    >>> contact = CrashEvent(1, 14, EventKind.VEHICLE_CONTACT, car, None, replace(car, number=2, in_transport=False))
+    >>> best = parked_contacts(tree_scene, contact, lead_time_s=5.0, most=1)[0]
+    >>> [(state.vehicle_number, state.initial_speed_mps) for state in best.participants]  # 50 mph, and parked
+    [(1, 22.352), (2, 0.0)]
+    """
+    driven_one, standing = sorted(contact.vehicles, key=lambda vehicle: not vehicle.in_transport)
+    who = party(scene.record, driven_one)
+    tries = [
+        _Try(number, speed, profile, terms, stand, moved)
+        for number, (option, speed, terms, stand) in enumerate(
+            (*way, stand) for way in approaches_of(scene, who) for stand in stands(scene, standing)
+        )
+        if (profile := speed_profile(who, speed.speed_mps)).impact_mps >= 1.0
+        for share in _OVERLAPS
+        for moved in _towards(scene, who, option, stand, standing, share)
+    ]
+    tries.sort(key=lambda each: -each.most)  # stable: of equal ones the first
+    best: dict[int, _Plan] = {}
+    leading: dict[tuple[str, str, float], float] = {}  # the best score of each group
+    for each in tries:
+        if len(leading) >= most and each.most < sorted(leading.values())[-most] - _ROUNDED:
+            break  # what is known of these before the contact is looked at makes them too unlikely already
+        plan = _plan(scene, who, each, standing)
+        if plan is None:
+            continue
+        before = best.get(each.pair)
+        if before is None or plan.score > before.score:
+            best[each.pair] = plan
+        leading[plan.group] = max(plan.score, leading.get(plan.group, -math.inf))
+    found = sorted(best.values(), key=lambda plan: (-plan.score, plan.drive.name, plan.stand.option.name))
+    chosen = leaders_first(found, lambda plan: plan.group)[:most]
+    return tuple(_hypothesis(scene, contact, plan, standing, lead_time_s) for plan in chosen)
+
+
+# --- one plan --------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class _Try:
+    """A way to drive, one of a ``pair`` with a place to stand, ``moved`` aside towards it."""
+
+    pair: int
+    speed: TravelSpeed
+    profile: SpeedProfile
+    terms: dict[str, float]
+    stand: Stand
+    moved: Option
+
+    @property
+    def known(self) -> dict[str, float]:
+        """What is known of it before its contact is looked at, which can only make it less likely."""
+        return self.terms | self.moved.costs | self.stand.terms
+
+    @cached_property
+    def most(self) -> float:
+        """The most that its score can be."""
+        return math.fsum(self.known.values())
+
+
+def _towards(
+    scene: Scene, who: Party, option: Option, stand: Stand, parked: VehicleRecord, share: float
+) -> Iterator[Option]:
+    """The way to drive, moved aside until it meets the standing vehicle with that share of overlap."""
+    if option.turn is not None or option.shift is not None or option.backing:
+        if share == 0.0:
+            yield option
+        return
+    at = stand.option.path().pose(_nearest_m(stand.option.path(), scene))
+    _, aside = option.approach.path.project(at.x_m, at.y_m)
+    off_m = aside + share * (who.vehicle.width_m + parked.width_m) / 2
+    if abs(off_m) <= _LEAST_DRIFT_M:
+        yield option
+        return
+    speed_mps = max(option.speed_mps, _SHAPE_MPS)
+    for lateral_g, cost in ((_DRIFT_G, 0.0), (_SWERVE_G, _ABRUPT)):
+        lateral = lateral_g * GRAVITY_MPS2
+        shift = lateral_shift(off_m, speed_mps, steepest_slope(off_m, speed_mps, lateral), lateral)
+        costs = option.costs | ({"abruptness": cost} if cost else {}) | _departure(who, option.approach, off_m)
+        yield replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=replace(shift, at_anchor_m=off_m), costs=costs)
+
+
+def _nearest_m(path: Path, scene: Scene) -> float:
+    return path.project(*scene.place_xy_m)[0]
+
+
+def _departure(who: Party, approach: Approach, off_m: float) -> dict[str, float]:
+    """What the report says of the side to which the vehicle left its lane."""
+    side = who.crash_type.departure
+    if RAN_OFF_RIGHT in who.events or RAN_OFF_LEFT in who.events:
+        side = Side.RIGHT if RAN_OFF_RIGHT in who.events else Side.LEFT
+    if side is None:
+        return {"across the road": _ACROSS} if off_m * approach.kerb_sign < 0 and not approach.one_way else {}
+    if (side is Side.LEFT) == (off_m > 0):
+        return {}
+    return {"other side than reported": _OTHER_SIDE}
+
+
+def _plan(scene: Scene, who: Party, tried: _Try, parked: VehicleRecord) -> _Plan | None:
+    option, stand, profile = tried.moved, tried.stand, tried.profile
+    parked_path = stand.option.path()
+    parked_m = _nearest_m(parked_path, scene)
+    contacts: Contacts | None = None
+    path, station = option.path(), 0.0
+    for _ in range(_SLIDES):  # put the standing vehicle where the contact is at the reported place
+        at = parked_path.pose(parked_m)
+        slide = option.approach.path.project(at.x_m, at.y_m)[0] - option.station_m
+        path = option.path(slide)
+        station = path.project(at.x_m, at.y_m)[0]
+        mover = Mover.of(who.vehicle, path, station, profile.impact_mps, backing=option.backing)
+        still = Mover.of(parked, parked_path, parked_m, 0.0, backing=False)
+        contacts = first_contacts(mover, still, timings=1)
+        if len(contacts) == 0:
+            return None
+        missing = np.array(scene.place_xy_m) - (contacts.x_m[0], contacts.y_m[0])
+        parked_m += float(missing @ at.forward)
+    assert contacts is not None
+    bearing, parked_bearing = float(contacts.bearing_1_rad[0]), float(contacts.bearing_2_rad[0])
+    more = {
+        f"impact area (vehicle {who.vehicle.number})": _area(who.vehicle, bearing),
+        f"impact area (vehicle {parked.number})": _area(parked, parked_bearing),
+        "place of the impact": _place(scene, option, stand, contacts),
+    }
+    return _Plan(
+        who,
+        option,
+        path,
+        tried.speed,
+        profile,
+        station + profile.impact_mps * float(contacts.time_1_s[0]),
+        stand,
+        parked_path,
+        parked_m - float(missing @ at.forward),
+        (bearing, parked_bearing),
+        (float(contacts.x_m[0]), float(contacts.y_m[0])),
+        tried.known | more,
+    )
+
+
+def _area(vehicle: VehicleRecord, bearing_rad: float) -> float:
+    return float(impact_area_log_likelihood(vehicle, np.array([bearing_rad]))[0])
+
+
+def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> float:
+    """How well the contact agrees with the place. The reported place of a crash beside the road lies on the road. So
+    across the road it says little: at most which half of the road it was."""
+    missing: FloatArray = np.array([contacts.x_m[0], contacts.y_m[0]]) - np.array(scene.place_xy_m)
+    ahead = option.approach.path.pose(option.station_m).forward
+    along, across = float(missing @ ahead), float(ahead[0] * missing[1] - ahead[1] * missing[0])
+    beside = stand.zone is not Zone.CARRIAGEWAY
+    return float(
+        place_log_likelihood(scene.record, np.array(math.hypot(along, across * (_ACROSS_SAYS if beside else 1.0))))
+    )
+
+
+# --- hypotheses ------------------------------------------------------------------------------------------------------
+def _hypothesis(scene: Scene, contact: CrashEvent, plan: _Plan, parked: VehicleRecord, lead_s: float) -> Hypothesis:
+    after_s = min(max(AFTER_IMPACT_S, 25.0 / plan.profile.impact_mps), _LONGEST_AFTER_S)
+    common = {"lead_time_s": lead_s, "after_s": after_s}
+    vehicle, network = plan.who.vehicle, scene.network
+    states: Sequence[ParticipantState] = (
+        driven(network, vehicle, plan.drive, plan.path, plan.station_m, plan.speed, plan.profile, **common),
+        driven(
+            network,
+            parked,
+            plan.stand.option,
+            plan.parked_path,
+            plan.parked_station_m,
+            STANDS,
+            SpeedProfile(0.0, 0.0),
+            **common,
+        ),
+    )
+    clocked = [
+        replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
+        for state, bearing in zip(states, plan.bearings_rad, strict=True)
+    ]
+    x_m, y_m = (round(value, _DECIMALS) for value in plan.contact_xy_m)
+    stand = plan.stand.option
+    detail = f"vehicle {parked.number} stands {stand.constant_m:+.1f} m left of {stand.approach.name}"
+    return Hypothesis(
+        name=f"vehicle {vehicle.number}: {plan.drive.name}; vehicle {parked.number}: {stand.name}",
+        score=plan.score,
+        evidence={name: round(value, _DECIMALS) for name, value in sorted(plan.terms.items())},
+        participants=tuple(sorted(clocked, key=lambda state: state.vehicle_number)),
+        impact_time_s=lead_s,
+        impact_point_xy_m=(x_m, y_m),
+        checks=(EstimateCheck("stands in the reported zone", True, detail),),
+        planned=(PlannedEvent(contact.number, contact.vehicle.number, contact.party, lead_s, (x_m, y_m)),),
+    )

@@ -1,0 +1,392 @@
+"""One vehicle strikes one person or animal: every way the vehicle can have come, with every course of the person.
+
+Where the person was touched on the vehicle (the reported area), the way the vehicle came and the reported place give
+the vehicle's pose at the strike. The person is then at that spot of the vehicle, and both motions are followed backward
+from there. Frame: the local frame; stations along the vehicle's path.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from trace_dag.common.geometry import FloatArray, Pose, body_bearing_rad
+from trace_dag.common.paths import LateralShift, Path, shifted, straight
+from trace_dag.common.units import GRAVITY_MPS2
+from trace_dag.crash.animals import StruckAnimal
+from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.event_sequence import CrashEvent
+from trace_dag.crash.parties import PartyKind
+from trace_dag.crash.record import NonMotorist
+from trace_dag.crash.zones import Zone, reported_zones
+from trace_dag.reconstruction import evidence
+from trace_dag.reconstruction.motion.contact_points import ContactPoint
+from trace_dag.reconstruction.motion.manoeuvres import (
+    Option,
+    back_up,
+    follows_turn,
+    keep_lane,
+    make_turn,
+    steepest_slope,
+)
+from trace_dag.reconstruction.motion.path_pairs import speed_of, turning_approaches
+from trace_dag.reconstruction.motion.solver import TURN_SLIDE_SIGMA_M
+from trace_dag.reconstruction.motion.speed_prior import speed_profile
+from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
+from trace_dag.reconstruction.motion.walking_directions import (
+    COMPASS_DEG,
+    CROSSING,
+    RELATIVE_DEG,
+    Course,
+    CourseReading,
+    readings,
+)
+from trace_dag.reconstruction.motion.walking_speeds import Gait, gait_of, usual_speed_mps
+from trace_dag.reconstruction.planners.pedestrian_impact.impact_point import (
+    Crosswalks,
+    contact_point_of,
+    crosswalks_of,
+    is_far_side,
+    placed,
+)
+from trace_dag.reconstruction.pre_crash_scenarios import Party, party
+from trace_dag.reconstruction.ranking import Scored
+from trace_dag.reconstruction.scene.approaches import Approach
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.roads.map.areas import Area
+from trace_dag.simulation.animals import SIZES
+from trace_dag.simulation.body_sizes import PersonSize, person_size
+from trace_dag.simulation.states import Manoeuvre
+
+_COMPASS_RAD: Final = math.radians(45)  # a coded direction is a quarter of the compass
+_WIDEST_M: Final = 30.0
+_BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
+"""How far beyond the carriageway's edge a person is taken to have been: the middle of a narrow shoulder, of a sidewalk
+behind its curb, beside both."""
+_OUTWARD: Final = (Zone.BESIDE, Zone.WALKED, Zone.OUTSIDE)
+_DRIFT_G: Final = 0.08  # of a driver who drifts off the road
+_DASH_BEYOND_M: Final = 0.8  # who crosses starts this far beyond the edge
+_AS_THEY_ARE: Final = frozenset({PartyKind.CYCLIST, PartyKind.CONVEYANCE, PartyKind.ANIMAL})
+MANOEUVRES: Final = {
+    Course.FROM_LEFT: Manoeuvre.CROSS_FROM_LEFT,
+    Course.FROM_RIGHT: Manoeuvre.CROSS_FROM_RIGHT,
+    Course.ALONG: Manoeuvre.GO_ALONG,
+    Course.TOWARDS: Manoeuvre.COME_TOWARDS,
+    Course.STANDING: Manoeuvre.STAND,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactDrive:
+    """The vehicle's part: its path, where along it the strike is, and its speed before."""
+
+    party: Party
+    option: Option
+    path: Path
+    station_m: float
+    pose: Pose
+    speed: TravelSpeed
+    profile: SpeedProfile
+
+    @property
+    def velocity_mps(self) -> FloatArray:
+        """Velocity at the strike, shape (2,)."""
+        ahead = -1.0 if self.option.backing else 1.0
+        return np.asarray(ahead * self.profile.impact_mps * self.pose.forward)
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """The person's part: path, station and pose at the strike, speed, and how far before the strike the person set
+    off."""
+
+    person: NonMotorist
+    kind: PartyKind
+    size: PersonSize
+    reading: CourseReading
+    gait: Gait
+    path: Path
+    station_m: float
+    pose: Pose
+    speed_mps: float
+    set_off_m: float = math.inf
+
+    @property
+    def manoeuvre(self) -> Manoeuvre:
+        """The course as a manoeuvre."""
+        return MANOEUVRES[self.reading.course]
+
+    def along_m(self, until_s: FloatArray) -> FloatArray:
+        """Stations at times before the strike (negative after it)."""
+        return np.asarray(self.station_m - np.minimum(self.speed_mps * until_s, self.set_off_m))
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactPlan(Scored):
+    """One way one strike can have happened. ``terms`` are log-likelihoods."""
+
+    strike: CrashEvent
+    drive: ImpactDrive
+    walk: Walk
+    contact_xy_m: tuple[float, float]
+    terms: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Says what distinguishes this plan from the others of its crash."""
+        person = self.strike.person
+        who = person.species if isinstance(person, StruckAnimal) else f"person {person.number}"
+        return (
+            f"vehicle {self.strike.vehicle.number}: {self.drive.option.name}; {who}: "
+            f"{self.walk.manoeuvre}, {self.walk.gait}"
+        )
+
+    @property
+    def group(self) -> tuple[int, str, str]:
+        """Plans of one group differ in detail only."""
+        option = self.drive.option
+        return option.approach.side, option.manoeuvre.value, self.walk.reading.course.value
+
+
+def person_kind_of(person: NonMotorist) -> PartyKind:
+    """The kind of figure that the person is simulated as: on foot, unless the report names what the person rides."""
+    return person.kind if person.kind in _AS_THEY_ARE else PartyKind.PEDESTRIAN
+
+
+def impact_plans(scene: Scene, strike: CrashEvent) -> list[ImpactPlan]:
+    """Every way the strike can have happened, likeliest first.
+
+    >>> plans = impact_plans(pedestrian_scene, strike_plan.strike)
+    >>> plans[0].walk.manoeuvre.value, plans[0].score == max(plan.score for plan in plans)
+    ('cross_from_left', True)
+    """
+    who = party(scene.record, strike.vehicle)
+    courses = readings(strike.person, who.turn, strike.area)
+    crosswalks = crosswalks_of(scene, strike.person)
+    found = []
+    for option, speed, terms in approaches_of(scene, who):
+        for reading in courses:
+            plan = _plan(scene, strike, who, option, speed, terms, reading, crosswalks)
+            if plan is not None:
+                found.append(plan)
+    return sorted(found, key=lambda plan: (-plan.score, plan.name))
+
+
+def approaches_of(
+    scene: Scene, who: Party, *, approaches: Sequence[Approach] | None = None
+) -> Iterator[tuple[Option, TravelSpeed, dict[str, float]]]:
+    """The ways a vehicle can have come, without regard to the person, each with its speed and the evidence for it.
+
+    ``approaches``: the approaches to look at; by default those that fit its turn and the place of the crash.
+
+    >>> who = party(record, record.vehicles[1])
+    >>> {option.manoeuvre.value for option, _, _ in approaches_of(scene, who, approaches=scene.through[:1])}
+    {'straight'}
+    """
+    for approach in _approaches(scene, who) if approaches is None else approaches:
+        speed = speed_of(who, approach)
+        for option in _options(who, approach, speed.speed_mps):
+            yield option, speed, way_terms(scene, who, option, speed)
+
+
+def _approaches(scene: Scene, who: Party) -> list[Approach]:
+    if who.turn is None or who.backing:
+        return scene.on_road(scene.through)
+    following = [approach for approach in scene.approaches if follows_turn(approach, who.turn)]
+    turning = turning_approaches(scene.approaches, who.turn)
+    found = {approach.name: approach for approach in (*following, *turning, *scene.on_road(scene.through))}
+    return list(found.values())  # a vehicle can turn where the map has no lanes for it: into a driveway
+
+
+def _options(who: Party, approach: Approach, speed_mps: float) -> list[Option]:
+    if who.backing:
+        return [back_up(approach, speed_mps)]
+    if who.turn is None or follows_turn(approach, who.turn):
+        return [keep_lane(approach, who.vehicle, speed_mps, turn=who.turn)]
+    return make_turn(approach, who.vehicle, speed_mps, who.turn, slides=True)
+
+
+def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> dict[str, float]:
+    """The evidence for one way of a vehicle, as log-likelihoods."""
+    approach, number = option.approach, who.vehicle.number
+    terms = {
+        **evidence.street_terms(scene.network, scene.placement, scene.record, approach),
+        **evidence.first_street_terms(scene, [] if who.turn or who.backing else [approach]),
+        **evidence.road_terms(who.vehicle, approach),
+        **evidence.lane_terms(who.vehicle, approach, who.turn),
+        **evidence.speed_terms(who.vehicle, approach, who.turn),
+        **evidence.driveway_speed_terms(approach, speed.speed_mps),
+        **evidence.heading_terms(who.vehicle, option),
+        **option.costs,
+    }
+    return {f"{name} (vehicle {number})": value for name, value in terms.items()}
+
+
+def _plan(
+    scene: Scene,
+    strike: CrashEvent,
+    who: Party,
+    option: Option,
+    speed: TravelSpeed,
+    terms: dict[str, float],
+    reading: CourseReading,
+    crosswalks: Crosswalks | None,
+) -> ImpactPlan | None:
+    person = strike.person
+    gait = Gait.STANDING if reading.course is Course.STANDING else gait_of(person)
+    speed_mps = usual_speed_mps(person, gait)
+    profile = speed_profile(who, speed.speed_mps)
+    point = contact_point_of(strike, option, profile.impact_mps, reading.course, speed_mps)
+    if point is None:
+        return None
+    option, path = _onto_person(scene, strike, option, point)
+    path, station_m, slid_m = placed(scene, path, option, point, is_far_side(person, option), crosswalks)
+    pose = path.pose(station_m)
+    if option.backing:
+        pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)
+    drive = ImpactDrive(who, option, path, station_m, pose, speed, profile)
+    walk = _walk(scene, drive, point, reading, gait, speed_mps, person)
+    contact = pose.to_world(np.array([point.ahead_m, point.left_m]))
+    contact_xy_m = (float(contact[0]), float(contact[1]))
+    terms = terms | {"course of the person": reading.log_prior} | _contact_terms(scene, strike, drive, contact_xy_m)
+    if person.heading is not None and reading.course is not Course.STANDING:
+        walked = evidence.heading_log_likelihood(person.heading, walk.pose.heading_rad)
+        terms["reported direction of the person"] = walked
+    if crosswalks is not None:
+        terms["crosswalk"] = float(crosswalks.log_likelihood(np.array(contact[0]), np.array(contact[1])))
+    if slid_m:
+        terms[f"place of the turn (vehicle {who.vehicle.number})"] = -0.5 * (slid_m / TURN_SLIDE_SIGMA_M) ** 2
+    return ImpactPlan(strike, drive, walk, contact_xy_m, terms)
+
+
+# --- the way of the vehicle ------------------------------------------------------------------------------------------
+def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: ContactPoint) -> tuple[Option, Path]:
+    """The vehicle's way: along its lanes, or off the carriageway if the person was not on it."""
+    zones = reported_zones(scene.record, strike.person)
+    if not zones and strike.side in (DepartureSide.LEFT, DepartureSide.RIGHT):
+        zones = frozenset({Zone.BESIDE})
+    zone = next((each for each in _OUTWARD if each in zones), None)
+    if zone is None or Zone.CARRIAGEWAY in zones or option.turn is not None or option.backing:
+        return option, option.path()
+    side = 1.0 if strike.side is DepartureSide.LEFT else -1.0
+    here = option.approach.path.pose(option.station_m)
+    person_m = side * (edge_m(scene, here, side) + _BEYOND_EDGE_M[zone])
+    off_m = person_m - point.left_m
+    if off_m * side <= 0:
+        return option, option.path()
+    slope = steepest_slope(off_m, max(option.speed_mps, 7.0), _DRIFT_G * GRAVITY_MPS2)
+    ramp_m = min(max(1.5 * slope * option.speed_mps**2 / (_DRIFT_G * GRAVITY_MPS2), 4.0), abs(off_m) / slope)
+    shift = LateralShift(off_m, off_m, slope, ramp_m)
+    moved = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=shift)
+    return moved, moved.path()
+
+
+def edge_m(scene: Scene, here: Pose, side: float) -> float:
+    """Distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1)."""
+    return edge_of(scene.network.drivable_area, here, side)
+
+
+def edge_of(area: Area, here: Pose, side: float) -> float:
+    """Distance from a pose in an area to its edge, to the left (side 1) or right (-1); 0 where it is outside.
+
+    >>> in_its_lane = way_past_the_tree.approach.path.pose(way_past_the_tree.station_m)
+    >>> edge_of(tree_scene.carriageway, in_its_lane, -1.0)  # half of a lane of 3.5 m
+    1.75
+    """
+    away = np.arange(0.0, _WIDEST_M, 0.25)
+    x = here.x_m - math.sin(here.heading_rad) * side * away
+    y = here.y_m + math.cos(here.heading_rad) * side * away
+    inside = area.contains(x, y)
+    return float(away[int(np.argmin(inside))]) if inside[0] and not inside.all() else 0.0
+
+
+# --- the way of the person -------------------------------------------------------------------------------------------
+def _walk(
+    scene: Scene,
+    drive: ImpactDrive,
+    point: ContactPoint,
+    reading: CourseReading,
+    gait: Gait,
+    speed_mps: float,
+    person: NonMotorist,
+) -> Walk:
+    kind = person_kind_of(person)
+    size = size_of(person, kind)
+    heading = _heading(drive, reading.course, person)
+    angle = heading - drive.pose.heading_rad
+    half = np.array([size.length_m, size.width_m]) / 2
+    reach = np.abs([[math.cos(angle), math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ half
+    centre = np.array([point.ahead_m, point.left_m]) + np.array(point.normal) * reach
+    x, y = drive.pose.to_world(centre)
+    pose = Pose(float(x), float(y), math.remainder(heading, math.tau), drive.pose.z_m)
+    path, station = _line(scene, drive, pose, reading.course)
+    set_off = math.inf
+    if reading.course in CROSSING:  # from the edge of the road on: who waits there does not walk out of a lane
+        from_m = edge_m(scene, Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2), 1.0)
+        set_off = from_m + _DASH_BEYOND_M if from_m else math.inf
+    return Walk(person, kind, size, reading, gait, path, station, path.pose(station), speed_mps, set_off)
+
+
+def size_of(person: NonMotorist, kind: PartyKind) -> PersonSize:
+    """Dimensions and mass of a person by age and sex, of an animal by its species."""
+    if isinstance(person, StruckAnimal):
+        return SIZES[person.species]
+    return person_size(kind, person.age_years, female={1: False, 2: True}.get(person.sex_code or 0))
+
+
+def _heading(drive: ImpactDrive, course: Course, person: NonMotorist) -> float:
+    """Heading of the person at the strike. Across a road means at right angles to it. If the vehicle turns, that is the
+    road it came from or the one it turns into, whichever the person crossed."""
+    backing = math.pi if drive.option.backing else 0.0
+    if course is Course.STANDING:
+        return drive.pose.heading_rad + math.pi / 2
+    if drive.option.turn is None:
+        return drive.pose.heading_rad + backing + math.radians(RELATIVE_DEG[course])
+    approach = drive.option.approach
+    road = approach.path.pose(max(drive.option.turn_start_m - 1.0, 0.0)).heading_rad
+    if is_far_side(person, drive.option):
+        road += drive.option.turn.angle_rad
+    return road + math.radians(RELATIVE_DEG[course])
+
+
+def _line(scene: Scene, drive: ImpactDrive, pose: Pose, course: Course) -> tuple[Path, float]:
+    """The path of the person, straight across or along the road, and the station of the strike on it."""
+    back_m = 60.0
+    if course in (Course.ALONG, Course.TOWARDS) and drive.option.turn is None and not drive.option.backing:
+        base = drive.option.approach.path
+        station, offset = base.project(pose.x_m, pose.y_m, near_s_m=drive.option.station_m)
+        line = shifted(base, None, anchor_s_m=station, constant_m=offset)
+        if course is Course.TOWARDS:
+            line = line.reversed()
+        return line, line.project(pose.x_m, pose.y_m)[0]
+    return straight(pose, back_m=back_m, ahead_m=back_m), back_m
+
+
+# --- evidence ----------------------------------------------------------------------------------------------
+def _contact_terms(
+    scene: Scene, strike: CrashEvent, drive: ImpactDrive, contact_xy_m: tuple[float, float]
+) -> dict[str, float]:
+    x, y = contact_xy_m[0] - scene.place_xy_m[0], contact_xy_m[1] - scene.place_xy_m[1]
+    along, across = drive.option.approach.path.pose(drive.station_m).forward @ np.array([x, y]), 0.0
+    if drive.option.manoeuvre is not Manoeuvre.LEAVE_ROAD:
+        across = math.sqrt(max(x * x + y * y - float(along) ** 2, 0.0))
+    terms = {
+        "place of the impact": float(
+            evidence.place_log_likelihood(scene.record, np.array(math.hypot(float(along), across)))
+        )
+    }
+    vehicle = replace(strike.vehicle, impact=strike.area)
+    bearing = body_bearing_rad(*vehicle.clock_body(drive.pose), np.array(contact_xy_m))
+    if strike.area is not None:
+        area = float(evidence.impact_area_log_likelihood(vehicle, np.array([bearing]))[0])
+        terms[f"impact area (vehicle {vehicle.number})"] = area
+    motorist = COMPASS_DEG.get(strike.person.motorist_direction_code or 0)
+    if motorist is not None:
+        went = drive.option.approach.heading_rad + (math.pi if drive.option.backing else 0.0)
+        apart = abs(math.remainder(went - math.radians(motorist), math.tau))
+        terms["compass direction of the motorist"] = -0.5 * (max(apart - _COMPASS_RAD, 0.0) / (_COMPASS_RAD / 2)) ** 2
+    return terms

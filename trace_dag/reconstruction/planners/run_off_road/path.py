@@ -1,0 +1,168 @@
+"""How a vehicle leaves its lane: the path off the road, where the carriageway's edge is, and how it skids.
+
+Shared by the estimators of crashes into fixed objects and of overturns. Frame: the local frame; stations in metres
+along a path, offsets to the left.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from trace_dag.common.geometry import Pose
+from trace_dag.common.paths import LateralShift, Path, shifted
+from trace_dag.common.units import GRAVITY_MPS2
+from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.reconstruction.assemble import rounded
+from trace_dag.reconstruction.motion.manoeuvres import Option
+from trace_dag.reconstruction.motion.speed_prior import speed_profile
+from trace_dag.reconstruction.motion.speeds import SpeedProfile, brakes
+from trace_dag.reconstruction.planners.pedestrian_impact.planner import edge_of
+from trace_dag.reconstruction.pre_crash_scenarios import Party
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.simulation.states import ParticipantState, Trajectory
+
+_STEEPEST: Final = math.tan(math.radians(30))
+FLATTEST: Final = 0.03
+_ROOM_M: Final = 0.8  # from a path to the carriageway's edge, at least: nearly half a car
+_AWAY_M: Final = 4.0  # longest distance along the road to the edge that the vehicle can have crossed
+_EDGE_JUMPS_M: Final = 0.5  # if the edge nearby is this much nearer, a side street opens at the place
+_LOOK_AHEAD_M: Final = (-15.0, 45.0)  # from the place: where the end of the road is looked for
+SKID_S: Final = 1.2
+_BRAKES_G: Final = 0.4  # the most beyond the edge: grass and gravel hold little more
+_SKID_G: Final = 0.3  # mean while the slip builds up to sliding sideways
+_LEAST_SHARE: Final = 0.4  # least share of the speed that is left after skidding
+SIGN: Final = {DepartureSide.LEFT: 1.0, DepartureSide.RIGHT: -1.0, DepartureSide.AHEAD: 0.0}
+
+GOES_ON_M: Final = 60.0
+"""So far a course off the road is followed beyond the place it is anchored at."""
+
+
+def slope_of(off_m: float, lateral_mps2: float, speed_mps: float) -> float:
+    """Slope of a course at a distance off its lane, reached by a constant lateral acceleration at a speed.
+
+    >>> slope_of(3.0, 1.0, 20.0)  # sqrt(2 * 3 * 1 / (1.5 * 20 ** 2))
+    0.1
+    """
+    steep = math.sqrt(2 * off_m * lateral_mps2 / (1.5 * max(speed_mps, 5.0) ** 2))
+    return min(max(steep, FLATTEST), _STEEPEST)
+
+
+def path_aside(
+    base: Path, anchor_m: float, off_m: float, slope: float, lateral_mps2: float, speed_mps: float
+) -> tuple[Path, float]:
+    """The path that leaves ``base``, is ``off_m`` to its left at a given station of it, and goes on at that slope; and
+    the station of that place along the new path.
+
+    >>> from trace_dag.common.paths import from_points
+    >>> line = np.linspace(0.0, 200.0, 401)
+    >>> east = from_points(line, np.zeros(401), np.zeros(401))
+    >>> path, station_m = path_aside(east, 100.0, 4.0, 0.1, 3.0, 20.0)
+    >>> round(path.pose(station_m).y_m, 2)  # 4 m to the left there
+    4.0
+    """
+    sign, far_m = math.copysign(1.0, off_m), abs(off_m)
+    ramp_m = min(1.5 * slope * max(speed_mps, 5.0) ** 2 / max(lateral_mps2, 1e-6), 2 * far_m / slope)
+    shift = LateralShift(sign * (far_m + slope * GOES_ON_M), off_m, slope, max(ramp_m, 1.0))
+    path = shifted(base, shift, anchor_s_m=anchor_m)
+    at = base.pose(anchor_m).to_world(np.array([0.0, off_m]))
+    return path, path.project(float(at[0]), float(at[1]), near_s_m=anchor_m)[0]
+
+
+def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
+    """The speed up to the impact: skidding sideways brakes.
+
+    >>> from trace_dag.reconstruction.pre_crash_scenarios import party
+    >>> alone = party(tree_record, tree_record.vehicles[0])
+    >>> skid_profile(alone, 22.0, 0.0).initial_mps  # it does not skid
+    22.0
+    """
+    if not slip_rad or brakes(who.vehicle):
+        return speed_profile(who, speed_mps, most_g=_BRAKES_G)
+    lost = _SKID_G * GRAVITY_MPS2 * SKID_S * min(abs(math.sin(slip_rad)) + 0.3, 1.0)
+    return SpeedProfile(speed_mps, max(speed_mps - lost, _LEAST_SHARE * speed_mps), SKID_S)
+
+
+def lane_path(scene: Scene, option: Option) -> Path:
+    """The path before the departure, as driven at this speed. If a bend is so sharp that this path would leave the
+    carriageway, it follows the middle of the lane instead.
+    """
+    driven_path = option.path()
+    if option.turn is not None:
+        return driven_path
+    here = driven_path.pose(driven_path.project(*scene.place_xy_m)[0])
+    if min(edge_beside_m(scene, here, 1.0), edge_beside_m(scene, here, -1.0)) >= _ROOM_M:
+        return driven_path
+    return next((approach.path for approach in scene.approaches if approach.name == option.approach.name), driven_path)
+
+
+def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> float | None:
+    """Where a line beside a path leaves the carriageway near the place; None if it does not."""
+    s_m = np.arange(place_m + _LOOK_AHEAD_M[0], place_m + _LOOK_AHEAD_M[1], 0.25)
+    x, y, heading = base.plan(s_m)
+    x, y = x - left_m * np.sin(heading), y + left_m * np.cos(heading)
+    off = ~scene.carriageway.contains(x, y)
+    began = np.flatnonzero(off[1:] & ~off[:-1])
+    return float(s_m[int(began[0]) + 1]) if len(began) else None
+
+
+def edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[float, float]:
+    """The station at which the vehicle crosses the carriageway's edge, and how far from the path the edge is there: at
+    the place itself, or near it if a side street opens there.
+
+    >>> path = lane_path(tree_scene, way_past_the_tree)
+    >>> place_m, _ = path.project(*tree_scene.place_xy_m)
+    >>> station_m, edge_m = edge_near(tree_scene, path, place_m, -1.0)
+    >>> edge_m, station_m == place_m  # half of a lane of 3.5 m; no side street opens there
+    (1.75, True)
+    """
+    stations = place_m + np.arange(-_AWAY_M, _AWAY_M + 0.1, 0.5)
+    edges = np.array([edge_beside_m(scene, base.pose(float(s)), sign) for s in stations])
+    usual = float(edges.min())
+    near = np.flatnonzero(edges <= usual + _EDGE_JUMPS_M)
+    chosen = int(near[np.argmin(np.abs(stations[near] - place_m))])
+    return float(stations[chosen]), float(edges[chosen])
+
+
+def edge_beside_m(scene: Scene, here: Pose, sign: float) -> float:
+    """Distance from a pose on the carriageway to its edge, at the level of the crash.
+
+    >>> middle_of_lane = way_past_the_tree.approach.path.pose(way_past_the_tree.station_m)
+    >>> edge_beside_m(tree_scene, middle_of_lane, -1.0)  # half of a lane of 3.5 m to the right
+    1.75
+    """
+    return edge_of(scene.carriageway, here, sign)
+
+
+def turned_by(pose: Pose, slip_rad: float) -> Pose:
+    """The pose, turned by an angle (rad, counter-clockwise).
+
+    >>> turned_by(Pose(1.0, 2.0, 0.5), 0.25).heading_rad
+    0.75
+    """
+    return Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + slip_rad, math.tau), pose.z_m)
+
+
+def skidding(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
+    """The same course with the body turning about itself over the last part, up to its slip angle at the impact.
+
+    >>> car = hypothesis.participants[0]
+    >>> skidded = skidding(car, 0.5, hypothesis.impact_time_s)
+    >>> round(skidded.impact_pose.heading_rad - car.impact_pose.heading_rad, 6)
+    0.5
+    """
+    t = state.trajectory
+    share = np.clip((t.time_s - (lead_s - SKID_S)) / SKID_S, 0.0, 1.0)
+    slip = slip_rad * share**2
+    trajectory: Trajectory = rounded(t.time_s, t.x_m, t.y_m, t.z_m, t.heading_rad + slip, t.speed_mps * np.cos(slip))
+    impact = int(np.argmin(np.abs(t.time_s - lead_s)))
+    return replace(
+        state,
+        trajectory=trajectory,
+        impact_pose=turned_by(state.impact_pose, slip_rad),
+        impact_speed_mps=float(trajectory.speed_mps[impact]),
+        skids_from_s=round(lead_s - SKID_S, 6),
+    )

@@ -1,0 +1,1 @@
+"""Draws of what a report leaves open, each simulated and weighed."""

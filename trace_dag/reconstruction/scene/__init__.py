@@ -1,0 +1,1 @@
+"""The crash on its map: approaches, places, mapped objects and ground."""

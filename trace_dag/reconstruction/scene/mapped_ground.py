@@ -1,0 +1,153 @@
+"""Where parties are before the first event: on mapped carriageways, junctions, driveways, shoulders and pavements, and
+outside buildings.
+
+A vehicle that the report has leave the road may do so, one may be parked where none is mapped, and a person walks
+anywhere; none of them goes through a building.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trace_dag.common.geometry import FloatArray
+from trace_dag.crash.codes.events import CROSSED_MEDIAN, RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
+from trace_dag.crash.parties import PartyKind, party_in_words
+from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.road_departure import ON_ROADWAY
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import MappedThing
+from trace_dag.simulation.states import ParticipantState
+
+OFF_GROUND_M: Final = 1.0
+"""How far the middle of a vehicle may be off what is mapped: widths of lanes and shoulders are known no better."""
+_STEP_S: Final = 0.1
+_HALF_LANE_M: Final = 1.75
+_NO_GROUND_M: Final = 1000.0  # where the map has none at all
+_LEFT_ROAD: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, RAN_OFF_AT_END, RAN_OFF, CROSSED_MEDIAN})
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The way of a party: its number and kind, and where its middle is (m, local frame) at times (s)."""
+
+    number: int
+    kind: PartyKind
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Astray:
+    """A party that is where none can be: how far off mapped ground at most (m), in a building (then 0 m), from the
+    beginning until ``until_s`` (s) or, if that is None, later on."""
+
+    number: int
+    off_m: float
+    in_building: bool
+    until_s: float | None
+
+    @property
+    def where(self) -> str:
+        """Who is where, as the beginning of a sentence."""
+        who = party_in_words(self.number)
+        if self.in_building:
+            return f"{who} is inside a building"
+        return f"{who} is up to {self.off_m:.1f} m off every mapped road, driveway and shoulder"
+
+    def __str__(self) -> str:
+        unsaid = "" if self.in_building else ", which the report does not say"
+        return f"{self.where} before the first event{unsaid}"
+
+
+def ways_of(participants: Iterable[ParticipantState]) -> Iterator[Way]:
+    """The planned ways of a hypothesis' parties.
+
+    >>> [(way.number, way.kind.value) for way in ways_of(hypothesis.participants)]
+    [(1, 'motor_vehicle'), (2, 'motor_vehicle')]
+    """
+    for state in participants:
+        planned = state.trajectory
+        yield Way(state.vehicle_number, state.kind, planned.time_s, planned.x_m, planned.y_m)
+
+
+def astray(
+    record: CrashRecord, network: RoadNetwork, things: Sequence[MappedThing], ways: Iterable[Way], event_s: float
+) -> tuple[Astray, ...]:
+    """The parties that are where none can be before the first event at ``event_s`` (s).
+
+    >>> astray(record, network, map_report.things, ways_of(hypothesis.participants), hypothesis.impact_time_s)
+    ()
+    """
+    walls = _buildings(things)
+    parked = {vehicle.number for vehicle in record.vehicles if not vehicle.in_transport}
+    found = []
+    for way in ways:
+        time_s = np.append(np.arange(float(way.time_s[0]), event_s, _STEP_S), event_s)
+        x_m, y_m = (np.interp(time_s, way.time_s, values) for values in (way.x_m, way.y_m))
+        # A building that is struck is touched at the end.
+        inside = shapely.contains_xy(walls, x_m, y_m) & (time_s < event_s - _STEP_S)
+        off_m = np.zeros_like(time_s)
+        if way.kind is PartyKind.MOTOR_VEHICLE and way.number not in parked:
+            off_m = _off_m(network, x_m, y_m)
+            if leaves_road(record, way.number) and (off_m <= OFF_GROUND_M).any():
+                off_m[int(np.argmax(off_m <= OFF_GROUND_M)) :] = 0.0
+        wrong = inside | (off_m > OFF_GROUND_M)
+        if wrong.any():
+            begins = int(np.argmin(wrong)) if not wrong.all() else len(wrong)
+            until_s = None if wrong[begins:].any() else float(time_s[min(begins, len(time_s) - 1)])
+            found.append(Astray(way.number, float(off_m.max()), bool(inside.any()), until_s))
+    return tuple(found)
+
+
+def leaves_road(record: CrashRecord, number: int) -> bool:
+    """Whether the report has a vehicle off the road before or at the first harmful event.
+
+    >>> leaves_road(record, 1), leaves_road(tree_record, 1)
+    (False, True)
+    """
+    if record.road_relation_code is not None and record.road_relation_code not in ON_ROADWAY:
+        return True
+    for event in record.events:
+        if event.is_harmful:
+            return False
+        if event.code in _LEFT_ROAD and event.party_1 == number:
+            return True
+    return False
+
+
+def _off_m(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """How far points are off mapped ground (m)."""
+    off_m = np.zeros_like(x_m)
+    outside: NDArray[np.bool_] = ~network.paved_area.contains(x_m, y_m)
+    if outside.any():
+        outside &= ~shapely.contains_xy(_junctions(network, x_m[outside], y_m[outside]), x_m, y_m)
+    if outside.any():
+        off_m[outside] = np.nan_to_num(network.paved_area.beyond_m(x_m[outside], y_m[outside]), nan=_NO_GROUND_M)
+    return off_m
+
+
+def _junctions(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> shapely.Geometry:
+    """The ground of the junctions around points: within one all is paved, between the lanes of its movements too."""
+    box_m = (float(x_m.min()), float(y_m.min()), float(x_m.max()), float(y_m.max()))
+    movements: dict[str, list[FloatArray]] = {}
+    for road in network.roads_within(box_m):
+        if road.junction_id is not None:
+            lines = (network.centreline(lane)[:, :2] for lane in network.drivable_lanes_of(road))
+            movements.setdefault(road.junction_id, []).extend(lines)
+    hulls = [shapely.MultiPoint(np.concatenate(lines)).convex_hull for lines in movements.values() if lines]
+    return shapely.union_all([hull.buffer(_HALF_LANE_M) for hull in hulls])
+
+
+def _buildings(things: Sequence[MappedThing]) -> shapely.Geometry:
+    """The footprints of the buildings near the crash."""
+    rings = [each.xy_m for each in things if each.tag == "building" and len(each.xy_m) > 3]
+    walls = shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in rings])
+    shapely.prepare(walls)
+    return walls

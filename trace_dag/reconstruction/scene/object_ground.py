@@ -1,0 +1,143 @@
+"""The ground that a placed object may take: beside lanes and shoulders, a bridge rail on its bridge, none where another
+one stands; kerbs, rails and walls end where a street opens."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Final, TypeAlias
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from trace_dag.common.geometry import FloatArray, Pose, rectangle_corners
+from trace_dag.crash.codes.events import LYING_OBJECTS
+from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.roadside import roadside_at
+from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm
+
+_AT_THE_EDGE_M: Final = 0.25  # a line this far into the roadway still counts as standing at its edge
+_TOUCHING_M: Final = 0.05
+_LEAST_M: Final = 1.0
+_FAR_M: Final = 1000.0
+_BEHIND_M: Final = 0.3  # a shoulder, objects begin
+_WIDEST_M: Final = 8.0  # of shoulders, and lanes for parking and cycling, beside each other
+_CURB, _BRIDGE_RAIL = 33, 23  # SOE
+_OF_BRIDGE_M: Final = 2.5  # so far from a bridge's pavement its rail may stand
+_BRIDGE_ENDS_M: Final = 0.9  # beyond what is paved: where the simulated vehicle is held, less than half of one
+
+Struck: TypeAlias = tuple[FixedObject, tuple[float, float]]
+"""An object, and where it is struck (x, y; m)."""
+
+
+def on_free_ground(
+    item: FixedObject,
+    struck_at_xy_m: tuple[float, float],
+    network: RoadNetwork,
+    others: Iterable[Struck] = (),
+    *,
+    relation: int | None = None,
+) -> FixedObject | None:
+    """Return the object where it can stand, or None where it cannot: on a lane or shoulder, off the bridge whose rail
+    it is, in another object.
+
+    Of a lengthwise object it is the part around the place where it is struck that lies across no roadway, and nearer to
+    that place than to where another lengthwise one is struck: of one rail that is struck twice each has its part.
+    ``relation``: the ``REL_ROAD`` of the event. What is struck on the roadway, by that, may stand there (an island's
+    kerb), and so may what lay there.
+    """
+    if relation in ON_ROADWAY or item.code in LYING_OBJECTS:
+        return item
+    pose, reach_m = item.pose, item.length_m + item.width_m
+    if relation == ON_SHOULDER:
+        area = network.carriageway_near(pose.x_m, pose.y_m, reach_m, z_m=pose.z_m)
+    else:
+        area = network.kept_clear_near(pose.x_m, pose.y_m, reach_m, z_m=pose.z_m)
+    outline = _outline(item, item.width_m)
+    around = outline.buffer(2 * _AT_THE_EDGE_M)
+    taken = shapely.intersection(area.within(around.bounds, _TOUCHING_M), around)
+    apart = [(other, at_xy_m) for other, at_xy_m in others if other.number != item.number]
+    if KINDS[item.code].form is not ObjectForm.LINE:
+        blocks = [taken, *(_outline(other, other.width_m) for other, _ in apart)]
+        free = not any(shapely.intersection(each, outline).buffer(-_TOUCHING_M).area > 0 for each in blocks)
+        return item if free else None
+    ends = pose.to_world(np.array([[-item.length_m / 2, 0.0], [item.length_m / 2, 0.0]]))
+    axis = shapely.LineString(ends)
+    narrow = _outline(item, max(item.width_m - 2 * _AT_THE_EDGE_M, 2 * _TOUCHING_M))
+    across = _spans(axis, shapely.intersection(taken.buffer(-_AT_THE_EDGE_M), narrow))
+    clear: BaseGeometry = axis.difference(across)
+    if item.code == _BRIDGE_RAIL:
+        clear = _on_bridge(clear, network, pose, reach_m)
+    own = np.array(struck_at_xy_m)
+    for other, at_xy_m in apart:
+        if KINDS[other.code].form is not ObjectForm.LINE:
+            clear = clear.difference(_spans(axis, shapely.intersection(_outline(other, other.width_m), narrow)))
+        elif own.tolist() != list(at_xy_m) and _outline(other, other.width_m).distance(outline) < _AT_THE_EDGE_M:
+            clear = clear.intersection(_nearer(own, np.array(at_xy_m)))
+    struck = axis.interpolate(axis.project(shapely.Point(struck_at_xy_m)))
+    parts = [part for part in shapely.get_parts(clear) if part.distance(struck) < _AT_THE_EDGE_M]
+    part = max(parts, key=lambda each: float(each.length), default=None)
+    if part is None or part.length < _LEAST_M:
+        return None
+    if part.length > axis.length - _TOUCHING_M:
+        return item
+    middle = part.interpolate(0.5, normalized=True)
+    moved = Pose(round(middle.x, 6), round(middle.y, 6), pose.heading_rad, pose.z_m)
+    return replace(item, pose=moved, length_m=round(part.length, 6))
+
+
+def beyond_range_m(network: RoadNetwork, edge: Pose, sign: float, code: int) -> tuple[float, float]:
+    """Return how far beyond the carriageway's edge (m) an object stands at least, and at most.
+
+    It stands behind the shoulder, and lanes for parking and cycling, that the map has there, and behind the usual
+    shoulder of such a road; a kerb has no such before it, and a bridge ends there. ``edge``: a place at the edge, in
+    the direction of the traffic beside it. ``sign``: 1 to the left of it, -1 to the right.
+    """
+    away = np.arange(0.0, _WIDEST_M, 0.25)
+    at = edge.to_world(np.column_stack([np.zeros(len(away)), sign * (away + _TOUCHING_M)]))
+    area = network.kept_clear_near(edge.x_m, edge.y_m, _WIDEST_M, z_m=edge.z_m)
+    taken = area.contains(at[:, 0], at[:, 1])
+    paved_m = 0.0 if taken.all() else float(away[int(np.argmin(taken))])
+    place = roadside_at(network, float(at[1, 0]), float(at[1, 1]), z_m=edge.z_m)
+    if place is not None and network.road_by_id[place.lane.lane.road_id].bridge:
+        return paved_m + _BEHIND_M, paved_m + _BRIDGE_ENDS_M
+    if code == _CURB:
+        return paved_m, math.inf
+    return max(paved_m, 0.0 if place is None else place.shoulder_m) + _BEHIND_M, math.inf
+
+
+def _outline(item: FixedObject, width_m: float) -> shapely.Polygon:
+    return shapely.Polygon(rectangle_corners(item.pose, item.length_m, width_m))
+
+
+def _on_bridge(clear: BaseGeometry, network: RoadNetwork, pose: Pose, reach_m: float) -> BaseGeometry:
+    """The part of a line beside a bridge; the line as it is where the map has no bridge near."""
+    bridges = network.paved_near(pose.x_m, pose.y_m, reach_m, z_m=pose.z_m, of=lambda road: road.bridge)
+    near = bridges.within(shapely.Point(pose.xy_m).buffer(reach_m).bounds, _TOUCHING_M)
+    return clear if near.is_empty else clear.intersection(near.buffer(_OF_BRIDGE_M))
+
+
+def _spans(axis: shapely.LineString, shape: BaseGeometry) -> BaseGeometry:
+    """The stretches of an axis beside which some shapes lie."""
+    found = []
+    for part in shapely.get_parts(shape):
+        if part.is_empty:
+            continue
+        along = shapely.line_locate_point(axis, shapely.points(shapely.get_coordinates(part)))
+        begin, end = (axis.interpolate(float(each)) for each in (along.min(), along.max()))
+        found.append(shapely.LineString([begin, end]).buffer(_TOUCHING_M))
+    return shapely.union_all(found)
+
+
+def _nearer(own: FloatArray, other: FloatArray) -> shapely.Polygon:
+    """All that is nearer to one point than to another, as far as any object reaches."""
+    towards = (own - other) / np.linalg.norm(own - other)
+    across = np.array([-towards[1], towards[0]])
+    middle = (own + other) / 2
+    corners = [
+        middle + _FAR_M * (along * towards + left * across) for along, left in ((0, 1), (1, 1), (1, -1), (0, -1))
+    ]
+    return shapely.Polygon(corners)

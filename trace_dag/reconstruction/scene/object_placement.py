@@ -1,0 +1,175 @@
+"""Where the objects of a departure stand: along the course, so that each is struck with its reported area of impact."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from trace_dag.common.geometry import Pose
+from trace_dag.common.paths import Path
+from trace_dag.crash.event_sequence import CrashEvent
+from trace_dag.crash.record import VehicleClass, VehicleRecord
+from trace_dag.crash.road_departure import Departure
+from trace_dag.reconstruction.motion.contact_points import ContactPoint, contact_points_of
+from trace_dag.reconstruction.planners.run_off_road.path import GOES_ON_M, turned_by
+from trace_dag.reconstruction.planners.run_off_road.priors import LeavingCourse
+from trace_dag.roads.report import MappedThing
+from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm, PlacedBy, Resistance
+
+_NEXT_M: Final = 1.5  # the next object stands at least this much farther out
+_BREAKS_J: Final = 30e3  # an object that takes no more energy than this is passed
+_MEETS: Final = 0.1  # a face that moves so little ahead strikes nothing
+_CROSSES: Final = 0.5  # sine of the angle above which something lies across the course
+_FARTHER_ON: Final = 0.2  # share of its length: the middle of an object along the road is beyond where it is struck
+_ARROW_M: Final = 0.25  # how far the ends of a straight object may lie off a curved road's edge
+
+
+PlannedContacts = tuple[tuple[float, tuple[float, float]], ...]
+"""Seconds after the first impact and place, for each object."""
+
+
+@dataclass(frozen=True, eq=False)
+class Led:
+    """A way off the road: the path, the vehicle's station on it at the first object, the direction of objects along the
+    road there (rad), and whether the road ends."""
+
+    path: Path
+    station_m: float
+    along_rad: float
+    ended: bool
+
+
+def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
+    """An object that stands where the map has it, marked as the map's.
+
+    >>> on_map = as_mapped(tree, MappedThing("n1", "natural=tree", ((3.0, 4.0),)))
+    >>> on_map.pose.x_m, on_map.pose.y_m, on_map.placed_by.value
+    (3.0, 4.0, 'openstreetmap')
+    """
+    pose = item.pose
+    if len(thing.xy_m) == 1:
+        pose = replace(pose, x_m=thing.xy_m[0][0], y_m=thing.xy_m[0][1])
+    return replace(item, pose=pose, placed_by=PlacedBy.OPENSTREETMAP, osm_id=thing.osm_id)
+
+
+def touching(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float, outward_rad: float) -> ContactPoint:
+    """Where on the vehicle an object touches it: a compact one at the spot of the area of impact, one along the edge at
+    the foremost corner towards ``outward_rad`` (in the vehicle's axes).
+
+    >>> car = tree_record.vehicles[0]
+    >>> touching(car, replace(departure.objects[0], area=None), 0.0, 0.0).ahead_m  # half its length
+    2.425
+    """
+    half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
+    if KINDS[struck.code].form is ObjectForm.LINE:
+        outward = np.array([math.cos(outward_rad), math.sin(outward_rad)])
+        corners = [(a * half_length, b * half_width) for a in (1, -1) for b in (1, -1)]
+        ahead, left = max(corners, key=lambda corner: (round(float(np.array(corner) @ outward), 6), corner[0]))
+        return ContactPoint(ahead, left, (float(outward[0]), float(outward[1])))
+    goes = np.array([math.cos(slip_rad), -math.sin(slip_rad)])
+    points = contact_points_of(struck.area, half_length, half_width)
+    return next((point for point in points if float(goes @ np.array(point.normal)) > _MEETS), points[-1])
+
+
+def objects_along(
+    departure: Departure, led: Led, course: LeavingCourse, impact_mps: float
+) -> tuple[tuple[FixedObject, ...], PlannedContacts]:
+    """The objects along the course, as far as the vehicle gets, each placed at its area of impact; and when and where
+    each is struck.
+
+    >>> straight_on = Led(way_past_the_tree.path(), station_m=100.0, along_rad=0.0, ended=False)
+    >>> objects, planned = objects_along(departure, straight_on, LeavingCourse("drifting", 0.8, 0.0, 0.0), 20.0)
+    >>> [(item.name, after_s) for item, (after_s, _) in zip(objects, planned, strict=True)]  # struck first, at 0 s
+    [('tree', 0.0)]
+    """
+    path, station_m, along_rad = led.path, led.station_m, led.along_rad
+    objects: list[FixedObject] = []
+    planned: list[tuple[float, tuple[float, float]]] = []
+    first = path.pose(station_m)
+    out_rad = abs(math.sin(first.heading_rad - along_rad))  # how much farther from the edge it gets, per metre
+    beyond_m = KINDS[departure.objects[0].code].beyond_edge_m
+    on_m = 0.0
+    for struck in departure.objects:
+        kind = KINDS[struck.code]
+        if objects:
+            farther_m = max(kind.beyond_edge_m, beyond_m + _NEXT_M) - beyond_m
+            on_m += farther_m / max(out_rad, 0.02)
+            beyond_m += farther_m
+        if on_m > GOES_ON_M:
+            break
+        pose = turned_by(path.pose(station_m + on_m), course.slip_rad)
+        straight_m = _straight_m(path, pose)
+        item, contact = placed(departure.vehicle, struck, pose, course.slip_rad, along_rad, straight_m=straight_m)
+        objects.append(item)
+        planned.append((on_m / impact_mps, contact))
+        if not _passes(departure, item):
+            break
+    return tuple(objects), tuple(planned)
+
+
+def _passes(departure: Departure, item: FixedObject) -> bool:
+    """Whether the vehicle goes on along its course past an object."""
+    if departure.vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
+        return False
+    return item.resistance is Resistance.DRIVEN_OVER or (item.energy_j is not None and item.energy_j <= _BREAKS_J)
+
+
+def placed(
+    vehicle: VehicleRecord,
+    struck: CrashEvent,
+    pose: Pose,
+    slip_rad: float,
+    along_rad: float,
+    *,
+    straight_m: float = math.inf,
+) -> tuple[FixedObject, tuple[float, float]]:
+    """An object that touches a vehicle in a pose, and the point of contact.
+
+    A compact object lies outside the spot where it is struck; the near face of an object along the edge, which runs
+    along ``along_rad`` and is at most ``straight_m`` long, goes through the vehicle's foremost corner. ``slip_rad``:
+    the vehicle's heading less its course.
+
+    >>> at_origin = Pose(0.0, 0.0, 0.0)  # heading east
+    >>> item, touched = placed(departure.vehicle, departure.objects[0], at_origin, 0.0, 0.0)
+    >>> touched, item.pose.x_m  # at the middle of the front of a car of 4.85 m; the trunk is 0.4 m thick
+    ((2.425, 0.0), 2.625)
+    """
+    kind = KINDS[struck.code]
+    course_rad = pose.heading_rad - slip_rad
+    if kind.form is ObjectForm.LINE:
+        heading = along_rad if math.cos(along_rad - course_rad) >= 0 else along_rad + math.pi
+        length_m = min(kind.length_m, straight_m)
+        outward = heading + math.copysign(math.pi / 2, math.sin(course_rad - heading))
+        point = touching(vehicle, struck, slip_rad, outward - pose.heading_rad)
+        depth_m = kind.width_m / 2
+        on_m = 0.0 if abs(math.sin(course_rad - heading)) > _CROSSES else _FARTHER_ON * length_m
+    else:
+        heading, length_m, on_m = pose.heading_rad, kind.length_m, 0.0
+        point = touching(vehicle, struck, slip_rad, 0.0)
+        depth_m = (kind.length_m if abs(point.normal[0]) > abs(point.normal[1]) else kind.width_m) / 2
+    contact = pose.to_world(np.array([point.ahead_m, point.left_m]))
+    normal = pose.to_world(np.array(point.normal)) - pose.xy_m
+    centre = contact + depth_m * normal + on_m * np.array([math.cos(heading), math.sin(heading)])
+    if kind.resistance is Resistance.SLOPE and math.sin(course_rad - heading) < 0:
+        heading += math.pi  # its far side is on its left
+    placed = Pose(
+        round(float(centre[0]), 6),
+        round(float(centre[1]), 6),
+        round(math.remainder(heading, math.tau), 6),
+        round(pose.z_m, 6),
+    )
+    item = FixedObject.of_kind(
+        struck.code, number=struck.party, event_number=struck.number, pose=placed, length_m=round(length_m, 6)
+    )
+    return item, (round(float(contact[0]), 6), round(float(contact[1]), 6))
+
+
+def _straight_m(path: Path, pose: Pose) -> float:
+    """How long a straight object may be (metres) along a road that curves as the path does."""
+    at, _ = path.project(pose.x_m, pose.y_m)
+    near = np.abs(path.s_m - at) < 15.0
+    curvature = abs(float(np.mean(path.curvature_1pm[near]))) if near.any() else 0.0
+    return max(2 * math.sqrt(2 * _ARROW_M / curvature), 4.0) if curvature > 1e-5 else math.inf

@@ -1,0 +1,198 @@
+"""What is evaluated: a crash, or a variation of one, as a scenario that any participant can be taken out of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from trace_dag.common.geometry import Pose
+from trace_dag.common.paths import Path, straight, through_points
+from trace_dag.crash.parties import trailer_body
+from trace_dag.roads.map.lane_map import LaneMap, Route
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.simulation.objects import FixedObject
+from trace_dag.simulation.states import Trajectory
+from trace_dag.simulation.towing import pulled_body
+from trace_dag.simulation.types import Body, Contact, Participant, SimulationLog
+from trace_dag.simulation.vehicles import VehicleModel, vehicle_model
+
+BEYOND_IMPACT_S = 5.0
+"""How long after the recorded impact a scenario goes on: what was avoided by then is avoided."""
+
+MOST_TIMES = 2.0
+"""An agent that takes so many times the recorded time for its way has not finished it."""
+
+_STANDING_M = 1.0
+_STANDING_ROUTE_M = 50.0
+_SMOOTHING_M = 0.5
+_EXTENSION_STEP_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """What an agent may know before it drives: its vehicle, the map, where it is going. Nothing about the crash.
+
+    ``route`` follows lanes as far as the vehicle went along them; ``recorded_path`` is where it really went, without
+    the crash. ``period_s`` is the time between two calls of ``act``.
+    """
+
+    vehicle: VehicleModel
+    lane_map: LaneMap
+    route: Path
+    recorded_path: Path
+    period_s: float
+    friction: float
+    seed: int
+
+    @property
+    def body(self) -> Body:
+        """The body the agent drives."""
+        return self.vehicle.body
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A crash to drive in. ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it
+    had not happened; ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a
+    variation's. ``parked``: numbers of vehicles that nobody drives. ``departed``: the vehicle that left the road by
+    itself, to strike one of the ``objects`` or to overturn; None where somebody met somebody. ``parts``: who was the
+    initiator and who the responder, by number, as far as the report tells."""
+
+    case_id: str
+    key: str
+    network: RoadNetwork
+    xodr: bytes
+    friction: float
+    participants: tuple[Participant, ...]
+    impact_time_s: float
+    recorded: SimulationLog
+    parked: frozenset[int] = frozenset()
+    departed: int | None = None
+    objects: tuple[FixedObject, ...] = ()
+    parts: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def contact(self) -> Contact | None:
+        """The recorded first contact; None for a variation that is a near miss."""
+        return self.recorded.first_contact
+
+    @property
+    def pair(self) -> tuple[int, int]:
+        """Numbers of the two that collided first, the lower one first; of a near miss the first two participants; twice
+        the one that left the road by itself."""
+        if self.departed is not None:
+            return self.departed, self.departed
+        contact = self.contact
+        numbers = (contact.number_1, contact.number_2) if contact else [each.number for each in self.participants[:2]]
+        low, high = sorted(numbers)
+        return low, high
+
+    @property
+    def striking(self) -> int:
+        """Number of the one that closed in faster at the recorded contact; of a near miss the first one's."""
+        contact = self.contact
+        if contact is None or self.departed is not None:
+            return self.pair[0]
+        nx, ny = contact.normal_x, contact.normal_y  # from body 1 to body 2
+        toward_2 = contact.velocity_1_mps[0] * nx + contact.velocity_1_mps[1] * ny
+        toward_1 = -contact.velocity_2_mps[0] * nx - contact.velocity_2_mps[1] * ny
+        return contact.number_2 if toward_1 > toward_2 else contact.number_1
+
+    def role(self, number: int) -> str:
+        """What a vehicle was in the crash: ``departing``, ``striking`` or ``struck``."""
+        if self.departed is not None:
+            return "departing"
+        return "striking" if number == self.striking else "struck"
+
+    @cached_property
+    def bodies(self) -> dict[int, Body]:
+        """The bodies of all participants, then those of their trailers, by number."""
+        pulled = {trailer_body(each.number): pulled_body(each) for each in self.participants}
+        parties = {each.number: each.body for each in self.participants}
+        return parties | {number: body for number, body in pulled.items() if body is not None}
+
+    def participant(self, number: int) -> Participant:
+        """A participant as planned."""
+        return next(each for each in self.participants if each.number == number)
+
+    @property
+    def end_s(self) -> float:
+        """When the evaluation of an agent that drives at the recorded pace ends."""
+        return self.impact_time_s + BEYOND_IMPACT_S
+
+    @cached_property
+    def going_on(self) -> tuple[Participant, ...]:
+        """All participants with plans that reach the end of an evaluation, however slow the agent is; of one that
+        skids, as far as it was planned: it slides on by itself. Nobody loses control as a consequence of a crash that
+        need not happen."""
+        return tuple(self._going_on(each) for each in self.participants)
+
+    def _going_on(self, participant: Participant) -> Participant:
+        losses = participant.losses_of_control
+        if self.departed is None:
+            losses = tuple(loss for loss in losses if loss.from_s < self.impact_time_s)
+        trajectory = participant.trajectory
+        if math.isinf(participant.skids_from_s):
+            trajectory = extended(trajectory, MOST_TIMES * self.end_s + _EXTENSION_STEP_S)
+        return replace(participant, trajectory=trajectory, losses_of_control=losses)
+
+    @cached_property
+    def _ways(self) -> dict[int, tuple[Route, Path]]:
+        """The route and the recorded path of each participant that was asked for: the same for every agent."""
+        return {}
+
+    def route(self, number: int) -> Route:
+        """The way along lanes that a participant was going."""
+        return self._way(number)[0]
+
+    def _way(self, number: int) -> tuple[Route, Path]:
+        if number not in self._ways:
+            own = self.participant(number)
+            recorded = path_of(own.trajectory, own.initial_pose)
+            self._ways[number] = LaneMap(self.network).route_along(recorded, own.initial_pose), recorded
+        return self._ways[number]
+
+    def scenario(self, ego: int, *, period_s: float, seed: int) -> Scenario:
+        """What the agent in a participant's place is told."""
+        own = self.participant(ego)
+        route, recorded = self._way(ego)
+        return Scenario(
+            vehicle=vehicle_model(own.body, own.trailer),
+            lane_map=LaneMap(self.network),
+            route=route.path,
+            recorded_path=recorded,
+            period_s=period_s,
+            friction=self.friction,
+            seed=seed,
+        )
+
+
+def extended(trajectory: Trajectory, until_s: float) -> Trajectory:
+    """The same motion, going on straight at its last speed until a time; unchanged where it lasts that long or is one
+    point to stand on."""
+    t = trajectory
+    if len(t.time_s) < 2 or float(t.time_s[-1]) >= until_s:
+        return t
+    steps = math.ceil((until_s - float(t.time_s[-1])) / _EXTENSION_STEP_S)
+    more = np.arange(1, steps + 1) * _EXTENSION_STEP_S
+    heading, speed = float(t.heading_rad[-1]), float(t.speed_mps[-1])
+    return Trajectory(
+        time_s=np.concatenate([t.time_s, t.time_s[-1] + more]),
+        x_m=np.concatenate([t.x_m, t.x_m[-1] + more * speed * math.cos(heading)]),
+        y_m=np.concatenate([t.y_m, t.y_m[-1] + more * speed * math.sin(heading)]),
+        z_m=np.concatenate([t.z_m, np.full(steps, t.z_m[-1])]),
+        heading_rad=np.concatenate([t.heading_rad, np.full(steps, heading)]),
+        speed_mps=np.concatenate([t.speed_mps, np.full(steps, speed)]),
+    )
+
+
+def path_of(trajectory: Trajectory, start: Pose) -> Path:
+    """Where a motion goes, in its direction of travel; straight ahead for one that goes nowhere."""
+    points = np.column_stack([trajectory.x_m, trajectory.y_m, trajectory.z_m])
+    if float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum()) < _STANDING_M:
+        return straight(start, back_m=0.0, ahead_m=_STANDING_ROUTE_M)
+    return through_points(points, sigma_m=_SMOOTHING_M)

@@ -1,0 +1,59 @@
+"""A crash as an ensemble: what its report leaves open, as weighted courses that an agent can be put into.
+
+The draws of an estimate are weighed by the report (:mod:`trace_dag.reconstruction.samples.simulated`).
+:func:`likely_draws` takes at most :data:`MOST_COURSES` of them, :func:`drawn` makes the plans of one from the beginning
+of the recorded crash. An agent's result in a crash is then a probability (the warehouse's view
+``agent_probabilities``).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trace_dag.reconstruction.samples.crash import SampledCrash
+from trace_dag.reconstruction.samples.simulated import SampledRuns
+from trace_dag.scenario.cases import BEYOND_IMPACT_S
+from trace_dag.simulation.objects import FixedObject
+from trace_dag.simulation.states import Hypothesis, StateEstimate
+from trace_dag.simulation.types import Participant
+
+MOST_COURSES = 20
+
+
+class DrawnCourse(NamedTuple):
+    """A draw as a course: its hypothesis, everybody's plan, the objects in it, when the impact is planned (s), and the
+    friction as a multiple of the crash's."""
+
+    hypothesis: Hypothesis
+    participants: tuple[Participant, ...]
+    objects: tuple[FixedObject, ...]
+    impact_time_s: float
+    friction: float
+
+
+def likely_draws(sampled: SampledRuns, most: int = MOST_COURSES) -> list[tuple[int, float]]:
+    """Draws by their place among the estimate's, the heaviest first, with weights that add up to 1.
+
+    Systematic resampling (Kitagawa, Journal of Computational and Graphical Statistics 5, 1996): ``most`` evenly spaced
+    points of the weights laid end to end, so that a draw is taken as often as it weighs, and none of them by chance.
+    """
+    if not sampled.contacts:
+        return []
+    ends = np.cumsum([contact.weight for contact in sampled.contacts])
+    points = (np.arange(most) + 0.5) / most * ends[-1]
+    chosen, counts = np.unique(np.searchsorted(ends, points), return_counts=True)
+    found = [(sampled.contacts[k].sample, float(n) / most) for k, n in zip(chosen, counts, strict=True)]
+    return sorted(found, key=lambda each: (-each[1], each[0]))
+
+
+def drawn(estimate: StateEstimate, sample: int) -> DrawnCourse:
+    """A draw that has a contact, from as long before the impact as the crash begins."""
+    draw = estimate.samples[sample]
+    hypothesis = estimate.hypotheses[draw.hypothesis]
+    crash = SampledCrash.of(hypothesis, draw)
+    assert crash is not None, "a draw that touches somebody was simulated"
+    before_s = max(hypothesis.impact_time_s, crash.back_s)
+    plans = crash.participants(BEYOND_IMPACT_S, before_s=before_s)
+    return DrawnCourse(hypothesis, plans, crash.objects, before_s, draw.friction)

@@ -1,0 +1,76 @@
+"""Who is at the wheel after a contact.
+
+A crash ends the drive: nobody steers or brakes from then on. A contact that changes a vehicle's velocity by less than
+an event data recorder has to record (``sim.crash_delta_v_mps``, 8 km/h: 49 CFR 563.5) is none to its driver, who reacts
+as to a person that was struck: keeps the planned path, and brakes after a reaction. A motorcycle falls at any touch.
+
+The reaction to a person begins when the person comes into the vehicle's lane (reaction times are measured from when an
+obstacle comes into sight: Olson and Sivak, Human Factors 28, 1986). It ends at the strike at the earliest, since who
+brakes before does so by the plan. Whoever was in the lane all along was not seen until struck.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+
+from trace_dag.common.settings import SimSettings
+from trace_dag.common.units import GRAVITY_MPS2
+from trace_dag.crash.parties import party_of_body
+from trace_dag.crash.record import VehicleClass
+from trace_dag.simulation.dynamics import Vehicle
+from trace_dag.simulation.people import Person
+from trace_dag.simulation.recorder import ContactEpisode
+from trace_dag.simulation.types import AfterStriking, Participant
+from trace_dag.simulation.vehicles import vehicle_model
+
+
+class DriverResponse:
+    """How the drivers of a run react, and who has lost control for good. Those ``led_by`` others (agents) end their
+    drive at any contact."""
+
+    def __init__(
+        self, participants: Sequence[Participant], settings: SimSettings, friction: float, *, led_by: Collection[int]
+    ) -> None:
+        braking_mps2 = settings.braking_share * friction * GRAVITY_MPS2
+        self._step_s, self._crash_delta_v_mps = settings.step_s, settings.crash_delta_v_mps
+        self._reactions: dict[int, AfterStriking] = {}
+        self._lost = set(led_by)
+        for each in participants:
+            if each.body.is_figure:
+                continue
+            grip = vehicle_model(each.body, each.trailer).tyre_grip
+            usual = AfterStriking(settings.reaction_s, braking_mps2 * grip)
+            self._reactions[each.number] = each.after_striking or usual
+            if each.body.vehicle_class is VehicleClass.MOTORCYCLE or each.skids_from_s < math.inf:
+                self._lost.add(each.number)
+
+    def lose(self, vehicle: Vehicle) -> None:
+        """Nobody drives the vehicle any more."""
+        vehicle.crashed = True
+        self._lost.add(party_of_body(vehicle.number))
+
+    def react(self, vehicle: Vehicle, since_s: float, *, seen_for_s: float = 0.0, beside: bool = False) -> None:
+        """The driver of a vehicle reacts to what happened at a time and had been in sight for ``seen_for_s``; pushed
+        ``beside`` the path, stays there."""
+        reaction = self._reactions[party_of_body(vehicle.number)]
+        reaction = replace(reaction, reaction_s=max(reaction.reaction_s - seen_for_s, 0.0))
+        vehicle.strike(round(since_s / self._step_s), reaction, self._step_s, beside=beside)
+
+    def is_crash(self, impulse_ns: float, mass_kg: float) -> bool:
+        """Whether an impulse is a crash to a vehicle of that mass."""
+        return impulse_ns / mass_kg >= self._crash_delta_v_mps
+
+    def after(self, episode: ContactEpisode, under_way: Iterable[ContactEpisode]) -> None:
+        """A contact of two vehicles is over, others may be under way: who goes on driving?"""
+        touching = {party_of_body(each.number) for other in under_way for each in (other.one, other.two)}
+        for vehicle, mass_kg in zip((episode.one, episode.two), episode.masses_kg, strict=True):
+            if isinstance(vehicle, Person):
+                continue
+            tips = vehicle.roll is not None and vehicle.roll.roll_rad != 0.0
+            if tips or self.is_crash(episode.impulse_ns, mass_kg):
+                self.lose(vehicle)
+            if party_of_body(vehicle.number) not in self._lost | touching:
+                vehicle.crashed = False
+                self.react(vehicle, episode.start_s, beside=True)

@@ -1,0 +1,92 @@
+"""The interface for drivers that take over a participant from its plan, such as agents under test.
+
+Belongs here: the contract between back-ends and drivers, in the vehicle's own terms. Agents and their observations are
+in :mod:`trace_dag.agents.evaluation`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """The present state of a participant: centre of its body (m, local frame), heading (rad), velocity (m/s), yaw rate
+    (rad/s)."""
+
+    number: int
+    x_m: float
+    y_m: float
+    z_m: float
+    heading_rad: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    yaw_rate_rps: float
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed along the body, negative backward."""
+        return self.velocity_x_mps * math.cos(self.heading_rad) + self.velocity_y_mps * math.sin(self.heading_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Pedals:
+    """A driver's command: angle of the front wheels (rad, positive to the left), throttle and brake from 0 to 1.
+
+    The vehicle follows as far as its tyres, its power and its steering allow. ``reverse`` selects the reverse gear.
+    """
+
+    steer_rad: float = 0.0
+    throttle: float = 0.0
+    brake: float = 0.0
+    reverse: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """A driver's command to follow the plan at so many times its pace, from the place of the plan one is at: 1 as
+    planned, 0 waits there."""
+
+    pace: float = 1.0
+
+
+class PlanClock:
+    """The time of a plan while it is followed at changing paces."""
+
+    __slots__ = ("_plan_s", "_since_s", "pace")
+
+    def __init__(self) -> None:
+        self._since_s = self._plan_s = 0.0
+        self.pace = 1.0
+
+    def at(self, time_s: float) -> float:
+        """The time of the plan at a time of the run, s."""
+        return self._plan_s + self.pace * (time_s - self._since_s)
+
+    def set_pace(self, time_s: float, pace: float) -> None:
+        """Go on at another pace from a time of the run on."""
+        if pace != self.pace:
+            self._since_s, self._plan_s, self.pace = time_s, self.at(time_s), pace
+
+    @property
+    def is_as_planned(self) -> bool:
+        """Whether plan and run have the same time."""
+        return self.pace == 1.0 and self._since_s == self._plan_s
+
+
+class Driver(Protocol):
+    """Drives one participant until its first contact; after that it is not driven."""
+
+    period_s: float
+    """How often it is asked; what it does is held until the next time."""
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether it need not drive on: a run in which nobody has touched anybody ends once all drivers have."""
+
+    def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | Pace | None:
+        """The pedals and steering for now, given the true state of every participant by number; a pace of the plan,
+        the only command that people take; None keeps to the plan."""

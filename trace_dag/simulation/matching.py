@@ -1,0 +1,172 @@
+"""Reported events matched with what happens in a simulation: one rule of order, for estimates and verdicts.
+
+What happens are contacts, each with the numbers of both bodies, and overturns. Contacts with vehicles, people and
+animals are required: each comes in its turn, and none before it. Objects that are struck later and overturns may be
+left out, so that one which does not happen takes nothing from those that follow. Such an event may also come after one
+that is reported later of other parties: nobody saw which of the two was first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Final, TypeAlias
+
+from trace_dag.crash.event_sequence import CrashEvent
+from trace_dag.crash.parties import is_vehicle
+from trace_dag.simulation.types import Contact, SimulationLog, overturned_at
+
+Pair: TypeAlias = tuple[int, int]
+_STANDS_MPS: Final = 0.5
+
+
+@dataclass(frozen=True)
+class Happening:
+    """Something that happens in a simulation: when (s), to which parties (lower number first), by which contact.
+
+    A vehicle that overturns has its own number twice and no contact.
+    """
+
+    time_s: float
+    pair: Pair
+    contact: Contact | None = None
+
+
+@dataclass(frozen=True)
+class Expected:
+    """The parties of a reported event, and whether the events after it wait for it."""
+
+    pair: Pair
+    required: bool = True
+
+
+@dataclass(frozen=True)
+class Matching:
+    """``matched``: for each expected event what it is in the simulation, None if it does not happen in its turn.
+    ``strange``: contacts of pairs that are not expected at all or not yet, in order."""
+
+    matched: tuple[Happening | None, ...]
+    strange: tuple[Happening, ...]
+
+    @property
+    def happened(self) -> int:
+        """Number of expected events that happen in their turn."""
+        return sum(each is not None for each in self.matched)
+
+
+def pair_of(contact: Contact) -> Pair:
+    """The numbers of both bodies, the lower one first.
+
+    >>> pair_of(log.first_contact)
+    (1, 2)
+    """
+    one, two = sorted((contact.number_1, contact.number_2))
+    return one, two
+
+
+def expected_of(events: Iterable[CrashEvent]) -> list[Expected]:
+    """What reported events are expected as: contacts are required, and whatever comes first.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> expected_of(sequence_of(tree_record).events)  # a tree that event 2 has
+    [Expected(pair=(1, 2002), required=True)]
+    """
+    return [Expected(event.pair, place == 0 or event.is_contact) for place, event in enumerate(events)]
+
+
+def happenings(contacts: Iterable[Contact]) -> list[Happening]:
+    """Contacts as they happen, in order of time.
+
+    Left out is that somebody who was struck before is thrown against a vehicle that stands: no report tells of it.
+
+    >>> [each.pair for each in happenings(log.contacts)]
+    [(1, 2)]
+    """
+    found: list[Happening] = []
+    touched: set[int] = set()
+    for contact in sorted(contacts, key=lambda each: each.time_s):
+        thrown = contact.number_2 in touched and not is_vehicle(contact.number_2)
+        if not (thrown and math.hypot(*contact.velocity_1_mps) <= _STANDS_MPS):
+            found.append(Happening(contact.time_s, pair_of(contact), contact))
+        touched.add(contact.number_2)
+    return found
+
+
+def happenings_of(log: SimulationLog) -> list[Happening]:
+    """All that happens in a simulation: contacts, and vehicles that overturn."""
+    overturns = []
+    for vehicle in log.parties:
+        step = overturned_at(vehicle)
+        if step is not None:
+            overturns.append(Happening(float(vehicle.time_s[step]), (vehicle.number, vehicle.number)))
+    return sorted([*happenings(log.contacts), *overturns], key=lambda each: each.time_s)
+
+
+def match(seen: Sequence[Happening], expected: Sequence[Expected], *, order_known: bool = True) -> Matching:
+    """What happens beside the expected events.
+
+    A pair that has met may touch again at any time: bodies come to lie against each other. Where the order of the
+    events is not known, the one that fits best counts.
+
+    >>> matching = match(happenings(log.contacts[:1]), [Expected((1, 2))])
+    >>> matching.matched[0].pair, matching.strange
+    ((1, 2), ())
+    """
+    if order_known:
+        return _walked(seen, expected)
+    return max(_in_any_order(seen, expected), key=lambda each: (each.happened, -len(each.strange)))
+
+
+def _in_any_order(seen: Sequence[Happening], expected: Sequence[Expected]) -> Iterable[Matching]:
+    """The matchings for every order of the required events; the others count whenever they happen."""
+    required = [place for place, each in enumerate(expected) if each.required]
+    free = {each.pair: place for place, each in enumerate(expected) if not each.required}
+    waiting = [each for each in seen if each.pair not in free]
+    for places in permutations(required):
+        walked = _walked(waiting, [expected[place] for place in places])
+        matched: list[Happening | None] = [None] * len(expected)
+        for place, each in zip(places, walked.matched, strict=True):
+            matched[place] = each
+        for pair, place in free.items():
+            matched[place] = next((each for each in seen if each.pair == pair), None)
+        yield Matching(tuple(matched), walked.strange)
+
+
+def _walked(seen: Sequence[Happening], expected: Sequence[Expected]) -> Matching:
+    matched: list[Happening | None] = [None] * len(expected)
+    strange: list[Happening] = []
+    turn = 0  # the next expected event
+    for each in seen:
+        place = _place_of(each.pair, expected, turn)
+        if place is None:
+            place = _passed_over(each.pair, expected, matched, turn)
+        if place is not None:
+            matched[place] = each
+            turn = max(turn, place + 1)
+        elif each.contact is not None and each.pair not in [passed.pair for passed in expected[:turn]]:
+            strange.append(each)
+    return Matching(tuple(matched), tuple(strange))
+
+
+def _passed_over(
+    pair: Pair, expected: Sequence[Expected], matched: Sequence[Happening | None], turn: int
+) -> int | None:
+    """The event with these parties that was left out for one of other parties, if there is one."""
+    for place in reversed(range(turn)):
+        if matched[place] is not None and set(expected[place].pair) & set(pair):
+            return None
+        if expected[place].pair == pair:
+            return None if expected[place].required else place
+    return None
+
+
+def _place_of(pair: Pair, expected: Sequence[Expected], turn: int) -> int | None:
+    """Which of the expected events from the one whose turn it is up to the next required one has these parties."""
+    for place in range(turn, len(expected)):
+        if expected[place].pair == pair:
+            return place
+        if expected[place].required:
+            return None
+    return None

@@ -1,0 +1,71 @@
+"""What the components of a run see of it: its bodies, its clock, and the steps of it that they take."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from trace_dag.common.settings import SimSettings
+from trace_dag.simulation.driver_response import DriverResponse
+from trace_dag.simulation.dynamics import Vehicle
+from trace_dag.simulation.people import Person
+from trace_dag.simulation.recorder import ContactEpisode
+from trace_dag.simulation.rigid import BodyStates, RigidBodies
+from trace_dag.simulation.surface import Surface
+from trace_dag.simulation.towing import Hitch
+from trace_dag.simulation.types import Participant
+from trace_dag.simulation.vehicle_pairs import VehiclePairs
+
+
+class RunState(Protocol):
+    """A run under way; :class:`trace_dag.simulation.crash_run.CrashRun` says what each member is."""
+
+    settings: SimSettings
+    step_s: float
+    parts: int
+    friction: float
+    surface: Surface
+    participants: tuple[Participant, ...]
+    vehicles: list[Vehicle]
+    people: list[Person]
+    hitches: list[Hitch]
+    wheels: DriverResponse
+    pairs: VehiclePairs
+    bodies: RigidBodies
+    open: dict[tuple[int, int], ContactEpisode]
+    state: BodyStates | None
+    before: BodyStates | None
+
+    def taken_over(self) -> BodyStates:
+        """The present state, which MuJoCo has from here on."""
+
+    def update(self, positions: list[float], rates: list[float]) -> None:
+        """Take a state of MuJoCo's."""
+
+    def move_alone(self, forces: list[tuple[float, float, float]]) -> None:
+        """A step in which nobody touches anybody."""
+
+    def contact_possible(self, step: int) -> bool:
+        """Whether something may come to touch within the next step."""
+
+    def forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
+        """The forces on the vehicles in a part of a step."""
+
+    def held(self, forces: list[float], part_s: float) -> list[float]:
+        """The given forces with those of the hitches."""
+
+    def step_in_parts(self, step: int, forces: list[float], parts: int) -> None:
+        """A step in so many parts."""
+
+    def step_leaning(self, step: int, forces: list[float]) -> None:
+        """A whole step of bodies that lean on each other."""
+
+    def watch_contacts(self, time_s: float) -> None:
+        """Look at the contacts that are open."""
+
+    def close_ended(self, now_s: float) -> None:
+        """Close the contacts that are over."""
+
+    def begin(
+        self, pair: tuple[int, int], before: BodyStates, now: BodyStates, before_s: float, part_s: float
+    ) -> ContactEpisode:
+        """A contact that came about between two states."""
