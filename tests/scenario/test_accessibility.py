@@ -35,7 +35,9 @@ RUN = {
     "outcome": "conflict_avoided",
     "fault": None,
 }
-PROBABLE = dict.fromkeys(("avoided", "avoided_low", "avoided_high", "stopped", "mitigated", "worse"), 0.25) | {
+PROBABLE = dict.fromkeys(
+    ("avoided", "avoided_low", "avoided_high", "stopped", "did_not_arrive", "rules_broken", "mitigated", "worse"), 0.125
+) | {
     "agent": "idm",
     "key": VERIFIED,
     "vehicle_number": 1,

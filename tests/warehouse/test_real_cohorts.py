@@ -165,7 +165,7 @@ def test_the_numbers_on_the_page_are_those_of_the_tables(root, page):
     crashes = rows(warehouse, "crashes")
     states = Counter(row["final_state"] for row in crashes)
     tiles = dict(reversed(_text(tile).split(maxsplit=1)) for tile in page.xpath("//ul[@class='tiles']/li"))
-    assert tiles == {"registered": str(len(crashes))} | {state: str(count) for state, count in states.items()}
+    assert tiles == {"registered": str(len(crashes))} | {_words(state): str(count) for state, count in states.items()}
 
 
 def test_the_rows_behind_the_pages_filters_are_those_of_the_table(root, page):
