@@ -163,6 +163,8 @@ def _with_contacts(
     for first in firsts:
         if first.name in right:
             continue
+        if len(right) == settings.max_hypotheses:
+            break  # what goes wrong comes after these
         plan = Plan(first.participants, first.objects, first.name, first.score, first.evidence)
         followed = [_begun(search, plan, begun)]
         for event in later:
@@ -192,7 +194,8 @@ def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[
     """The course with one contact more: as it is where both meet by themselves, else with who is missing.
 
     Where no plan of a vehicle that is missing brings the contact about, the likeliest is kept: a verdict says what it
-    lacks. Where both are there, or one stood there, the course stays as it is.
+    lacks. Where both are there, or one stood there, the course stays as it is. Who comes to a course that went wrong
+    before cannot set it right: one plan will do.
     """
     as_it_is = search.with_event(course, event)
     newcomers = [number for number in event.pair if number not in course.numbers]
@@ -200,6 +203,7 @@ def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[
         return [as_it_is]
     good: list[Course] = []
     tried: list[Course] = []
+    most = _TRIED if course.comes_right else 1
     for plan in _contact_plans(search, course, event, newcomers):
         if isinstance(plan, str):
             stuck.append(f"event {event.number}: {plan}")
@@ -207,14 +211,14 @@ def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[
         tried.append(search.course(plan, as_it_is.events, course))
         if tried[-1].comes_right and _is_struck_so(tried[-1], event):
             good.append(tried[-1])
-        if len(good) == _FOLLOWED or len(tried) == _TRIED:
+        if len(good) == _FOLLOWED or len(tried) == most:
             break
     if good:
         return good
     if not tried and not stuck:
         who = " and ".join(map(party_in_words, newcomers))
         stuck.append(f"event {event.number}: no way past the crash brings {who} to it")
-    return sorted((search.to_the_end(each) for each in tried), key=lambda each: each.rank)[:1]
+    return [search.to_the_end(each) for each in sorted(tried, key=lambda each: each.rank)[:1]]
 
 
 def _is_struck_so(course: Course, event: CrashEvent) -> bool:

@@ -27,6 +27,7 @@ HARDEST_LATERAL_MPS2 = 0.55 * GRAVITY_MPS2  # below the 0.7 to 0.8 a car can hol
 # P_CRASH3 (avoidance) codes that include braking: 2-4, 8, 9 by year, 15 and 16 since 2013.
 BRAKING_AVOIDANCE = frozenset({2, 3, 4, 8, 9, 15, 16})
 BRAKING_MPS2 = 0.4 * GRAVITY_MPS2
+_HARDEST_BRAKING_MPS2 = 0.75 * GRAVITY_MPS2  # tyres on dry asphalt
 STARTING_MPS2 = 1.5  # ordinary acceleration from rest
 
 # Speeds while turning where none is reported: NCHRP 659 and AASHTO give 10 to 15 mph for passenger cars.
@@ -37,6 +38,7 @@ _FROM_STOP_SIGN_MPS = mph_to_mps(15)
 _SPEEDING_MPS = mph_to_mps(10)
 STOP_CONTROLS = frozenset({20})  # VTRAFCON: a stop sign
 
+_DRIVEN_FIRST_S = 0.5  # of the lead time: a speed was driven before the braking
 _STARTING = frozenset({PreCrashMovement.STARTING, PreCrashMovement.ACCELERATING, PreCrashMovement.LEAVING_PARKING})
 
 
@@ -118,7 +120,7 @@ def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
 class SpeedProfile:
     """Constant speed up to ``change_time_s`` before the impact, then a constant rate to the speed at impact.
 
-    A ``change_time_s`` of 0 belongs to equal speeds; one beyond the lead time starts in the middle of the change.
+    A ``change_time_s`` of 0 belongs to equal speeds. Who starts longer ago than the lead time is in the middle of it.
     """
 
     initial_mps: float
@@ -128,19 +130,28 @@ class SpeedProfile:
     def sample(self, lead_time_s: float, after_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times from 0, distances from the impact (negative before it) and speeds; the impact is one of the samples.
 
-        After the impact the speed stays the same, as if nothing had happened.
+        After the impact the speed stays the same, as if nothing had happened. Who brakes begins within the lead time,
+        and loses no more speed in it than tyres hold.
+
+        >>> _, _, speeds = SpeedProfile(30.0, 12.0, 4.0).sample(2.5, 0.0)
+        >>> float(speeds[0]), round(float(speeds[-1]), 1)  # 2 s at 0.75 g
+        (30.0, 15.3)
         """
         n = math.ceil(lead_time_s / TIME_STEP_S - 1e-9)
         step = lead_time_s / n
         time = np.arange(n + math.ceil(after_s / step) + 1) * step
         until = lead_time_s - time
-        change = self.change_time_s
+        change, lost = self.change_time_s, self.initial_mps - self.impact_mps
         if change <= 0:
             return np.asarray(time), np.asarray(-self.impact_mps * until), np.full_like(time, self.impact_mps)
-        lost = self.initial_mps - self.impact_mps
+        within_s = max(lead_time_s - _DRIVEN_FIRST_S, lead_time_s / 2)
+        if lost > 0 and change > within_s:
+            change = within_s
+            lost = min(lost, _HARDEST_BRAKING_MPS2 * change)
+        impact_mps = self.initial_mps - lost
         within = np.clip(until, 0.0, change)
-        speed = self.impact_mps + lost * within / change
-        distance = self.impact_mps * until + lost * (0.5 * within**2 / change + np.maximum(until - change, 0.0))
+        speed = impact_mps + lost * within / change
+        distance = impact_mps * until + lost * (0.5 * within**2 / change + np.maximum(until - change, 0.0))
         return np.asarray(time), np.asarray(-distance), np.asarray(speed)
 
 

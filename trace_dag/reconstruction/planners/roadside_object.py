@@ -16,10 +16,9 @@ from typing import Final
 import numpy as np
 import shapely
 
-from trace_dag.common.units import kmh_to_mps
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.reconstruction.course import Course, Plan, Search
-from trace_dag.reconstruction.planners.way_after import Way, ways_on
+from trace_dag.reconstruction.planners.way_after import STRIKES_MPS, Way, ways_on
 from trace_dag.reconstruction.scene.mapped_objects import nearest_of, things_of_kind
 from trace_dag.reconstruction.scene.object_ground import Struck, on_free_ground
 from trace_dag.reconstruction.scene.object_placement import as_mapped, placed
@@ -35,8 +34,6 @@ _FARTHER_M: Final = 1.0
 _BARRIERS: Final = frozenset({23, 24, 25, 26})
 """SOE of rails and barriers: they keep vehicles within the clear zone of a road, and stand in it."""
 _CLEAR_ZONE_M: Final = 9.1  # 30 ft, AASHTO Roadside Design Guide
-_STRIKES_MPS: Final = kmh_to_mps(8.0)
-"""Slower than this nobody strikes anything that a report would name: no recorder has to record it (49 CFR 563.5)."""
 
 
 def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
@@ -49,7 +46,7 @@ def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[
         return
     things = list(things_of_kind(search.scene.things, event.code))
     for mapped in (True, False) if things else (False,):
-        for on_its_way, assumed in ways_on(search, course, number, event.side):
+        for on_its_way, assumed in ways_on(search, course, number, event.side, least_mps=STRIKES_MPS):
             way = Way.of(search.scene.network, on_its_way.log, number, since_s)
             struck = _struck(on_its_way)
             used = {item.osm_id for item, _ in struck}
@@ -101,7 +98,7 @@ def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[
     else:
         touches = way.striking(event.area, _NEAREST_M)
         beyond_m, areas = np.array([beyond for beyond, _ in touches]), [area for _, area in touches]
-    beyond_m = np.where(way.speeds_mps >= _STRIKES_MPS, beyond_m, -math.inf)
+    beyond_m = np.where(way.speeds_mps >= STRIKES_MPS, beyond_m, -math.inf)
     farthest_m = float(beyond_m.max(initial=0.0))
     if event.code in _BARRIERS:
         farthest_m = min(farthest_m, _CLEAR_ZONE_M)

@@ -39,7 +39,7 @@ from trace_dag.reconstruction.planners.run_off_road.path import (
     skidding,
     slope_of,
 )
-from trace_dag.reconstruction.planners.way_after import ways_on
+from trace_dag.reconstruction.planners.way_after import STRIKES_MPS, ways_on
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored
 from trace_dag.reconstruction.scene.scene import Scene
@@ -219,6 +219,6 @@ def later_overturn_plans(search: Search, course: Course, event: CrashEvent) -> I
     if course.last_event_s(number) is None:
         yield f"vehicle {number} meets nobody before it"
         return
-    for on_its_way, assumed in ways_on(search, course, number, event.side, tripped=True):
+    for on_its_way, assumed in ways_on(search, course, number, event.side, tripped=True, least_mps=STRIKES_MPS):
         if overturned_at(on_its_way.log.vehicle_log(number)) is not None:
             yield Plan(on_its_way.states, on_its_way.objects, detail=f"overturns{assumed}")

@@ -19,7 +19,7 @@ from trace_dag.reconstruction.assemble import driven_still
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.motion.contact_points import contact_points_of
 from trace_dag.reconstruction.planners.pedestrian_impact.hypothesis import standing_person
-from trace_dag.reconstruction.planners.way_after import Way, stands_after, ways_on
+from trace_dag.reconstruction.planners.way_after import Way, ways_on
 from trace_dag.simulation.states import ParticipantState
 
 _SHARES: Final = (0.25, 0.5, 0.1, 0.75)  # of the way, at which it is tried
@@ -33,7 +33,7 @@ def standing_plans(search: Search, course: Course, event: CrashEvent) -> Iterato
     if since_s is None:
         yield f"vehicle {number} meets nobody before it"
         return
-    ways = [(course, "")] if stands_after(course, number, since_s) else ways_on(search, course, number, event.side)
+    ways = ways_on(search, course, number, event.side)
     for on_its_way, assumed in ways:
         way = Way.of(search.scene.network, on_its_way.log, number, since_s)
         for state in _stood(search, way, event):

@@ -18,7 +18,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trace_dag.common.geometry import FloatArray, Pose, rectangle_corners
-from trace_dag.common.units import bearing_to_clock_h
+from trace_dag.common.units import bearing_to_clock_h, kmh_to_mps
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.record import ImpactArea, VehicleClass
@@ -34,16 +34,25 @@ from trace_dag.simulation.types import PULSE_S, Body, SimulationLog, VehicleLog
 
 _REACH_M: Final = 250.0  # farther from a contact nobody slides
 _CREEPS_MPS: Final = 0.5
+STRIKES_MPS: Final = kmh_to_mps(8.0)
+"""Slower than this nobody strikes anything that a report would name: no recorder has to record it (49 CFR 563.5)."""
 _MEETS: Final = 0.1  # a face that moves so little ahead strikes nothing
 _TURNED_DEG: Final = (1.0, 2.0, 4.0, 8.0, 16.0)  # of front wheels: the least that leads there is taken
 _SPINS_RPS: Final = (1.5, -1.5, 3.0, -3.0)  # after impacts off the middle
 
 
 def ways_on(
-    search: Search, course: Course, number: int, side: DepartureSide | None, *, tripped: bool = False
+    search: Search,
+    course: Course,
+    number: int,
+    side: DepartureSide | None,
+    *,
+    tripped: bool = False,
+    least_mps: float = _CREEPS_MPS,
 ) -> Iterator[tuple[Course, str]]:
     """The courses that a vehicle can have gone on, each with what is assumed for it in words: as its wheels roll, then
-    with its front wheels turned ever more to the side to which it left the road; to both where none is reported.
+    with its front wheels turned ever more to the side to which it left the road; to both where none is reported. Turned
+    wheels lead nowhere where it moves at less than ``least_mps`` by the time that it can lose control.
 
     Where it is ``tripped`` its wheels dig in, or catch at a kerb, and it may spin instead: nearly all vehicles that
     overturn are tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report says by what.
@@ -53,15 +62,12 @@ def ways_on(
     if since_s is None or state.vehicle_class is VehicleClass.MOTORCYCLE:
         return
     from_s = round(since_s + PULSE_S, 6)
+    driven = course.log.vehicle_log(number)
+    if not _moves(driven, least_mps)[driven.time_s >= from_s].any():
+        return
     for loss in _tripped(from_s, side) if tripped else _steered(from_s, side):
         lost = replace(state, losses_of_control=(*state.losses_of_control, loss))
         yield search.changed(course, lost), f", taken to be out of control{_words(loss)}"
-
-
-def stands_after(course: Course, number: int, since_s: float) -> bool:
-    """Whether a vehicle stands by the time that it can lose control after an event: turned wheels lead nowhere then."""
-    driven = course.log.vehicle_log(number)
-    return not _moves(driven)[driven.time_s >= since_s + PULSE_S].any()
 
 
 def _steered(from_s: float, side: DepartureSide | None) -> Iterator[LossOfControl]:
@@ -194,9 +200,9 @@ class Way:
         return f"{who} comes {farthest_m:.1f} m beyond the edge at most, with no part ahead that could strike anything"
 
 
-def _moves(driven: VehicleLog) -> NDArray[np.bool_]:
-    """Whether a vehicle moves, at each step of its log."""
-    return np.asarray(np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= _CREEPS_MPS)
+def _moves(driven: VehicleLog, least_mps: float = _CREEPS_MPS) -> NDArray[np.bool_]:
+    """Whether a vehicle moves as fast as that, at each step of its log."""
+    return np.asarray(np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= least_mps)
 
 
 def _ahead(slip_rad: float) -> ImpactArea | None:
