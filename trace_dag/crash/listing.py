@@ -16,7 +16,7 @@ from trace_dag.crash.parse import case_of, open_report
 from trace_dag.crash.record import CrashRecord
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CrashListing:
     """A crash as a source lists it. None where the source does not say; codes are FARS codes as they stand.
 

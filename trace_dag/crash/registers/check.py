@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 from trace_dag.common.errors import Rejection
@@ -20,7 +20,7 @@ class Table(Protocol):
         """How much is read, and what is not."""
         ...
 
-    def records(self) -> Sequence[CrashRecord]:
+    def records(self) -> Iterable[CrashRecord]:
         """Every crash as read."""
         ...
 
@@ -28,29 +28,25 @@ class Table(Protocol):
 def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
     """The notes of a table; then, for each kind of crash, how many there are, how many say enough to be reconstructed,
     and what the others lack; then in how many crashes each field is reported."""
-    yield from table.notes()
-    records = [complete_record(record) for record in table.records()]
     total: Counter[str] = Counter()
     lacking: dict[str, Counter[str]] = {}
-    for record in records:
+    reported: Counter[str] = Counter()
+    for record in map(complete_record, table.records()):
         total[record.kind] += 1
+        parts: list[CrashRecord | VehicleRecord | NonMotorist] = [record, *record.vehicles, *record.non_motorists]
+        reported.update({name for part in parts for name, origin in origins(part).items() if origin is Origin.REPORTED})
         try:
             check(record, settings)
         except Rejection as rejection:
             lacking.setdefault(record.kind, Counter())[rejection.reason] += 1
+    yield from table.notes()
     for kind, count in total.most_common():
         reasons = lacking.get(kind, Counter())
         why = "".join(f", {number} {reason}" for reason, number in reasons.most_common())
         yield f"{kind}: {count} crashes, {count - reasons.total()} that say enough{why}"
-    yield f"fields reported, in how many of {len(records)} crashes: {_reported(records)}"
-
-
-def _reported(records: list[CrashRecord]) -> str:
-    found: Counter[str] = Counter()
-    for record in records:
-        parts: list[CrashRecord | VehicleRecord | NonMotorist] = [record, *record.vehicles, *record.non_motorists]
-        found.update({name for part in parts for name, origin in origins(part).items() if origin is Origin.REPORTED})
-    return ", ".join(f"{name} {count}" for name, count in found.most_common() if name not in _OF_EVERY_RECORD)
+    in_order = sorted(reported.items(), key=lambda each: (-each[1], each[0]))
+    fields = ", ".join(f"{name} {count}" for name, count in in_order if name not in _OF_EVERY_RECORD)
+    yield f"fields reported, in how many of {total.total()} crashes: {fields}"
 
 
 _OF_EVERY_RECORD = frozenset(

@@ -10,8 +10,9 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from trace_dag.common.errors import Rejection, UserError
 from trace_dag.common.messages.wording import counted
@@ -47,23 +48,17 @@ from trace_dag.crash.registers.mapping import (
     RegisterMapping,
     read_mapping,
 )
+from trace_dag.crash.registers.rows import TIME, RegisterRows, Row
 from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
 from trace_dag.crash.table_reports import report_to_json
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Row = Mapping[str, Any]
-"""One row: texts by column, and under :data:`TIME` when it was."""
-
-TIME: Final = "time as read"
-"""Where a row has its time, a pandas timestamp."""
 _OF_TWO_VEHICLES: Final = frozenset({1, 2, 6, 7, 8, 9, 10})  # MAN_COLL
 _STRUCK: Final = {5: event_codes.PEDESTRIAN, 6: event_codes.CYCLIST, 7: event_codes.CYCLIST}
 _CROSSING: Final = 3  # NMACTION
 _ON_ROADWAY: Final = 1  # REL_ROAD
 _DRIVER: Final = 1  # PER_TYP
 _SHOWN: Final = 12
+_MOST_ROWS: Final = 1_000  # of one crash; the largest ever had some 200 vehicles
 
 
 class RegisterTable:
@@ -72,6 +67,8 @@ class RegisterTable:
     def __init__(self, mapping: RegisterMapping, path: Path, find: PlaceFinder | None = None) -> None:
         self.mapping = mapping
         self._path, self._find = path, find
+        self._rows = RegisterRows(mapping, path)
+        self._reader: RowReader | None = None  # what has read the whole table
 
     @classmethod
     def open(cls, register: str, path: Path, find: PlaceFinder | None = None) -> RegisterTable:
@@ -81,9 +78,9 @@ class RegisterTable:
 
     def notes(self) -> list[str]:
         """How much of the table is read, and what is not."""
-        reader = self._read
+        reader = self._whole
         notes = [
-            f"{self.mapping.attribution}, {self.mapping.name}: {counted(len(reader.records), 'crash', 'crashes')} in "
+            f"{self.mapping.attribution}, {self.mapping.name}: {counted(reader.made, 'crash', 'crashes')} in "
             f"{counted(len(self._rows), 'row')}; licence: {self.mapping.licence}"
         ]
         notes += [f"{counted(count, 'crash', 'crashes')} left out: {why}" for why, count in reader.left_out.items()]
@@ -91,76 +88,66 @@ class RegisterTable:
             f"not mapped, so not known: {column}: {_listed(values)}"
             for column, values in sorted(reader.not_mapped.items())
         ]
-        named = set(self.mapping.columns())
-        if ignored := [name for name in self._columns if name not in named]:
+        if ignored := [name for name in self._rows.columns if name not in self._rows.wanted]:
             notes.append(f"columns that are not mapped, and not stored: {', '.join(ignored)}")
         return notes
 
-    def records(self) -> list[CrashRecord]:
-        """Every crash as read, in the table's order."""
-        return list(self._read.records.values())
+    def records(self, keys: Collection[str] | None = None) -> Iterator[CrashRecord]:
+        """Every crash as read, or those asked for, in the table's order: one at a time, for they may be millions."""
+        reader = RowReader(self.mapping)
+        most = 1 if self.mapping.rows == "crash" else _MOST_ROWS
+        for crash_id, group in self._rows.crashes():
+            key = reader.key_of(crash_id)
+            if key is None or (keys is not None and key not in keys):
+                continue
+            rows = list(islice(group, most + 1))
+            if len(rows) > most:
+                raise UserError(
+                    f"{self._path}: id {crash_id!r} has {len(rows)} rows or more; the mapping says one per crash"
+                    if most == 1
+                    else f"{self._path}: id {crash_id!r} has more than {most} rows; expected one per vehicle or person"
+                )
+            place = None
+            if reader.lacks_point(rows[0]):
+                places, unknown = look_up({crash_id: reader.place_in_words(rows[0])}, self._found)
+                reader.left_out.update(unknown.values())
+                place = places.get(crash_id)
+                if place is None:
+                    continue
+            if record := reader.record(key, rows, place):
+                yield record
+        if keys is None:
+            self._reader = reader
 
-    def listings(self) -> list[CrashListing]:
+    @property
+    def _whole(self) -> RowReader:
+        while self._reader is None:
+            for _ in self.records():
+                pass
+        return self._reader
+
+    @cached_property
+    def _found(self) -> PlaceFinder | None:
+        """Finds what was found of all places in words together, since a map is read for all at once."""
+        if self._find is None:
+            return None
+        reader = RowReader(self.mapping)
+        firsts = (next(rows) for _, rows in self._rows.crashes())
+        wanted = {reader.place_in_words(row) for row in firsts if reader.lacks_point(row)}
+        found = self._find({each for each in wanted if each is not None})
+        return lambda wanted: {each: found.get(each, ()) for each in wanted}
+
+    def listings(self) -> Iterator[CrashListing]:
         """One line per crash."""
-        return [list_record(record) for record in self.records()]
+        return map(list_record, self.records())
 
     def reports(self, keys: Collection[str]) -> Iterator[tuple[str, bytes]]:
         """Key and record, as JSON, of the crashes asked for."""
-        return ((record.key, report_to_json(record)) for record in self.records() if record.key in keys)
+        return ((record.key, report_to_json(record)) for record in self.records(keys))
 
     def narratives(self) -> dict[str, str]:
         """What happened, in words, by key, where the register has a column of that."""
-        return self._read.narratives
-
-    @cached_property
-    def _columns(self) -> list[str]:
-        return list(self._frame(nrows=0).columns)
-
-    @cached_property
-    def _rows(self) -> list[Row]:
-        import pandas as pd
-
-        wanted = list(dict.fromkeys(self.mapping.columns()))
-        if missing := [name for name in wanted if name not in self._columns]:
-            raise UserError(
-                f"{self._path}: no column {missing[0]!r}, which the mapping of {self.mapping.register_name} names; "
-                f"there are {', '.join(self._columns)}"
-            )
-        frame = self._frame(usecols=wanted)
-        for name in wanted:
-            frame[name] = frame[name].str.split().str.join(" ")
-        time = self.mapping.crash.time
-        frame[TIME] = pd.to_datetime(frame[time.column], format=time.format, errors="coerce")
-        columns = list(frame.columns)
-        return [dict(zip(columns, row, strict=True)) for row in frame.itertuples(index=False, name=None)]
-
-    def _frame(self, **options: Any) -> pd.DataFrame:
-        import pandas as pd
-
-        try:
-            found: pd.DataFrame = pd.read_csv(
-                self._path, dtype=str, keep_default_na=False, encoding_errors="replace", **options
-            )
-        except (OSError, ValueError) as error:
-            raise UserError(f"{self._path} cannot be read as a CSV table: {error}") from error
-        return found
-
-    @cached_property
-    def _read(self) -> RowReader:
-        together: dict[str, list[Row]] = {}
-        for row in self._rows:
-            together.setdefault(row[self.mapping.crash.id], []).append(row)
-        reader = RowReader(self.mapping)
-        for crash_id, rows in together.items():
-            if self.mapping.rows == "crash" and len(rows) > 1:
-                raise UserError(f"{self._path}: id {crash_id!r} has {len(rows)} rows; the mapping says one per crash")
-        wanted = {key: reader.place_in_words(rows[0]) for key, rows in together.items() if reader.lacks_point(rows[0])}
-        places, unknown = look_up(wanted, self._find)
-        reader.left_out.update(unknown.values())
-        for crash_id, rows in together.items():
-            if crash_id not in unknown:
-                reader.add(crash_id, rows, places.get(crash_id))
-        return reader
+        return self._whole.narratives
 
 
 def _listed(values: Counter[str]) -> str:
@@ -173,7 +160,7 @@ class RowReader:
     """Makes records of rows, and counts what it cannot read: values that are not mapped, and crashes left out."""
 
     mapping: RegisterMapping
-    records: dict[str, CrashRecord] = field(default_factory=dict)
+    made: int = 0
     narratives: dict[str, str] = field(default_factory=dict)
     not_mapped: dict[str, Counter[str]] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
@@ -204,22 +191,25 @@ class RowReader:
         except Rejection:
             return None
 
-    def add(self, crash_id: str, rows: Sequence[Row], found: Place | None = None) -> None:
-        """Read the rows of one crash; ``found``: where it was, if the table itself has no point."""
+    def key_of(self, crash_id: str) -> str | None:
+        """The key of a crash; None, and counted, for an id that makes none."""
+        try:
+            return register_key(self.mapping.register_name, crash_id)
+        except ValueError:
+            self.left_out["an id with other characters than letters, digits, - and _"] += 1
+            return None
+
+    def record(self, key: str, rows: Sequence[Row], found: Place | None = None) -> CrashRecord | None:
+        """The record of one crash, None where it is left out; ``found``: where it was, if the table has no point."""
         mapping, row = self.mapping, rows[0]
         moment = row[TIME]
         place = found or self._point(row)
-        try:
-            key = register_key(mapping.register_name, crash_id)
-        except ValueError:
-            self.left_out["an id with other characters than letters, digits, - and _"] += 1
-            return
         if place is None:
             self.left_out["no latitude and longitude"] += 1
-            return
-        if moment != moment:  # pandas' not-a-time
+            return None
+        if moment is None:
             self.left_out["no date and time in the format of the mapping"] += 1
-            return
+            return None
         coded = {name: self._code(row, name, column) for name, column in mapping.crash.coded.items()}
         vehicles, persons = self._units(rows)
         if isinstance(further := coded.pop("PER_TYP", None), int):
@@ -251,9 +241,10 @@ class RowReader:
             implied=() if found is None else ("latitude_deg", "longitude_deg"),
             **_fields(CRASH_FIELDS, coded),
         )
-        self.records[key] = _with_first_event(record)
+        self.made += 1
         if narrative := self._text(row, mapping.crash.narrative):
             self.narratives[key] = narrative
+        return _with_first_event(record)
 
     def _units(self, rows: Sequence[Row]) -> tuple[list[VehicleRecord], list[NonMotorist]]:
         vehicles: list[VehicleRecord] = []

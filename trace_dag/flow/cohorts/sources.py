@@ -98,7 +98,7 @@ class TableSource:
     def __init__(self, name: str, tables: ReportTables) -> None:
         self.name = name
         self._tables = tables
-        self.notes = tuple(tables.notes())
+        self.notes: tuple[str, ...] = ()  # known once the crashes are offered
 
     @classmethod
     def of_plugin(cls, plugin: str, location: str) -> TableSource:
@@ -107,7 +107,9 @@ class TableSource:
 
     def offers(self, choice: Choice) -> list[CrashListing]:
         """See :class:`Source`."""
-        return choice.admitted(self._tables.listings())
+        offered = choice.admitted(self._tables.listings())
+        self.notes = tuple(self._tables.notes())  # after them, so that a large table is read once for both
+        return offered
 
     def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
         """See :class:`Source`. Each report is kept below the root."""

@@ -18,7 +18,8 @@ from trace_dag.crash.record import (
     VehicleRecord,
     origins,
 )
-from trace_dag.crash.registers.table import TIME, RowReader
+from trace_dag.crash.registers.rows import TIME
+from trace_dag.crash.registers.table import RowReader
 from trace_dag.crash.reported_place import Place
 from trace_dag.language.narratives.reading import Fact, Happening, Reading
 from trace_dag.language.narratives.vocabulary import CRASH, Vocabulary, measured
@@ -64,10 +65,10 @@ def record_of(narrative: Narrative, found: Place | None, reading: Reading, known
     if not rows:
         return "it names no vehicle"
     reader = RowReader(known.mapping)
-    reader.add(narrative.id, rows, found)
-    if not reader.records:
+    key = reader.key_of(narrative.id)
+    record = key and reader.record(key, rows, found)
+    if not record:
         return next(iter(reader.left_out))
-    (record,) = reader.records.values()
     not_said: dict[str, Any] = {name: None for name in ("month", "day") if not at[name]}
     if time is not None and time["hour"] is None:
         not_said |= {"hour": None, "minute": None}
