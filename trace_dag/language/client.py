@@ -318,7 +318,9 @@ def _litellm() -> Any:
     try:
         import litellm
     except ImportError as error:
-        raise Failure("the llm estimator needs the package litellm; install it, or set states.estimator") from error
+        raise Failure(
+            "a language model is asked through litellm: pip install 'trace-dag[llm]', or set states.estimator to analytic"
+        ) from error
     litellm.suppress_debug_info = True
     litellm.telemetry = False
     logging.getLogger("LiteLLM").setLevel(logging.ERROR)  # its log messages quote requests
