@@ -319,7 +319,7 @@ def _litellm() -> Any:
         import litellm
     except ImportError as error:
         raise Failure(
-            "a language model is asked through litellm: pip install 'trace-dag[llm]', or set states.estimator to analytic"
+            "a language model needs litellm: pip install 'trace-dag[llm]', or set states.estimator to analytic"
         ) from error
     litellm.suppress_debug_info = True
     litellm.telemetry = False

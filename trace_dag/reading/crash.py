@@ -288,9 +288,9 @@ class Crash:
     # --- to look at ------------------------------------------------------------------------------------------------
     def figure(self) -> Image:
         """What is known of it from above, as a picture (Pillow) of 1170 by 648 pixels."""
+        from trace_dag.flow.crash_picture import drawn
         from trace_dag.pages.canvas import pixels_of
         from trace_dag.pages.pictures import WIDTH_PX
-        from trace_dag.reading.crash_picture import drawn
 
         svg = drawn(self._stored)
         if svg is None:

@@ -19,8 +19,8 @@ VERSIONS = {
     Stage.SIMULATION_LOG: 4,
     Stage.VERDICT: 8,
 }
-"""The number of each stage's code. Raise it when other results come out of the same input: a test says when to think
-of it (``tests/flow/test_code_versions.py``)."""
+"""Numbers of the stages' code. Raise one when other results come of the same input: a test compares the
+sample's outputs (``tests/sample/test_stage_outputs.py``)."""
 
 _GROUPINGS = {Stage.OSM_EXTRACT: "trace_dag.flow.map_groups:by_map_files"}
 _REQUIREMENTS = {
@@ -40,5 +40,5 @@ FLOW = Flow(
         )
         for stage in Stage
     ),
-    picture="trace_dag.reading.crash_picture:crash_picture",
+    picture="trace_dag.flow.crash_picture:crash_picture",
 )
