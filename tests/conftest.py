@@ -54,9 +54,13 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 # What takes long by nature: pages typed through, processes killed, browsers, clusters, real cohorts, fuzzing, judges.
 SLOW = (
+    "agents/test_evaluations_on_cluster.py",
+    "agents/test_hostile_agents.py",
     "assets/test_backfills.py",
     "assets/test_daemon.py",
+    "assets/test_web_server.py",
     "cli/test_carla_kit.py",
+    "cli/test_interruption.py",
     "docs",
     "faults",
     "flow/test_llm_runs.py",
@@ -67,6 +71,7 @@ SLOW = (
     "sample",
     "scenario/test_accessibility.py",
     "scenario/test_players.py",
+    "scenario/test_replay_frames.py",
     "scenario/test_replay_in_browser.py",
     "simulation/test_real_crashes.py",
     "reconstruction/test_known_directions.py",
@@ -80,6 +85,7 @@ _DURATIONS = REPOSITORY / "build" / "durations.json"
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests of slow folders and files."""
+    assert all((REPOSITORY / "tests" / each).exists() for each in SLOW), "SLOW names what is not there"
     for item in items:
         where = item.path.relative_to(REPOSITORY / "tests").as_posix()
         if where.startswith(tuple(f"{each}/" for each in SLOW)) or where in SLOW:

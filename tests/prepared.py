@@ -25,7 +25,11 @@ from pathlib import Path
 import trace_dag
 
 _STARTED: list[subprocess.Popen[bytes]] = []  # its standard input is a pipe of this process: it ends when this does
-PROGRAMS = {"trace-dag": "from trace_dag.cli.main import main\nmain()", "python": "import sys\nexec(sys.stdin.read())"}
+PROGRAMS = {
+    "trace-dag": "from trace_dag.cli.main import main\nmain()",
+    "lab": "from lab.__main__ import main\nmain()",
+    "python": "import sys\nexec(sys.stdin.read())",
+}
 
 _IMPORTED_WHERE_USED = (
     "mujoco",
@@ -49,7 +53,8 @@ with socket.socket(socket.AF_UNIX) as prepared:
 
 @cache
 def programs() -> Path:
-    """The folder with ``trace-dag`` and ``python``, the latter for what it is given on its standard input."""
+    """The folder with ``trace-dag``, ``lab`` (to be started in the repository), and ``python``, for what it is given on
+    its standard input."""
     folder = Path(tempfile.mkdtemp(prefix="prepared-", dir=os.environ.get("TRACE_DAG_TESTS_SHARED")))
     address = str(folder / "asked")
     for name in PROGRAMS:
@@ -114,7 +119,7 @@ def run_command(asked: socket.socket) -> None:
     os.environ.update(environment)
     sys.argv[:] = words
     name = Path(words[0]).name
-    sys.path[0] = "" if name == "python" else str(Path(words[0]).parent)
+    sys.path[0] = str(Path(words[0]).parent) if name == "trace-dag" else ""
     sys.path[1:1] = [name for name in environment.get("PYTHONPATH", "").split(os.pathsep) if name]
     exec(PROGRAMS[name], {"__name__": "__main__"})
 

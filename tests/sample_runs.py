@@ -83,24 +83,23 @@ def _logging_as_it_was() -> Iterator[None]:
 
 def trace_dag_process(root: Path | str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the command on a root in a process of its own, which has its modules already."""
-    return subprocess.run(
-        [prepared.programs() / "trace-dag", "--root", str(root), *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"COLUMNS": "200"} | environment,
-    )
+    return _in_process("trace-dag", "--root", str(root), *arguments, **environment)
 
 
 def study(root: Path | str, name: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run a study of the laboratory on a root, in a process of its own."""
+    """Run a study of the laboratory on a root, likewise."""
+    executor = {"TRACE_DAG_EXECUTION__EXECUTOR": "in_process"}
+    return _in_process("lab", "--root", str(root), name, *arguments, **executor | environment)
+
+
+def _in_process(program: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "lab", "--root", str(root), name, *arguments],
+        [prepared.programs() / program, *arguments],
         capture_output=True,
         text=True,
         check=False,
-        cwd=Path(__file__).parents[1],
-        env=os.environ | {"COLUMNS": "200", "TRACE_DAG_EXECUTION__EXECUTOR": "in_process"} | environment,
+        cwd=SAMPLE.parents[1] if program == "lab" else None,
+        env=os.environ | {"COLUMNS": "200"} | environment,
     )
 
 

@@ -24,7 +24,10 @@ class Inbox:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "alerts.jsonl"
-        self.settings = {"automation": {"alert_command": [sys.executable, "-c", WRITES, str(self.path)]}}
+        self.settings = {
+            "automation": {"alert_command": [sys.executable, "-c", WRITES, str(self.path)]},
+            "execution": {"executor": "in_process"},
+        }
 
     def taken(self) -> list[tuple[str, list[str]]]:
         """What has come since the last time: kind, and the crashes it names."""
@@ -36,7 +39,7 @@ class Inbox:
 def test_crashes_that_fail_and_that_are_verified_no_more_are_told_once(campaign, tmp_path):
     inbox = Inbox(tmp_path)
     made = campaign(dict(zip(KEYS, ["", "", "fail:simulation_log"], strict=True)))
-    workspace = made.workspace.with_settings({**inbox.settings, "execution": {"executor": "in_process"}})
+    workspace = made.workspace.with_settings(inbox.settings)
 
     def summarised() -> list[tuple[str, list[str]]]:
         summarise(workspace, made.instance)

@@ -214,12 +214,9 @@ def test_estimators_that_cannot_be_compared_are_one_line(finished_root):
     assert "'breakfast' is not an estimator" in done.stderr
 
 
-def test_without_the_key_of_a_model_what_can_be_compared_all_the_same_is_said(tmp_path, monkeypatch):
-    root = tmp_path / "root"
-    ingest(root, reports_of(tmp_path / "reports", KEYS[:1]))
-    assert trace_dag(root, "run").returncode == 0
+def test_without_the_key_of_a_model_what_can_be_compared_all_the_same_is_said(finished_root, monkeypatch):
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
-    done = study(root, "compare_estimators", "--estimators", "analytic,llm@openai/gpt-4o")
+    done = study(finished_root, "compare_estimators", "--estimators", "analytic,llm@openai/gpt-4o")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "the environment lacks OPENAI_API_KEY" in done.stderr
     for way in ("score_truth", "llm@ollama/"):

@@ -81,7 +81,7 @@ class ReleaseReport:
 def check_version(version: str) -> None:
     """Raises :class:`UserError` for a version that is not of the form 1.2 or 1.2.3."""
     if not _VERSION.fullmatch(version):
-        raise UserError(f"--version {version}: expected a version such as 1, 1.2, 1.2.3 or 2.0-rc1")
+        raise UserError(f"version {version!r}: expected a version such as 1, 1.2, 1.2.3 or 2.0-rc1")
 
 
 def build_release(
