@@ -16,6 +16,7 @@ from trace_dag.crash.summary import in_one_sentence
 from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
 from trace_dag.pages.crash_page import CrashPage, write_crash_page
 from trace_dag.reconstruction.samples.simulated import Interval, SampledRuns
+from trace_dag.verdict.in_words import numbers_of
 from trace_dag.verdict.types import (
     Agreement,
     ComparedWith,
@@ -220,6 +221,15 @@ def test_numbers_and_reasons_are_said_in_words():
     assert "Vehicle 2 struck where the report says" in untold
 
 
+def test_no_error_is_counted_from_an_impact_that_nobody_reported():
+    for implied, said in (((), True), (("impact",), False)):
+        record = on_main_street(vehicles=(replace(vehicle(1, 12), implied=implied), vehicle(2, 9)))
+        numbers = numbers_of(VERDICT, record, None)
+        assert (("1.5", "clock positions at most between reported and simulated impact") in numbers) is said
+        glance = seen(shown(CrashPage(crash(0), (), RIGHTS, record=record, verdict=VERDICT)).find_class("glance")[0])
+        assert ("between reported and simulated impact" in glance) is said
+
+
 def test_doubts_and_events_that_do_not_happen_are_said_without_unfolding():
     doubts = tuple(Reservation(Doubt.EVENT_MISSED, f"event {number}: does not happen") for number in range(2, 10))
     events = (
@@ -246,7 +256,7 @@ def test_doubts_and_events_that_do_not_happen_are_said_without_unfolding():
 @pytest.mark.parametrize(("number", "reported", "simulated"), [(0, (44.0, 0.0), (31.1, 31.1)), (1, None, (0.0, -44.0))])
 def test_dials_show_twelve_at_the_front_and_three_on_the_right(number, reported, simulated):
     """On a dial of radius 44, y down: 3 h at (44, 0), 4.5 h at 45 degrees to the right and rear, 12 h at the top."""
-    page = shown(CrashPage(crash(0), (), RIGHTS, verdict=VERDICT))
+    page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=VERDICT))
     dial = page.find_class("dial")[number]
 
     def drawn(name: str) -> tuple[float, float] | None:

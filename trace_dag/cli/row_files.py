@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +12,15 @@ from trace_dag.common.errors import UserError
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 _LOOKED_AT, _WIDEST = 1000, 60  # rows that tell how wide a column is, and the most characters it gets
 _LATITUDE, _LONGITUDE = "latitude_deg", "longitude_deg"
 
 
-def write_rows(path: Path, output: str, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Write rows into a file of one of :data:`FORMATS`; :class:`UserError` for rows that cannot be written so."""
+def write_rows(path: Path, output: str, names: Sequence[str], rows: Sequence[Sequence[Any]] | pa.Table) -> None:
+    """Write rows, for Parquet a typed table, into a file of one of :data:`FORMATS`; :class:`UserError` for rows that
+    cannot be written so."""
     FORMATS[output](path, names, rows)
 
 
@@ -62,14 +65,16 @@ def _write_geojson(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any
     path.write_text(json.dumps(collection, ensure_ascii=False, default=str), encoding="utf-8")
 
 
-def _write_parquet(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+def _write_parquet(path: Path, _names: Sequence[str], rows: pa.Table) -> None:
+    """With the types of the answer, but sums of integers, which DuckDB makes of 38 digits, as integers if they fit."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    columns = [
-        pa.array([row[k] for row in rows]) for k in range(len(names))
-    ]  # pandas makes floats of integers and nulls
-    pq.write_table(pa.table(columns, names=list(names)), path)
+    for k, field in enumerate(rows.schema):
+        if field.type == pa.decimal128(38, 0):
+            with suppress(pa.ArrowInvalid):
+                rows = rows.set_column(k, field.name, rows.column(k).cast(pa.int64()))
+    pq.write_table(rows, path)
 
 
 def _write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -83,7 +88,7 @@ def _write_json(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]])
 
 PRINTED = frozenset({"csv", "json"})
 """Those that the terminal can show as well."""
-FORMATS: dict[str, Callable[[Path, Sequence[str], Sequence[Sequence[Any]]], None]] = {
+FORMATS: dict[str, Callable[[Path, Sequence[str], Any], None]] = {
     "csv": _write_csv,
     "json": _write_json,
     "xlsx": _write_excel,

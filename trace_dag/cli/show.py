@@ -92,14 +92,14 @@ def _said(workspace: Workspace, crash: CrashStatus, records: Records) -> dict[st
 
 def _judged(stored: CrashFiles) -> tuple[list[str], list[str]]:
     """The figures of a crash that was judged, and what speaks against it."""
-    from trace_dag.flow.artefacts import MAP_REPORT, VERDICT
+    from trace_dag.flow.artefacts import MAP_REPORT, RECORD, VERDICT
     from trace_dag.verdict.in_words import events_in_words, numbers_of
 
-    if not stored.has(VERDICT):
+    if not (stored.has(VERDICT) and stored.has(RECORD)):
         return [], []
     verdict = stored.load(VERDICT)
     placement = stored.load(MAP_REPORT).placement if stored.has(MAP_REPORT) else None
-    figures = [f"{value} {what}" for value, what in numbers_of(verdict, placement)]
+    figures = [f"{value} {what}" for value, what in numbers_of(verdict, stored.load(RECORD), placement)]
     if verdict.accepted:
         happened = [line for line in (events_in_words(verdict), verdict.alternatives) if line]
         figures[_FIRST - 1 : _FIRST - 1] = happened

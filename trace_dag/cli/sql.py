@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -43,12 +44,15 @@ def sql(root: str, query: str, output: str | None, path: Path | None) -> None:
     """
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.asking import ask
+    from trace_dag.warehouse.query import query as rows_of
+    from trace_dag.warehouse.query import query_typed
 
     output = kind_of_file("sql", path, output, FORMATS)
     if (path is not None and output not in FORMATS) or (path is None and output in FORMATS and output not in PRINTED):
         raise UserError(f"sql: --format {output} {'needs --output FILE' if path is None else 'is for the terminal'}")
     workspace = Workspace.open(root, to_read=True)
-    names, rows = ask(workspace.warehouse, query, workspace.settings.warehouse)
+    how: Any = query_typed if output == "parquet" else rows_of
+    names, rows = ask(workspace.warehouse, query, workspace.settings.warehouse, how)
     if path is not None:
         with naming(path):
             write_rows(path, str(output), names, rows)

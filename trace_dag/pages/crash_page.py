@@ -27,7 +27,7 @@ from trace_dag.roads.report import MapReport, RejectedMapReport
 from trace_dag.scenario.colours import vehicle_colour
 from trace_dag.scenario.object_shapes import in_words
 from trace_dag.simulation.states import StateEstimate
-from trace_dag.verdict.in_words import events_in_words, label_in_words, length_in_words, numbers_of
+from trace_dag.verdict.in_words import events_in_words, label_in_words, length_in_words, numbers_of, reporting_impact
 from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Happening, Label, Verdict
 from trace_dag.version import __version__
 
@@ -72,8 +72,8 @@ def write_crash_page(page: CrashPage) -> bytes:
         reports=[report_rights(page.crash)],
         sentence=in_one_sentence(page.record) if page.record else "",
         grade=accepted.grade if accepted else None,
-        numbers=numbers_of(page.verdict, page.map_report.placement if page.map_report else None)
-        if page.verdict
+        numbers=numbers_of(page.verdict, page.record, page.map_report.placement if page.map_report else None)
+        if page.verdict and page.record
         else [],
         happens=_happens(accepted) if accepted else [],
         label=label_in_words(accepted) if accepted else "",
@@ -82,7 +82,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         outcomes={each.event_number: words(each.outcome) for each in page.verdict.events} if page.verdict else {},
         events=events_in_words(accepted) if accepted else "",
         alternatives=accepted.alternatives if accepted else "",
-        clocks=_clocks(page.verdict) if page.verdict else [],
+        clocks=_clocks(page.verdict, page.record) if page.verdict and page.record else [],
         hours=[(hour, *_on_dial(hour, _HOURS_RADIUS)) for hour in (3, 6, 9, 12)],
         reasons=_reasons(page),
         facts=_facts(page.crash),
@@ -299,13 +299,13 @@ def _on_dial(clock_h: float, radius: float = _CLOCK_RADIUS) -> tuple[float, floa
     return round(radius * math.sin(angle_rad), 1), round(-radius * math.cos(angle_rad), 1)
 
 
-def _clocks(verdict: Verdict) -> list[Dial]:
+def _clocks(verdict: Verdict, record: CrashRecord) -> list[Dial]:
     """A dial for every vehicle whose impact was measured, in each contact."""
     clocks = [each for each in verdict.criteria if each.name == "clock" and each.value is not None]
     reported = {
         (each.vehicle_number, each.event_number): each.value
         for each in verdict.criteria
-        if each.name == "reported_clock"
+        if each.name == "reported_clock" and each.vehicle_number in reporting_impact(record)
     }
     numbers = sorted({each.vehicle_number for each in clocks if each.vehicle_number is not None})
     several = len({each.event_number for each in clocks}) > 1

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from trace_dag.common.units import METRES_PER_FOOT, mps_to_mph
+from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.verdict.types import Happening, Verdict
 
 _MOVED_M = 0.05  # a point moved by less prints as not moved
 
 
-def numbers_of(verdict: Verdict, placement: CrashPlacement | None) -> list[tuple[str, str]]:
+def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement | None) -> list[tuple[str, str]]:
     """What one looks at first, as value and what it is: those that were measured.
 
-    >>> numbers_of(verdict, map_report.placement)[0][1]
+    >>> numbers_of(verdict, record, map_report.placement)[0][1]
     'from the reported point to the first contact'
     """
     numbers = []
@@ -30,8 +31,9 @@ def numbers_of(verdict: Verdict, placement: CrashPlacement | None) -> list[tuple
     if placement is not None and placement.moved_m > _MOVED_M:
         by = placement.matched_by
         numbers.append((length_in_words(placement.moved_m), f"that the reported point was moved onto a road (by {by})"))
-    clock_error = verdict.worst("clock_error")
-    if clock_error is not None:
+    reported = reporting_impact(record)
+    clock_errors = [c.value for c in verdict.criteria if c.name == "clock_error" and c.vehicle_number in reported]
+    if (clock_error := max((each for each in clock_errors if each is not None), default=None)) is not None:
         numbers.append((f"{clock_error:.1f}", "clock positions at most between reported and simulated impact"))
     closing_mps = _first(verdict, "closing_speed")
     if closing_mps is not None:
@@ -39,6 +41,15 @@ def numbers_of(verdict: Verdict, placement: CrashPlacement | None) -> list[tuple
     if verdict.support:
         numbers.append((str(verdict.support.independent_facts), "independent facts of the report agree"))
     return numbers
+
+
+def reporting_impact(record: CrashRecord) -> set[int | None]:
+    """Return the numbers of the vehicles of which the report says where they were struck.
+
+    >>> reporting_impact(record)
+    {1, 2}
+    """
+    return {each.number for each in record.vehicles if each.impact is not None and "impact" not in each.implied}
 
 
 def length_in_words(length_m: float) -> str:

@@ -10,22 +10,24 @@ import pickle
 import resource
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from trace_dag.common.errors import UserError
 from trace_dag.common.settings import WarehouseSettings
-from trace_dag.warehouse.query import query
+
+Answer = TypeVar("Answer")
 
 _CHILD = "from trace_dag.warehouse.asking import _answer; _answer()"
 
 
-def ask(path: Path, sql: str, limits: WarehouseSettings) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """As :func:`trace_dag.warehouse.query.query`, within the limits of the settings.
+def ask(path: Path, sql: str, limits: WarehouseSettings, how: Callable[[Path, str], Answer]) -> Answer:
+    """As :func:`trace_dag.warehouse.query.query`, or another function of it, within the limits of the settings.
 
     Raises :class:`UserError` also for a question that takes longer or needs more memory.
     """
-    asked = pickle.dumps((path, sql, limits.query_memory_mb))
+    asked = pickle.dumps((how, path, sql, limits.query_memory_mb))
     try:
         done = subprocess.run(  # noqa: S603 - our own command
             [sys.executable, "-P", "-c", _CHILD],
@@ -41,7 +43,7 @@ def ask(path: Path, sql: str, limits: WarehouseSettings) -> tuple[list[str], lis
         ) from error
     if done.returncode or not done.stdout:
         raise _too_large(limits.query_memory_mb)
-    answer: tuple[list[str], list[tuple[Any, ...]]] | Exception
+    answer: Answer | Exception
     answer = pickle.loads(done.stdout)  # noqa: S301 - written by this module
     if isinstance(answer, MemoryError | ImportError):  # DuckDB itself may find no room
         raise _too_large(limits.query_memory_mb) from answer
@@ -61,11 +63,11 @@ def _answer() -> None:
     there after two seconds, which goes to standard error."""
     answer = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    path, sql, memory_mb = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by this module
+    how, path, sql, memory_mb = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by this module
     resource.setrlimit(resource.RLIMIT_AS, (memory_mb * 2**20, memory_mb * 2**20))
     said: object
     try:
-        said = query(path, sql)
+        said = how(path, sql)
     except Exception as error:
         said = error
     with answer:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -18,6 +19,7 @@ from trace_dag.flow.manifests import agreed
 
 if TYPE_CHECKING:
     import duckdb
+    import pyarrow as pa
 
 _BESIDE = "warehouse.json"
 MAX_ROWS = 5_000_000
@@ -112,30 +114,51 @@ def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
 
     ``DESCRIBE`` of a table says what each column means, which DuckDB's own leaves out.
     """
-    import duckdb
-
-    try:
-        sql.encode()
-    except UnicodeEncodeError as error:
-        raise UserError("sql: the question is not UTF-8; expected a query in SQL") from error
     described = _DESCRIBE.fullmatch(sql)
     if described and (columns := columns_of(path, described["table"])):
         return ["column", "type", "what it means"], columns
     with open_warehouse(path) as connection:
-        try:
+        with _refusals(sql):
             connection.execute(sql)
             if connection.description is None:
                 raise UserError("sql: there is no query in it")
             found = connection.fetchmany(MAX_ROWS + 1)
-        except duckdb.OutOfMemoryException as error:
-            raise MemoryError from error
-        except duckdb.Error as error:
-            raise UserError(f"sql: {str(error).strip()}") from error
-        except (OverflowError, ValueError) as error:  # DuckDB's values go further than Python's
-            raise UserError(f"sql: a value that cannot be shown ({error}); cast it to VARCHAR") from error
-        if len(found) > MAX_ROWS:
-            raise UserError(f"sql: more than {MAX_ROWS:,} rows; ask for fewer with LIMIT or count them")
+        _check_size(len(found))
         return [column[0] for column in connection.description], found
+
+
+def query_typed(path: Path, sql: str) -> tuple[list[str], pa.Table]:
+    """As :func:`query`, with the types that DuckDB gives the columns: that of a column of nulls is in no row."""
+    with open_warehouse(path) as connection:
+        with _refusals(sql):
+            asked = connection.sql(sql)
+            if asked is None:
+                raise UserError("sql: there is no query in it")
+            found: pa.Table = asked.to_arrow_table()
+        _check_size(found.num_rows)
+        return found.column_names, found
+
+
+@contextmanager
+def _refusals(sql: str) -> Iterator[None]:
+    import duckdb
+
+    try:
+        sql.encode()
+        yield
+    except UnicodeEncodeError as error:
+        raise UserError("sql: the question is not UTF-8; expected a query in SQL") from error
+    except duckdb.OutOfMemoryException as error:
+        raise MemoryError from error
+    except duckdb.Error as error:
+        raise UserError(f"sql: {str(error).strip()}") from error
+    except (OverflowError, ValueError) as error:  # DuckDB's values go further than Python's
+        raise UserError(f"sql: a value that cannot be shown ({error}); cast it to VARCHAR") from error
+
+
+def _check_size(rows: int) -> None:
+    if rows > MAX_ROWS:
+        raise UserError(f"sql: more than {MAX_ROWS:,} rows; ask for fewer with LIMIT or count them")
 
 
 def rows(path: Path, table: str) -> list[dict[str, Any]]:

@@ -73,7 +73,7 @@ def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[s
 def _keep(storage: Storage, before: Mapping[str, _Seen], seen: Mapping[str, _Seen]) -> None:
     after = dict(sorted({**before, **seen}.items()))  # the same bytes, whatever was seen first
     if after != before:
-        storage.write(FILE, with_checksum(_CACHE.dump_json(after)))
+        storage.write(FILE, with_checksum(_CACHE.dump_json(after, exclude_defaults=True)))
 
 
 def _cached(storage: Storage) -> dict[str, _Seen]:
