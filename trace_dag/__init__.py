@@ -17,7 +17,7 @@ __all__ = ["__version__", "open", "road_map"]
 
 
 def open(place: str | os.PathLike[str] | None = None) -> Crashes:
-    """The crashes of a storage root, of a package or of a release, for Python.
+    """Return the crashes of a storage root, of a package or of a release, for Python.
 
     ``place`` is a root (a folder or a URL such as ``s3://bucket/folder``), or the folder or archive of a package or a
     release; without it ``TRACE_DAG_ROOT``, else ``./trace_dag_home``. Nothing is read before it is asked for, and
@@ -43,7 +43,8 @@ def road_map(
     box: tuple[float, float, float, float] | None = None,
     left_hand: bool = False,
 ) -> MadeMap:
-    """OpenStreetMap as OpenDRIVE, without a crash: the roads around a place, in a box, or of a whole small file.
+    """Return the OpenStreetMap as OpenDRIVE, without a crash: the roads around a place, in a box, or of a whole small
+    file.
 
     ``osm`` is a file or folder, or several; None asks Overpass, a public service. ``at``: latitude and longitude,
     WGS84, around which the map reaches ``radius_m``; or ``box``: west, south, east, north; neither takes the whole

@@ -1,4 +1,4 @@
-"""What is done for one evaluation, and where: by processes of this machine, or by the workers of a cluster.
+"""The work of one evaluation, done by processes of this machine or by the workers of a cluster.
 
 Belongs here: loading a case, driving it, and dividing the cases. Does not belong here: what becomes of the answers
 (:mod:`trace_dag.agents.evaluations`), and driving and measuring themselves (:mod:`trace_dag.agents.evaluation`).
@@ -49,7 +49,7 @@ class Step:
 
 @dataclass
 class LoadedCase:
-    """What the evaluations of one case share in a worker."""
+    """The parts of a case that its evaluations share in a worker."""
 
     case: Case
     simulation: Simulation
@@ -57,7 +57,10 @@ class LoadedCase:
 
 @dataclass
 class EvaluationWork:
-    """What the workers do: they simulate and measure. Each agent is in a process beside each worker, made once."""
+    """Simulation and measurement in the workers.
+
+    Each agent is in a process beside each worker, made once.
+    """
 
     settings: SimSettings
     cases: Mapping[str, StoredCase]
@@ -68,11 +71,14 @@ class EvaluationWork:
 
     @property
     def step_limit_s(self) -> float:
-        """How long an evaluation may take, whatever the agent does."""
+        """Return the longest time that an evaluation may take, whatever the agent does."""
         return 2 * WAITS * self.limits.time_s + _OURS_S
 
     def prepare(self, name: str) -> LoadedCase:
-        """The case, and its map made ready. Raises :class:`Failure`."""
+        """Return the case, and its map made ready.
+
+        Raises :class:`Failure`.
+        """
         try:
             case = load_case(self.cases[name])
             return LoadedCase(case, backend(self.settings).load(case.network, case.xodr, friction=case.friction))
@@ -82,7 +88,7 @@ class EvaluationWork:
             raise Failure(f"{name} cannot be loaded for evaluation: {type(error).__name__}: {error}") from error
 
     def do(self, shared: LoadedCase, step: Step) -> Evaluation:
-        """One evaluation; whatever the agent does wrong is its result."""
+        """Return one evaluation; whatever the agent does wrong is its result."""
         if step.reference not in self._agents:
             self._agents[step.reference] = AgentProcess(step.reference, self.limits, self.isolation)
         ego = number_of(shared.case, step.role)
@@ -99,7 +105,7 @@ Answers = Iterator[StepAnswer[Step, Evaluation]]
 
 
 def answers(workspace: Workspace, work: EvaluationWork, tasks: Sequence[Task[Step]]) -> Answers:
-    """Every step of every case answered once, by the workers that the settings ask for.
+    """Answer every step of every case once, with the workers that the settings ask for.
 
     On a cluster each worker needs the agents' modules in the same version: raises :class:`Failure` where it has not.
     """
@@ -120,7 +126,7 @@ def _in_pool(pool: Pool[LoadedCase, Step, Evaluation], tasks: Sequence[Task[Step
 
 
 def evaluating_code(settings: SimSettings) -> str:
-    """The version of the code that evaluates: measures of one code are not compared with those of another."""
+    """Return the version of the code that evaluates: measures of one code are not compared with those of another."""
     return f"{VERSION}, mujoco {libraries_of(settings)['mujoco']}"
 
 
@@ -135,7 +141,7 @@ class _Chunk:
     agents: Mapping[str, str]
 
     def split(self) -> list[_Chunk]:
-        """One chunk for each evaluation, to be tried again."""
+        """Return one chunk for each evaluation, to be tried again."""
         return [replace(self, tasks=(Task(task.name, (step,)),)) for task in self.tasks for step in task.steps]
 
 
@@ -159,7 +165,7 @@ def _on_cluster(workspace: Workspace, work: EvaluationWork, tasks: Sequence[Task
 
 
 def _evaluate_chunk(chunk: _Chunk) -> list[StepAnswer[Step, Evaluation]]:
-    """The evaluations of a chunk, in order."""
+    """Return the evaluations of a chunk, in order."""
     for what, theirs, ours in (
         ("what evaluates", chunk.code, evaluating_code(chunk.work.settings)),
         *((f"agent {reference}", code, agent_code(reference)) for reference, code in chunk.agents.items()),

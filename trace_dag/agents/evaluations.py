@@ -48,7 +48,7 @@ def evaluate_agents(
     on_progress: Callable[[Row], None] = lambda _: None,
     on_problem: OnProblem = raised,
 ) -> list[Row]:
-    """Every agent in every role of every case, as rows in a fixed order, stored under the root.
+    """Return every agent in every role of every case, as rows in a fixed order, stored under the root.
 
     ``split`` is the part that the cases are, None where they are no part. ``on_progress`` hears of each evaluation as
     it is done, ``on_problem`` of every step of a crash that cannot be loaded. Raises :class:`UserError` for agents that
@@ -144,7 +144,10 @@ def _identity(row_of_table: Row) -> tuple[str, int]:
 
 
 def stored_rows(storage: Storage, subject: str) -> list[Row]:
-    """The rows of one agent; none if there are no evaluations of it. Raises :class:`DamagedFile`."""
+    """Return the rows of one agent; none if there are no evaluations of it.
+
+    Raises :class:`DamagedFile`.
+    """
     agent = subject.removeprefix(f"{FOLDER}/")
     if agent not in agents_of(storage):
         return []
@@ -153,7 +156,7 @@ def stored_rows(storage: Storage, subject: str) -> list[Row]:
 
 
 def agents_of(storage: Storage) -> list[str]:
-    """The agents that there are evaluations of, damaged ones too, in order."""
+    """Return the agents that there are evaluations of, damaged ones too, in order."""
     listed = {*sound_manifest(storage, FOLDER).files, *storage.list(FOLDER)}
     tables = [name for name in listed if name.endswith(_TABLE)]
     return sorted(name.removeprefix(f"{FOLDER}/").removesuffix(_TABLE) for name in tables)
@@ -182,7 +185,7 @@ def remove_agent(storage: Storage, agent: str) -> int:
 
 
 def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
-    """Every stored evaluation, of all agents; ``on_problem`` hears of the agents whose table is damaged."""
+    """Return every stored evaluation, of all agents; ``on_problem`` hears of the agents whose table is damaged."""
     found: list[Row] = []
     for agent in agents_of(storage):
         try:

@@ -44,7 +44,7 @@ VERSION = "3"
 
 @dataclass(frozen=True)
 class FamilyReport:
-    """What came of one crash: how many were kept of how many drawn, and an error if it broke."""
+    """The family of one crash: members kept and drawn, and the error if it broke."""
 
     key: str
     kept: int = 0
@@ -66,8 +66,10 @@ def make_families(
     *,
     on_progress: Callable[[FamilyReport], None] = lambda _: None,
 ) -> list[FamilyReport]:
-    """The families of some verified crashes, stored; in their order. ``on_progress`` hears of each crash as it is
-    done."""
+    """Return the families of some verified crashes, stored; in their order.
+
+    ``on_progress`` hears of each crash as it is done.
+    """
     tasks = [_Task(case, request) for case in cases]
     reports: dict[str, FamilyReport] = {}
     with workspace.executing() as executor:
@@ -155,7 +157,7 @@ def _store(
 
 
 def _as_hypothesis(recorded: Hypothesis, variation: Variation) -> Hypothesis:
-    """The variation's plan in the terms of an estimate; where it was planned to hit, it does not say."""
+    """Return the variation's plan in the terms of an estimate; where it was planned to hit, it does not say."""
     case, contact = variation.case, variation.case.contact
     by_number = {each.number: each for each in case.participants}
     return replace(

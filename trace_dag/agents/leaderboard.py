@@ -20,7 +20,7 @@ OUTCOMES = tuple(map(str, DriveOutcome))
 def write_leaderboard(
     runs: Sequence[Row], leaderboard: Sequence[Row], by_class: Sequence[Row], probabilities: Sequence[Row]
 ) -> bytes:
-    """``leaderboard.html`` from the ``evaluations`` in crashes (not in their variations), and the rows of the
+    """Return ``leaderboard.html`` from the ``evaluations`` in crashes (not in their variations), and the rows of the
     warehouse's views ``leaderboard``, ``leaderboard_by_class`` and ``agent_probabilities``.
 
     >>> write_leaderboard([], [], [], [])[:15]

@@ -29,7 +29,7 @@ ReplayFormat = Literal["html", "glb", "webp"]
 
 
 def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
-    """The replay of one crash as stored: a page, a moving picture, or glTF in three dimensions.
+    """Return the replay of one crash as stored: a page, a moving picture, or glTF in three dimensions.
 
     Raises :class:`UserError` for a crash that was not simulated.
     """
@@ -51,7 +51,7 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
 
 
 def content_of(crash: CrashArtefacts, log: SimulationLog) -> ReplayContent:
-    """What the replay of a stored crash shows of one of its logs."""
+    """Return the content of the replay of a stored crash for one of its logs."""
     from trace_dag.pages.replay_content import replay_content
 
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
@@ -73,8 +73,8 @@ def replay_with(
     traffic: Traffic,
     replay_format: ReplayFormat,
 ) -> bytes:
-    """The replay of a verified crash, or of a variation or likely course of one, with an agent in somebody's place,
-    under the usual conditions.
+    """Return the replay of a verified crash, or of a variation or likely course of one, with an agent in somebody's
+    place, under the usual conditions.
 
     Several agents drive one by one and are shown beside each other, on a page. Raises :class:`UserError` for a crash
     that is not verified, an agent that is not there or is faulty, and several agents in a moving picture.
@@ -122,7 +122,7 @@ def _driven(
 
 
 def _outcome(case: Case, ego: int, log: SimulationLog) -> str:
-    """The outcome of a drive, in words, and where it is of a variation or course, of which."""
+    """Return the outcome of a drive, in words, and where it is of a variation or course, of which."""
     said = _in_words(case, measure(case, ego, log))
     return said if case.case_id == case.key else f"{said}, in {case.case_id}"
 

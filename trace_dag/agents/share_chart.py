@@ -22,7 +22,7 @@ class Share(NamedTuple):
 
 
 def data_url(svg: str) -> str:
-    """An SVG as the address of an image, as Markdown takes it.
+    """Return an SVG as the address of an image, as Markdown takes it.
 
     >>> data_url("<svg/>")
     'data:image/svg+xml,%3Csvg/%3E'
@@ -31,7 +31,7 @@ def data_url(svg: str) -> str:
 
 
 def share_chart(title: str, shares: Sequence[Share]) -> str:
-    """One bar a share, from 0 to 100 %, with its 95 % interval as a line, as SVG."""
+    """Return one bar a share, from 0 to 100 %, with its 95 % interval as a line, as SVG."""
     height = _ROW_PX * (len(shares) + 2)
     label_px = 16 + _SIGN_PX * max((len(share.label) for share in shares), default=0)
     lines = [

@@ -34,7 +34,7 @@ _PART_OF_A_CRASH = re.compile(r"(?P<key>.+)-(?P<letter>[cv])\d+")  # 2023-319003
 
 
 class AgentRole(StrEnum):
-    """Whose place an agent takes, of the two that collided first."""
+    """The place that an agent takes among the two that collided first."""
 
     FIRST = "first"  # by their numbers in the report
     SECOND = "second"
@@ -44,8 +44,9 @@ class AgentRole(StrEnum):
 
 @dataclass(frozen=True)
 class StoredCase:
-    """Where a case comes from: a verified crash, a variation of it if ``variation`` names one, or a likely course of
-    it: the draw ``sample`` of its estimate, with its weight among the courses."""
+    """The origin of a case: a verified crash, a variation of it if ``variation`` names one, or a likely course of it:
+    the draw ``sample`` of its estimate, with its weight among the courses.
+    """
 
     files: CrashFiles
     variation: str | None = None
@@ -54,24 +55,24 @@ class StoredCase:
 
     @property
     def key(self) -> str:
-        """The crash's key."""
+        """Return the crash's key."""
         return self.files.key
 
     @property
     def case_id(self) -> str:
-        """The crash's key, the variation's, or the course's: the crash's with the number of the draw."""
+        """Return the crash's key, the variation's, or the course's: the crash's with the number of the draw."""
         if self.sample is not None:
             return f"{self.key}-c{self.sample:02d}"
         return self.variation or self.key
 
     @property
     def fingerprint(self) -> str:
-        """The fingerprint of the verdict that the case rests on."""
+        """Return the fingerprint of the verdict that the case rests on."""
         return self.files.records[Stage.VERDICT].fingerprint
 
 
 def load_case(stored: StoredCase) -> Case:
-    """A case as it is evaluated."""
+    """Return a case as it is evaluated."""
     files = stored.files.unread()
     if stored.sample is not None:
         return _drawn_case(stored.case_id, files, stored.sample)
@@ -82,7 +83,7 @@ def load_case(stored: StoredCase) -> Case:
 
 
 def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
-    """A verified crash as it is evaluated, stored in a root or in a package."""
+    """Return a verified crash as it is evaluated, stored in a root or in a package."""
     from trace_dag.simulation.run import surface_friction
 
     hypothesis = crash.load(ESTIMATE).hypotheses[crash.load(VERDICT).hypothesis]
@@ -92,7 +93,7 @@ def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
 
 
 def _drawn_case(case_id: str, files: CrashFiles, sample: int) -> Case:
-    """A likely course, simulated to know what an agent in it has to avoid."""
+    """Return a likely course, simulated to know what an agent in it has to avoid."""
     from trace_dag.scenario.ensemble import drawn
     from trace_dag.simulation.backends import backend
 
@@ -131,12 +132,12 @@ def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: Simu
 
 
 def somebody_met(crash: CrashArtefacts) -> bool:
-    """Whether anybody met somebody in a crash: a vehicle that left the road by itself had nobody to react to."""
+    """Return whether anybody met somebody in a crash: a vehicle that left the road by itself had nobody to react to."""
     return sequence_of(crash.load(RECORD)).first.kind not in OFF_THE_ROAD
 
 
 def number_of(case: Case, role: AgentRole) -> int:
-    """The number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one.
+    """Return the number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one.
 
     Where one of the two is a person or parked, whom no agent drives, it is the other one in every role, and so is
     who left the road by itself.
@@ -166,9 +167,10 @@ def verified_cases(
     departures: bool | None = False,
     on_problem: OnProblem = log_problem,
 ) -> list[StoredCase]:
-    """The verified ones of the crashes asked for in which somebody met somebody, or those in which a vehicle left the
-    road by itself (``departures``; None: both); :class:`UserError` if there are none. ``split`` takes one part of
-    them, as a release of the same crashes has it.
+    """Return the verified ones of the crashes asked for in which somebody met somebody, or those in which a vehicle
+    left the road by itself (``departures``; None: both); :class:`UserError` if there are none.
+
+    ``split`` takes one part of them, as a release of the same crashes has it.
 
     ``on_problem`` is called for damaged records: whether their crash is verified cannot be told.
     """
@@ -200,7 +202,10 @@ def verified_cases(
 
 
 def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
-    """The likely courses of some crashes, each crash's heaviest first. Raises :class:`UserError` if there are none."""
+    """Return the likely courses of some crashes, each crash's heaviest first.
+
+    Raises :class:`UserError` if there are none.
+    """
     from trace_dag.scenario.ensemble import likely_draws
 
     found = [
@@ -218,7 +223,7 @@ def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
 
 
 def stored_case(workspace: Workspace, case_id: str) -> StoredCase:
-    """A verified crash, or a variation or likely course of one, by the id that evaluations have it by.
+    """Return a verified crash, or a variation or likely course of one, by the id that evaluations have it by.
 
     Raises :class:`UserError` where there is none.
     """
@@ -236,7 +241,7 @@ def stored_case(workspace: Workspace, case_id: str) -> StoredCase:
 def stored_variations(
     workspace: Workspace, cases: Sequence[StoredCase], *, on_problem: OnProblem = raised
 ) -> list[StoredCase]:
-    """The stored variations of some crashes that were made of them as they are now.
+    """Return the stored variations of some crashes that were made of them as they are now.
 
     ``on_problem`` is called for damaged families. Raises :class:`UserError` if there are no variations.
     """

@@ -33,7 +33,7 @@ FOLDER = "variations"
 
 @dataclass(frozen=True)
 class FamilyRequest:
-    """How families are made: members asked for, seed, how far they may go, and what they have to meet."""
+    """The request for a family: members, seed, bounds of the changes, and criteria to meet."""
 
     count: int = 10
     seed: int = 1
@@ -43,7 +43,7 @@ class FamilyRequest:
 
 @dataclass(frozen=True)
 class AboutVariation:
-    """What a variation is, beside its plan and log."""
+    """The description of a variation, beside its plan and log."""
 
     variation_id: str
     key: str
@@ -67,12 +67,15 @@ class StoredVariation:
 
     @property
     def hypothesis(self) -> Hypothesis:
-        """The plan of all vehicles."""
+        """Return the plan of all vehicles."""
         return self.estimate.best
 
 
 def read_variation(storage: Storage, name: str) -> StoredVariation:
-    """A stored variation by its id. Raises :class:`DamagedFile` where it is not as its manifest says."""
+    """Return a stored variation by its id.
+
+    Raises :class:`DamagedFile` where it is not as its manifest says.
+    """
     key = name.rpartition("-")[0]
 
     def read(extension: str) -> bytes:
@@ -85,12 +88,12 @@ def read_variation(storage: Storage, name: str) -> StoredVariation:
 
 
 def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
-    """Every stored variation as a row; ``on_problem`` hears of the families that are damaged."""
+    """Return every stored variation as a row; ``on_problem`` hears of the families that are damaged."""
     return [each for rows in families(storage, on_problem).values() for each in rows]
 
 
 def families(storage: Storage, on_problem: OnProblem, keys: Collection[str] | None = None) -> dict[str, list[Row]]:
-    """The lists of the families there are, of some crashes or all, by key."""
+    """Return the lists of the families there are, of some crashes or all, by key."""
     there = {*sound_manifest(storage, FOLDER).files, *storage.list(FOLDER)}
     listed = {crash_of(name) for name in there if name.endswith(".family.parquet")}
     found = {}
@@ -107,13 +110,13 @@ def _read(storage: Storage, key: str, name: str) -> bytes:
 
 
 def family_name(key: str) -> str:
-    """Where the list of a crash's family lies below the root."""
+    """Return the path below the root of the list of a crash's family."""
     return f"{FOLDER}/{key}.family.parquet"
 
 
 @cache
 def abouts() -> TypeAdapter[AboutVariation]:
-    """Reads and writes what a variation is, as JSON."""
+    """Return the type adapter that reads and writes descriptions of variations as JSON."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(AboutVariation)

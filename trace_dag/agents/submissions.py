@@ -44,7 +44,7 @@ _AGAIN: Final = "evaluate the agent again on the crashes as they are now"
 
 
 def results_file(rows: Sequence[Row], split: Split, cohort: str | None) -> bytes:
-    """The runs of one part, to hand in."""
+    """Return the runs of one part, to hand in."""
     document = {
         "format": _FORMAT,
         "made_by": f"trace-dag {__version__}",
@@ -58,7 +58,10 @@ def results_file(rows: Sequence[Row], split: Split, cohort: str | None) -> bytes
 
 
 def check(workspace: Workspace, data: bytes, name: str, *, on_problem: OnProblem = raised) -> dict[str, list[Row]]:
-    """The runs of a file by agent. Raises :class:`UserError` saying why a file is refused."""
+    """Return the runs of a file by agent.
+
+    Raises :class:`UserError` saying why a file is refused.
+    """
     split, cohort, by_agent = _read(data, name)
     _check_names(name, by_agent, agents_of(workspace.storage))
     cases = verified_cases(workspace, cohort, (), split=split, on_problem=on_problem)

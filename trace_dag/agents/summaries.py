@@ -37,8 +37,9 @@ _CHANGED = {
 
 
 def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
-    """How many verdicts accept a crash's own report, others', and its own with one party late or mirrored, the
-    object moved, one contact dropped or two swapped, by cohort and kind of crash."""
+    """Return, by cohort and kind of crash, how many verdicts accept a crash's own report, others', and its own with one
+    party late or mirrored, the object moved, one contact dropped or two swapped.
+    """
     lines: list[tuple[Any, ...]] = []
     by_kind = {
         (cohort, kind): [row for row in rows if row.crash_kind == kind]
@@ -72,7 +73,7 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
 
 
 def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> StudyTable:
-    """How often each agent did what, in all, as initiator and responder, and by class of crash."""
+    """Return the outcomes of each agent, in all, as initiator and responder, and by class of crash."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["agent"], "all"), []).append(row)
@@ -116,8 +117,9 @@ def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimen
 
 
 def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
-    """How probably each agent avoids each crash, a row of ``agent_probabilities`` each, and over all of them, with 95 %
-    intervals: of a crash by its courses, of all by the crashes."""
+    """Return each agent's probability of avoiding each crash, a row of ``agent_probabilities`` each, and over all of
+    them, with 95 % intervals: of a crash by its courses, of all by the crashes.
+    """
     lines: list[tuple[Any, ...]] = []
     for agent in dict.fromkeys(row["agent"] for row in rows):
         own = [row for row in rows if row["agent"] == agent]
@@ -134,7 +136,7 @@ def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
 
 
 def weighted_table(runs: Sequence[Row], weights: Mapping[str, float]) -> StudyTable:
-    """How often each agent avoids the crashes it drove in, each crash as one and by its weight."""
+    """Return each agent's share of avoided crashes, each crash as one and by its weight."""
     lines: list[tuple[Any, ...]] = []
     for agent in sorted({run["agent"] for run in runs}):
         own = [run for run in runs if run["agent"] == agent and run["case_id"] == run["key"]]
@@ -154,7 +156,7 @@ def _with_interval(share: float, low: float, high: float) -> str:
 
 
 def families_table(reports: Sequence[FamilyReport]) -> StudyTable:
-    """How many variations were kept, of how many drawn."""
+    """Return the number of variations kept, of those drawn."""
     kept, near_misses = sum(each.kept for each in reports), sum(each.near_misses for each in reports)
     drawn = sum(each.drawn for each in reports)
     return StudyTable(

@@ -22,7 +22,7 @@ async def send_bytes(
 
 
 async def read_body(receive: Receive, most_bytes: int) -> bytes | None:
-    """The body of a request; None as soon as there is more of it."""
+    """Read the body of a request; None as soon as it is too large."""
     body = bytearray()
     more = True
     while more:
@@ -35,7 +35,7 @@ async def read_body(receive: Receive, most_bytes: int) -> bytes | None:
 
 
 def again(body: bytes, receive: Receive) -> Receive:
-    """``receive`` for who asks next, beginning with a body that has been read."""
+    """Return ``receive`` for who asks next, beginning with a body that has been read."""
     left = [body]
 
     async def receive_again() -> Message:

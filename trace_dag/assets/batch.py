@@ -48,7 +48,7 @@ CRASHES_PER_RUN: int = ExecutionSettings().batch_size
 
 
 class BatchConfig(Config):
-    """How a batch is run."""
+    """Options of a batch."""
 
     force: list[str] = Field(
         default_factory=list, description="Stages to compute again even where nothing has changed; 'all' for all."
@@ -131,7 +131,7 @@ def _check_configuration(settings: Mapping[str, Any]) -> None:
 
 
 def _tags(workspace: Workspace, keys: Sequence[str]) -> dict[str, str]:
-    """The cohorts a run is for, however it was started."""
+    """Return the cohorts a run is for, however it was started."""
     return {COHORT_TAG: ",".join(sorted({source.cohort for source in workspace.registry.sources(keys).values()}))}
 
 
@@ -151,7 +151,7 @@ def _detail(event: StageEvent) -> str:
 
 
 def _tracebacks(failed: dict[str, StageEvent]) -> dict[str, MetadataValue[Any]]:
-    """The traceback of the first crash that failed, for each thing that happened."""
+    """Return the traceback of the first crash that failed, for each thing that happened."""
     first: dict[str, StageEvent] = {}
     for event in failed.values():
         if event.record is not None and event.record.error:

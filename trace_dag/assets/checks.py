@@ -31,7 +31,7 @@ def _listing(names: list[str], rows: list[tuple[Any, ...]]) -> MetadataValue:
     description="No crash stands failed or outdated. The ones that do are named, with the stage and what happened.",
 )
 def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
-    """The standing set of failed crashes."""
+    """Check that no crash stands failed."""
     rows = _ask(context, "SELECT key, final_state, stage, message FROM failures ORDER BY key")
     return AssetCheckResult(
         passed=not rows,
@@ -45,7 +45,7 @@ def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
     description="Every registered crash is in exactly one final state, and the funnel only narrows.",
 )
 def everything_adds_up(context: AssetCheckExecutionContext) -> AssetCheckResult:
-    """Counts of the tables against each other."""
+    """Check the counts of the tables against each other."""
     ((crashes, keys, rejected, verified),) = _ask(
         context,
         "SELECT count(*), count(DISTINCT key), count(*) FILTER (final_state = 'rejected'),"
@@ -71,7 +71,7 @@ def everything_adds_up(context: AssetCheckExecutionContext) -> AssetCheckResult:
     description="Every accepted road map passes every gate.",
 )
 def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResult:
-    """Gates that do not hold, by map."""
+    """Check the gates of all maps."""
     rows = _ask(
         context,
         "SELECT key, gate, value, threshold, unit, detail FROM map_checks WHERE passed = false ORDER BY key, gate",
@@ -94,7 +94,7 @@ def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResu
     "a criterion could be evaluated for no crash at all.",
 )
 def criteria_are_evaluated(context: AssetCheckExecutionContext) -> AssetCheckResult:
-    """Criteria by how often they hold, fail and are left open."""
+    """Count how often each criterion holds, fails and is left open."""
     rows = _ask(
         context,
         "SELECT criterion, count(*) FILTER (passed), count(*) FILTER (NOT passed), count(*) FILTER (passed IS NULL)"

@@ -35,12 +35,12 @@ class WorkspaceResource(ConfigurableResource[Workspace]):
     """
 
     def create_resource(self, context: InitResourceContext) -> Workspace:
-        """The home at that root, with the real stages."""
+        """Return the home at that root, with the real stages."""
         return Workspace.open(storage_root())
 
 
 def build_definitions(workspace: Workspace | None = None) -> Definitions:
-    """The definitions, on a workspace, or by default on the one the environment names.
+    """Return the definitions, on a workspace, or by default on the one the environment names.
 
     Raises :class:`trace_dag.common.errors.UserError` for settings that do not hold.
     """
@@ -58,7 +58,7 @@ def build_definitions(workspace: Workspace | None = None) -> Definitions:
 
 
 def _fresh(asset: AssetsDefinition, automation: AutomationSettings) -> AssetsDefinition:
-    """The asset with the age at which it counts as overdue, if the settings name one."""
+    """Return the asset with the age at which it counts as overdue, if the settings name one."""
     if automation.fresh_within_h is None:
         return asset
     overdue = timedelta(hours=automation.fresh_within_h)
@@ -68,5 +68,5 @@ def _fresh(asset: AssetsDefinition, automation: AutomationSettings) -> AssetsDef
 
 @definitions
 def defs() -> Definitions:
-    """What Dagster loads; only then the root that the environment names is looked at, for its settings."""
+    """Build the definitions that Dagster loads; only then are the settings of the root read."""
     return build_definitions()

@@ -1,4 +1,4 @@
-"""What runs select: the stages, and what is made of all crashes together.
+"""Jobs: the stages, and the summaries of all crashes.
 
 The stages have no job of their own. A backfill of a *job* counts whole runs and not crashes, and Dagster cannot execute
 one again from failure where a run covers a range of partitions; a backfill of *assets* does both.

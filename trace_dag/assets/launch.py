@@ -76,14 +76,14 @@ _INTERRUPTED = "UNEXPECTED_TERMINATION"  # Dagster's reason for the failure of a
 
 @dataclass(frozen=True)
 class RunReport:
-    """What the runs of one call did: how many there were, and the crashes that failed, by run."""
+    """The runs of one call: their number, and the crashes that failed, by run."""
 
     runs: int = 0
     errors: tuple[str, ...] = field(default=())
 
 
 def prepare_dagster_home(workspace: Workspace) -> Path:
-    """Dagster's folder of this root, made if need be, and named in this process's environment."""
+    """Return dagster's folder of this root, made if need be, and named in this process's environment."""
     folder = workspace.dagster_home
     settings = folder / "dagster.yaml"
     if settings.is_file() and _OLDER in settings.read_bytes():
@@ -99,7 +99,10 @@ def prepare_dagster_home(workspace: Workspace) -> Path:
 
 
 def open_instance(workspace: Workspace) -> DagsterInstance:
-    """Dagster's records of this root. Runs whose process is gone are closed as failed."""
+    """Open Dagster's records of this root. Runs whose process is gone are closed as failed.
+
+    Runs whose process is gone are closed as failed.
+    """
     folder = str(prepare_dagster_home(workspace))
     if _ON_POSTGRES in (Path(folder) / "dagster.yaml").read_text(errors="replace"):
         _reach_postgres(folder)
@@ -114,8 +117,12 @@ def open_instance(workspace: Workspace) -> DagsterInstance:
 
 @contextmanager
 def dagster_records(workspace: Workspace) -> Iterator[DagsterInstance]:
-    """:func:`open_instance` for a command. What its databases say meanwhile is a :class:`Failure`, too: most of a
-    damaged file shows only when it is read."""
+    """Open Dagster's instance for a command.
+
+    An error of its databases meanwhile is a :class:`Failure`, too: most of a damaged file shows only when it is read.
+
+    What its databases say meanwhile is a :class:`Failure`, too: most of a damaged file shows only when it is read.
+    """
     with open_instance(workspace) as instance:
         try:
             yield instance
@@ -124,8 +131,10 @@ def dagster_records(workspace: Workspace) -> Iterator[DagsterInstance]:
 
 
 def _reach_postgres(folder: str) -> None:
-    """Connect to the database once: Dagster tries for 18 seconds, and its errors are tracebacks. Raises
-    :class:`UserError` where there is nothing to connect by, :class:`Failure` where the server refuses."""
+    """Connect to the database once: Dagster tries for 18 seconds, and its errors are tracebacks.
+
+    Raises :class:`UserError` where there is nothing to connect by, :class:`Failure` where the server refuses.
+    """
     kept = f"Dagster's records of {folder} are in PostgreSQL"
     if find_spec("dagster_postgres") is None:
         raise UserError(f"{kept}, which needs dagster-postgres: pip install 'trace-dag[postgres]'")
@@ -158,7 +167,7 @@ def _unusable(folder: str, error: BaseException) -> Failure:
 
 
 def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[str, Stage]:
-    """Crashes with a stage that Dagster does not show as materialized, and the first such stage."""
+    """Return crashes with a stage that Dagster does not show as materialized, and the first such stage."""
     partitions = instance.get_dynamic_partitions("crashes")
     wanted = set(keys)
     found: dict[str, Stage] = {}
@@ -172,7 +181,10 @@ def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[st
 
 
 def planned(workspace: Workspace, instance: DagsterInstance, selection: Selection) -> list[PlannedBatch]:
-    """A selection as runs. Crashes that are up to date but unknown to Dagster are run too, so that it records them."""
+    """Return a selection as runs.
+
+    Crashes that are up to date but unknown to Dagster are run too, so that it records them.
+    """
     add_partitions(instance, workspace.registry.keys())
     start = dict(selection.start)
     if not selection.exact:
@@ -230,7 +242,9 @@ def _listed(value: object) -> list[str]:
 
 
 def summary_is_current(workspace: Workspace, instance: DagsterInstance) -> bool:
-    """Whether the last thing done was bringing the warehouse and the benchmark up to date, by the code there is now."""
+    """Return whether the last thing done was bringing the warehouse and the benchmark up to date, by the code there is
+    now.
+    """
     from trace_dag.export.build import is_made_by_this_code
     from trace_dag.warehouse.build import is_built_by_this_code
 
@@ -245,7 +259,7 @@ def _quiet(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _errors(result: ExecuteInProcessResult) -> list[str]:
-    """What failed, in the words of the step's own failure where there are any.
+    """Return the errors of a run, in the words of the step's own failure where there are any.
 
     Raises ``KeyboardInterrupt`` where it was this: Dagster makes a failed run of it and returns.
     """

@@ -1,4 +1,4 @@
-"""What the UI shows of a stage and crash: outcome first, then the figures, and the picture."""
+"""Metadata of a stage and crash in the UI: outcome first, then the figures and the picture."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _SITE = "/site"  # where trace-dag ui serves the root: a browser completes the l
 
 
 def data_version(record: OutcomeRecord) -> str:
-    """What Dagster is told as the version of a result: the beginning of its record's fingerprint."""
+    """Return the version of a result for Dagster: the beginning of its record's fingerprint."""
     return record.fingerprint[:16]
 
 
 def materialization(event: StageEvent, storage: Storage, site_url: str | None = None) -> AssetMaterialization:
-    """What Dagster is told of a stage and crash."""
+    """Return the materialization of a stage and crash."""
     if event.record is None:
         raise ValueError(f"{event.key} {event.stage}: nothing to tell of a stage that did not run")
     return AssetMaterialization(
@@ -44,7 +44,9 @@ def materialization(event: StageEvent, storage: Storage, site_url: str | None = 
 
 
 def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = None) -> Mapping[str, Any]:
-    """Metadata of a materialization. ``outcome``, ``reason`` and ``stage_reached`` are always there.
+    """Return the metadata of a materialization.
+
+    ``outcome``, ``reason`` and ``stage_reached`` are always there.
 
     ``site_url``: where the root's pages and pictures are served, if not by the server that shows this.
     """
@@ -87,14 +89,15 @@ def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = N
 
 
 def fallback_in_words(record: OutcomeRecord) -> str:
-    """Which estimator made an estimate in place of which other one, and why; "none" if it was the one asked for."""
+    """Return which estimator stood in for which other one, and why; "none" if the one asked for made the estimate."""
     asked, why = record.figures.get("fallback_from"), record.figures.get("fallback_reason")
     return f"{record.figures.get('estimator')} in place of {asked}: {why}" if asked else "none"
 
 
 def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | None = None) -> dict[str, Any]:
-    """Return the crash's picture: small in place, a link to it whole, and where the file lies. Nothing if there is
-    none, or if it is damaged.
+    """Return the crash's picture: small in place, a link to it whole, and where the file lies.
+
+    Nothing if there is none, or if it is damaged.
 
     The whole picture is linked: in the event log it would be kept a second and a third time.
     """

@@ -1,4 +1,4 @@
-"""What the reports say."""
+"""Assets of the reports."""
 
 from trace_dag.assets.specs import stage_spec
 from trace_dag.common.stage import Stage

@@ -25,18 +25,18 @@ _RANGE_END_TAG = "dagster/asset_partition_range_end"
 
 
 def batch_config(batch: PlannedBatch, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The configuration of a run of a batch, with settings over the root's own."""
+    """Return the configuration of a run of a batch, with settings over the root's own."""
     forced = [stage.value for stage in Stage if stage in batch.force]
     return {"ops": {"crashes": {"config": {"force": forced, "settings": dict(settings or {})}}}}
 
 
 def range_tags(batch: PlannedBatch) -> dict[str, str]:
-    """The tags by which Dagster knows which partitions a run is for."""
+    """Return the tags by which Dagster knows which partitions a run is for."""
     return {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}
 
 
 def run_requests(instance: DagsterInstance, selection: Selection, *, size: int, name: str) -> list[RunRequest]:
-    """Runs of at most ``size`` crashes each for a selection; Dagster starts those of one ``name`` once."""
+    """Return runs of at most ``size`` crashes each for a selection; Dagster starts those of one ``name`` once."""
     batches = plan(instance.get_dynamic_partitions("crashes"), selection, size=size)
     return [
         RunRequest(
@@ -50,7 +50,10 @@ def run_requests(instance: DagsterInstance, selection: Selection, *, size: int, 
 
 
 def keys_of(tags: Mapping[str, str], partitions: Sequence[str]) -> Sequence[str]:
-    """The partitions, of all in order, that a run with these tags is for; none where the tags name none there is."""
+    """Return the partitions, of all in order, that a run with these tags is for.
+
+    None where the tags name none there is.
+    """
     single = tags.get(_PARTITION_TAG)
     ends = tags.get(_RANGE_START_TAG, single), tags.get(_RANGE_END_TAG, single)
     if not all(end in partitions for end in ends):

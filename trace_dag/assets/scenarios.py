@@ -1,4 +1,4 @@
-"""How the crashes happened: estimated and simulated."""
+"""Assets of estimates and simulations."""
 
 from trace_dag.assets.specs import stage_spec
 from trace_dag.common.stage import Stage

@@ -29,7 +29,10 @@ _Look = Callable[[ScheduleEvaluationContext, Workspace], Sequence[RunRequest] | 
 
 
 def schedules(settings: AutomationSettings) -> list[ScheduleDefinition]:
-    """All schedules. Raises :class:`UserError` for hours that cron does not know and names that are given twice."""
+    """Return all schedules.
+
+    Raises :class:`UserError` for hours that cron does not know and names that are given twice.
+    """
     names = [each.name for each in settings.schedules]
     for name in names:
         if names.count(name) > 1 or name == "newly_released_cases":
@@ -107,6 +110,6 @@ def _defined(
 
 
 def _requests(context: ScheduleEvaluationContext, workspace: Workspace, selection: Selection) -> list[RunRequest]:
-    """Runs for a selection, each asked for once per hour of the schedule."""
+    """Request runs for a selection, each once per hour of the schedule."""
     tick = context.scheduled_execution_time.isoformat()
     return run_requests(context.instance, selection, size=workspace.settings.execution.batch_size, name=tick)

@@ -73,7 +73,7 @@ def registered_crashes(
 
 
 def _never_run(context: SensorEvaluationContext, workspace: Workspace, keys: Sequence[str]) -> list[str]:
-    """The crashes of which nothing is stored, and that no run is under way for."""
+    """Return the crashes of which nothing is stored, and that no run is under way for."""
     partitions = context.instance.get_dynamic_partitions("crashes")
     under_way = context.instance.get_runs(RunsFilter(statuses=[*UNFINISHED]))
     known = {key for run in under_way for key in keys_of(run.tags, partitions)}
@@ -82,7 +82,7 @@ def _never_run(context: SensorEvaluationContext, workspace: Workspace, keys: Seq
 
 
 def _runs(context: SensorEvaluationContext, workspace: Workspace, keys: Sequence[str], state: str) -> list[RunRequest]:
-    """Runs of some crashes through all stages, each asked for once in the ``state`` in which they were found."""
+    """Request runs of some crashes through all stages, each once in the ``state`` in which they were found."""
     selection = Selection(tuple(keys), dict.fromkeys(keys, Stage.RAW_REPORT))
     return run_requests(context.instance, selection, size=workspace.settings.execution.batch_size, name=state)
 

@@ -36,7 +36,7 @@ class BenchmarkSite:
         self._storage = storage
 
     def _inside(self, name: str) -> str:
-        """The name, unless a symbolic link leads out of the root."""
+        """Return the name, unless a symbolic link leads out of the root."""
         root = self._storage.local_root
         if root is not None and not (root / name).resolve().is_relative_to(root.resolve()):
             raise FileNotFoundError(name)

@@ -1,4 +1,4 @@
-"""How a stage is shown as an asset: group, owner, kinds, description, columns.
+"""Asset specifications of the stages: group, owner, kinds, description, columns.
 
 The stages themselves are in :mod:`reports`, :mod:`roads`, :mod:`scenarios` and :mod:`verdicts`; what materializing
 them does is :mod:`trace_dag.assets.batch`.
@@ -26,7 +26,7 @@ def stage_spec(
     deps: Sequence[Stage] = (),
     columns: schemas.TableSchema | None = None,
 ) -> AssetSpec:
-    """The specification of a stage's asset; the reasons it may reject with end its description."""
+    """Return the specification of a stage's asset; the reasons it may reject with end its description."""
     reasons = [reason.value for reason in Reason if reason.stage is stage]
     metadata: dict[str, Any] = {"artefact": f"ROOT/{stage}/<key>.*"}
     if columns is not None:
@@ -45,12 +45,12 @@ def stage_spec(
 
 
 def as_markdown(text: str) -> str:
-    """Text as the UI shows it: it takes ``<...>`` for HTML and drops it."""
+    """Return text as the UI shows it: it takes ``<...>`` for HTML and drops it."""
     return text.replace("<", "\\<")
 
 
 def column_schema(table: schemas.TableSchema) -> TableSchema:
-    """A declared table as Dagster shows it: nested columns by dotted path, units in the descriptions."""
+    """Return a declared table as Dagster shows it: nested columns by dotted path, units in the descriptions."""
     return TableSchema(
         columns=[
             TableColumn(

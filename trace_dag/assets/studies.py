@@ -48,19 +48,19 @@ _LEFT_OUT = "left_out"  # metadata: a sentence for each crash that could not tak
 
 
 class CohortConfig(Config):
-    """Which crashes."""
+    """The choice of crashes."""
 
     cohort: str = Field(default="", description="Only this cohort; empty: each by itself.")
 
 
 class ControlsConfig(CohortConfig):
-    """How controls are drawn."""
+    """Options of negative controls."""
 
     most: int = Field(default=500, ge=1, description="Of a larger cohort, so many crashes drawn at random.")
 
 
 class EvaluationsConfig(CohortConfig):
-    """Which agents, and what they see."""
+    """Options of evaluations."""
 
     agents: list[str] = Field(default=list(BASELINES), description="Names, or module:Class.")
     ego: list[str] = Field(default=["first", "second"], description="Whose place: first, second, striking, struck.")
@@ -75,21 +75,21 @@ class EvaluationsConfig(CohortConfig):
 
 
 class VariationsConfig(CohortConfig):
-    """How many variations."""
+    """Options of variations."""
 
     count: int = Field(default=10, ge=1, description="Variations of each crash.")
     seed: int = Field(default=1, description="The same crash and seed give the same variations.")
 
 
 class ReleaseConfig(CohortConfig):
-    """What is released, and where to."""
+    """Options of a release."""
 
     version: str = Field(default="", description="Such as 1.0.")
     output: str = Field(default="releases", description="The folder that the release is written into.")
 
 
 class _LeftOut(list[str]):
-    """What a study left out, a sentence each."""
+    """Crashes that a study left out, a sentence each."""
 
     def add(self, failure: Exception) -> None:
         """Note why something is left out."""
@@ -97,7 +97,10 @@ class _LeftOut(list[str]):
 
 
 def _one_of(kind: type[Kind], value: str) -> Kind:
-    """A setting that names one of a few things. Raises UserError for another."""
+    """Return a setting that names one of a few things.
+
+    Raises UserError for another.
+    """
     try:
         return kind(value)
     except ValueError as error:
@@ -105,9 +108,12 @@ def _one_of(kind: type[Kind], value: str) -> Kind:
 
 
 def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Callable[[Any], AssetsDefinition]:
-    """Make a study an asset. Errors that trying again cannot mend fail its run, with their message; one that was asked
-    nothing in particular, as by *Materialize all*, and lacks its input is skipped: it shows that message in place of
-    its table, since Dagster counts an asset that a successful run left out among the failures of a backfill."""
+    """Make a study an asset. Errors that trying again cannot mend fail its run, with their message.
+
+    One that was asked nothing in particular, as by *Materialize all*, and lacks its input is skipped: it shows that
+    message in place of its table, since Dagster counts an asset that a successful run left out among the failures of a
+    backfill.
+    """
 
     def as_asset(study: Callable[[AssetExecutionContext, Any], MaterializeResult[Any]]) -> AssetsDefinition:
         @wraps(study)
@@ -155,7 +161,7 @@ def _result(table: StudyTable, left_out: Sequence[str] = (), **figures: Any) -> 
 
 @_study("Verdicts against other crashes' reports and with one vehicle late: what an accepted crash is worth.")
 def controls(context: AssetExecutionContext, config: ControlsConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag controls``."""
+    """Run ``trace-dag controls``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     found = _of_each(
@@ -168,7 +174,7 @@ def controls(context: AssetExecutionContext, config: ControlsConfig) -> Material
 
 @_study("Families of the verified crashes: perturbed, simulated, kept where they are still a conflict.")
 def variations(context: AssetExecutionContext, config: VariationsConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag vary``."""
+    """Run ``trace-dag vary``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     cases = _cases(workspace, config.cohort, left_out)
@@ -179,7 +185,7 @@ def variations(context: AssetExecutionContext, config: VariationsConfig) -> Mate
 
 @_study("Agents in the place of a crash's drivers.", deps=[Stage.VERDICT.value, "variations"])
 def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag evaluate``."""
+    """Run ``trace-dag evaluate``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     if config.variations and config.courses:
@@ -210,7 +216,7 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
 
 @_study("A version of the benchmark to publish.", deps=["benchmark"])
 def release(context: AssetExecutionContext, config: ReleaseConfig) -> MaterializeResult[Any]:
-    """As ``trace-dag release``."""
+    """Run ``trace-dag release``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     made = build_release(

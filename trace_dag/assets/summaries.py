@@ -1,4 +1,7 @@
-"""What is made of all crashes together: the warehouse and the benchmark. Unpartitioned."""
+"""Assets of all crashes together, the warehouse and the benchmark, unpartitioned.
+
+Unpartitioned.
+"""
 
 from typing import Any
 

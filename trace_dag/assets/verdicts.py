@@ -1,4 +1,4 @@
-"""Whether the simulated crashes are the reported ones."""
+"""Assets of the verdicts."""
 
 from trace_dag.assets.specs import stage_spec
 from trace_dag.common.stage import Stage

@@ -84,7 +84,9 @@ def repair_dagster(
 
 
 def last_word(records: Records) -> dict[Stage, OutcomeRecord]:
-    """For each stage the record Dagster should show: its own, or that of the earlier stage that ended the crash."""
+    """Return, for each stage, the record that Dagster should show: its own, or that of the earlier stage that ended the
+    crash.
+    """
     told: dict[Stage, OutcomeRecord] = {}
     valid, ended = valid_records(records), None
     for stage in Stage:

@@ -94,7 +94,7 @@ class Guard:
             await send_bytes(send, 404, b"trace-dag ui: there is nothing of such a run\n", _NO_FRAMES)
 
     def _refused(self, scope: Message) -> str:
-        """Why a request is refused; empty if it is accepted."""
+        """Return the reason to refuse a request; empty if it is accepted."""
         headers: dict[bytes, list[str]] = {}
         for name, value in scope["headers"]:
             headers.setdefault(name.lower(), []).append(value.decode("latin-1"))
@@ -122,7 +122,7 @@ def _asks_graphql(scope: Message) -> bool:
 
 
 def _is_no_question(scope: Message, body: bytes) -> bool:
-    """Whether a body is none that Dagster can answer, which takes every JSON for an object."""
+    """Return whether a body is none that Dagster can answer, which takes every JSON for an object."""
     if not any(name.lower() == b"content-type" and b"json" in value.lower() for name, value in scope["headers"]):
         return False
     try:
@@ -132,7 +132,7 @@ def _is_no_question(scope: Message, body: bytes) -> bool:
 
 
 def _refused_question(scope: Message, headers: dict[bytes, list[str]]) -> str:
-    """Why a GraphQL request is refused: one that a plain link or form could send."""
+    """Return the reason to refuse a GraphQL request that a plain link or form could send."""
     asked = parse_qs(scope["query_string"], keep_blank_values=True).keys()
     if asked - _NAMED or (asked and scope["method"] != "POST"):
         return "questions to GraphQL are sent by POST, in the body"
@@ -202,7 +202,7 @@ def _print_once_it_answers(host: str, port: int, greeting: str) -> None:
 
 
 def _start_daemon() -> subprocess.Popen[bytes]:
-    """The Dagster daemon, which starts launched runs, in a process of its own."""
+    """Return the Dagster daemon, which starts launched runs, in a process of its own."""
     beside = Path(sys.executable).with_name("dagster-daemon")
     return subprocess.Popen([str(beside), "run", *_CODE, *_QUIET])  # noqa: S603 - a program of this environment
 

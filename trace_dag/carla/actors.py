@@ -37,8 +37,9 @@ _WHEELBASE = 0.6  # of the length
 
 @dataclass(eq=False)
 class CarlaActor:
-    """A vehicle of the server that stands for a participant, with its observed states, one row per tick. For CARLA a
-    bicycle with its rider is a vehicle, one body.
+    """A vehicle of the server that stands for a participant, with its observed states, one row per tick.
+
+    For CARLA a bicycle with its rider is a vehicle, one body.
 
     ``rows``: x, y, z (m), heading (rad), velocity x, y (m/s), yaw rate (rad/s), steering (rad), throttle, brake; of the
     centre of its bounding box, in the local frame.
@@ -129,35 +130,35 @@ class CarlaActor:
 
     @property
     def number(self) -> int:
-        """The participant's number."""
+        """Return the participant's number."""
         return self.participant.number
 
     @property
     def _ahead_m(self) -> float:
-        """The box's centre ahead of the actor's own origin."""
+        """Return the box's centre ahead of the actor's own origin."""
         return float(self.actor.bounding_box.location.x)
 
     def outline(self, tick: int) -> Outline:
-        """The body's outline as seen after a tick."""
+        """Return the body's outline as seen after a tick."""
         x, y, _, heading = self.rows[tick][:4]
         return Outline(x, y, heading, self.body.length_m / 2, self.body.width_m / 2)
 
     def meets(self, other: CarlaActor) -> bool:
-        """Whether the two boxes overlap, as last seen."""
+        """Return whether the two boxes overlap, as last seen."""
         one_z, two_z = self.rows[-1][2], other.rows[-1][2]
         same_level = one_z < two_z + other.body.height_m and two_z < one_z + self.body.height_m
         return same_level and separation(self.outline(-1), other.outline(-1))[0] <= 0
 
     def velocity(self, tick: int) -> tuple[float, float]:
-        """Velocity x, y as seen after a tick."""
+        """Return the velocity x, y as seen after a tick."""
         return self.rows[tick][4], self.rows[tick][5]
 
     def plan_is_over(self, tick: int) -> bool:
-        """Whether the plan has ended at a tick."""
+        """Return whether the plan has ended at a tick."""
         return tick >= len(self.plan) and self.plan.end_s > 0
 
     def at_rest(self, tick: int) -> bool:
-        """Whether it stands still and no plan will move it again."""
+        """Return whether it stands still and no plan will move it again."""
         undriven = self.crashed or tick >= min(len(self.plan), self.brakes_from_tick)
         return undriven and math.hypot(*self.velocity(-1)) < _REST_MPS
 
@@ -187,7 +188,7 @@ class CarlaActor:
         self.carry(0)
 
     def _climb_mps(self, tick: int) -> float:
-        """Vertical speed of the planned position from a tick to the next, m/s, positive uphill."""
+        """Return the vertical speed of the planned position from a tick to the next, m/s, positive uphill."""
         last = len(self.plan) - 1
         here, there = min(tick, last), min(tick + 1, last)
         return (self.plan.row(there)[9] - self.plan.row(here)[9]) / self.step_s
@@ -241,7 +242,7 @@ class CarlaActor:
         self.actor.apply_control(self.carla.VehicleControl(brake=self.brake))
 
     def dispose(self) -> list[Any]:
-        """The calls that remove the actor and its sensors, in order."""
+        """Return the calls that remove the actor and its sensors, in order."""
         sensor = [] if self.sensor is None else [self.sensor.stop, self.sensor.destroy]
         return [*sensor, self.actor.destroy]
 
@@ -274,12 +275,12 @@ class CarlaActor:
         )
 
     def body_state(self) -> BodyState:
-        """The state as last seen."""
+        """Return the state as last seen."""
         x, y, z, heading, vx, vy, yaw_rate = self.rows[-1][:7]
         return BodyState(self.number, x, y, z, heading, vx, vy, yaw_rate)
 
     def log(self, step_s: float) -> VehicleLog:
-        """The log of all ticks; acceleration is the mean over the step that ends at each."""
+        """Return the log of all ticks; acceleration is the mean over the step that ends at each."""
         x, y, z, heading, vx, vy, yaw_rate, steer, throttle, brake = np.array(self.rows, np.float64).T
         ahead_x, ahead_y = np.cos(heading), np.sin(heading)
         acceleration = np.zeros(len(x))

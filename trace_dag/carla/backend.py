@@ -51,7 +51,7 @@ class CarlaBackend:
 
     @staticmethod
     def require(settings: SimSettings) -> None:
-        """Raises :class:`UserError` without the ``carla`` package, or where nothing listens at the server's address."""
+        """Raise :class:`UserError` without the ``carla`` package, or where nothing listens at the server's address."""
         _carla_package()
         host, port = settings.carla_host, settings.carla_port
         try:

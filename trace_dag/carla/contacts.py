@@ -27,7 +27,10 @@ class CarlaContact:
             self.impulse_ns += impulse_ns
 
     def contact(self, step_s: float) -> Contact:
-        """The contact. Its place is computed from the two boxes between the tick before it and that of the report."""
+        """Return the contact.
+
+        Its place is computed from the two boxes between the tick before it and that of the report.
+        """
         one, two = self.one, self.two
         last = len(one.rows) - 1
         after = min(self.first_tick, last)

@@ -13,7 +13,7 @@ from trace_dag.common.units import wrap_angle
 
 
 def location_from_carla(x_m: float, y_m: float) -> tuple[float, float]:
-    """CARLA's x, y to the local frame's.
+    """Return cARLA's x, y to the local frame's.
 
     >>> location_from_carla(10.0, 3.0)
     (10.0, -3.0)
@@ -22,7 +22,7 @@ def location_from_carla(x_m: float, y_m: float) -> tuple[float, float]:
 
 
 def location_to_carla(x_m: float, y_m: float) -> tuple[float, float]:
-    """The local frame's x, y to CARLA's.
+    """Return the local frame's x, y to CARLA's.
 
     >>> location_to_carla(10.0, -3.0)
     (10.0, 3.0)
@@ -31,12 +31,12 @@ def location_to_carla(x_m: float, y_m: float) -> tuple[float, float]:
 
 
 def heading_from_carla(yaw_deg: float) -> float:
-    """CARLA's yaw to radians counter-clockwise from east, in (-pi, pi]."""
+    """Return cARLA's yaw to radians counter-clockwise from east, in (-pi, pi]."""
     return wrap_angle(-math.radians(yaw_deg))
 
 
 def heading_to_carla(heading_rad: float) -> float:
-    """Radians counter-clockwise from east to CARLA's yaw, in [-180, 180).
+    """Return radians counter-clockwise from east to CARLA's yaw, in [-180, 180).
 
     >>> heading_to_carla(math.pi / 2)
     -90.0
@@ -45,12 +45,12 @@ def heading_to_carla(heading_rad: float) -> float:
 
 
 def yaw_rate_from_carla(yaw_rate_dps: float) -> float:
-    """CARLA's angular velocity about z (degrees/s, clockwise from above) to radians/s counter-clockwise."""
+    """Return cARLA's angular velocity about z (degrees/s, clockwise from above) to radians/s counter-clockwise."""
     return -math.radians(yaw_rate_dps)
 
 
 def yaw_rate_to_carla(yaw_rate_rps: float) -> float:
-    """Radians/s counter-clockwise to CARLA's angular velocity about z, degrees/s.
+    """Return radians/s counter-clockwise to CARLA's angular velocity about z, degrees/s.
 
     >>> yaw_rate_to_carla(math.pi)
     -180.0
@@ -59,7 +59,7 @@ def yaw_rate_to_carla(yaw_rate_rps: float) -> float:
 
 
 def transform_to_carla(carla: Any, pose: Pose, above_m: float = 0.0) -> Any:
-    """A pose as ``carla.Transform``, ``above_m`` over the surface; ``carla`` is the module.
+    """Return a pose as ``carla.Transform``, ``above_m`` over the surface; ``carla`` is the module.
 
     >>> from types import SimpleNamespace
     >>> module = SimpleNamespace(Transform=SimpleNamespace, Location=SimpleNamespace, Rotation=SimpleNamespace)
@@ -74,7 +74,7 @@ def transform_to_carla(carla: Any, pose: Pose, above_m: float = 0.0) -> Any:
 
 
 def pose_from_carla(transform: Any) -> Pose:
-    """A ``carla.Transform`` as a pose; pitch and roll are dropped.
+    """Return a ``carla.Transform`` as a pose; pitch and roll are dropped.
 
     >>> from types import SimpleNamespace
     >>> there = SimpleNamespace(location=SimpleNamespace(x=1.0, y=-2.0, z=0.0), rotation=SimpleNamespace(yaw=0.0))

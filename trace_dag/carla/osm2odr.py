@@ -76,7 +76,7 @@ class Osm2OdrConverter:
     limits = _LIMITS
 
     def require(self) -> None:
-        """Raises :class:`UserError` without the ``carla`` extra."""
+        """Raise :class:`UserError` without the ``carla`` extra."""
         _require_osm2odr()
 
     def convert(
@@ -87,7 +87,8 @@ class Osm2OdrConverter:
 
 
 def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
-    """The road network of an extract as Osm2Odr makes it, with both directions of a street in one road where possible.
+    """Return the road network of an extract as Osm2Odr makes it, with both directions of a street in one road where
+    possible.
 
     Raises :class:`UserError` without the ``carla`` extra, :class:`Failure` when Osm2Odr breaks or takes longer than two
     minutes, :class:`Rejection` (``map_distorted``) when it makes no road of the extract.
@@ -105,7 +106,7 @@ def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
 
 
 def _require_osm2odr() -> None:
-    """Raises :class:`UserError` without the ``carla`` extra, which Osm2Odr is a part of."""
+    """Raise :class:`UserError` without the ``carla`` extra, which Osm2Odr is a part of."""
     if importlib.util.find_spec("carla") is None:
         raise UserError(
             "roads.converter = 'osm2odr' needs the carla package, which is not installed: "
@@ -114,7 +115,7 @@ def _require_osm2odr() -> None:
 
 
 def run_osm2odr(osm: bytes, frame: LocalFrame) -> bytes:
-    """The OpenDRIVE that Osm2Odr makes of OSM XML, in ``frame``, run in a process of its own.
+    """Return the OpenDRIVE that Osm2Odr makes of OSM XML, in ``frame``, run in a process of its own.
 
     Raises as :func:`convert_with_osm2odr` does.
     """
@@ -148,7 +149,7 @@ Path(target).write_text(carla.Osm2Odr.convert(Path(source).read_text(encoding="u
 
 
 def without_dangling_links(network: RoadNetwork) -> RoadNetwork:
-    """The network without links to junctions that it does not have: Osm2Odr links dead ends to such."""
+    """Return the network without links to junctions that it does not have: Osm2Odr links dead ends to such."""
 
     def kept(link: RoadLink | None) -> RoadLink | None:
         known = network.junction_by_id if link is not None and link.element_type == "junction" else network.road_by_id
@@ -189,7 +190,7 @@ def merge_directions(network: RoadNetwork) -> RoadNetwork:
 
 
 def _renumbered(junctions: tuple[Junction, ...]) -> tuple[Junction, ...]:
-    """Connections numbered anew within each junction: Osm2Odr repeats numbers."""
+    """Return connections numbered anew within each junction: Osm2Odr repeats numbers."""
     return tuple(
         replace(junction, connections=tuple(replace(c, id=str(n)) for n, c in enumerate(junction.connections)))
         for junction in junctions
@@ -197,7 +198,7 @@ def _renumbered(junctions: tuple[Junction, ...]) -> tuple[Junction, ...]:
 
 
 def _opposite_roads(network: RoadNetwork) -> dict[str, str]:
-    """Pairs of roads by id: the one that is kept, and the one that becomes its left side."""
+    """Return pairs of roads by id: the one that is kept, and the one that becomes its left side."""
     simple = [road for road in network.roads if road.junction_id is None and _is_simple(road)]
     lines = {road.id: network.road_geometry(road.id).line for road in simple}
     pairs: dict[str, str] = {}
@@ -218,7 +219,7 @@ def _opposite_roads(network: RoadNetwork) -> dict[str, str]:
 
 
 def _is_simple(road: Road) -> bool:
-    """One section of constant lanes to the right of its reference line."""
+    """Return one section of constant lanes to the right of its reference line."""
     lanes = road.lane_sections[0].lanes
     return (
         len(road.lane_sections) == 1
@@ -238,7 +239,7 @@ def _same_surroundings(network: RoadNetwork, kept: str, gone: str, merged: Mappi
 
 
 def _moved_link(link: RoadLink, merged: Mapping[str, str]) -> RoadLink:
-    """A link to a road that was merged away leads to the other end of the one kept."""
+    """Return a link to a road that was merged away leads to the other end of the one kept."""
     if link.element_type != "road" or link.element_id not in merged:
         return link
     return RoadLink("road", merged[link.element_id], _other_end(link.contact_point))
@@ -251,7 +252,7 @@ def _other_end(contact: ContactPoint | None) -> ContactPoint | None:
 
 
 def _joined(road: Road, gone: Road) -> Road:
-    """One road of two, both already relinked: the lanes of ``gone`` become the left lanes."""
+    """Return one road of two, both already relinked: the lanes of ``gone`` become the left lanes."""
     left = tuple(
         replace(lane, id=-lane.id, predecessor=lane.successor, successor=lane.predecessor)
         for lane in gone.lane_sections[0].lanes
@@ -270,7 +271,7 @@ def _mirrored(signal: Signal, length_m: float) -> Signal:
 
 
 def _relinked(road: Road, merged: Mapping[str, str]) -> Road:
-    """A road with its links and its lanes' links changed to what its neighbours have become."""
+    """Return a road with its links and its lanes' links changed to what its neighbours have become."""
     sections = list(road.lane_sections)
     for link, index, key in ((road.predecessor, 0, "predecessor"), (road.successor, -1, "successor")):
         if link is not None and link.element_type == "road" and link.element_id in merged:
@@ -299,7 +300,7 @@ def _moved_connection(connection: Connection, merged: Mapping[str, str]) -> Conn
 
 # --- what the ways say -------------------------------------------------------------------------------------------
 def with_way_tags(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """The network with class, names, speed and sources of each road taken from the ways it lies on.
+    """Return the network with class, names, speed and sources of each road taken from the ways it lies on.
 
     >>> nameless = replace(network, roads=tuple(replace(road, names=(), name="") for road in network.roads))
     >>> with_way_tags(nameless, extract).roads[0].names

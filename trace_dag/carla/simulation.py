@@ -271,17 +271,20 @@ class CarlaSimulation:
         return actor.participant.after_striking or default
 
     def _answer(self, vehicle: CarlaActor, tick: int) -> None:
-        """The answer of a driver who has struck a person: drive on for the reaction time, then brake."""
+        """Drive on for the reaction time, then brake, as a driver does who has struck a person."""
         if math.isinf(vehicle.brakes_from_tick):
             vehicle.brakes_from_tick = tick + self._response(vehicle).reaction_s / self._step_s
 
     def _braking(self, vehicle: CarlaActor) -> float:
-        """The brake pedal, 0 to 1, of a driver who stops after a strike."""
+        """Return the brake pedal, 0 to 1, of a driver who stops after a strike."""
         return min(self._response(vehicle).deceleration_mps2 / (self._friction * GRAVITY_MPS2), 1.0)
 
     # --- after -----------------------------------------------------------------------------------------------
     def _leave(self, actors: list[CarlaActor], original: Any) -> RuntimeError | None:
-        """Destroy all actors and restore the server's settings, whatever its state. Returns the last error, if any."""
+        """Return the destroy all actors and restore the server's settings, whatever its state.
+
+        Returns the last error, if any.
+        """
         problem: RuntimeError | None = None
         steps = [step for actor in actors for step in actor.dispose()]
         for step in (*steps, lambda: self._world.apply_settings(original)):
@@ -293,7 +296,7 @@ class CarlaSimulation:
 
 
 def _check_no_objects(objects: tuple[FixedObject, ...]) -> None:
-    """CARLA's props neither break nor yield, and have no crush."""
+    """Raise :class:`Failure` for objects: CARLA's props neither break nor yield, and have no crush."""
     if objects:
         raise UserError(
             f"the CARLA back-end cannot simulate a crash into a fixed object ({objects[0].name}): its props neither "
@@ -302,7 +305,7 @@ def _check_no_objects(objects: tuple[FixedObject, ...]) -> None:
 
 
 def _check_no_animals(participants: tuple[Participant, ...]) -> None:
-    """CARLA has no animals, and its walkers are not struck physically."""
+    """Raise :class:`Failure` for animals: CARLA has none, and its walkers are not struck physically."""
     if any(participant.body.kind is BodyKind.ANIMAL for participant in participants):
         raise UserError(
             "the CARLA back-end cannot simulate a crash with an animal: its library has none; use "

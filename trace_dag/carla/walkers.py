@@ -22,8 +22,10 @@ _STANDS_MPS = 0.05
 
 
 class CarlaWalker(CarlaActor):
-    """A walker of the server that stands for a person on foot or on a conveyance; its own origin is in the middle of
-    its body."""
+    """A walker of the server that stands for a person on foot or on a conveyance.
+
+    Its own origin is in the middle of its body.
+    """
 
     @classmethod
     def spawn(

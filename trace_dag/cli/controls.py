@@ -1,4 +1,4 @@
-"""What a verdict is worth: ``controls``."""
+"""Negative controls: ``controls``."""
 
 from __future__ import annotations
 

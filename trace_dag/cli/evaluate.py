@@ -231,7 +231,7 @@ def _classes(warehouse: Path, dimension: str) -> dict[str, str]:
 
 
 def _print_probabilities(warehouse: Path, rows: Sequence[Row]) -> None:
-    """What each agent made of each crash, and of all of them."""
+    """Print each agent's probabilities for each crash, and over all of them."""
     from trace_dag.agents.summaries import probabilities_table
     from trace_dag.warehouse.query import rows as rows_of
 
@@ -241,7 +241,7 @@ def _print_probabilities(warehouse: Path, rows: Sequence[Row]) -> None:
 
 
 def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> None:
-    """How often each agent did what, in all and by class of crash; and what faulty ones did."""
+    """Print the outcomes of each agent, in all and by class of crash, and the faults."""
     from trace_dag.agents.summaries import evaluations_table
 
     print_table(*evaluations_table(rows, class_of, dimension)[:2])

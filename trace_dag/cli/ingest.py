@@ -179,7 +179,9 @@ def ingest(
 def _read_sources(
     root: str, register: Iterable[tuple[str, str]], narratives: Iterable[str], maps: Sequence[Path]
 ) -> dict[str, RegisterTable | NarratedTable | NarrativeFolder]:
-    """The tables of registers and the folders of narratives, by what a cohort notes of where its crashes came from."""
+    """Return the tables of registers and the folders of narratives, by what a cohort notes of where its crashes came
+    from.
+    """
     from trace_dag.crash.registers.table import RegisterTable
 
     find = None
@@ -209,7 +211,7 @@ def _read_sources(
 
 
 def _narrative_reader(root: str, find: PlaceFinder | None, on_progress: OnProgress) -> Reader:
-    """Who reads narratives: the language model of the settings. Raises UserError where it cannot be asked."""
+    """Return the reader of narratives, the language model of the settings. Raise UserError where it cannot be asked."""
     from trace_dag.flow.workspace import Workspace
     from trace_dag.language.hypotheses import llm_client
     from trace_dag.language.narratives.source import Reader
@@ -237,7 +239,9 @@ def _next_command(workspace: Workspace, cohort: str) -> str:
 
 
 def _public_files(root: str, choice: Choice, *, download: bool) -> list[Path]:
-    """The files of the states and years of a choice, where they lie; those that are missing are downloaded or named.
+    """Return the files of the states and years of a choice, where they lie.
+
+    Those that are missing are downloaded or named.
 
     Raises UserErrors that say which files are missing and where they are published.
     """
@@ -269,7 +273,7 @@ def _public_files(root: str, choice: Choice, *, download: bool) -> list[Path]:
 
 
 def _coverage(workspace: Workspace, cohort: str) -> list[str]:
-    """How many crashes of a cohort lie where its map files say that they reach."""
+    """Return the number of crashes of a cohort within the stated reach of its map files."""
     from trace_dag.flow.cohorts.listings import listings_of
     from trace_dag.osm.catalog import MapCatalog, box_around, is_on_earth, may_cover
     from trace_dag.osm.types import Site

@@ -64,14 +64,17 @@ _OPTIONS = (
 
 
 def choice_options(command: F) -> F:
-    """The options of a choice; their values are taken out of the command's by :func:`choice_of`."""
+    """Return the options of a choice; their values are taken out of the command's by :func:`choice_of`."""
     for option in reversed(_OPTIONS):
         command = option(command)
     return command
 
 
 def choice_of(options: dict[str, Any]) -> Choice:
-    """The choice that the options make. Raises UserError for a value that an option does not have."""
+    """Return the choice that the options make.
+
+    Raises UserError for a value that an option does not have.
+    """
     from trace_dag.crash.cohorts import CohortFilter
     from trace_dag.crash.places import state_code
     from trace_dag.flow.cohorts.choice import Choice

@@ -22,7 +22,7 @@ def leaderboard() -> None:
 @click.argument("bench", type=click.Path(dir_okay=False, path_type=Path))
 @pass_root
 def weighted(root: str, bench: Path) -> None:
-    """How often each agent avoids the crash, as it is and with the weights of a release made with --national.
+    """Weigh how often each agent avoids the crash, as it is and with the weights of a release made with --national.
 
     With 95 % intervals, the crash as the unit, and how many crashes of equal weight the weighted share rests on.
     """

@@ -53,7 +53,7 @@ EXIT_USAGE = 2
 )
 @click.pass_context
 def cli(context: click.Context, root: str | None) -> None:
-    """From police-reported crashes to runnable, judged crash scenarios on the real road.
+    """Turn police-reported crashes into runnable, judged crash scenarios on the real road.
 
     Register crashes with ingest, run them, and see where each stands with status. Everything is kept below one
     storage root.
@@ -72,7 +72,7 @@ cli.add_under("Set up", settings, plugins)
 
 
 def main() -> None:
-    """Entry point of the command."""
+    """Run the command."""
     try:
         configure_logging()
         _refuse_windows()
@@ -103,7 +103,7 @@ def main() -> None:
 
 
 def _refuse_windows() -> None:
-    """Locks between runs, time limits of stages and limits of memory are those of POSIX."""
+    """Raise UserError on Windows: locks between runs and limits of time and memory are those of POSIX."""
     if sys.platform == "win32":
         raise UserError(
             "this program runs on Linux and macOS; on Windows it runs in WSL 2 (wsl --install, then install it there). "

@@ -1,4 +1,4 @@
-"""How much of a country's crashes can be reconstructed: ``national-coverage``."""
+"""Coverage of a country's crashes: ``national-coverage``."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def examples(*lines: str) -> str:
-    """Command lines to end a command's help with, as its ``epilog``."""
+    """Return the command lines to end a command's help with, as its ``epilog``."""
     # After \b click keeps the lines as they are.
     return "\n".join(("\b", "Examples:" if len(lines) > 1 else "Example:", *(f"  {line}" for line in lines)))
 
@@ -36,11 +36,11 @@ class GroupedCommands(click.Group):
             self._headings.setdefault(heading, []).append(str(command.name))
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The names as they were added: what one begins with comes first."""
+        """Return the names as they were added: what one begins with comes first."""
         return list(self.commands)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """A section for each heading, each command with its first sentence, whole."""
+        """Write a section for each heading, each command with its whole first sentence."""
         for heading, names in self._headings.items():
             with formatter.section(heading):
                 formatter.write_dl([(name, self.commands[name].get_short_help_str(limit=200)) for name in names])
@@ -79,7 +79,7 @@ class Within(click.FloatRange):
     name = "number"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number."""
+        """Return the number."""
         number = float(super().convert(value, param, ctx))
         if math.isnan(number):
             self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
@@ -132,7 +132,7 @@ def kind_of_file(command: str, path: Path | None, chosen: str | None, kinds: Ite
 
 
 def stage_option(*names: str, help: str) -> Callable[[F], F]:
-    """An option that takes the name of a stage."""
+    """Return an option that takes the name of a stage."""
 
     def as_stage(_context: click.Context, _parameter: click.Parameter, value: str | None) -> Stage | None:
         return Stage(value) if value else None
@@ -141,7 +141,7 @@ def stage_option(*names: str, help: str) -> Callable[[F], F]:
 
 
 def executor_options(command: F) -> F:
-    """How the work runs, over the settings of the root."""
+    """Add the options of execution, over the settings of the root."""
     command = click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")(command)
     return click.option(
         "--executor",
@@ -151,20 +151,20 @@ def executor_options(command: F) -> F:
 
 
 def estimator_option(command: F) -> F:
-    """What estimates states, over the settings of the root."""
+    """Add the option of the estimator, over the settings of the root."""
     return click.option(
         "--estimator", metavar="NAME", help="How states are estimated, for this run; trace-dag plugins lists the names."
     )(command)
 
 
 def run_overrides(executor: str | None, workers: int | None, estimator: str | None) -> dict[str, Any]:
-    """The options of a run as settings."""
+    """Return the options of a run as settings."""
     states = {"states": {"estimator": estimator}} if estimator else {}
     return {"execution": execution_overrides(executor, workers), **states}
 
 
 def execution_overrides(executor: str | None, workers: int | None) -> dict[str, Any]:
-    """The executor options as settings."""
+    """Return the executor options as settings."""
     return {name: value for name, value in (("executor", executor), ("workers", workers)) if value is not None}
 
 

@@ -1,4 +1,4 @@
-"""What installed packages offer: ``plugins``."""
+"""Plug-ins of installed packages: ``plugins``."""
 
 from __future__ import annotations
 

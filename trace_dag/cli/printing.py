@@ -1,4 +1,4 @@
-"""What the commands print: funnels, reasons, tables."""
+"""Output of the commands: funnels, reasons, tables."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # as OWASP lists them
 
 
 def print_statuses(crashes: Mapping[str, CrashStatus]) -> None:
-    """The funnel beside the published one, the final states, why crashes were rejected, and what made the estimates."""
+    """Print the funnel beside the published one, the final states, the reasons of rejections, and the estimators."""
     from trace_dag.flow.crash_status import FinalState, funnel
     from trace_dag.flow.makers import makers_in_words
 
@@ -64,7 +64,7 @@ def print_statuses(crashes: Mapping[str, CrashStatus]) -> None:
 
 
 def print_stale(stale: Iterable[StaleResult]) -> None:
-    """Which stages have outdated results, of how many crashes, and what has changed since they were made."""
+    """Print the stages with outdated results, the number of crashes, and the changes since they were made."""
     by_stage: dict[Stage, list[StaleResult]] = {}
     for each in stale:
         by_stage.setdefault(each.stage, []).append(each)
@@ -79,7 +79,7 @@ def print_stale(stale: Iterable[StaleResult]) -> None:
 
 
 def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: bool = False) -> None:
-    """Columns aligned, numbers to the right; full width if the output is not a terminal.
+    """Print aligned columns, numbers to the right; at full width if the output is not a terminal.
 
     With ``fit``, a terminal gets each row on one line: columns of long texts last, and cut where the line ends.
     """
@@ -110,19 +110,21 @@ def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: boo
 
 
 def say(text: str = "") -> None:
-    """A line on standard output, without anything that a value could tell a terminal to do."""
+    """Print a line on standard output, without anything that a value could tell a terminal to do."""
     click.echo(printable(text))
 
 
 def one_line(text: str, length: int) -> str:
-    """A text on one line of at most so many characters."""
+    """Return a text on one line of at most so many characters."""
     joined = " ".join(text.split())
     return joined if len(joined) <= length else f"{joined[: length - 1]}…"
 
 
 def write_csv(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Comma-separated values on standard output. A text that a spreadsheet takes for a formula begins with an
-    apostrophe; numbers stay as they are."""
+    """Write comma-separated values to standard output.
+
+    A text that a spreadsheet takes for a formula begins with an apostrophe; numbers stay as they are.
+    """
     in_terminal = sys.stdout.isatty()
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow([_csv_cell(name, in_terminal) for name in names])
@@ -130,12 +132,12 @@ def write_csv(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
 
 
 def write_json(value: object) -> None:
-    """JSON on standard output, dates and the like as text."""
+    """Write JSON to standard output, dates and the like as text."""
     say(json.dumps(value, indent=1, ensure_ascii=False, default=str))
 
 
 def _csv_cell(value: object, in_terminal: bool) -> object:
-    """A value as CSV has it.
+    """Return a value as CSV has it.
 
     >>> _csv_cell("=1+1", False), _csv_cell("-5", False), _csv_cell(-5.0, False)
     ("'=1+1", '-5', -5.0)

@@ -31,7 +31,10 @@ def _frame(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> pd.DataFrame:
 
 
 def _write_excel(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """One sheet. What a report says stays text: Excel would take "=..." for a formula and "http..." for a link."""
+    """Write one sheet.
+
+    What a report says stays text: Excel would take "=..." for a formula and "http..." for a link.
+    """
     import pandas as pd
 
     options = {"strings_to_formulas": False, "strings_to_urls": False}
@@ -47,12 +50,12 @@ def _write_excel(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]
 
 
 def _cell(value: object) -> object:
-    """Lists and structures as JSON: a cell holds one thing."""
+    """Return lists and structures as JSON: a cell holds one thing."""
     return json.dumps(value, default=str) if isinstance(value, list | dict | tuple) else value
 
 
 def _write_geojson(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A point for each row (RFC 7946: WGS84, longitude first); rows without a position have no geometry."""
+    """Write a point for each row (RFC 7946: WGS84, longitude first); rows without a position have no geometry."""
     if _LATITUDE not in names or _LONGITUDE not in names:
         raise UserError(f"sql: GeoJSON needs the columns {_LATITUDE} and {_LONGITUDE} among the rows")
     features = []

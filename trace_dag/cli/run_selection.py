@@ -64,7 +64,7 @@ def run_selection(root: str, settings: Mapping[str, Any], select: Callable[[Work
 
 @contextmanager
 def _started(workspace: Workspace) -> Iterator[Executor]:
-    """One executor for the whole command; its workers start while this process still imports its modules."""
+    """Start one executor for the whole command; its workers start while this process still imports its modules."""
     from trace_dag.export.crash_files import MADE_WITH
     from trace_dag.flow.executors import make_executor
     from trace_dag.flow.worker import get_ready
@@ -116,7 +116,7 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
 
 
 def _damaged_warehouse(workspace: Workspace) -> str:
-    """What is wrong with the warehouse, in a sentence; empty if it is undamaged."""
+    """Return the fault of the warehouse, in a sentence; empty if it is undamaged."""
     from trace_dag.common.errors import DamagedFile
     from trace_dag.warehouse.query import check_warehouse
 

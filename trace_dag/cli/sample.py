@@ -10,7 +10,7 @@ COHORT = "sample"
 
 
 def sample_folder() -> Path:
-    """Where the sample lies: in the installed package, or in the repository beside it."""
+    """Return the folder of the sample, in the installed package or in the repository beside it."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "sample_data" / "sample", package.parent / "data" / "sample"):
         if (folder / "truth.json").is_file():

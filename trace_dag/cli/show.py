@@ -91,7 +91,7 @@ def _said(workspace: Workspace, crash: CrashStatus, records: Records) -> dict[st
 
 
 def _judged(stored: CrashFiles) -> tuple[list[str], list[str]]:
-    """The figures of a crash that was judged, and what speaks against it."""
+    """Return the figures of a crash that was judged, and what speaks against it."""
     from trace_dag.flow.artefacts import MAP_REPORT, RECORD, VERDICT
     from trace_dag.verdict.in_words import events_in_words, numbers_of
 

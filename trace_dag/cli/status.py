@@ -1,4 +1,4 @@
-"""Where things stand: ``status``."""
+"""States of the crashes: ``status``."""
 
 from __future__ import annotations
 

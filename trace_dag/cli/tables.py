@@ -1,4 +1,4 @@
-"""What the warehouse holds: ``tables``."""
+"""Tables of the warehouse: ``tables``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether storage, Dagster and the warehouse agree: ``verify``."""
+"""Agreement of storage, Dagster and the warehouse: ``verify``."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _look(
 
 
 def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
-    """The results that a run would make again; they are outdated but not damaged."""
+    """Return the results that a run would make again; they are outdated but not damaged."""
     from trace_dag.common.errors import DamagedFile
     from trace_dag.flow.batch import stale_results
 

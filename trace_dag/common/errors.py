@@ -1,4 +1,4 @@
-"""How things go wrong, in three kinds that are never mixed.
+"""Rejections, failures and errors of users, three kinds that are never mixed.
 
 * :class:`Rejection`: the crash was examined and is excluded for a stated, measured reason. That is data.
 * :class:`Failure` (and :class:`TransientFailure`): something of ours or of a service broke. That is retried.
@@ -28,7 +28,10 @@ class PublishedCategory(StrEnum):
 
 
 class Reason(StrEnum):
-    """Why a crash is rejected. The value is the reason code in artefacts and tables."""
+    """Reasons of rejections.
+
+    The value is the reason code in artefacts and tables.
+    """
 
     NOT_RELEASED = "not_released"
     MALFORMED_REPORT = "malformed_report"
@@ -59,22 +62,22 @@ class Reason(StrEnum):
 
     @property
     def stage(self) -> Stage:
-        """The stage that rejects with this reason."""
+        """Return the stage that rejects with this reason."""
         return _REASONS[self].stage
 
     @property
     def published_category(self) -> PublishedCategory:
-        """The paper's category this reason is counted under."""
+        """Return the paper's category this reason is counted under."""
         return _REASONS[self].published_category
 
     @property
     def meaning(self) -> str:
-        """What it says about the crash, in a sentence."""
+        """Return its meaning for the crash, in a sentence."""
         return _REASONS[self].meaning
 
     @property
     def remedy(self) -> str:
-        """What can be done about it, in a sentence."""
+        """Return the remedy, in a sentence."""
         return _REASONS[self].remedy
 
 
@@ -293,7 +296,7 @@ class TransientFailure(Failure):
 
 
 class BudgetSpent(Failure):
-    """What was allowed to be spent on a service is spent."""
+    """A service whose budget is spent."""
 
 
 class DamagedFile(Failure):
@@ -309,12 +312,12 @@ class DamagedFile(Failure):
         return (type(self), (self.name, self.found, self.remedy))
 
     def mended_by(self, remedy: str) -> DamagedFile:
-        """The same damage, said with its remedy."""
+        """Return the same damage with its remedy in the message."""
         return DamagedFile(self.name, self.found, remedy)
 
 
 class UserError(Exception):
-    """What was asked for cannot be done; the message names what was found, expected and to be done."""
+    """A request that cannot be met; the message names what was found, what was expected and what to do."""
 
 
 class UserErrors(UserError):  # noqa: N818 - several of them

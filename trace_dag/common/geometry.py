@@ -35,7 +35,7 @@ class LocalFrame:
 
     @property
     def proj(self) -> str:
-        """The PROJ string, as written into OpenDRIVE's ``geoReference``."""
+        """Return the PROJ string, as written into OpenDRIVE's ``geoReference``."""
         return (
             f"+proj=tmerc +lat_0={self.latitude_deg:.9f} +lon_0={self.longitude_deg:.9f} "
             "+k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m"
@@ -51,12 +51,12 @@ class LocalFrame:
         )
 
     def to_local(self, latitude_deg: FloatArray | float, longitude_deg: FloatArray | float) -> FloatArray:
-        """Geographic degrees, scalars or shape (n,), to local metres, shape (2,) or (n, 2)."""
+        """Return geographic degrees, scalars or shape (n,), to local metres, shape (2,) or (n, 2)."""
         x_m, y_m = self._transformer.transform(longitude_deg, latitude_deg)
         return np.stack([np.asarray(x_m, float), np.asarray(y_m, float)], axis=-1)
 
     def to_geographic(self, xy_m: FloatArray) -> FloatArray:
-        """Local metres, shape (..., 2), to (latitude, longitude) in degrees, shape (..., 2)."""
+        """Return local metres, shape (..., 2), to (latitude, longitude) in degrees, shape (..., 2)."""
         points = np.asarray(xy_m, float)
         lon, lat = self._transformer.transform(points[..., 0], points[..., 1], direction="INVERSE")
         return np.stack([np.asarray(lat, float), np.asarray(lon, float)], axis=-1)
@@ -73,20 +73,20 @@ class Pose:
 
     @property
     def xy_m(self) -> FloatArray:
-        """Position, shape (2,)."""
+        """Return the position, shape (2,)."""
         return np.array([self.x_m, self.y_m])
 
     @property
     def forward(self) -> FloatArray:
-        """Unit vector ahead, shape (2,)."""
+        """Return the unit vector ahead, shape (2,)."""
         return np.array([math.cos(self.heading_rad), math.sin(self.heading_rad)])
 
     def to_world(self, local_xy_m: FloatArray) -> FloatArray:
-        """Points given in this pose's own axes (ahead, left), shape (..., 2), in the local frame."""
+        """Return points given in this pose's own axes (ahead, left), shape (..., 2), in the local frame."""
         return np.asarray(local_xy_m, float) @ _rotation(self.heading_rad).T + self.xy_m
 
     def to_body(self, world_xy_m: FloatArray) -> FloatArray:
-        """Points of the local frame, shape (..., 2), in this pose's own axes (ahead, left)."""
+        """Return points of the local frame, shape (..., 2), in this pose's own axes (ahead, left)."""
         return (np.asarray(world_xy_m, float) - self.xy_m) @ _rotation(self.heading_rad)
 
 
@@ -96,7 +96,7 @@ def _rotation(angle_rad: float) -> FloatArray:
 
 
 def rectangle_corners(pose: Pose, length_m: float, width_m: float) -> FloatArray:
-    """Corners of a body centred on ``pose``, shape (4, 2), counter-clockwise from front left.
+    """Return corners of a body centred on ``pose``, shape (4, 2), counter-clockwise from front left.
 
     >>> rectangle_corners(Pose(10.0, 0.0, 0.0), 4.0, 2.0).tolist()
     [[12.0, 1.0], [8.0, 1.0], [8.0, -1.0], [12.0, -1.0]]
@@ -111,7 +111,8 @@ def face_axes(
     ahead_2: tuple[Number, Number],
     half_2_m: tuple[Number | float, Number | float],
 ) -> tuple[tuple[Number, Number, Number | float, Number | float], ...]:
-    """The four axes on which two rectangles are compared: they are apart if and only if they are on one of these.
+    """Return the four axes on which two rectangles are compared: they are apart if and only if they are on one of
+    these.
 
     The separating axis theorem; the axes are the normals of the rectangles' faces. ``ahead_*`` is the unit vector along
     each one's length, ``half_*_m`` its half length and half width: floats for one pair, arrays of shape (n,) for many.
@@ -133,7 +134,8 @@ def face_axes(
 
 
 def gaps_m(poses_1: Poses, size_1_m: tuple[float, float], poses_2: Poses, size_2_m: tuple[float, float]) -> FloatArray:
-    """Gaps between rectangles on the axis that separates them most: positive apart, negative overlapping, 0 touching.
+    """Return gaps between rectangles on the axis that separates them most: positive apart, negative overlapping, 0
+    touching.
 
     ``size_*_m`` are length and width; the result has the shape of the arrays. Exact in sign; where two corners face
     each other it is less than their distance.
@@ -154,8 +156,8 @@ def gaps_m(poses_1: Poses, size_1_m: tuple[float, float], poses_2: Poses, size_2
 def hermite(
     length: Number, start: Number, end: Number, slope_start: Number, slope_end: Number
 ) -> tuple[Number, Number, Number, Number]:
-    """Coefficients a, b, c, d of the cubic a + b u + c u**2 + d u**3 that goes from one value and slope at u = 0 to
-    others at u = ``length``.
+    """Return coefficients a, b, c, d of the cubic a + b u + c u**2 + d u**3 that goes from one value and slope at u = 0
+    to others at u = ``length``.
 
     >>> hermite(2.0, 0.0, 4.0, 0.0, 4.0)  # u squared
     (0.0, 0.0, 1.0, 0.0)
@@ -167,7 +169,7 @@ def hermite(
 
 
 def arc_lengths(xy_m: FloatArray) -> FloatArray:
-    """Distance along a polyline of shape (n, 2 or 3) at each of its points, shape (n,), starting at 0.
+    """Return the distance along a polyline of shape (n, 2 or 3) at each of its points, shape (n,), starting at 0.
 
     >>> arc_lengths(np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 10.0]])).tolist()
     [0.0, 5.0, 11.0]
@@ -177,7 +179,7 @@ def arc_lengths(xy_m: FloatArray) -> FloatArray:
 
 
 def headings(xy_m: FloatArray) -> FloatArray:
-    """Direction of travel at each point of a polyline of shape (n, 2), radians, unwrapped, shape (n,).
+    """Return the direction of travel at each point of a polyline of shape (n, 2), radians, unwrapped, shape (n,).
 
     >>> np.degrees(headings(np.array([[0.0, 0.0], [0.0, 5.0], [0.0, 10.0]]))).tolist()
     [90.0, 90.0, 90.0]
@@ -187,7 +189,9 @@ def headings(xy_m: FloatArray) -> FloatArray:
 
 
 def body_bearing_rad(pose: Pose, length_m: float, width_m: float, point_xy_m: FloatArray) -> float:
-    """Direction of a point as seen from a body's centre, as if the body were square; radians CCW from its front.
+    """Return the direction of a point as seen from a body's centre, as if the body were square.
+
+    Radians CCW from its front.
 
     Both axes are scaled by the body's half dimensions, so that the front face of a motorcycle and of a 20 m truck
     alike spans -pi/4 to pi/4 (clock positions 10:30 to 1:30) and the corners lie between front and side, which is
@@ -202,7 +206,8 @@ def body_bearing_rad(pose: Pose, length_m: float, width_m: float, point_xy_m: Fl
 
 
 def contact_clock_h(pose: Pose, length_m: float, width_m: float, point_xy_m: FloatArray) -> float:
-    """Clock position, hours in (0, 12], at which a point of the local frame lies on a body centred on ``pose``.
+    """Return the clock position, hours in (0, 12], at which a point of the local frame lies on a body centred on
+    ``pose``.
 
     :func:`body_bearing_rad` on the clock: shared by the estimator, which plans the impact, the verdict, which judges
     it, and the pictures.

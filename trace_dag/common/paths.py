@@ -30,16 +30,16 @@ class Path:
 
     @property
     def length_m(self) -> float:
-        """Length of the path."""
+        """Return the length of the path."""
         return float(self.s_m[-1])
 
     @cached_property
     def curvature_1pm(self) -> FloatArray:
-        """Curvature at each point, shape (n,), 1/m."""
+        """Return the curvature at each point, shape (n,), 1/m."""
         return np.asarray(np.gradient(self.heading_rad, self.s_m))
 
     def plan(self, s_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y and heading at distances ``s_m`` of any shape; straight on beyond either end."""
+        """Return x, y and heading at distances ``s_m`` of any shape; straight on beyond either end."""
         s = np.asarray(s_m, float)
         heading = np.interp(s, self.s_m, self.heading_rad)
         x, y = np.interp(s, self.s_m, self.x_m), np.interp(s, self.s_m, self.y_m)
@@ -50,12 +50,12 @@ class Path:
         return x, y, heading
 
     def at(self, s_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """x, y, z and heading at distances ``s_m`` of any shape; straight on and level beyond either end."""
+        """Return x, y, z and heading at distances ``s_m`` of any shape; straight on and level beyond either end."""
         x, y, heading = self.plan(s_m)
         return x, y, np.interp(np.asarray(s_m, float), self.s_m, self.z_m), heading
 
     def pose(self, s_m: float) -> Pose:
-        """Pose at one distance; as :meth:`at`, which takes many."""
+        """Return the pose at one distance; as :meth:`at`, which takes many."""
         if not float(self.s_m[0]) <= s_m < float(self.s_m[-1]):
             x, y, z, heading = (float(value) for value in self.at(np.array(s_m)))
             return Pose(x, y, math.remainder(heading, math.tau), z)
@@ -70,7 +70,8 @@ class Path:
         return Pose(between(self.x_m), between(self.y_m), heading, between(self.z_m))
 
     def project(self, x_m: float, y_m: float, *, near_s_m: float | None = None) -> tuple[float, float]:
-        """Distance along the path closest to a point, and the point's offset to the left of the path there, metres.
+        """Return the distance along the path closest to a point, and the point's offset to the left of the path there,
+        metres.
 
         ``near_s_m`` limits the search to 60 m around it, for paths that pass the same place twice.
         """
@@ -80,19 +81,22 @@ class Path:
         return self._beside(int(np.argmin(squared)), x_m, y_m)
 
     def project_all(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Distances along the path and offsets to the left of points, shape (n, 2); as :meth:`project` for one."""
+        """Return distances along the path and offsets to the left of points, shape (n, 2).
+
+        As :meth:`project` for one.
+        """
         squared = (self.x_m - x_m[:, None]) ** 2 + (self.y_m - y_m[:, None]) ** 2
         nearest = zip(squared.argmin(axis=1).tolist(), x_m.tolist(), y_m.tolist(), strict=True)
         return np.array([self._beside(*each) for each in nearest])
 
     def _beside(self, i: int, x_m: float, y_m: float) -> tuple[float, float]:
-        """Where a point is by the path's point nearest to it: distance along the path, offset to the left."""
+        """Return a point's distance along the path and its offset to the left, by the path's nearest point."""
         c, s = math.cos(self.heading_rad[i]), math.sin(self.heading_rad[i])
         dx, dy = x_m - float(self.x_m[i]), y_m - float(self.y_m[i])
         return float(self.s_m[i]) + dx * c + dy * s, dy * c - dx * s
 
     def reversed(self) -> Path:
-        """The same line driven the other way."""
+        """Return the same line driven the other way."""
         return Path(
             self.s_m[-1] - self.s_m[::-1],
             self.x_m[::-1],
@@ -103,7 +107,7 @@ class Path:
 
 
 def through_points(xyz_m: FloatArray, *, sigma_m: float) -> Path:
-    """A smooth path along a polyline of shape (n, 3): resampled, then smoothed by a Gaussian of ``sigma_m``.
+    """Return a smooth path along a polyline of shape (n, 3): resampled, then smoothed by a Gaussian of ``sigma_m``.
 
     A Gaussian leaves straight lines alone and moves an arc of radius R inward by ``sigma_m**2 / (2 R)``; it turns
     kinks and jumps of curvature into gradual ones.
@@ -129,7 +133,7 @@ def through_points(xyz_m: FloatArray, *, sigma_m: float) -> Path:
 
 
 def from_points(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> Path:
-    """A path through dense points, its headings by central differences.
+    """Return a path through dense points, its headings by central differences.
 
     >>> from_points(np.array([0.0, 3.0, 6.0]), np.array([0.0, 4.0, 8.0]), np.zeros(3)).length_m
     10.0
@@ -140,7 +144,7 @@ def from_points(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> Path:
 
 
 def straight(pose: Pose, *, back_m: float, ahead_m: float) -> Path:
-    """A straight path through ``pose``, which lies at ``s_m == back_m``.
+    """Return a straight path through ``pose``, which lies at ``s_m == back_m``.
 
     >>> straight(Pose(0.0, 0.0, 0.0), back_m=10.0, ahead_m=20.0).pose(10.0).xy_m.tolist()
     [0.0, 0.0]
@@ -152,7 +156,7 @@ def straight(pose: Pose, *, back_m: float, ahead_m: float) -> Path:
 
 
 def extended(path: Path, *, back_m: float = 0.0, ahead_m: float = 0.0) -> Path:
-    """The path with straight pieces added at its ends.
+    """Return the path with straight pieces added at its ends.
 
     >>> extended(straight(Pose(0.0, 0.0, 0.0), back_m=10.0, ahead_m=20.0), ahead_m=5.0).length_m
     35.0
@@ -169,13 +173,13 @@ def extended(path: Path, *, back_m: float = 0.0, ahead_m: float = 0.0) -> Path:
 
 
 def _ramp(u: FloatArray) -> FloatArray:
-    """From 0 to 1 with zero slope at both ends (cubic)."""
+    """Return a cubic from 0 to 1 with zero slope at both ends."""
     t = np.clip(u, 0.0, 1.0)
     return np.asarray(t * t * (3 - 2 * t))
 
 
 def _ramp_integral(u: FloatArray) -> FloatArray:
-    """Integral of :func:`_ramp` from 0 (1/2 at 1, growing by 1 per unit beyond)."""
+    """Return the integral of :func:`_ramp` from 0 (1/2 at 1, growing by 1 per unit beyond)."""
     t = np.clip(u, 0.0, 1.0)
     return np.asarray(t**3 - 0.5 * t**4 + np.maximum(u - 1.0, 0.0))
 
@@ -194,11 +198,11 @@ class LateralShift:
 
     @property
     def length_m(self) -> float:
-        """Distance along the road from beginning to end of the move."""
+        """Return the distance along the road from beginning to end of the move."""
         return abs(self.total_m) / self.slope + self.ramp_m
 
     def offset(self, s_m: FloatArray, anchor_s_m: float) -> tuple[FloatArray, FloatArray]:
-        """Offset to the left and its slope at distances along the base path."""
+        """Return the offset to the left and its slope at distances along the base path."""
         hold_end = self.length_m - self.ramp_m
         u = np.asarray(s_m, float) - anchor_s_m + self._anchor_from_start()
         rise, fall = u / self.ramp_m, (u - hold_end) / self.ramp_m
@@ -207,7 +211,7 @@ class LateralShift:
         return sign * offset, sign * self.slope * (_ramp(rise) - _ramp(fall))
 
     def _anchor_from_start(self) -> float:
-        """Distance from the beginning of the move to the anchor, by bisection on the monotonic offset."""
+        """Return the distance from the beginning of the move to the anchor, by bisection on the monotonic offset."""
         target = abs(self.at_anchor_m)
         if target >= abs(self.total_m) - 1e-9:
             return self.length_m
@@ -218,7 +222,7 @@ class LateralShift:
 
 
 def shifted(path: Path, shift: LateralShift | None, *, anchor_s_m: float, constant_m: float = 0.0) -> Path:
-    """The path moved sideways: by ``constant_m`` everywhere and by ``shift`` around ``anchor_s_m``.
+    """Return the path moved sideways: by ``constant_m`` everywhere and by ``shift`` around ``anchor_s_m``.
 
     A straight road gives the shift's own shape; on a curved one the offset is laid along the path's normals.
 
@@ -248,16 +252,16 @@ class TurnShape:
 
     @property
     def peak_curvature_1pm(self) -> float:
-        """Curvature of the arc, less than 1 / radius where the ramps alone already turn by the angle."""
+        """Return the curvature of the arc, less than 1 / radius where the ramps alone already turn by the angle."""
         return min(1.0 / self.radius_m, abs(self.angle_rad) / self.ramp_m)
 
     @property
     def length_m(self) -> float:
-        """Length of the whole turn."""
+        """Return the length of the whole turn."""
         return abs(self.angle_rad) / self.peak_curvature_1pm + self.ramp_m
 
     def heading_change(self, u_m: FloatArray) -> FloatArray:
-        """Heading gained after ``u_m`` of the turn."""
+        """Return the heading gained after ``u_m`` of the turn."""
         peak, total, ramp = self.peak_curvature_1pm, self.length_m, self.ramp_m
         u = np.clip(u_m, 0.0, total)
         rise = np.minimum(u, ramp)
@@ -266,7 +270,7 @@ class TurnShape:
         return np.asarray(math.copysign(1.0, self.angle_rad) * change)
 
     def displacement_m(self) -> tuple[float, float]:
-        """Where the turn ends, ahead and to the left of its beginning."""
+        """Return the end of the turn, ahead and to the left of its beginning."""
         u = np.linspace(0.0, self.length_m, 65)
         mid = (u[1:] + u[:-1]) / 2
         heading = self.heading_change(mid)
@@ -275,7 +279,7 @@ class TurnShape:
 
 
 def turned(path: Path, shape: TurnShape, *, start_s_m: float, tail_m: float) -> Path:
-    """The path up to ``start_s_m``, then the turn, then straight on for ``tail_m``.
+    """Return the path up to ``start_s_m``, then the turn, then straight on for ``tail_m``.
 
     >>> line = np.linspace(0.0, 20.0, 41)
     >>> east = from_points(line, np.zeros(41), np.zeros(41))
@@ -302,7 +306,7 @@ def turned(path: Path, shape: TurnShape, *, start_s_m: float, tail_m: float) -> 
 
 
 def turn_start_to_meet(path: Path, shape: TurnShape, exit_pose: Pose, *, near_s_m: float) -> float | None:
-    """Where along a (locally straight) path a turn must begin to end on the line through ``exit_pose``.
+    """Return where along a (locally straight) path a turn must begin to end on the line through ``exit_pose``.
 
     None if approach and exit are parallel: then no such turn exists.
 

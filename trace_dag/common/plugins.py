@@ -1,4 +1,4 @@
-"""What installed packages offer by name: back-ends, converters, estimators, agents, exporters, sources of
+"""Plug-ins that installed packages offer by name: back-ends, converters, estimators, agents, exporters, sources of
 reports and maps.
 
 Each kind is a group of entry points (``trace_dag.backends``); what this package offers is registered in the same way.
@@ -29,7 +29,7 @@ class PluginKind(StrEnum):
 
     @property
     def group(self) -> str:
-        """The group of entry points."""
+        """Return the group of entry points."""
         return f"trace_dag.{self.value}"
 
 
@@ -45,18 +45,21 @@ class Plugin:
 
     @property
     def module(self) -> str:
-        """The module it is in."""
+        """Return the module it is in."""
         return self.reference.partition(":")[0]
 
     @property
     def is_ours(self) -> bool:
-        """Whether it is a part of this package."""
+        """Return whether it is a part of this package."""
         return self.module.partition(".")[0] == "trace_dag"
 
 
 @cache
 def offered(kind: PluginKind) -> dict[str, Plugin]:
-    """Everything of a kind that is installed, by name. Nothing of it is imported."""
+    """Return everything of a kind that is installed, by name.
+
+    Nothing of it is imported.
+    """
     found = {}
     for point in metadata.entry_points(group=kind.group):
         package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
@@ -65,7 +68,10 @@ def offered(kind: PluginKind) -> dict[str, Plugin]:
 
 
 def plugin(kind: PluginKind, name: str) -> Plugin:
-    """The plugin of that name. Raises :class:`UserError` that lists the names there are."""
+    """Return the plugin of that name.
+
+    Raises :class:`UserError` that lists the names there are.
+    """
     there_are = offered(kind)
     if name in there_are:
         return there_are[name]
@@ -80,7 +86,7 @@ def plugin(kind: PluginKind, name: str) -> Plugin:
 
 
 def load(kind: PluginKind, name: str) -> Any:
-    """What a plugin's reference names, its module imported. Raises :class:`UserError` where that cannot be done."""
+    """Import and return what a plug-in's reference names. Raise :class:`UserError` where that cannot be done."""
     found = plugin(kind, name)
     module, _, attribute = found.reference.partition(":")
     try:

@@ -1,4 +1,4 @@
-"""Which process did something, in a form that tells later whether it still lives.
+"""Identity of a process, in a form that shows later whether it still lives.
 
 A process number alone is used again by others, so the moment it was started belongs to it.
 """
@@ -17,12 +17,12 @@ _FOREIGN_AGE_S = 86400.0
 
 
 def this_process() -> str:
-    """This process as ``host:number:start``."""
+    """Return this process as ``host:number:start``."""
     return _identity(os.getpid())
 
 
 def is_gone(process: str) -> bool | None:
-    """Whether a process named by :func:`this_process` has ended; None where that cannot be told from here.
+    """Return whether a process named by :func:`this_process` has ended; None where that cannot be told from here.
 
     It cannot for a process of another machine, nor for a text that names none.
     """
@@ -34,7 +34,10 @@ def is_gone(process: str) -> bool | None:
 
 
 def is_stopped(number: int) -> bool:
-    """Whether a process of this machine was stopped (SIGSTOP) and not continued; False where that cannot be told."""
+    """Return whether a process of this machine was stopped (SIGSTOP) and not continued.
+
+    False where that cannot be told.
+    """
     try:
         return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "T"
     except (OSError, IndexError):
@@ -42,7 +45,7 @@ def is_stopped(number: int) -> bool:
 
 
 def children(number: int) -> list[int]:
-    """The numbers of the processes that a process of this machine has started or taken in.
+    """Return the numbers of the processes that a process of this machine has started or taken in.
 
     Empty where that cannot be told (other systems than Linux).
     """
@@ -54,7 +57,7 @@ def children(number: int) -> list[int]:
 
 
 def descendants(number: int) -> list[int]:
-    """The children of a process, theirs, and so on."""
+    """Return the children of a process, theirs, and so on."""
     found: list[int] = []
     waiting = [number]
     while waiting:
@@ -99,19 +102,22 @@ def _send(number: int, what: signal.Signals) -> None:
 
 
 def how_it_ended(exit_code: int | None) -> str:
-    """What an exit code of :mod:`subprocess` or :mod:`multiprocessing` says, in words."""
+    """Return the meaning of an exit code of :mod:`subprocess` or :mod:`multiprocessing`, in words."""
     if exit_code is not None and exit_code < 0:
         return f"signal {signal.Signals(-exit_code).name}"
     return f"exit code {exit_code}"
 
 
 def temporary_prefix(kind: str) -> str:
-    """How the name of a temporary file or folder of this process begins, so that :func:`abandoned` can tell whose."""
+    """Return the beginning of the names of this process's temporary files and folders, for :func:`abandoned`."""
     return f"{kind}{this_process()}:"
 
 
 def abandoned(path: Path, kind: str) -> bool:
-    """Whether the process that made a temporary file or folder is gone; for one of another machine, after a day."""
+    """Return whether the process that made a temporary file or folder is gone.
+
+    For one of another machine, after a day.
+    """
     gone = is_gone(path.name.removeprefix(kind).rpartition(":")[0])
     if gone is not None:
         return gone
@@ -127,7 +133,7 @@ def _identity(number: int) -> str:
 
 
 def _started(number: int) -> str:
-    """When a process began, in ticks since the machine did; '' if it is gone."""
+    """Return the time at which a process began, in ticks since the machine did; '' if it is gone."""
     try:
         status = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
     except (FileNotFoundError, ProcessLookupError):

@@ -1,4 +1,4 @@
-"""What a stage's result was made from, and what came of it.
+"""Provenance of a stage's result: inputs, settings, code, and outcome.
 
 Belongs here: the fingerprint of a stage (code, settings, inputs) and the outcome record stored beside the artefacts.
 Does not belong here: deciding what to run (:mod:`trace_dag.flow`).
@@ -36,7 +36,10 @@ MADE_AGAIN = "trace-dag run makes it again"
 
 
 class Outcome(StrEnum):
-    """How a stage ended for one crash. ``STARTED`` replaces an older record while its artefacts are replaced."""
+    """Outcomes of a stage for one crash.
+
+    ``STARTED`` replaces an older record while its artefacts are replaced.
+    """
 
     ACCEPTED = "accepted"
     REJECTED = "rejected"
@@ -46,9 +49,10 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Everything a stage's result depends on. ``code`` is the number of its code
-    (:attr:`trace_dag.flow.contract.StageDefinition.version`), ``inputs`` maps artefact names to SHA-256, ``libraries``
-    maps libraries to versions.
+    """Everything a stage's result depends on.
+
+    ``code`` is the number of its code (:attr:`trace_dag.flow.contract.StageDefinition.version`), ``inputs`` maps
+    artefact names to SHA-256, ``libraries`` maps libraries to versions.
     """
 
     code: str
@@ -58,7 +62,7 @@ class Provenance:
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 (hexadecimal) over all of it."""
+        """Return the SHA-256 (hexadecimal) over all of it."""
         parts = {
             "code": self.code,
             "settings": self.settings,
@@ -68,7 +72,8 @@ class Provenance:
         return hashlib.sha256(json.dumps(parts, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def changed_to(self, other: Provenance) -> tuple[str, ...]:
-        """What differs between the two, in words: "code", "setting radius_m", "input maps", "library numpy"."""
+        """Return the differences between the two, in words: "code", "setting radius_m", "input maps", "library
+        numpy"."""
         found = ["code"] if self.code != other.code else []
         for what, before, after in (
             ("setting", self.settings, other.settings),
@@ -82,7 +87,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class EarlierOutcome:
-    """What a record said before it was replaced."""
+    """The contents of a record before it was replaced."""
 
     run_id: str
     started_at: str
@@ -137,32 +142,33 @@ class OutcomeRecord:
 
     @property
     def name(self) -> str:
-        """Name of the record's file below the storage root."""
+        """Return the name of the record's file below the storage root."""
         return record_name(self.stage, self.key)
 
     def artefact(self, extension: str) -> StoredFile | None:
-        """The artefact with that extension (``xodr``), if the stage made one."""
+        """Return the artefact with that extension (``xodr``), if the stage made one."""
         wanted = artefact_name(self.stage, self.key, extension)
         return next((artefact for artefact in self.artefacts if artefact.name == wanted), None)
 
     def picture(self, extension: str) -> StoredFile | None:
-        """The picture with that extension (``png``), if one was drawn."""
+        """Return the picture with that extension (``png``), if one was drawn."""
         return next((file for file in self.pictures if file.name.endswith(f".{extension}")), None)
 
     def begun_again(self) -> OutcomeRecord:
-        """This record as it stands while its artefacts are made anew: it lists none, and its stage has to run."""
+        """Return this record as it stands while its artefacts are made anew: it lists none, and its stage has to
+        run."""
         begun = replace(self, outcome=Outcome.STARTED, artefacts=(), pictures=(), fingerprint="", failed_attempt=None)
         return begun.superseding(self)
 
     def outlasting(self, failed: OutcomeRecord) -> OutcomeRecord:
-        """This record as it stands after an attempt to make its result anew has failed."""
+        """Return this record as it stands after an attempt to make its result anew has failed."""
         attempt = FailedAttempt(
             failed.run_id, failed.started_at, failed.detail, failed.error, failed.transient, failed.attempts
         )
         return replace(self, failed_attempt=attempt)
 
     def superseding(self, earlier: OutcomeRecord | None) -> OutcomeRecord:
-        """This record with the history of the one it replaces, at most the latest twenty."""
+        """Return this record with the history of the one it replaces, at most the latest twenty."""
         if earlier is None:
             return self
         history = earlier.history
@@ -186,12 +192,12 @@ _RECORDS = TypeAdapter(OutcomeRecord)
 
 
 def record_name(stage: Stage, key: str) -> str:
-    """Where the outcome of a stage is recorded, below the storage root."""
+    """Return the path of a stage's outcome, below the storage root."""
     return f"{stage}/{key}.outcome.json"
 
 
 def crash_of(name: str) -> str:
-    """The key of the crash that a stored file is of, by its name; some other word for a file of no crash.
+    """Return the key of the crash that a stored file is of, by its name; some other word for a file of no crash.
 
     >>> crash_of("road_map/2023-319003.rejected.json")
     '2023-319003'
@@ -200,17 +206,17 @@ def crash_of(name: str) -> str:
 
 
 def artefact_name(stage: Stage, key: str, extension: str) -> str:
-    """Where an artefact of a stage lies, below the storage root."""
+    """Return the path of an artefact of a stage, below the storage root."""
     return f"{stage}/{key}.{extension}"
 
 
 def record_to_json(record: OutcomeRecord) -> bytes:
-    """The record as stored, with its checksum."""
+    """Return the record as stored, with its checksum."""
     return with_checksum(_RECORDS.dump_json(record))
 
 
 def record_from_json(data: bytes, *, name: str) -> OutcomeRecord:
-    """A stored record; :class:`DamagedFile` if it is not one, or that of another stage or crash."""
+    """Return a stored record; :class:`DamagedFile` if it is not one, or that of another stage or crash."""
     try:
         record = _RECORDS.validate_python(checked(data, name=name))
     except ValidationError as error:
@@ -223,12 +229,12 @@ def record_from_json(data: bytes, *, name: str) -> OutcomeRecord:
 
 
 def now() -> str:
-    """The present moment, ISO 8601 in UTC, milliseconds."""
+    """Return the present moment, ISO 8601 in UTC, milliseconds."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def settings_of(section: BaseModel | None) -> dict[str, Any]:
-    """A section of settings as provenance holds it: JSON values, without fields on which nothing made depends.
+    """Return a section of settings as provenance holds it: JSON values, without fields on which nothing made depends.
 
     Those are the ones that only say how to reach a service, declared with ``json_schema_extra={"provenance": False}``,
     and the ones that matter only where another field has a certain value, ``{"provenance": {"estimator": "llm"}}``.
@@ -246,7 +252,9 @@ def settings_of(section: BaseModel | None) -> dict[str, Any]:
 
 
 def libraries_of(section: BaseModel | None) -> dict[str, str]:
-    """Versions of the libraries that decide: :data:`LIBRARIES`, and the packages of other people's chosen plugins."""
+    """Return versions of the libraries that decide: :data:`LIBRARIES`, and the packages of other people's chosen
+    plugins.
+    """
     plugins = {each.package: each.version for each in chosen_plugins(section) if not each.is_ours}
     return {**_library_versions(), **plugins}
 
@@ -257,7 +265,9 @@ def _library_versions() -> dict[str, str]:
 
 
 def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
-    """The plugins that a section of settings chooses: fields declared with ``json_schema_extra={"plugin": kind}``."""
+    """Return the plugins that a section of settings chooses: fields declared with ``json_schema_extra={"plugin":
+    kind}``.
+    """
     chosen = []
     for name, info in type(section).model_fields.items() if section is not None else ():
         declared = info.json_schema_extra.get("plugin") if isinstance(info.json_schema_extra, dict) else None
@@ -267,5 +277,5 @@ def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
 
 
 def combined_digest(parts: Mapping[str, str]) -> str:
-    """One SHA-256 for several named digests, whatever their order."""
+    """Return one SHA-256 for several named digests, whatever their order."""
     return hashlib.sha256(json.dumps(dict(parts), sort_keys=True).encode()).hexdigest()

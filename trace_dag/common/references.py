@@ -21,7 +21,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Signature:
-    """What a function asks for and what it gives, as written."""
+    """The parameters and the result of a function, as annotated."""
 
     parameters: tuple[Parameter, ...]
     returns: str
@@ -29,7 +29,7 @@ class Signature:
 
 @cache
 def signature_of(reference: str) -> Signature:
-    """The signature of ``module:function``, read without importing the module, which may take a second."""
+    """Return the signature of ``module:function``, read without importing the module, which may take a second."""
     module, _, name = reference.partition(":")
     spec = importlib.util.find_spec(module)
     for node in ast.parse(Path(spec.origin).read_bytes()).body if spec is not None and spec.origin is not None else ():
@@ -41,7 +41,7 @@ def signature_of(reference: str) -> Signature:
 
 
 def referred(reference: str) -> Any:
-    """What ``module:name`` names, its module imported."""
+    """Import and return what ``module:name`` names."""
     module, _, name = reference.partition(":")
     return getattr(import_module(module), name)
 

@@ -46,7 +46,7 @@ class Column:
             raise ValueError(f"column {self.name}: give either a type or fields")
 
     def arrow_type(self) -> pa.DataType:
-        """The Arrow type, nested where ``fields`` or ``repeated`` say so."""
+        """Return the Arrow type, nested where ``fields`` or ``repeated`` say so."""
         import pyarrow as pa
 
         if self.type is None:
@@ -61,7 +61,7 @@ class Column:
         return pa.list_(pa.field("item", item, nullable=False)) if self.repeated else item
 
     def arrow_field(self) -> pa.Field:
-        """The Arrow field, its unit, meaning and source as field metadata."""
+        """Return the Arrow field, its unit, meaning and source as field metadata."""
         import pyarrow as pa
 
         metadata = {"meaning": self.meaning, "unit": self.unit, "source": self.source}
@@ -73,7 +73,7 @@ class Column:
         )
 
     def walk(self, prefix: str = "") -> Iterator[tuple[str, Column]]:
-        """This column and the ones below it, each with its dotted path."""
+        """Yield this column and the ones below it, each with its dotted path."""
         path = prefix + self.name
         yield path, self
         for field in self.fields:
@@ -89,13 +89,13 @@ class TableSchema:
     columns: tuple[Column, ...]
 
     def arrow(self) -> pa.Schema:
-        """The Arrow schema, with every column's unit, meaning and source in its metadata."""
+        """Return the Arrow schema, with every column's unit, meaning and source in its metadata."""
         import pyarrow as pa
 
         return pa.schema([column.arrow_field() for column in self.columns], metadata={"meaning": self.meaning})
 
     def dictionary(self) -> list[dict[str, str]]:
-        """The data dictionary: one row per column, nested ones by dotted path."""
+        """Return the data dictionary: one row per column, nested ones by dotted path."""
         return [
             {
                 "column": path,
@@ -110,7 +110,9 @@ class TableSchema:
 
 
 def table_from_parquet(data: bytes) -> pa.Table:
-    """A table of a Parquet file. Raises pyarrow's errors.
+    """Return a table of a Parquet file.
+
+    Raises pyarrow's errors.
 
     One thread reads it: tables are small, and a short command does not end with Arrow's pools of threads still running.
     """

@@ -23,7 +23,7 @@ _OF_THE_LLM: dict[str, Any] = {"provenance": {"estimator": "llm"}}  # changes no
 
 
 def _one_of(kind: PluginKind) -> AfterValidator:
-    """A name that an installed package offers."""
+    """Return a name that an installed package offers."""
 
     def check(name: str) -> str:
         try:
@@ -254,7 +254,7 @@ class VerdictSettings(_Section):
 
 
 class ServiceSettings(_Section):
-    """How public services are reached; never part of any provenance."""
+    """Access to public services; never part of any provenance."""
 
     crashapi_url: str | None = Field(None, description="Where the CrashAPI is; null is NHTSA's own.")
     overpass_urls: tuple[str, ...] = Field((), description="Overpass endpoints, in order; empty takes public ones.")
@@ -270,7 +270,7 @@ class ServiceSettings(_Section):
 
 
 class ExecutionSettings(_Section):
-    """How a batch runs; never part of any provenance."""
+    """Execution of a batch; never part of any provenance."""
 
     executor: Literal["in_process", "processes", "dask"] = Field("processes", description="Where the work runs.")
     workers: int | None = Field(None, ge=1, le=1024, description="Processes; null is one per core.")
@@ -296,7 +296,7 @@ class ExecutionSettings(_Section):
 
 
 class Schedule(_Section):
-    """When the crashes of a cohort that are not up to date are run, while ``trace-dag ui`` or Dagster's daemon runs."""
+    """Times at which outdated crashes of a cohort are run, while ``trace-dag ui`` or Dagster's daemon runs."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="What Dagster calls it.")
     cron: str = Field(description="When, as crontab says it: 0 2 * * * is every night at two.")
@@ -305,7 +305,10 @@ class Schedule(_Section):
 
 
 class AutomationSettings(_Section):
-    """What runs by itself, and who is told; never part of any provenance. The daemon reads it when it starts."""
+    """Automation and its alerts; never part of any provenance.
+
+    The daemon reads it when it starts.
+    """
 
     schedules: tuple[Schedule, ...] = Field((), description="Cohorts that are run at given hours.")
     run_registered: bool = Field(
@@ -328,7 +331,7 @@ class AutomationSettings(_Section):
 
 
 class WarehouseSettings(_Section):
-    """What a question to the warehouse may take (trace-dag sql); never part of any provenance."""
+    """Limits of a question to the warehouse (trace-dag sql); never part of any provenance."""
 
     query_time_s: float = Field(60.0, gt=0, le=86_400, description="Longest time until the answer.")
     query_memory_mb: int = Field(2048, ge=512, le=1_048_576, description="Address space of the process that answers.")

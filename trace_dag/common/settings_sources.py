@@ -27,7 +27,7 @@ _SHOWN = 80  # characters of a value that is wrong
 def load_settings(
     toml: bytes = b"", *, name: str = "settings.toml", overrides: Mapping[str, Any] | None = None
 ) -> Settings:
-    """Settings from a TOML file's content, the environment over it, and ``overrides`` over both.
+    """Return settings from a TOML file's content, the environment over it, and ``overrides`` over both.
 
     ``overrides`` has the shape of the file: ``{"states": {"estimator": "llm"}}``. Raises :class:`UserError` that names
     the setting, the value found and what was expected.
@@ -50,13 +50,13 @@ def load_settings(
 
 
 def _holds(settings: Mapping[str, Any], path: tuple[int | str, ...]) -> bool:
-    """Whether a source has a section's setting."""
+    """Return whether a source has a section's setting."""
     section = settings.get(str(path[0]), {}) if path else {}
     return len(path) > 1 and isinstance(section, Mapping) and path[1] in section
 
 
 def _expected(error: ErrorDetails) -> str:
-    """What is wrong with a value, in words that do not need Python's types."""
+    """Return the fault of a value, in words that do not need Python's types."""
     if error["type"] == "tuple_type":
         return 'expected a list, such as ["a", "b"] or [1, 2]'
     if error["type"] != "extra_forbidden":
@@ -86,7 +86,7 @@ class DescribedSetting(NamedTuple):
 
 
 def described_settings(toml: bytes = b"", *, name: str = "settings.toml") -> list[DescribedSetting]:
-    """Every setting as :func:`load_settings` finds it, in the order of the sections."""
+    """Return every setting as :func:`load_settings` finds it, in the order of the sections."""
     settings = load_settings(toml, name=name)
     from_file, from_environment = _from_file(toml, name), _from_environment()
     described = []
@@ -129,7 +129,7 @@ def _from_environment() -> dict[str, Any]:
 
 
 def _misnamed(environment: Mapping[str, str]) -> list[str]:
-    """What is wrong with the names of variables that look like settings; a typing error would go unnoticed."""
+    """Return the faults of variables that look like settings; a typing error would go unnoticed."""
     wrong = []
     for variable in sorted(environment):
         section, separator, field = variable.upper().removeprefix(_PREFIX).partition("__")
@@ -153,7 +153,7 @@ def _misnamed(environment: Mapping[str, str]) -> list[str]:
 
 
 def _not_json(environment: Mapping[str, str]) -> list[str]:
-    """Which variables hold a broken list or table."""
+    """Return the variables that hold a broken list or table."""
     wrong = []
     for variable, value in sorted(environment.items()):
         if not variable.upper().startswith(_PREFIX):

@@ -18,11 +18,11 @@ class Stage(StrEnum):
 
     @property
     def position(self) -> int:
-        """Position in the flow, 0 for ``raw_report``."""
+        """Return the position in the flow, 0 for ``raw_report``."""
         return _POSITIONS[self]
 
     def and_later(self) -> tuple[Stage, ...]:
-        """This stage and every one after it."""
+        """Return this stage and every one after it."""
         return tuple(Stage)[self.position :]
 
 

@@ -17,7 +17,7 @@ GRAVITY_MPS2: Final = 9.80665  # standard gravity, ISO 80000-3
 
 
 def mph_to_mps(speed_mph: float) -> float:
-    """Miles per hour to metres per second.
+    """Return miles per hour to metres per second.
 
     >>> mph_to_mps(25)
     11.176
@@ -26,7 +26,7 @@ def mph_to_mps(speed_mph: float) -> float:
 
 
 def mps_to_mph(speed_mps: float) -> float:
-    """Metres per second to miles per hour.
+    """Return metres per second to miles per hour.
 
     >>> round(mps_to_mph(11.176), 6)
     25.0
@@ -35,7 +35,7 @@ def mps_to_mph(speed_mps: float) -> float:
 
 
 def kmh_to_mps(speed_kmh: float) -> float:
-    """Kilometres per hour to metres per second.
+    """Return kilometres per hour to metres per second.
 
     >>> kmh_to_mps(36)
     10.0
@@ -44,7 +44,7 @@ def kmh_to_mps(speed_kmh: float) -> float:
 
 
 def mps_to_kmh(speed_mps: float) -> float:
-    """Metres per second to kilometres per hour.
+    """Return metres per second to kilometres per hour.
 
     >>> mps_to_kmh(10)
     36.0
@@ -53,7 +53,7 @@ def mps_to_kmh(speed_mps: float) -> float:
 
 
 def clock_to_bearing_rad(clock_h: float) -> float:
-    """Clock position on a vehicle's body to an angle, radians counter-clockwise from the vehicle's front.
+    """Return the clock position on a vehicle's body to an angle, radians counter-clockwise from the vehicle's front.
 
     12 o'clock is the front (0), 9 the left (+pi/2), 6 the rear (pi), 3 the right (-pi/2), as in FARS ``IMPACT1``.
 
@@ -64,7 +64,7 @@ def clock_to_bearing_rad(clock_h: float) -> float:
 
 
 def bearing_to_clock_h(bearing_rad: float) -> float:
-    """Angle counter-clockwise from the vehicle's front to a clock position in (0, 12], hours.
+    """Return the angle counter-clockwise from the vehicle's front to a clock position in (0, 12], hours.
 
     >>> bearing_to_clock_h(math.pi / 2)
     9.0
@@ -74,7 +74,7 @@ def bearing_to_clock_h(bearing_rad: float) -> float:
 
 
 def clock_difference_h(a_h: float, b_h: float) -> float:
-    """Smallest distance between two clock positions, 0 to 6 hours.
+    """Return the smallest distance between two clock positions, 0 to 6 hours.
 
     >>> clock_difference_h(11, 1)
     2
@@ -84,7 +84,7 @@ def clock_difference_h(a_h: float, b_h: float) -> float:
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The same direction in (-pi, pi].
+    """Return the same direction in (-pi, pi].
 
     >>> round(math.degrees(wrap_angle(math.radians(270))), 6)
     -90.0

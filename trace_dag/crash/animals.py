@@ -1,5 +1,6 @@
-"""The animal of a crash. FARS tells that a live animal was struck (``SOE`` 11), and nothing else of it: no species, no
-course, no pace.
+"""The animal of a crash.
+
+FARS tells that a live animal was struck (``SOE`` 11), and nothing else of it: no species, no course, no pace.
 
 Ridden animals and conveyances that an animal draws (``SOE`` 49) do not belong here: they are not modelled.
 """
@@ -14,8 +15,11 @@ from trace_dag.crash.record import NonMotorist
 
 
 class Species(StrEnum):
-    """What an animal is taken to be. Of 147 fatal crashes with animals of 2000 to 2002 whose police reports were read,
-    113 were with deer and 13 with cattle (Williams and Wells, Traffic Injury Prevention 6(1), 2005)."""
+    """Assumed kinds of animals.
+
+    Of 147 fatal crashes with animals of 2000 to 2002 whose police reports were read, 113 were with deer and 13 with
+    cattle (Williams and Wells, Traffic Injury Prevention 6(1), 2005).
+    """
 
     DEER = "deer"
     ELK = "elk"
@@ -23,7 +27,7 @@ class Species(StrEnum):
 
 
 class Pace(StrEnum):
-    """How an animal is taken to move."""
+    """Assumed movements of animals."""
 
     WALKING = "walking"
     TROTTING = "trotting"
@@ -42,10 +46,10 @@ class StruckAnimal(NonMotorist):
 
     @property
     def party(self) -> int:
-        """The party number."""
+        """Return the party number."""
         return thing_party(self.number)
 
     @property
     def kind(self) -> PartyKind:
-        """What it is as a party."""
+        """Return its kind as a party."""
         return PartyKind.ANIMAL

@@ -70,7 +70,7 @@ _ROAD_TOPOLOGIES: Final = {
 
 
 def collision_type(man_coll: int | None) -> CollisionType:
-    """Class of ``MAN_COLL``; every other code and None are others.
+    """Return the class of ``MAN_COLL``; every other code and None are others.
 
     >>> str(collision_type(6))
     'angle'
@@ -79,7 +79,7 @@ def collision_type(man_coll: int | None) -> CollisionType:
 
 
 def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopology:
-    """Class of ``TYP_INT``; every other code and None are others.
+    """Return the class of ``TYP_INT``; every other code and None are others.
 
     Where ``TYP_INT`` is not known, a ``RELJCT2`` away from intersections says that the crash was at none.
 

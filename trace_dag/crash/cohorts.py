@@ -24,7 +24,7 @@ Box: TypeAlias = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class CohortFilter:
-    """What a crash must be to be chosen; an empty field takes everything.
+    """Conditions for choosing a crash; an empty field takes everything.
 
     A crash whose source does not say what a field asks for is not chosen by it. ``counties`` and ``cities`` are
     FARS codes or parts of names, in any case.
@@ -53,7 +53,7 @@ class CohortFilter:
             raise UserError(f"at least {low} and at most {high} vehicles leave no crash")
 
     def admits(self, crash: CrashListing) -> bool:
-        """Whether the crash is what the filter asks for."""
+        """Return whether the crash is what the filter asks for."""
         return (
             _one_of(crash.kind, self.kinds)
             and _one_of(crash.state_code, self.states)
@@ -79,7 +79,7 @@ class CohortFilter:
 
 
 def select(crashes: Iterable[CrashListing], wanted: CohortFilter) -> list[CrashListing]:
-    """The crashes the filter admits, in order of their keys.
+    """Return the crashes the filter admits, in order of their keys.
 
     >>> from trace_dag.crash.listing import list_report
     >>> listed = list_report(report_xml, name="crash_319003.xml")
@@ -90,7 +90,7 @@ def select(crashes: Iterable[CrashListing], wanted: CohortFilter) -> list[CrashL
 
 
 def sample(crashes: Iterable[CrashListing], size: int, *, seed: int) -> list[CrashListing]:
-    """A random sample without replacement, in order of choice; all crashes if there are no more than ``size``.
+    """Return a random sample without replacement, in order of choice; all crashes if there are no more than ``size``.
 
     >>> from dataclasses import replace
     >>> from trace_dag.crash.listing import list_report
@@ -103,7 +103,7 @@ def sample(crashes: Iterable[CrashListing], size: int, *, seed: int) -> list[Cra
 
 
 def stratified_sample(crashes: Iterable[CrashListing], size: int, *, seed: int) -> list[CrashListing]:
-    """A sample that fills the classes of the three coverage dimensions as evenly as the crashes allow.
+    """Return a sample that fills the classes of the three coverage dimensions as evenly as the crashes allow.
 
     Greedy: every next crash is the one whose three classes have been chosen least so far (the sum over the
     dimensions of 1 / (1 + chosen) is largest), ties broken at random by the seed. The first crashes thus cover

@@ -53,7 +53,7 @@ def complete_record(record: CrashRecord) -> CrashRecord:
 
 
 def without_headings(record: CrashRecord) -> CrashRecord:
-    """The record as it would be had its register no directions of travel: without them and all that they imply.
+    """Return the record as it would be had its register no directions of travel: without them and all that they imply.
 
     >>> without_headings(record) == record  # FARS has none
     True
@@ -73,7 +73,7 @@ def without_headings(record: CrashRecord) -> CrashRecord:
 
 
 def _as_reported(vehicle: VehicleRecord) -> VehicleRecord:
-    """The vehicle before it was completed, without its heading."""
+    """Return the vehicle before it was completed, without its heading."""
     found = replace(vehicle, heading=None, implied=tuple(name for name in vehicle.implied if name not in _COMPLETED))
     if "crash_type_code" in vehicle.implied:
         found = replace(found, crash_type_code=None)

@@ -1,4 +1,4 @@
-"""Whether a record can be reconstructed and says enough for it: one table of rules, each with its reason to reject.
+"""Rules that a record must satisfy to be reconstructed: one table, each rule with its reason to reject.
 
 The rules are the paper's (TRACE, FSE Companion '26): a report is usable if it tells the place of the crash, the
 topology of the road there and the trajectories of the vehicles. Any field may tell it, and values implied by other
@@ -56,7 +56,7 @@ class Rule:
 
 
 def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rule] = ()) -> None:
-    """Raises :class:`Rejection` with the first rule a record falls short of.
+    """Raise :class:`Rejection` with the first rule that a record falls short of.
 
     The cohort's filters come first, then the kind of crash, then completeness: a crash that nobody wants or nobody can
     model is named as such, complete or not.
@@ -73,7 +73,7 @@ def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rul
 
 
 def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule, str]]:
-    """Every rule a record falls short of, with its sentence.
+    """Return every rule a record falls short of, with its sentence.
 
     >>> daylight = filters_of(CrashSettings(filters={"LGT_COND": (1,)}))
     >>> [sentence for _, sentence in shortcomings(record, daylight)]
@@ -83,7 +83,7 @@ def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule,
 
 
 def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
-    """The cohort filters that settings ask for.
+    """Return the cohort filters that settings ask for.
 
     Raises :class:`UserError` for an unknown kind of crash, and for an element that records do not have.
 
@@ -96,7 +96,8 @@ def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
 
 
 def _element_among(element: str, codes: Collection[int]) -> Rule:
-    """A FARS element, such as ``LGT_COND``, must have one of these codes: the crash's, or every vehicle's in transport.
+    """Return a FARS element, such as ``LGT_COND``, must have one of these codes: the crash's, or every vehicle's in
+    transport.
 
     A crash that does not report the element is left out. Raises :class:`UserError` for an element no record holds.
     """
@@ -119,13 +120,16 @@ def _element_among(element: str, codes: Collection[int]) -> Rule:
 
 
 def _coded_columns(columns: Iterable[Column]) -> dict[str, str]:
-    """Names of the columns that hold a code or count as reported, by the FARS elements they come from."""
+    """Return names of the columns that hold a code or count as reported, by the FARS elements they come from."""
     coded = [column for column in columns if column.type is ColumnType.INTEGER and not column.repeated]
     return {element: column.name for column in coded for element in column.source.split(", ") if element}
 
 
 def _of_kinds(names: Collection[str]) -> Rule:
-    """A crash must be of one of these kinds. Raises :class:`UserError` for an unknown name."""
+    """Return a crash must be of one of these kinds.
+
+    Raises :class:`UserError` for an unknown name.
+    """
     strange = [name for name in names if name not in set(CrashKind)]
     if strange:
         raise UserError(f"setting crash.kinds: {strange[0]} is not a kind of crash; kinds are {', '.join(CrashKind)}")
@@ -138,7 +142,7 @@ def _of_kinds(names: Collection[str]) -> Rule:
 
 
 def _number_of_vehicles(wanted: int) -> Rule:
-    """A crash must involve that many motor vehicles in transport."""
+    """Return a crash must involve that many motor vehicles in transport."""
 
     def shortcoming(record: CrashRecord) -> str | None:
         found = record.moving_vehicles
@@ -157,7 +161,7 @@ def _number_of_vehicles(wanted: int) -> Rule:
 
 
 def _trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
-    """Whether any field tells how the vehicle came to the crash: its own, its partner's, or the crash's.
+    """Return whether any field tells how the vehicle came to the crash: its own, its partner's, or the crash's.
 
     One that stood or was struck from behind needs no field of its own: it stood, or was ahead of its partner.
     """
@@ -193,7 +197,7 @@ def _struck_from_behind(vehicle: VehicleRecord, partner: VehicleRecord | None) -
 
 
 def _location(record: CrashRecord) -> str | None:
-    """A report of a state of the US lies there; a register that names none can be of anywhere."""
+    """Return a report of a state of the US lies there; a register that names none can be of anywhere."""
     low, high = US_LATITUDE_DEG
     west, east = US_LONGITUDE_DEG
     if record.state_code is None or (low <= record.latitude_deg <= high and west <= record.longitude_deg <= east):
@@ -219,7 +223,7 @@ def _topology(record: CrashRecord) -> str | None:
 
 
 def _trajectory(record: CrashRecord) -> str | None:
-    """How each vehicle came to the first event, and to whom it struck."""
+    """Check the course of each vehicle to the first event, and the person whom it struck."""
     sequence = event_sequence(record)
     if isinstance(sequence, Missing):
         return _course_of(record, [vehicle for vehicle in record.vehicles if vehicle.in_transport])
@@ -260,7 +264,7 @@ def _place_of_person(record: CrashRecord, strike: CrashEvent) -> str | None:
 
 
 def _course_of(record: CrashRecord, vehicles: Sequence[VehicleRecord]) -> str | None:
-    """Every vehicle's course is told, by its own fields or those of the other one."""
+    """Return every vehicle's course is told, by its own fields or those of the other one."""
     for index, vehicle in enumerate(vehicles):
         partner = vehicles[1 - index] if len(vehicles) == 2 else None
         if not _trajectory_known(record, vehicle, partner):
@@ -286,9 +290,12 @@ def _movement(movement: PreCrashMovement) -> str:
 
 
 def _impact(record: CrashRecord) -> str | None:
-    """A verdict needs an area of impact on a side of a body (not the top, not the undercarriage): without one,
-    anything simulated would agree with the report. A departure from the road is judged by its place, too. A crash of a
-    register that has no areas at all is judged without, and is never corroborated."""
+    """Return a verdict needs an area of impact on a side of a body (not the top, not the undercarriage): without one,
+    anything simulated would agree with the report.
+
+    A departure from the road is judged by its place, too. A crash of a register that has no areas at all is judged
+    without, and is never corroborated.
+    """
     if "impact" in record.register_lacks:
         return None
     sequence = event_sequence(record)

@@ -11,7 +11,7 @@ _DARK: Final = frozenset({2, 3, 6})  # LGT_COND: not lit, lit, dark without more
 
 
 def is_dark(record: CrashRecord) -> bool:
-    """Whether it was dark, lit or not (``LGT_COND``).
+    """Return whether it was dark, lit or not (``LGT_COND``).
 
     >>> is_dark(record), is_dark(pedestrian_record)  # LGT_COND 3, dark and lighted; 1, daylight
     (True, False)
@@ -20,7 +20,7 @@ def is_dark(record: CrashRecord) -> bool:
 
 
 def conditions_in_words(record: CrashRecord) -> str:
-    """Light and weather, what the report says of them: "in daylight, rain"; empty where it says nothing.
+    """Return the light and weather, what the report says of them: "in daylight, rain"; empty where it says nothing.
 
     >>> conditions_in_words(record)
     'in the dark on a lit road, clear weather'

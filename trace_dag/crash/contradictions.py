@@ -66,7 +66,7 @@ _STOPPED_MAX_MPS: Final = 2.3
 
 
 def contradictions_of(record: CrashRecord) -> tuple[str, ...]:
-    """Every disagreement found, as sentences that name the fields and their values.
+    """Return every disagreement found, as sentences that name the fields and their values.
 
     >>> contradictions_of(record)
     ()
@@ -75,7 +75,7 @@ def contradictions_of(record: CrashRecord) -> tuple[str, ...]:
 
 
 def named_contradictions(record: CrashRecord) -> Iterator[tuple[str, str]]:
-    """Every disagreement found: what it is about, in a word or two that stay the same, and its sentence.
+    """Yield every disagreement found: what it is about, in a word or two that stay the same, and its sentence.
 
     >>> list(named_contradictions(record))
     []
@@ -214,7 +214,8 @@ def _first_event(record: CrashRecord) -> Iterator[str]:
 
 
 def _pair_of_crash_types(record: CrashRecord) -> Iterator[str]:
-    """Crash types come in configurations of two: who turns across a path has type 68, who is on that path 69."""
+    """Yield the crash types come in configurations of two: who turns across a path has type 68, who is on that path
+    69."""
     if record.colliding_vehicles is None:
         return
     one, two = (vehicle.crash_type_code for vehicle in record.colliding_vehicles)
@@ -237,8 +238,9 @@ def _single_driver(record: CrashRecord) -> Iterator[str]:
 
 
 def _second_street(record: CrashRecord) -> Iterator[str]:
-    """``TWAY_ID2`` is given for crashes at intersections: of the two-vehicle crashes of 2015, in 99.8 % of those, and
-    in 1.4 % of the ones away from any junction."""
+    """Yield ``TWAY_ID2`` is given for crashes at intersections: of the two-vehicle crashes of 2015, in 99.8 % of those,
+    and in 1.4 % of the ones away from any junction.
+    """
     intersection, junction = TYP_INT.known(record.intersection_type_code), record.junction_relation_code
     if intersection is None or not record.trafficway_1:
         return
@@ -249,7 +251,7 @@ def _second_street(record: CrashRecord) -> Iterator[str]:
 
 
 def _route(record: CrashRecord) -> Iterator[str]:
-    """A road's number says who signs it (``ROUTE``), and what it can be by class (``FUNC_SYS``).
+    """Yield a road's number says who signs it (``ROUTE``), and what it can be by class (``FUNC_SYS``).
 
     Of the two-vehicle crashes of 2015 with ``TWAY_ID`` an interstate, US or state route, ``ROUTE`` says another
     system in 0.5 to 2 %; 98.7 % of those on interstates by class are so by name, and 0.4 % of those on US routes are
@@ -304,7 +306,8 @@ def _damage_against_impact(record: CrashRecord) -> Iterator[str]:
 
 
 def _impact_against_course(record: CrashRecord) -> Iterator[str]:
-    """Who turns across or into a path shows the other one side, and sees it on one of its own.
+    """Return the contradiction of an impact with the courses: a vehicle that turns across or into a path shows one of
+    its sides.
 
     Whatever the two had ahead of them or on that side may be struck; and where courses cross, one of the two meets
     the other with its front or is struck from behind: two sides do not meet.
@@ -332,7 +335,9 @@ def _is_squarely_on_a_side(area: ImpactArea) -> bool:
 
 
 def _strikes(record: CrashRecord) -> Iterator[str]:
-    """Persons whom a listed vehicle struck by ``STR_VEH``, but by none of the events, all of whose codes are known."""
+    """Yield persons whom a listed vehicle struck by ``STR_VEH``, but by none of the events, all of whose codes are
+    known.
+    """
     kinds = {event.kind for event in record.events}
     strikes = [event for event in record.events if event.kind is EventKind.PERSON_STRUCK]
     striking = {event.party_1 for event in strikes}
@@ -349,7 +354,7 @@ def _strikes(record: CrashRecord) -> Iterator[str]:
 
 
 def _places_of_persons(record: CrashRecord) -> Iterator[str]:
-    """``LOCATION`` and the typing's position of the same person that cannot both be."""
+    """Yield ``LOCATION`` and the typing's position of the same person that cannot both be."""
     for person in record.non_motorists:
         for element, table, code, zones in (
             ("PEDPOS", PEDPOS, person.pedestrian_position_code, ZONES_OF_PEDPOS),

@@ -1,4 +1,4 @@
-"""What a FARS crash type says about one vehicle: how it met the other, what it did, where it was struck.
+"""FARS crash types read for one vehicle: encounter, manoeuvre and side struck.
 
 ``ACC_TYPE`` (1-99) is coded per vehicle from the crash type diagrams of the FARS/CRSS Coding and Validation Manual.
 Read by number, never by label (the labels of 68-85 changed in 2023). Where ``ACC_TYPE`` says nothing (98, 99, single
@@ -19,7 +19,7 @@ from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 
 
 class Relation(StrEnum):
-    """How the two vehicles approached each other before either began its manoeuvre."""
+    """Relations of two vehicles before either began its manoeuvre."""
 
     SAME_LANE = "same_lane"  # rear-end
     SAME_DIRECTION = "same_direction"  # adjacent paths: sideswipe, lane change, passing
@@ -28,7 +28,7 @@ class Relation(StrEnum):
 
 
 class EncounterRole(StrEnum):
-    """Which part of the encounter the vehicle played."""
+    """Parts of a vehicle in an encounter."""
 
     STRIKING = "striking"  # with its front, by the diagram
     STRUCK = "struck"
@@ -80,17 +80,17 @@ class CrashType:
 
     @property
     def of_two(self) -> bool:
-        """Whether it is the configuration of two vehicles, the other one of which need not be known."""
+        """Return whether it is the configuration of two vehicles, the other one of which need not be known."""
         return self.relation is not None or self.counterpart is not None
 
     @property
     def needs_junction(self) -> bool:
-        """Whether a vehicle changed trafficway or two crossed, which takes a junction or driveway."""
+        """Return whether a vehicle changed trafficway or two crossed, which takes a junction or driveway."""
         return self.trajectory in (VehicleTrajectory.TURNING, VehicleTrajectory.INTERSECTING)
 
     @property
     def turned_across(self) -> Turn | None:
-        """The turn across or into the other's path; a vehicle struck from behind while it turns makes none."""
+        """Return the turn across or into the other's path; a vehicle struck from behind while it turns makes none."""
         return self.turn if self.role is EncounterRole.ENCROACHING else None
 
 
@@ -105,7 +105,7 @@ _TURN_OF_MOVEMENT: Final = {movement: turn for turn, movement in _MOVEMENT_OF_TU
 
 
 def _table() -> dict[int, CrashType]:
-    """The table by ``ACC_TYPE``; the letters are the manual's configurations."""
+    """Return the table by ``ACC_TYPE``; the letters are the manual's configurations."""
     table = {code: CrashType() for code in (0, 98, 99)}
     for code in range(1, 17):  # A to C, single driver
         departure = Side.RIGHT if code <= 5 else Side.LEFT if code <= 10 else None
@@ -162,7 +162,10 @@ def _opposite_direction() -> dict[int, CrashType]:
 
 
 def _forward_impacts(first: int, row: Callable[..., CrashType]) -> dict[int, CrashType]:
-    """E and H: out of control or avoiding something, into the other one's path; who was the other is not coded."""
+    """Return the e and H: out of control or avoiding something, into the other one's path.
+
+    Who was the other is not coded.
+    """
     table: dict[int, CrashType] = {}
     for code in range(first, first + 8, 2):
         table[code] = row(role=EncounterRole.ENCROACHING, movement=_STRAIGHT)
@@ -227,7 +230,7 @@ _UNKNOWN: Final = CrashType()
 
 
 def crash_type(acc_type: int | None) -> CrashType:
-    """The row of the table for an ``ACC_TYPE``; one that says nothing for unknown ones and None.
+    """Return the row of the table for an ``ACC_TYPE``; one that says nothing for unknown ones and None.
 
     >>> crash_type(69).counterpart, crash_type(69).movement.name
     (68, 'GOING_STRAIGHT')
@@ -236,7 +239,7 @@ def crash_type(acc_type: int | None) -> CrashType:
 
 
 def crash_type_of(vehicle: VehicleRecord) -> CrashType:
-    """The row of the table for a vehicle; one that says nothing where its type is unknown.
+    """Return the row of the table for a vehicle; one that says nothing where its type is unknown.
 
     >>> crash_type_of(record.vehicles[0]).turn.value  # ACC_TYPE 68: turns across the path of an oncoming vehicle
     'left'
@@ -245,7 +248,7 @@ def crash_type_of(vehicle: VehicleRecord) -> CrashType:
 
 
 def turn_of(vehicle: VehicleRecord) -> Turn | None:
-    """The turn a vehicle made: by its movement, else by its crash type.
+    """Return the turn a vehicle made: by its movement, else by its crash type.
 
     >>> turn_of(record.vehicles[0]).value  # P_CRASH1 11: turning left
     'left'
@@ -254,7 +257,7 @@ def turn_of(vehicle: VehicleRecord) -> Turn | None:
 
 
 def vehicle_trajectory(acc_types: Sequence[int | None]) -> VehicleTrajectory:
-    """Class of a crash from the ``ACC_TYPE`` of the vehicles that collided, first party first.
+    """Return the class of a crash from the ``ACC_TYPE`` of the vehicles that collided, first party first.
 
     A vehicle whose type says nothing about a pair (others) does not outvote one whose type does; of two types that
     name different classes the first party's holds. :func:`trajectories_disagree` tells when that was so.
@@ -267,7 +270,7 @@ def vehicle_trajectory(acc_types: Sequence[int | None]) -> VehicleTrajectory:
 
 
 def trajectories_disagree(acc_types: Sequence[int | None]) -> bool:
-    """Whether the vehicles' known ``ACC_TYPE`` values fall into different classes.
+    """Return whether the vehicles' known ``ACC_TYPE`` values fall into different classes.
 
     >>> trajectories_disagree([86, 87]), trajectories_disagree([86, 50]), trajectories_disagree([86, None])
     (False, True, False)
@@ -277,7 +280,9 @@ def trajectories_disagree(acc_types: Sequence[int | None]) -> bool:
 
 @dataclass(frozen=True)
 class CriticalEvent:
-    """What ``P_CRASH2`` says. ``own``: this vehicle's action made the crash; None: the code does not say.
+    """The meaning of ``P_CRASH2``.
+
+    ``own``: this vehicle's action made the crash; None: the code does not say.
 
     ``driveway``: the vehicle that came from the crossing path (``crossing_is_other``: the other one) came from a
     driveway or roadside, where the map need not have a road.
@@ -290,7 +295,7 @@ class CriticalEvent:
 
 
 def critical_event(code: int | None) -> CriticalEvent:
-    """The meaning of ``P_CRASH2``; everything unknown for codes that do not concern two vehicles' approach.
+    """Return the meaning of ``P_CRASH2``; everything unknown for codes that do not concern two vehicles' approach.
 
     >>> critical_event(62).own, str(critical_event(62).relation)  # the other one came from the opposite direction
     (False, 'opposite_direction')
@@ -319,7 +324,7 @@ def critical_event(code: int | None) -> CriticalEvent:
 
 
 def opposite_side(side: Side) -> Side:
-    """The other side.
+    """Return the other side.
 
     >>> opposite_side(Side.LEFT).value
     'right'

@@ -1,4 +1,5 @@
-"""Where a vehicle left the road before its first harmful event: by its events, its crash type, its critical event.
+"""The side on which a vehicle left the road before its first harmful event, by its events, crash type and critical
+event.
 
 The side is that of the last departure (``SOE`` 63, 64, 71) before the event; else of the crash type (``ACC_TYPE`` 1
 to 5 right, 6 to 10 left, 11 to 16 ahead), else of the critical event (``P_CRASH2`` 12 to 14).
@@ -15,7 +16,7 @@ from trace_dag.crash.record import VehicleRecord
 
 
 class DepartureSide(StrEnum):
-    """Where a vehicle left the road, as its driver sees it."""
+    """Sides of the road, seen by the driver."""
 
     RIGHT = "right"
     LEFT = "left"
@@ -42,7 +43,7 @@ _END_OF_ROAD: Final = 14  # ACC_TYPE
 
 
 def departs_at_end(vehicle: VehicleRecord) -> bool:
-    """Whether a vehicle drove on where its road ended, by its crash type or critical event.
+    """Return whether a vehicle drove on where its road ended, by its crash type or critical event.
 
     >>> from dataclasses import replace
     >>> car = tree_record.vehicles[0]
@@ -53,7 +54,7 @@ def departs_at_end(vehicle: VehicleRecord) -> bool:
 
 
 def departure_side(vehicle: VehicleRecord, by_event: DepartureSide | None) -> DepartureSide | None:
-    """Where a vehicle left the road before its first harmful event; None where nothing tells it.
+    """Return the side on which a vehicle left the road before its first harmful event; None where nothing reports it.
 
     ``by_event``: as its events say it.
 

@@ -42,7 +42,7 @@ _SIDE_AREAS: Final[Mapping[int, tuple[float, float]]] = {
 
 
 def impact_area(code: int | None) -> ImpactArea | None:
-    """The area of the body a code of ``IMPACT1`` or ``AOI`` names, None for codes that name no side of it.
+    """Return the area of the body a code of ``IMPACT1`` or ``AOI`` names, None for codes that name no side of it.
 
     >>> impact_area(3).clock_h, impact_area(13)  # 3 o'clock; 13 is the top
     (3.0, None)
@@ -64,7 +64,7 @@ _CRASH_TYPE_UNKNOWN: Final = 99
 
 
 def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]) -> tuple[VehicleRecord, ...]:
-    """The vehicles, the one of a pair without ``ACC_TYPE`` with the type its partner's implies, marked.
+    """Return the vehicles, the one of a pair without ``ACC_TYPE`` with the type its partner's implies, marked.
 
     >>> silent = replace(record.vehicles[0], crash_type_code=None)
     >>> car, motorcycle = with_crash_types([silent, record.vehicles[1]], record.events)
@@ -85,7 +85,7 @@ def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRe
 
 
 def in_one_configuration(one: int | None, other: int | None) -> bool:
-    """Whether two ``ACC_TYPE`` are the two sides of one configuration, such as 20 and 21.
+    """Return whether two ``ACC_TYPE`` are the two sides of one configuration, such as 20 and 21.
 
     >>> in_one_configuration(20, 21), in_one_configuration(20, 50)
     (True, False)
@@ -96,7 +96,7 @@ def in_one_configuration(one: int | None, other: int | None) -> bool:
 def _pair(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]
 ) -> tuple[VehicleRecord, VehicleRecord] | None:
-    """The two vehicles of the first contact, or None."""
+    """Return the two vehicles of the first contact, or None."""
     contact = first_vehicle_contact(events)
     if contact is None:
         return None
@@ -143,7 +143,7 @@ UNSAID_MOVEMENTS: Final = frozenset({PreCrashMovement.OTHER, PreCrashMovement.UN
 
 
 def implied_movement(vehicle: VehicleRecord) -> PreCrashMovement | None:
-    """The movement that ``ACC_TYPE``, else ``P_CRASH2``, else a speed of zero says, None if none of them does.
+    """Return the movement that ``ACC_TYPE``, else ``P_CRASH2``, else a speed of zero says, None if none of them does.
 
     >>> implied_movement(record.vehicles[0]).name  # ACC_TYPE 68
     'TURNING_LEFT'
@@ -199,7 +199,7 @@ _FRONT_TO_REAR, _FRONT_TO_FRONT, _REAR_TO_REAR = 1, 2, 10
 
 
 def _implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) -> ImpactArea | None:
-    """The area that ``MAN_COLL`` says was struck, given that of the other vehicle."""
+    """Return the area that ``MAN_COLL`` says was struck, given that of the other vehicle."""
     if man_coll == _FRONT_TO_FRONT:
         return impact_area(_FRONT)
     if man_coll == _REAR_TO_REAR:
@@ -213,7 +213,7 @@ def _implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) 
 
 
 def implied_impact_of_damage(damaged_areas: Sequence[int]) -> ImpactArea | None:
-    """The middle of the damaged clock positions, if they lie together; its interval covers them all.
+    """Return the middle of the damaged clock positions, if they lie together; its interval covers them all.
 
     >>> implied_impact_of_damage([11, 12, 1]).code
     12
@@ -236,7 +236,7 @@ _DAMAGE_CONCENTRATION: Final = 0.7
 
 
 def is_near(area: ImpactArea, clock_h: float, tolerance_h: float = SAME_AREA_H) -> bool:
-    """Whether a clock position lies in an area, or no more than ``tolerance_h`` from its centre.
+    """Return whether a clock position lies in an area, or no more than ``tolerance_h`` from its centre.
 
     >>> struck = record.vehicles[0].impact  # at 3 o'clock
     >>> is_near(struck, 4.0), is_near(struck, 6.0)
@@ -249,7 +249,7 @@ def is_near(area: ImpactArea, clock_h: float, tolerance_h: float = SAME_AREA_H) 
 def with_impacts(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
 ) -> tuple[VehicleRecord, ...]:
-    """The vehicles with ``impact`` set as far as any field says it, marked as implied unless ``IMPACT1`` does.
+    """Return the vehicles with ``impact`` set as far as any field says it, marked as implied unless ``IMPACT1`` does.
 
     ``IMPACT1`` is the vehicle's first impact with anything. A vehicle that struck something else before it collided
     with the other vehicle has its collision's area in the event, and that is the one a reconstruction needs.
@@ -289,7 +289,7 @@ def _with_own_impact(
 
 
 def area_in(event: EventRecord, number: int) -> ImpactArea | None:
-    """Where on its body an event touched the vehicle of that number.
+    """Return the area of a numbered vehicle that an event touched.
 
     >>> area_in(record.events[0], 1).clock_h
     3.0
@@ -300,7 +300,8 @@ def area_in(event: EventRecord, number: int) -> ImpactArea | None:
 
 
 def _harmful_before(number: int, events: Sequence[EventRecord], collision: EventRecord | None) -> bool:
-    """Whether the vehicle met something else that did harm, before ``collision`` (or at all, if that is None)."""
+    """Return whether the vehicle met something else that did harm, before ``collision`` (or at all, if that is
+    None)."""
     for event in events:
         if event is collision:
             return False
@@ -323,7 +324,7 @@ CORNER_H: Final = 2.0
 
 
 def agrees_with_manner(man_coll: int | None, one: ImpactArea | None, other: ImpactArea | None) -> bool | None:
-    """Whether ``MAN_COLL`` lets these areas meet, None where it says nothing of them or an area is not known."""
+    """Return whether ``MAN_COLL`` lets these areas meet, None where it says nothing of them or an area is not known."""
     needs = _MANNERS.get(man_coll or 0)
     return None if needs is None or one is None or other is None else needs(one, other) or needs(other, one)
 

@@ -1,4 +1,4 @@
-"""What a vehicle struck: which person, and the number of an object, an animal or a train.
+"""Parties struck by a vehicle: the person, and the number of an object, an animal or a train.
 
 No table says which person an event was with (``VNUMBER2`` is 9999 or 5555 there). There is only one vehicle that struck
 each person (``STR_VEH``), and it need not be the first (in 2023-510304 it is the second). So a person is identified by
@@ -96,7 +96,7 @@ def _of_kind(event: EventRecord, persons: Sequence[NonMotorist]) -> list[NonMoto
 
 
 def _possible(event: EventRecord, of_kind: list[NonMotorist], strikes: Sequence[EventRecord]) -> list[NonMotorist]:
-    """The persons this strike can have been of: whom ``STR_VEH`` says the vehicle struck, else any."""
+    """Return the persons this strike can have been of: whom ``STR_VEH`` says the vehicle struck, else any."""
     if len(of_kind) == 1:
         return of_kind
     own = [person for person in of_kind if person.striking_vehicle == event.party_1]

@@ -63,7 +63,7 @@ class CrashEvent:
 
     @property
     def party(self) -> int:
-        """Number of the second party: that of the vehicle itself where it overturns."""
+        """Return the number of the second party: that of the vehicle itself where it overturns."""
         if self.kind is EventKind.OBJECT_STRUCK:
             return thing_party(self.number)
         if isinstance(self.partner, VehicleRecord):
@@ -72,25 +72,28 @@ class CrashEvent:
 
     @property
     def pair(self) -> tuple[int, int]:
-        """Numbers of both parties, the lower one first; an object's is 2000 and the event's."""
+        """Return numbers of both parties, the lower one first; an object's is 2000 and the event's."""
         one, two = sorted((self.vehicle.number, self.party))
         return one, two
 
     @property
     def is_contact(self) -> bool:
-        """Whether a vehicle touches another one, a person or an animal."""
+        """Return whether a vehicle touches another one, a person or an animal."""
         return self.kind in CONTACTS
 
     @property
     def person(self) -> NonMotorist:
-        """Whom the vehicle strikes. Raises ``TypeError`` for an event of another kind."""
+        """Return the whom the vehicle strikes.
+
+        Raises ``TypeError`` for an event of another kind.
+        """
         if not isinstance(self.partner, NonMotorist):
             raise TypeError(f"event {self.number} is no strike of a person or an animal")
         return self.partner
 
     @property
     def vehicles(self) -> tuple[VehicleRecord, ...]:
-        """The vehicles that take part, each struck where this event says."""
+        """Return the vehicles that take part, each struck where this event says."""
         own = replace(self.vehicle, impact=self.area)
         return (
             (own, replace(self.partner, impact=self.partner_area))
@@ -99,7 +102,10 @@ class CrashEvent:
         )
 
     def as_struck(self, number: int) -> VehicleRecord:
-        """A vehicle that takes part, struck where this event says. Raises ``KeyError`` for one that does not."""
+        """Return a vehicle that takes part, struck where this event says.
+
+        Raises ``KeyError`` for one that does not.
+        """
         for vehicle in self.vehicles:
             if vehicle.number == number:
                 return vehicle
@@ -107,12 +113,12 @@ class CrashEvent:
 
     @property
     def parked(self) -> VehicleRecord | None:
-        """The vehicle that is parked or at work, if one is."""
+        """Return the vehicle that is parked or at work, if one is."""
         return next((vehicle for vehicle in self.vehicles if not vehicle.in_transport), None)
 
     @property
     def name(self) -> str:
-        """What it is called in a hypothesis."""
+        """Return its name in a hypothesis."""
         what = {EventKind.OBJECT_STRUCK: "object", EventKind.OVERTURN: "overturn"}.get(self.kind, "contact")
         return f"{what} of event {self.number}"
 
@@ -133,12 +139,12 @@ class EventSequence:
 
     @property
     def first(self) -> CrashEvent:
-        """The first harmful event."""
+        """Return the first harmful event."""
         return self.events[0]
 
     @property
     def contacts(self) -> tuple[CrashEvent, ...]:
-        """The events in which vehicles touch each other, people or animals."""
+        """Return the events in which vehicles touch each other, people or animals."""
         return tuple(event for event in self.events if event.is_contact)
 
     def has(self, number: int) -> bool:
@@ -148,20 +154,20 @@ class EventSequence:
         return number in {*own, *beyond, *self.unclear}
 
     def goes_on_with(self, number: int) -> CrashEvent | None:
-        """The event to which the report's event of a number belongs; None for one of its own."""
+        """Return the event to which the report's event of a number belongs; None for one of its own."""
         return next((event for event in self.events if number in event.going_on), None)
 
 
 @dataclass(frozen=True)
 class Missing:
-    """What of a crash's sequence the report does not tell, or cannot be simulated, as a sentence."""
+    """A part of a crash's sequence that is not reported or cannot be simulated, as a sentence."""
 
     reason: Reason
     sentence: str
 
 
 def event_sequence(record: CrashRecord) -> EventSequence | Missing:
-    """The sequence of a crash, or what of it is missing.
+    """Return the sequence of a crash, or what of it is missing.
 
     >>> sequence = event_sequence(queue_record)
     >>> [(event.kind.value, event.pair) for event in sequence.events]
@@ -186,7 +192,7 @@ def event_sequence(record: CrashRecord) -> EventSequence | Missing:
 
 
 def sequence_of(record: CrashRecord) -> EventSequence:
-    """The sequence of a crash whose record was checked; ``ValueError`` where something is missing.
+    """Return the sequence of a crash whose record was checked; ``ValueError`` where something is missing.
 
     >>> sequence_of(tree_record).first.side.value  # it leaves the road to the right before it strikes a tree
     'right'
@@ -198,7 +204,7 @@ def sequence_of(record: CrashRecord) -> EventSequence:
 
 
 def first_event_kind(record: CrashRecord) -> EventKind | None:
-    """The kind of the first harmful event; None where something is missing.
+    """Return the kind of the first harmful event; None where something is missing.
 
     >>> str(first_event_kind(pedestrian_record))
     'person_struck'
@@ -209,8 +215,10 @@ def first_event_kind(record: CrashRecord) -> EventKind | None:
 
 # --- which events ----------------------------------------------------------------------------------------------------
 def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord] | Missing:
-    """The harmful events from the first one on: that of ``HARM_EV`` where there is one; what that implies where the
-    report lists none."""
+    """Return the harmful events from the first one on: that of ``HARM_EV`` where there is one.
+
+    What that implies where the report lists none.
+    """
     harmful = [event for event in record.events if event.is_harmful]
     code = record.first_harmful_event_code
     first = next((place for place, event in enumerate(harmful) if event.code == code), 0)
@@ -219,7 +227,7 @@ def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord] | Missing:
 
 
 def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord] | Missing:
-    """The event that the first harmful event's code implies where the crash has one vehicle."""
+    """Return the event that the first harmful event's code implies where the crash has one vehicle."""
     if (unlisted := unlisted_vehicles(record)) is not None:
         return Missing(Reason.INCOMPLETE_SEQUENCE, unlisted)
     moving = [vehicle for vehicle in record.vehicles if vehicle.in_transport]
@@ -242,7 +250,7 @@ def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord] | M
 
 
 def unlisted_vehicles(record: CrashRecord) -> str | None:
-    """That the report lists fewer vehicles in transport than it counts (``VE_FORMS``), as a sentence; else None.
+    """Return that the report lists fewer vehicles in transport than it counts (``VE_FORMS``), as a sentence; else None.
 
     >>> unlisted_vehicles(replace(record, vehicles=record.vehicles[:1]))
     'the report lists 1 of 2 vehicles in transport'
@@ -330,18 +338,21 @@ class _Reader:
         )
 
     def _area(self, vehicle: VehicleRecord, area: ImpactArea | None) -> ImpactArea | None:
-        """The area of an event. Where the event does not say it, a vehicle is first struck at its initial impact."""
+        """Return the area of an event.
+
+        Where the event does not say it, a vehicle is first struck at its initial impact.
+        """
         return vehicle.impact if area is None and vehicle.number not in self._met else area
 
     def _other_vehicle(self, event: EventRecord) -> int | None:
-        """The second vehicle of a contact: the only other one, if the event does not say it."""
+        """Return the second vehicle of a contact: the only other one, if the event does not say it."""
         if event.party_2 is not None or event.code not in _OF_TWO_IN_TRANSPORT or self._record.moving_vehicles != 2:
             return event.party_2
         others = [vehicle.number for vehicle in self._record.vehicles if vehicle.number != event.party_1]
         return others[0] if len(others) == 1 else None
 
     def _struck(self, event: EventRecord) -> NonMotorist | None:
-        """Whom an event was with: the one named, or one not listed; None if that cannot be told."""
+        """Return the whom an event was with: the one named, or one not listed; None if that cannot be told."""
         if event.kind is EventKind.ANIMAL_STRUCK:
             own = event.number if event.party_2 is None else event.party_2 - thing_party(0)
             self._animal = own if self._animal is None else self._animal
@@ -361,15 +372,16 @@ class _Reader:
 
 
 def _last_departure(record: CrashRecord, until: EventRecord) -> EventRecord | None:
-    """A vehicle's last departure to a known side before another event of it."""
+    """Return a vehicle's last departure to a known side before another event of it."""
     own = [each for each in record.events if each.number < until.number and each.party_1 == until.party_1]
     return next((each for each in reversed(own) if each.code in SIDE_AFTER_EVENT), None)
 
 
 # --- what is missing -------------------------------------------------------------------------------------------------
 def _missing_from(record: CrashRecord, harmful: Sequence[EventRecord], reader: _Reader) -> str | None:
-    """What the sequence leaves open, as a sentence: who took part in the first event or in a contact, and what part
-    each vehicle had where more than two met."""
+    """Return what the sequence leaves open, as a sentence: the parties of the first event or of a contact, and each
+    vehicle's part where more than two met.
+    """
     several = len(record.vehicles) > 2 or record.moving_vehicles > 2 or record.kind is CrashKind.PARKED
     meet = any(event.kind is EventKind.VEHICLE_CONTACT for event in harmful)
     if meet and several and (unlisted := unlisted_vehicles(record)) is not None:
@@ -386,7 +398,7 @@ def _missing_from(record: CrashRecord, harmful: Sequence[EventRecord], reader: _
 
 
 def _without_part(record: CrashRecord, harmful: Iterable[EventRecord]) -> list[int]:
-    """The vehicles without a harmful event that is known."""
+    """Return the vehicles without a harmful event that is known."""
     taking_part: set[int | None] = set()
     for event in harmful:
         if event.is_vehicle_contact or event.kind is not EventKind.VEHICLE_CONTACT:

@@ -25,7 +25,7 @@ _UNKNOWN_WORDS: Final = frozenset(
 
 
 def malformed(detail: str) -> Rejection:
-    """The rejection of a report that cannot be read.
+    """Return the rejection of a report that cannot be read.
 
     >>> str(malformed("CrashSet is missing").reason)
     'malformed_report'
@@ -56,15 +56,15 @@ class Fields:
                 self._text.setdefault(local_name(child).upper(), " ".join(text.split()))
 
     def names(self) -> set[str]:
-        """The names of all values that are not blank, in capitals."""
+        """Return the names of all values that are not blank, in capitals."""
         return {name for name, value in self._text.items() if value}
 
     def text(self, *names: str) -> str:
-        """The first of the named values that is not blank, else ""."""
+        """Return the first of the named values that is not blank, else ""."""
         return next((self._text[name] for name in names if self._text.get(name)), "")
 
     def integer(self, *names: str, low: int | None = None, high: int | None = None) -> int | None:
-        """A whole number, None if blank or said to be unknown; outside ``low`` to ``high`` it is malformed."""
+        """Return a whole number, None if blank or said to be unknown; outside ``low`` to ``high`` it is malformed."""
         value = self._value(*names)
         if value is None:
             return None
@@ -76,7 +76,7 @@ class Fields:
         return number
 
     def decimal(self, *names: str) -> float | None:
-        """A decimal number, None if blank or said to be unknown."""
+        """Return a decimal number, None if blank or said to be unknown."""
         value = self._value(*names)
         if value is None:
             return None
@@ -85,7 +85,7 @@ class Fields:
         return float(value)
 
     def code(self, table: CodeTable, *names: str) -> int | None:
-        """A code of ``table`` in this report's year, None if blank or a word for unknown.
+        """Return a code of ``table`` in this report's year, None if blank or a word for unknown.
 
         Raises :class:`UnknownCodeError` for one the table does not hold.
         """
@@ -93,11 +93,11 @@ class Fields:
         return None if number is None else table.check(number, self.year)
 
     def known_code(self, table: CodeTable, *names: str) -> int | None:
-        """As :meth:`code`, with the codes that say "unknown" as None too."""
+        """Return :meth:`code`, with None also for the codes that mean "unknown"."""
         return table.known(self.code(table, *names))
 
     def members(self, *lists: str) -> Iterator[etree._Element]:
-        """The elements of a list below this one (``Vehicles``, ``Vsoes``), whatever their own name."""
+        """Yield the elements of a list below this one (``Vehicles``, ``Vsoes``), whatever their own name."""
         wanted = {name.upper() for name in lists}
         for name, child in self._lists:
             if name in wanted:
@@ -113,7 +113,7 @@ class Fields:
 
 
 def local_name(element: etree._Element) -> str:
-    """The element's name without its namespace, which lxml writes before it in braces.
+    """Return the element's name without its namespace, which lxml writes before it in braces.
 
     >>> local_name(etree.fromstring('<Count xmlns="http://example.org">1</Count>'))
     'Count'

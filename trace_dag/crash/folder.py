@@ -67,7 +67,7 @@ class Unrecognised:
 
 @dataclass(frozen=True)
 class FolderScan:
-    """What lies in the folders: reports in order of their keys, one per crash, and what was left aside."""
+    """The files of the folders: reports in order of their keys, one per crash, and the files left aside."""
 
     reports: tuple[FoundReport, ...]
     duplicates: tuple[Duplicate, ...] = ()
@@ -110,7 +110,7 @@ def scan(paths: Iterable[Path]) -> FolderScan:
 
 
 def identify(data: bytes, *, name: str) -> tuple[str, bool] | None:
-    """The key of the crash a response is about and whether it holds the case, None if it is not a response.
+    """Return the key of the crash a response is about and whether it holds the case, None if it is not a response.
 
     Raises :class:`Rejection` for data that must not be parsed (too large, with a document type).
 
@@ -199,7 +199,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def _best_first(reports: list[FoundReport]) -> list[FoundReport]:
-    """The file to read first: one that holds the case before one that does not, well-formed before broken."""
+    """Return the file to read first: one that holds the case before one that does not, well-formed before broken."""
     if len(reports) == 1:
         return reports
     return sorted(reports, key=lambda report: (not report.released, _content(report) is None))
@@ -213,7 +213,7 @@ def _same_content(first: FoundReport, second: FoundReport) -> bool:
 
 
 def _content(report: FoundReport) -> str | None:
-    """What a well-formed report says, whatever its indentation; None if it is not well-formed."""
+    """Return the content of a well-formed report, whatever its indentation; None if it is not well-formed."""
     try:
         root, _ = parse_untrusted(report.path.read_bytes(), name=report.path.name)
     except Rejection:

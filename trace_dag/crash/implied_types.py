@@ -28,7 +28,7 @@ _TURNED_LEFT_FROM_RIGHT: Final = 82  # into the opposite direction of the one th
 def with_implied_types(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
 ) -> tuple[VehicleRecord, ...]:
-    """The vehicles, the two of the first contact with the types that are implied, marked.
+    """Return the vehicles, the two of the first contact with the types that are implied, marked.
 
     >>> ahead = replace(queue_record.vehicles[1], crash_type_code=None)  # P_CRASH1 5: stopped
     >>> behind = replace(queue_record.vehicles[0], crash_type_code=None)
@@ -50,7 +50,10 @@ def with_implied_types(
 
 
 def _types(man_coll: int | None, one: VehicleRecord, two: VehicleRecord) -> dict[int, int]:
-    """The types of both, by number, where ``one`` strikes ``two`` from behind, or turns; nothing where it does not."""
+    """Return the types of both, by number, where ``one`` strikes ``two`` from behind, or turns.
+
+    Nothing where it does not.
+    """
     if man_coll == _REAR_END:
         return _rear_end(one, two)
     if man_coll != _ANGLE or one.heading is None or two.heading is None:

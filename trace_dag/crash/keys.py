@@ -31,18 +31,20 @@ class CrashKey:
 
     @property
     def state_case(self) -> int | None:
-        """FARS' ``stateCase``; None of other registers."""
+        """Return the FARS' ``stateCase``; None of other registers."""
         return None if self.case_year is None else int(self.id)
 
     @property
     def order(self) -> tuple[object, ...]:
-        """Sorts keys: FARS by year and number, then each register by itself, numbers by their size."""
+        """Return sorts keys: FARS by year and number, then each register by itself, numbers by their size."""
         number = int(self.id) if self.id.isascii() and self.id.isdigit() else -1
         return (self.register != FARS, self.register, self.case_year or 0, number, self.id)
 
 
 def crash_key(case_year: int, state_case: int) -> str:
-    """The key of a crash of FARS. Raises ValueError for numbers that FARS does not use.
+    """Return the key of a crash of FARS.
+
+    Raises ValueError for numbers that FARS does not use.
 
     >>> crash_key(2023, 510179)
     '2023-510179'
@@ -57,7 +59,9 @@ def crash_key(case_year: int, state_case: int) -> str:
 
 
 def register_key(register: str, crash_id: str) -> str:
-    """The key of a crash of another register. Raises ValueError for an id with other characters than a key may have.
+    """Return the key of a crash of another register.
+
+    Raises ValueError for an id with other characters than a key may have.
 
     >>> register_key("tempe", "2579417")
     'tempe-2579417'
@@ -72,7 +76,9 @@ def register_key(register: str, crash_id: str) -> str:
 
 
 def parse_key(key: str) -> CrashKey:
-    """A key taken apart. Raises UserError for anything that is not one.
+    """Return a key taken apart.
+
+    Raises UserError for anything that is not one.
 
     >>> parse_key("2023-510179").state_case, parse_key("tempe-2579417").register
     (510179, 'tempe')
@@ -91,7 +97,9 @@ def parse_key(key: str) -> CrashKey:
 
 
 def fars_case(key: str) -> tuple[int, int]:
-    """Case year and state case of a key of FARS. Raises UserError for one of another register.
+    """Return the case year and state case of a key of FARS.
+
+    Raises UserError for one of another register.
 
     >>> fars_case("2023-510179")
     (2023, 510179)
@@ -103,7 +111,7 @@ def fars_case(key: str) -> tuple[int, int]:
 
 
 def state_of(state_case: int) -> int:
-    """The ``STATE`` code a state case belongs to.
+    """Return the ``STATE`` code a state case belongs to.
 
     >>> state_of(510179)  # Virginia
     51

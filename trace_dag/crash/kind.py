@@ -14,7 +14,10 @@ from trace_dag.crash.codes import events as codes
 
 
 class CrashKind(StrEnum):
-    """What kind of crash it was. Codes are those of the first harmful event (``HARM_EV``)."""
+    """Kinds of crashes.
+
+    Codes are those of the first harmful event (``HARM_EV``).
+    """
 
     TWO_VEHICLES = "two_vehicles"
     MULTI_VEHICLE = "multi_vehicle"
@@ -47,7 +50,7 @@ _OF_VEHICLES: Final = frozenset({codes.MOTOR_VEHICLE_IN_TRANSPORT, codes.VEHICLE
 
 
 def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | None) -> CrashKind | None:
-    """The kind of a crash, None if neither the first harmful event nor the number of vehicles is known.
+    """Return the kind of a crash, None if neither the first harmful event nor the number of vehicles is known.
 
     Args:
         first_harmful: code of the first harmful event, None if it is not known.
@@ -67,7 +70,7 @@ def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | 
 
 
 def kind_of_codes(harm_ev: int | None, vehicles: int | None, events: Sequence[int]) -> CrashKind | None:
-    """The kind of a crash from its codes: ``HARM_EV``, ``VE_FORMS``, and the ``SOE`` of its events in order.
+    """Return the kind of a crash from its codes: ``HARM_EV``, ``VE_FORMS``, and the ``SOE`` of its events in order.
 
     Where ``HARM_EV`` does not say it, the first harmful event is the first one of the events.
 

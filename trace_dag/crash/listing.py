@@ -45,27 +45,27 @@ class CrashListing:
 
     @property
     def state_code(self) -> int | None:
-        """``STATE``."""
+        """Return ``STATE``."""
         return self.register_state_code if self.state_case is None else state_of(self.state_case)
 
     @property
     def collision_type(self) -> CollisionType:
-        """Coverage class of the manner of collision."""
+        """Return the coverage class of the manner of collision."""
         return collision_type(self.manner_of_collision_code)
 
     @property
     def road_topology(self) -> RoadTopology:
-        """Coverage class of the intersection."""
+        """Return the coverage class of the intersection."""
         return road_topology(self.intersection_type_code, self.junction_relation_code)
 
     @property
     def vehicle_trajectory(self) -> VehicleTrajectory:
-        """Coverage class of the vehicles' crash types."""
+        """Return the coverage class of the vehicles' crash types."""
         return vehicle_trajectory(self.crash_types)
 
 
 def list_record(record: CrashRecord) -> CrashListing:
-    """The line of a crash whose source has read its record.
+    """Return the line of a crash whose source has read its record.
 
     >>> list_record(record).manner_of_collision_code  # MAN_COLL 6: angle
     6
@@ -91,7 +91,9 @@ def list_record(record: CrashRecord) -> CrashListing:
 
 
 def list_report(data: bytes, *, name: str) -> CrashListing:
-    """The line of a report in any of its forms. Raises :class:`trace_dag.common.errors.Rejection` as reading it does.
+    """Return the line of a report in any of its forms.
+
+    Raises :class:`trace_dag.common.errors.Rejection` as reading it does.
 
     >>> list_report(report_xml, name="crash_319003.xml").manner_of_collision_code  # MAN_COLL 6: angle
     6
@@ -127,7 +129,7 @@ def list_report(data: bytes, *, name: str) -> CrashListing:
 
 
 def _kind(crash: Fields) -> CrashKind | None:
-    """The kind of crash, as the record of the report would have it."""
+    """Return the kind of crash, as the record of the report would have it."""
     vehicles = [Fields(element, crash.where) for element in crash.members("Vehicles")]
     own = [*vehicles, *(Fields(element, crash.where) for element in crash.members("ParkWorks"))]
     rows = [Fields(element, crash.where) for element in crash.members("CEvents")]

@@ -1,4 +1,5 @@
-"""Who met whom, for reports that have only each vehicle's own sequence (``VSOE``), which never names the other party.
+"""Meetings of vehicles for reports with each vehicle's own sequence alone (``VSOE``), which never names the other
+party.
 
 A contact stands in the sequences of both its vehicles. So every contact in one sequence has its counterpart in another,
 and each sequence is in order of time. Often only one pairing fits: always with two vehicles; with three vehicles and
@@ -42,7 +43,7 @@ class VehicleEvent:
 
 @dataclass(frozen=True)
 class FirstEvent:
-    """What the report says of the first harmful event: whether two vehicles met in it, and how (``MAN_COLL``)."""
+    """The reported first harmful event: whether two vehicles met in it, and how (``MAN_COLL``)."""
 
     contact: bool
     man_coll: int | None
@@ -51,7 +52,8 @@ class FirstEvent:
 def merged(
     by_vehicle: Mapping[int, Sequence[VehicleEvent]], vehicles: Sequence[VehicleRecord], first: FirstEvent
 ) -> tuple[tuple[EventRecord, ...], bool]:
-    """The crash's sequence put together from the vehicles' own, and whether the order of contacts had to be chosen.
+    """Return the crash's sequence put together from the vehicles' own, and whether the order of contacts had to be
+    chosen.
 
     Where several pairings are possible, those stay whose first contact is what ``MAN_COLL`` and the crash types say.
     If these differ in the order of contacts only, vehicles of lower numbers met first (so in 92.5 % of the 1,712
@@ -97,7 +99,7 @@ def merged(
 
 
 def _only_other(event: VehicleEvent, numbers: Iterable[int], standing: frozenset[int]) -> int | None:
-    """The one vehicle an unpaired contact can have been with, None if there are several or none."""
+    """Return the one vehicle an unpaired contact can have been with, None if there are several or none."""
     if event.code not in VEHICLE_EVENTS:
         return None
     possible = [number for number in numbers if _may_meet(event, number, event.code, standing)]
@@ -117,7 +119,7 @@ def _pairing(
     vehicles: Mapping[int, VehicleRecord],
     first: FirstEvent,
 ) -> tuple[_Pairing, bool]:
-    """The meetings that are certain, and whether their order is not."""
+    """Return the meetings that are certain, and whether their order is not."""
     possible = _pairings(contacts, standing)
     if not possible:
         return _in_turn(contacts, standing), False
@@ -132,14 +134,15 @@ def _pairing(
 
 
 def _queue(possible: set[_Pairing], contacts: Mapping[int, Sequence[VehicleEvent]]) -> _Pairing | None:
-    """The pairing in which every contact is one of a front with a rear and each vehicle ran into its neighbour by
-    number; None if there is none, or more than one that is as near to that."""
+    """Return the pairing in which every contact is one of a front with a rear and each vehicle ran into its neighbour
+    by number; None if there is none, or more than one that is as near to that.
+    """
 
     def apart(pairing: _Pairing) -> float:
         return math.fsum(abs(one[0] - other[0]) for one, other in pairing)
 
     def end(vehicle: int, index: int) -> int:
-        """1 at the front, -1 at the rear, 0 elsewhere."""
+        """Return 1 at the front, -1 at the rear, 0 elsewhere."""
         area = contacts[vehicle][index].area
         along = math.cos(area.centre_rad) if area is not None else 0.0
         return 1 if along > _END else -1 if along < -_END else 0
@@ -151,7 +154,7 @@ def _queue(possible: set[_Pairing], contacts: Mapping[int, Sequence[VehicleEvent
 
 
 def _pairings(contacts: Mapping[int, Sequence[VehicleEvent]], standing: frozenset[int]) -> set[_Pairing]:
-    """Every way to pair all contacts; none if one has no counterpart, or if there are too many."""
+    """Return every way to pair all contacts; none if one has no counterpart, or if there are too many."""
     numbers = sorted(contacts)
     if sum(map(len, contacts.values())) > MOST_CONTACTS:
         return set()
@@ -174,7 +177,7 @@ def _pairings(contacts: Mapping[int, Sequence[VehicleEvent]], standing: frozense
 
 
 def _in_turn(contacts: Mapping[int, Sequence[VehicleEvent]], standing: frozenset[int]) -> _Pairing:
-    """Of two vehicles the first contact of one is the first of the other, and so on, even if one has more of them."""
+    """Pair the contacts of two vehicles in order, even if one has more of them."""
     numbers = sorted(number for number in contacts if contacts[number])
     if len(numbers) != 2:
         return frozenset()
@@ -192,7 +195,9 @@ def _first_fits(
     vehicles: Mapping[int, VehicleRecord],
     man_coll: int | None,
 ) -> int:
-    """How well a pairing's first contact agrees with the crash types (2) and with the manner of collision (1 or -1)."""
+    """Score the agreement of a pairing's first contact with the crash types (2) and with the manner of collision (1 or
+    -1).
+    """
 
     def fits(one: int, other: int) -> int:
         types = in_one_configuration(vehicles[one].crash_type_code, vehicles[other].crash_type_code)

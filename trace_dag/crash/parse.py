@@ -39,7 +39,7 @@ _NO_NAME: Final = frozenset({"NOT APPLICABLE", "NOT REPORTED", "UNKNOWN", "OTHER
 
 
 def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key: str | None = None) -> CrashRecord:
-    """The record of the crash a report describes.
+    """Return the record of the crash a report describes.
 
     Args:
         data: the report as its source serves it: a CrashAPI ``GetCaseDetails`` response (XML), the rows of FARS tables
@@ -73,7 +73,8 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
 
 
 def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etree._Element, bool]:
-    """The ``CrashResultSet`` of a report in FARS' own words, XML or rows, and whether its text had to be repaired.
+    """Return the ``CrashResultSet`` of a report in FARS' own words, XML or rows, and whether its text had to be
+    repaired.
 
     Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
 
@@ -87,7 +88,8 @@ def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etr
 
 
 def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashRecord | etree._Element, bool]:
-    """What a report holds, a register's record or a ``CrashResultSet``, and whether its text had to be repaired.
+    """Return the content of a report, a register's record or a ``CrashResultSet``, and whether its text had to be
+    repaired.
 
     Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
 
@@ -107,8 +109,9 @@ def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashR
 
 
 def crash_element(root: etree._Element, *, name: str) -> etree._Element:
-    """The one ``CrashResultSet`` of a response. Raises ``not_released`` if it holds none, ``malformed_report``
-    if it is not a response or holds several.
+    """Return the one ``CrashResultSet`` of a response.
+
+    Raises ``not_released`` if it holds none, ``malformed_report`` if it is not a response or holds several.
 
     >>> crash_element(etree.fromstring(report_xml), name="crash_319003.xml").findtext("STATENAME")
     'Nebraska'
@@ -133,7 +136,7 @@ def crash_element(root: etree._Element, *, name: str) -> etree._Element:
 
 
 def _not_struck(people_outside: int | None, events: Iterable[EventRecord]) -> Iterator[str]:
-    """That people outside vehicles are struck in no event, as a sentence: no body is simulated for them."""
+    """Yield that people outside vehicles are struck in no event, as a sentence: no body is simulated for them."""
     strikes = [event for event in events if event.kind is EventKind.PERSON_STRUCK]
     bodies = len({each.party_2 for each in strikes if each.party_2 is not None} or strikes)
     if people_outside is not None and 0 < bodies < people_outside:
@@ -196,7 +199,9 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
 
 
 def case_of(crash: Fields) -> tuple[int, int, str]:
-    """Case year, state case and key of a ``CrashResultSet``. Raises ``malformed_report`` if they cannot be read.
+    """Return the case year, state case and key of a ``CrashResultSet``.
+
+    Raises ``malformed_report`` if they cannot be read.
 
     >>> case_of(Fields(crash_element(etree.fromstring(report_xml), name="crash_319003.xml"), "crash_319003.xml"))
     (2023, 319003, '2023-319003')
@@ -220,7 +225,7 @@ def case_of(crash: Fields) -> tuple[int, int, str]:
 
 
 def reported_position(latitude: float | None, longitude: float | None) -> tuple[float, float]:
-    """Latitude and longitude in degrees as reported; :class:`Rejection` for values that stand for unknown ones.
+    """Return latitude and longitude in degrees as reported; :class:`Rejection` for values that stand for unknown ones.
 
     >>> reported_position(38.5, -77.4)
     (38.5, -77.4)
@@ -263,7 +268,7 @@ def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
 def _unreported_vehicles(
     elements: Iterable[etree._Element], reported: Sequence[VehicleRecord], crash: Fields
 ) -> Iterator[VehicleRecord]:
-    """The vehicles that only other tables tell of, as far as the counts of the crash leave room for them.
+    """Yield the vehicles that only other tables tell of, as far as the counts of the crash leave room for them.
 
     A vehicle whose events are those of a standing one was parked, if the crash counts more vehicles (``VE_TOTAL``) than
     vehicles in transport (``VE_FORMS``). A vehicle beyond these counts is left out; its events are a contradiction.
@@ -282,8 +287,9 @@ def _unreported_vehicles(
 
 
 def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterator[VehicleRecord]:
-    """The parked or working vehicle that the only moving vehicle struck first, where no table lists it: the crash
-    counts one vehicle more (``VE_TOTAL``) than it has in transport (``VE_FORMS``)."""
+    """Yield the parked or working vehicle that the only moving vehicle struck first, where no table lists it: the crash
+    counts one vehicle more (``VE_TOTAL``) than it has in transport (``VE_FORMS``).
+    """
     counted = crash.integer("VE_FORMS") == 1 and crash.integer("VE_TOTAL") == 2 and len(listed) == 1
     if counted and crash.known_code(event_codes.HARM_EV) in event_codes.STRUCK_STANDING:
         element = etree.Element("ParkWork")
@@ -292,7 +298,7 @@ def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterat
 
 
 def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
-    """``FUNC_SYS`` and ``RUR_URB``, from ``ROAD_FNC`` where a report of an older year has only that."""
+    """Return ``FUNC_SYS`` and ``RUR_URB``, from ``ROAD_FNC`` where a report of an older year has only that."""
     function_class, land_use = fields.known_code(crash_codes.FUNC_SYS), fields.known_code(crash_codes.RUR_URB)
     older = fields.known_code(crash_codes.ROAD_FNC)
     if older is None or (function_class is not None and land_use is not None):
@@ -306,7 +312,7 @@ def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
 
 
 def _weather(fields: Fields) -> int | None:
-    """The first condition that is known: the crash's own, else of the list of them."""
+    """Return the first condition that is known: the crash's own, else of the list of them."""
     listed = (
         Fields(element, fields.where, fields.year).known_code(crash_codes.WEATHER)
         for element in fields.members("Weathers")
@@ -316,7 +322,7 @@ def _weather(fields: Fields) -> int | None:
 
 
 def _within(value: int | None, low: int, high: int) -> int | None:
-    """The value, or None where it is one of the codes beyond its range that say "unknown"."""
+    """Return the value, or None where it is one of the codes beyond its range that say "unknown"."""
     return value if value is not None and low <= value <= high else None
 
 

@@ -1,4 +1,4 @@
-"""Who takes part in a crash: kinds of parties and of events, and the numbers that tell parties apart.
+"""Parties of a crash: kinds of parties and of events, and the numbers that tell parties apart.
 
 Vehicles keep their numbers (``VEH_NO``, 1 to 999), persons outside them have 1000 + ``PER_NO``; objects, animals and
 trains, which no table numbers, 2000 + the number of the event (``EVENTNUM``) in which they were struck. Does not belong
@@ -22,7 +22,7 @@ _TRAILERS: Final = 3000
 
 
 class PartyKind(StrEnum):
-    """What a party is."""
+    """Kinds of parties."""
 
     MOTOR_VEHICLE = "motor_vehicle"
     PARKED_VEHICLE = "parked_vehicle"
@@ -36,7 +36,7 @@ class PartyKind(StrEnum):
 
 
 class EventKind(StrEnum):
-    """What an event is, from its code (``SOE``)."""
+    """Kinds of events, by code (``SOE``)."""
 
     VEHICLE_CONTACT = "vehicle_contact"
     PERSON_STRUCK = "person_struck"
@@ -77,7 +77,7 @@ UNKNOWN_NON_MOTORIST: Final = 19
 
 
 def event_kind(code: int) -> EventKind:
-    """What a code of ``SOE`` means.
+    """Return the kind of an ``SOE`` code.
 
     >>> str(event_kind(12)), str(event_kind(1))
     ('vehicle_contact', 'overturn')
@@ -90,7 +90,7 @@ def event_kind(code: int) -> EventKind:
 
 
 def person_kind(person_type_code: int) -> PartyKind:
-    """What a person of that ``PER_TYP`` is; who was in a building, on an animal-drawn vehicle and the like is other.
+    """Return the kind of a person by ``PER_TYP``; a person in a building or on an animal-drawn vehicle is other.
 
     >>> str(person_kind(5)), str(person_kind(6))
     ('pedestrian', 'cyclist')
@@ -99,7 +99,7 @@ def person_kind(person_type_code: int) -> PartyKind:
 
 
 def thing_struck(code: int) -> PartyKind | None:
-    """The kind of thing an event with that code strikes; None if it strikes none.
+    """Return the kind of thing an event with that code strikes; None if it strikes none.
 
     >>> str(thing_struck(42)), thing_struck(1)  # a tree; an overturn strikes nothing
     ('object', None)
@@ -108,7 +108,7 @@ def thing_struck(code: int) -> PartyKind | None:
 
 
 def person_party(number: int) -> int:
-    """The party number of the person with that ``PER_NO``.
+    """Return the party number of the person with that ``PER_NO``.
 
     >>> person_party(1)
     1001
@@ -117,7 +117,7 @@ def person_party(number: int) -> int:
 
 
 def thing_party(event_number: int) -> int:
-    """The party number of the object, animal or train struck in the event of that number.
+    """Return the party number of the object, animal or train struck in the event of that number.
 
     >>> thing_party(2)
     2002
@@ -126,7 +126,7 @@ def thing_party(event_number: int) -> int:
 
 
 def trailer_body(vehicle: int) -> int:
-    """The number of the body that a vehicle pulls.
+    """Return the number of the body that a vehicle pulls.
 
     >>> trailer_body(2)
     3002
@@ -135,7 +135,7 @@ def trailer_body(vehicle: int) -> int:
 
 
 def party_of_body(number: int) -> int:
-    """The party that a body belongs to: of a trailer the vehicle that pulls it, of others themselves.
+    """Return the party that a body belongs to: of a trailer the vehicle that pulls it, of others themselves.
 
     >>> party_of_body(3002), party_of_body(1001)
     (2, 1001)
@@ -144,7 +144,7 @@ def party_of_body(number: int) -> int:
 
 
 def is_vehicle(party: int | None) -> bool:
-    """Whether a party number is that of a motor vehicle.
+    """Return whether a party number is that of a motor vehicle.
 
     >>> is_vehicle(2), is_vehicle(1001), is_vehicle(None)
     (True, False, False)
@@ -153,8 +153,8 @@ def is_vehicle(party: int | None) -> bool:
 
 
 def party_label(party: int) -> str:
-    """A short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what event 3
-    struck, ``T2`` for the trailer of vehicle 2.
+    """Return a short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what
+    event 3 struck, ``T2`` for the trailer of vehicle 2.
 
     >>> party_label(2), party_label(1001), party_label(2003), party_label(3002)
     ('V2', 'P1', 'O3', 'T2')
@@ -167,7 +167,7 @@ def party_label(party: int) -> str:
 
 
 def party_in_words(party: int) -> str:
-    """``vehicle 2``, ``person 1``; what has no number of its own is named by its event.
+    """Return ``vehicle 2``, ``person 1``; what has no number of its own is named by its event.
 
     >>> party_in_words(1001)
     'person 1'

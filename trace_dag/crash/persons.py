@@ -36,7 +36,7 @@ class ReadPersons:
 
 
 def read_non_motorists(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadPersons:
-    """The persons of a ``CrashResultSet``, whatever table tells of them.
+    """Return the persons of a ``CrashResultSet``, whatever table tells of them.
 
     Raises :class:`UnknownCodeError` for a code that its element does not have.
 
@@ -80,7 +80,7 @@ def _strays(persons: Sequence[NonMotorist], vehicles: Sequence[VehicleRecord]) -
 
 
 def _unlisted(rows: _Rows) -> Iterator[str]:
-    """Rows of persons that ``NPersons`` does not list, if it lists any."""
+    """Yield rows of persons that ``NPersons`` does not list, if it lists any."""
     if not any(of_person["NPersons"] for of_person in rows.values()):
         return
     for number, of_person in sorted(rows.items()):
@@ -90,7 +90,7 @@ def _unlisted(rows: _Rows) -> Iterator[str]:
 
 
 def _in_two_places(rows: _Rows) -> Iterator[str]:
-    """Persons with several rows in a table of one row each that say different things of where they were."""
+    """Yield persons with several rows in a table of one row each that say different things of where they were."""
     for number, of_person in sorted(rows.items()):
         for name, tables in _PLACES.items():
             for table in tables:
@@ -114,7 +114,7 @@ def _ages_apart(rows: _Rows) -> Iterator[str]:
 
 
 def _unknown_age(of_person: dict[str, list[Fields]]) -> str:
-    """What to say of a person whose age is stated to be unknown."""
+    """Return the note about a person whose age is stated to be unknown."""
     stated = [row.integer("AGE", "PBAGE") for row in _aged(of_person)]
     unknown = next((age for age in stated if age in codes.AGE_UNKNOWN), None)
     return f"its age is not known ({unknown})" if unknown is not None and _age(_aged(of_person)) is None else ""

@@ -22,7 +22,9 @@ _BY_NAME: Final = {name.casefold(): code for names in (STATES, _POSTAL) for code
 
 
 def state_code(text: str) -> int:
-    """The ``STATE`` code of a state by its code, postal abbreviation or name. Raises UserError for anything else.
+    """Return the ``STATE`` code of a state by its code, postal abbreviation or name.
+
+    Raises UserError for anything else.
 
     >>> state_code('VA'), state_code('virginia'), state_code('51')
     (51, 51, 51)
@@ -38,7 +40,7 @@ def state_code(text: str) -> int:
 
 
 def state_abbreviation(code: int) -> str:
-    """The postal abbreviation of a ``STATE`` code, the code itself if no state has it.
+    """Return the postal abbreviation of a ``STATE`` code, the code itself if no state has it.
 
     >>> state_abbreviation(51)
     'VA'

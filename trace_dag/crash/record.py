@@ -61,7 +61,7 @@ STOPPED_MOVEMENTS: Final = frozenset({PreCrashMovement.STOPPED, PreCrashMovement
 
 
 class VehicleClass(StrEnum):
-    """What ``BODY_TYP`` (and GVWR) amounts to as a body to simulate."""
+    """Classes of vehicles as bodies to simulate, from ``BODY_TYP`` and GVWR."""
 
     CAR = "car"
     SUV = "suv"
@@ -107,7 +107,7 @@ class Octant(StrEnum):
 
     @property
     def heading_rad(self) -> float:
-        """Its middle, counter-clockwise from east.
+        """Return its middle, counter-clockwise from east.
 
         >>> round(Octant.NORTH_WEST.heading_rad / math.pi, 2)  # 135 degrees
         0.75
@@ -116,7 +116,7 @@ class Octant(StrEnum):
 
 
 class Moment(StrEnum):
-    """When a party that turned was headed as reported."""
+    """The moment at which the reported heading of a party that turned holds."""
 
     BEFORE = "before"
     AFTER = "after"
@@ -151,7 +151,9 @@ _SEVERITY_OF_INJ_SEV: Final = {
 
 
 def severity_of(injury_code: int | None) -> Severity | None:
-    """The letter of an ``INJ_SEV``; None for those that give none (injured, how badly is not known; died before).
+    """Return the letter of an ``INJ_SEV``.
+
+    None for those that give none (injured, how badly is not known; died before).
 
     >>> severity_of(3).value, severity_of(5)
     ('A', None)
@@ -219,12 +221,15 @@ class VehicleRecord:
 
     @property
     def behind_m(self) -> float:
-        """How far a trailer in line with it reaches beyond its rear."""
+        """Return how far a trailer in line with the vehicle reaches beyond its rear."""
         return 0.0 if self.trailer is None else self.trailer.combination_length_m - self.length_m
 
     def clock_body(self, pose: Pose) -> tuple[Pose, float, float]:
-        """The body that clock positions are counted on where its centre is at ``pose``: pose of the middle, length and
-        width (m). With a trailer it is both in line."""
+        """Return the body that clock positions are counted on where its centre is at ``pose``: pose of the middle,
+        length and width (m).
+
+        With a trailer it is both in line.
+        """
         if self.trailer is None:
             return pose, self.length_m, self.width_m
         x_m, y_m = pose.to_world(np.array([-self.behind_m / 2, 0.0])).tolist()
@@ -249,22 +254,22 @@ class EventRecord:
 
     @property
     def kind(self) -> EventKind:
-        """What the code means."""
+        """Return the kind that the code means."""
         return event_kind(self.code)
 
     @property
     def is_harmful(self) -> bool:
-        """Whether it is one of the events that ``HARM_EV`` can be."""
+        """Return whether it is one of the events that ``HARM_EV`` can be."""
         return bool(HARM_EV.meaning(self.code))
 
     @property
     def is_vehicle_contact(self) -> bool:
-        """Whether two motor vehicles that are both named touched each other."""
+        """Return whether two motor vehicles that are both named touched each other."""
         return self.kind is EventKind.VEHICLE_CONTACT and self._names_two
 
     @property
     def is_contact(self) -> bool:
-        """Whether two vehicles, or a vehicle and a person, that are both named touched each other."""
+        """Return whether two vehicles, or a vehicle and a person, that are both named touched each other."""
         return self.kind in _CONTACTS and self._names_two
 
     @property
@@ -323,23 +328,24 @@ class NonMotorist:
 
     @property
     def party(self) -> int:
-        """The party number."""
+        """Return the party number."""
         return person_party(self.number)
 
     @property
     def kind(self) -> PartyKind:
-        """What the person is as a party."""
+        """Return the person's kind as a party."""
         return person_kind(self.person_type_code)
 
     @property
     def at_near_side(self) -> bool | None:
-        """Whether a turning motorist met the person where the motorist came to the intersection, not where the motorist
-        left it (``PEDSNR``); None if the report does not say."""
+        """Return whether a turning motorist met the person where the motorist came to the intersection, not where the
+        motorist left it (``PEDSNR``); None if the report does not say.
+        """
         return int(self.scenario[:-1]) in _NEAR_SIDE_TURNS if self.scenario else None
 
     @property
     def place_code(self) -> int | None:
-        """Whichever of ``PEDPOS``, ``BIKEPOS`` and ``LOCATION`` says where the person was; None if none does."""
+        """Return the first of ``PEDPOS``, ``BIKEPOS`` and ``LOCATION`` that places the person; None if none does."""
         of_typing = (self.pedestrian_position_code, self.cyclist_position_code)
         return next((code for code in (*of_typing, self.location_code) if code is not None), None)
 
@@ -409,7 +415,8 @@ class CrashRecord:
 
     @property
     def severity(self) -> Severity | None:
-        """How badly anybody was hurt: the worst that the report has of a person or of the crash; None if it has none.
+        """Return the worst reported injury of a person or of the crash; None if none is reported.
+
         FARS has crashes that killed somebody alone.
 
         >>> record.severity.value  # FATALS 1
@@ -424,19 +431,19 @@ class CrashRecord:
 
     @property
     def moving_vehicles(self) -> int:
-        """How many motor vehicles in transport the crash involved, as stated (``VE_FORMS``), else as listed."""
+        """Return the number of motor vehicles in transport, as stated (``VE_FORMS``), else as listed."""
         listed = sum(vehicle.in_transport for vehicle in self.vehicles)
         return listed if self.vehicles_in_transport is None else self.vehicles_in_transport
 
     @property
     def kind(self) -> CrashKind:
-        """What kind of crash it was."""
+        """Return the kind of the crash."""
         codes = [event.code for event in self.events]
         return kind_of_codes(self.first_harmful_event_code, self.moving_vehicles, codes) or CrashKind.OTHER
 
     @property
     def parties(self) -> Mapping[int, PartyKind]:
-        """Every party by its number: vehicles, persons, then what was struck."""
+        """Return every party by its number: vehicles, persons, then what was struck."""
         vehicles = {
             vehicle.number: PartyKind.MOTOR_VEHICLE if vehicle.in_transport else PartyKind.PARKED_VEHICLE
             for vehicle in self.vehicles
@@ -447,7 +454,7 @@ class CrashRecord:
 
     @property
     def first_contact(self) -> EventRecord | None:
-        """The first event in which two vehicles, or a vehicle and a person, touched.
+        """Return the first event in which two vehicles, or a vehicle and a person, touched.
 
         Also None where an earlier contact does not name both parties: then the first one is not known.
         """
@@ -456,7 +463,7 @@ class CrashRecord:
 
     @property
     def colliding_vehicles(self) -> tuple[VehicleRecord, VehicleRecord] | None:
-        """The two vehicles of the first contact of vehicles, or None (see :func:`first_vehicle_contact`)."""
+        """Return the two vehicles of the first contact of vehicles, or None (see :func:`first_vehicle_contact`)."""
         contact = first_vehicle_contact(self.events)
         by_number = {vehicle.number: vehicle for vehicle in self.vehicles}
         if contact is None or contact.party_1 not in by_number or contact.party_2 not in by_number:
@@ -465,7 +472,7 @@ class CrashRecord:
 
 
 def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
-    """The first event in which two named vehicles touch.
+    """Return the first event in which two named vehicles touch.
 
     Also None where an earlier contact in transport does not name its parties: then the first one is not known.
 
@@ -482,7 +489,7 @@ def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
 
 
 class Origin(StrEnum):
-    """Where a field of a record comes from."""
+    """Origins of a record's field."""
 
     REPORTED = "reported"
     IMPLIED = "implied"
@@ -507,7 +514,7 @@ _OF_NO_SOURCE: Final = frozenset(
 
 
 def origins(part: CrashRecord | VehicleRecord | EventRecord | NonMotorist) -> dict[str, Origin]:
-    """Where each field of a crash or a part of it comes from: its report, its other fields, or nowhere.
+    """Return the origin of each field of a crash or a part of it: its report, its other fields, or nowhere.
 
     >>> origins(record.vehicles[0])["travel_speed_mps"].value, origins(tree_record)["trafficway_2"].value
     ('reported', 'missing')

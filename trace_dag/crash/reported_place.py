@@ -16,8 +16,10 @@ class Place(NamedTuple):
 
 
 class FromCrossing(NamedTuple):
-    """A place on ``street``: ``distance_m`` from where ``cross_street`` crosses it, in a direction of the compass;
-    without a direction the crossing itself."""
+    """A place on ``street``: ``distance_m`` from where ``cross_street`` crosses it, in a direction of the compass.
+
+    Without a direction the crossing itself.
+    """
 
     street: str
     cross_street: str
@@ -26,7 +28,7 @@ class FromCrossing(NamedTuple):
 
     @classmethod
     def said(cls, street: str, cross_street: str, distance_m: float, direction: Octant | None) -> FromCrossing | None:
-        """The place; None where a street is missing, or the direction of a distance."""
+        """Return the place; None where a street is missing, or the direction of a distance."""
         if not street or not cross_street or (distance_m and direction is None):
             return None
         return cls(street, cross_street, distance_m, direction) if distance_m else cls(street, cross_street)
@@ -39,7 +41,10 @@ PlaceFinder: TypeAlias = Callable[[Collection[FromCrossing]], Mapping[FromCrossi
 def look_up(
     wanted: Mapping[str, FromCrossing | None], find: PlaceFinder | None
 ) -> tuple[dict[str, Place], dict[str, str]]:
-    """The place of each report, by its name; of the others why it is not known. None: its words tell no place."""
+    """Return the place of each report, by its name; of the others why it is not known.
+
+    None: its words tell no place.
+    """
     found = find({each for each in wanted.values() if each is not None}) if find is not None else {}
     places, unknown = {}, {}
     for name, each in wanted.items():

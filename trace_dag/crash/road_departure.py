@@ -1,4 +1,4 @@
-"""How one vehicle leaves the road as its first event: to which side, in what manner, and what it strikes there."""
+"""The departure of one vehicle from the road as its first event: side, manner, and the objects struck there."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ON_SHOULDER: Final = 2
 
 
 class DepartureManner(StrEnum):
-    """How it came about."""
+    """Manners of departures from the road."""
 
     DRIFT = "drift"  # the driver steered, or let it run, off the road
     CONTROL_LOST = "control_lost"  # too fast, a slippery road, a failure: ACC_TYPE 2, 7
@@ -34,14 +34,17 @@ _SIDEWAYS: Final = frozenset({3, 4, 5, 7})  # PCRASH4
 
 
 def side_of_first(record: CrashRecord, first: CrashEvent) -> DepartureSide | None:
-    """Where the vehicle of a first event left the road: ahead for what lay on it; None where nothing tells it."""
+    """Return the side on which the vehicle of a first event left the road: ahead for an object on it.
+
+    None where nothing reports it.
+    """
     if first.code in codes.LYING_OBJECTS and record.road_relation_code in ON_ROADWAY:
         return DepartureSide.AHEAD
     return departure_side(first.vehicle, first.side)
 
 
 def departure_manner(vehicle: VehicleRecord, side: DepartureSide | None) -> DepartureManner:
-    """How a vehicle came to leave the road to a side.
+    """Return the manner in which a vehicle left the road to a side.
 
     >>> departure_manner(tree_record.vehicles[0], DepartureSide.RIGHT).value
     'drift'
@@ -70,7 +73,7 @@ class Departure:
 
 
 def departure_of(record: CrashRecord, sequence: EventSequence) -> Departure:
-    """The departure that a sequence begins with.
+    """Return the departure that a sequence begins with.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> departure = departure_of(tree_record, sequence_of(tree_record))
@@ -85,5 +88,7 @@ def departure_of(record: CrashRecord, sequence: EventSequence) -> Departure:
 
 
 def overturns_on_road(record: CrashRecord, sequence: EventSequence) -> bool:
-    """Whether the crash begins with a vehicle that overturns on the roadway, so that it leaves the road to no side."""
+    """Return whether the crash begins with a vehicle that overturns on the roadway, so that it leaves the road to no
+    side.
+    """
     return sequence.first.kind is EventKind.OVERTURN and record.road_relation_code in ON_ROADWAY

@@ -58,7 +58,7 @@ class _Row:
 
 
 def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSequence:
-    """The sequence of a ``CrashResultSet`` whose vehicles were read before.
+    """Return the sequence of a ``CrashResultSet`` whose vehicles were read before.
 
     >>> from trace_dag.crash.parse import crash_element
     >>> crash = Fields(crash_element(etree.fromstring(report_xml), name="a report"), "a report", 2023)
@@ -89,12 +89,14 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
 
 
 def known_by_events_alone(vehicle: Fields) -> bool:
-    """Whether an element of ``Vehicles`` holds nothing but a number and what other tables say: it has no row there."""
+    """Return whether an element of ``Vehicles`` holds nothing but a number and what other tables say: it has no row
+    there.
+    """
     return not vehicle.names() - {"VEH_NO"}
 
 
 def struck_standing_only(vehicle: Fields) -> bool:
-    """Whether a vehicle's own events are those of one that stands: it was struck while parked or at work."""
+    """Return whether a vehicle's own events are those of one that stands: it was struck while parked or at work."""
     found = {row.code for row in _rows_of(vehicle)}
     return bool(found) and found <= codes.STRUCK_STANDING
 
@@ -138,7 +140,7 @@ def _event_rows(
 
 
 def _with_pushed(events: Sequence[EventRecord], set_in_motion: Collection[int]) -> tuple[EventRecord, ...]:
-    """The events with the vehicle that touched in place of the one that had set it in motion.
+    """Return the events with the vehicle that touched in place of the one that had set it in motion.
 
     A standing vehicle has no events of its own. That it was pushed into another one, or into an object, is coded as an
     event of the vehicle that struck it, with an area of impact that says so (190 of 440 contacts with a second standing
@@ -163,7 +165,7 @@ def _with_pushed(events: Sequence[EventRecord], set_in_motion: Collection[int]) 
 
 
 def _own_rows(own: Sequence[Fields], numbers: set[int]) -> tuple[dict[int, list[_Row]], tuple[str, ...]]:
-    """Rows of ``VSOE`` by vehicle in order, and what is said of vehicles that are not there."""
+    """Return rows of ``VSOE`` by vehicle in order, and what is said of vehicles that are not there."""
     rows: dict[int, list[_Row]] = {}
     strays: dict[str, None] = {}
     for vehicle in own:
@@ -186,7 +188,7 @@ def _rows_of(vehicle: Fields) -> list[_Row]:
 
 
 def _differences(events: Sequence[EventRecord], rows: Mapping[int, Sequence[_Row]]) -> tuple[str, ...]:
-    """Contacts that a vehicle's own sequence has and the crash's has not, or the other way round."""
+    """Return contacts that a vehicle's own sequence has and the crash's has not, or the other way round."""
     sentences = []
     for number, own in rows.items():
         of_own = {row.code for row in own if row.code in codes.VEHICLE_CONTACTS}
@@ -206,7 +208,7 @@ def _differences(events: Sequence[EventRecord], rows: Mapping[int, Sequence[_Row
 def _mended(
     rows: Mapping[int, Sequence[_Row]], vehicles: Sequence[VehicleRecord], harm_ev: int | None
 ) -> dict[int, list[VehicleEvent]]:
-    """The rows as events, blank codes filled where it is clear what they were, else unknown."""
+    """Return the rows as events, blank codes filled where it is clear what they were, else unknown."""
     crash_types = {vehicle.number: vehicle.crash_type_code for vehicle in vehicles}
     blank = _blank_first_events(rows, harm_ev)
     mended: dict[int, list[VehicleEvent]] = {}
@@ -225,7 +227,8 @@ def _mended(
 
 
 def _blank_first_events(rows: Mapping[int, Sequence[_Row]], harm_ev: int | None) -> list[_Row]:
-    """The blank rows that must be the crash's first harmful event: of one vehicle, or of the two that met in it."""
+    """Return the blank rows that must be the crash's first harmful event: of one vehicle, or of the two that met in
+    it."""
     firsts = [first for own in rows.values() if (first := next((row for row in own if row.harmful), None)) is not None]
     blank = [row for row in firsts if row.code is None]
     parties = 2 if harm_ev in codes.VEHICLE_CONTACTS else 1
@@ -234,8 +237,10 @@ def _blank_first_events(rows: Mapping[int, Sequence[_Row]], harm_ev: int | None)
 
 
 def _first_harmful(crash: Fields, vehicles: Sequence[VehicleRecord], harm_ev: int | None) -> tuple[EventRecord, ...]:
-    """The event that ``HARM_EV`` implies in a report without events: a contact of vehicles. Its parties are named where
-    the crash has only two."""
+    """Return the event that ``HARM_EV`` implies in a report without events: a contact of vehicles.
+
+    Its parties are named where the crash has only two.
+    """
     if harm_ev not in codes.VEHICLE_CONTACTS:
         return ()
     moving = [vehicle.number for vehicle in vehicles if vehicle.in_transport]

@@ -54,7 +54,8 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 
 
 def summarise(record: CrashRecord) -> str:
-    """Some sentences on the crash: the scene, each vehicle, the sequence of events, what was implied or disagrees.
+    """Return some sentences on the crash: the scene, each vehicle, the sequence of events, what was implied or
+    disagrees.
 
     >>> print(summarise(pedestrian_record).splitlines()[3])
     Person 1: pedestrian, crossing the roadway, in a travel lane, struck by vehicle 1.
@@ -70,7 +71,8 @@ def summarise(record: CrashRecord) -> str:
 
 
 def in_one_sentence(record: CrashRecord) -> str:
-    """When, where, who and what: the first contact of vehicles, or the first harmful event of another kind of crash.
+    """Return time, place, parties and event: the first contact of vehicles, or the first harmful event of another kind
+    of crash.
 
     >>> in_one_sentence(pedestrian_record)
     'On June 14, 2023 at 15:20 on NE-411, Nebraska, a sedan that was going straight at 45 mph struck a pedestrian.'
@@ -96,7 +98,7 @@ def in_one_sentence(record: CrashRecord) -> str:
 
 
 def classes_in_words(record: CrashRecord) -> tuple[str, ...]:
-    """What kind of crash it was, at what kind of place, and which way the vehicles went; what is not told is left out.
+    """Return the kind of crash, the kind of place, and the directions of the vehicles; unreported facts are left out.
 
     >>> classes_in_words(pedestrian_record), classes_in_words(tree_record)
     (('pedestrian', 'not an intersection'), ('fixed object', 'not an intersection'))
@@ -111,7 +113,7 @@ def classes_in_words(record: CrashRecord) -> tuple[str, ...]:
 
 
 def _driving(vehicle: VehicleRecord) -> str:
-    """A vehicle with what it was doing: "a compact SUV that was going straight at 20 mph"."""
+    """Return a vehicle with what it was doing: "a compact SUV that was going straight at 20 mph"."""
     kind = BODY_TYP.meaning(vehicle.body_type_code) or _CLASS_NAMES.get(vehicle.vehicle_class, vehicle.vehicle_class)
     article = "an" if kind[0] in "aeioAEIO" or kind.startswith("SUV") else "a"
     if not vehicle.in_transport:
@@ -126,7 +128,8 @@ def _driving(vehicle: VehicleRecord) -> str:
 
 
 def _others_involved(record: CrashRecord, event: EventRecord, involved: Set[int]) -> str:
-    """The vehicles that the event does not name: how many of them struck the same person, and how many are left."""
+    """Return the vehicles that the event does not name: how many of them struck the same person, and how many are
+    left."""
     others = {vehicle.number for vehicle in record.vehicles} - involved
     struck_too = {
         each.party_1
@@ -279,7 +282,7 @@ def _sequence(record: CrashRecord) -> str:
 
 
 def event_in_words(event: EventRecord) -> str:
-    """An event as a clause: who did what to whom, and at which parts of the bodies.
+    """Return an event as a clause: who did what to whom, and at which parts of the bodies.
 
     >>> event_in_words(tree_record.events[1])
     "vehicle 1 struck a tree (at 12 o'clock (front))"
@@ -301,7 +304,7 @@ def event_in_words(event: EventRecord) -> str:
 
 
 def event_named(number: int, code: int) -> str:
-    """An event with its ``EVENTNUM`` and ``SOE`` and what the code means, for sentences on what became of it.
+    """Return an event with its ``EVENTNUM`` and ``SOE`` and what the code means, for sentences on what became of it.
 
     >>> event_named(3, 24), event_named(4, 99)
     ('event 3, struck a guardrail (SOE 24)', 'event 4 (SOE 99)')
@@ -318,7 +321,7 @@ def _non_motorists(record: CrashRecord) -> str:
 
 
 def place_in_words(person: NonMotorist) -> str:
-    """Where a person was when struck, by the typing, else by ``LOCATION``; empty where neither says.
+    """Return a person's place when struck, by the typing, else by ``LOCATION``; empty where neither reports it.
 
     >>> place_in_words(pedestrian_record.non_motorists[0])  # PEDPOS 3
     'in a travel lane'

@@ -18,7 +18,7 @@ from trace_dag.crash.record import CrashRecord
 
 
 def is_json(data: bytes) -> bool:
-    """Whether a report is such a document, and not XML.
+    """Return whether a report is such a document, and not XML.
 
     >>> is_json(report_xml), is_json(b'{"key": "tempe-1"}')
     (False, True)
@@ -27,7 +27,7 @@ def is_json(data: bytes) -> bool:
 
 
 def report_to_json(report: FarsRows | CrashRecord) -> bytes:
-    """The document of a table's report."""
+    """Return the document of a table's report."""
     kind: type = type(report)
     return _adapter(kind).dump_json(report, exclude_defaults=True, indent=1) + b"\n"
 

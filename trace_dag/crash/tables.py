@@ -218,7 +218,7 @@ CRASH_RECORD: Final = TableSchema(
 
 
 def record_to_parquet(record: CrashRecord) -> bytes:
-    """The record as a Parquet file of one row with the columns of :data:`CRASH_RECORD`.
+    """Return the record as a Parquet file of one row with the columns of :data:`CRASH_RECORD`.
 
     >>> record_to_parquet(record)[:4]
     b'PAR1'
@@ -232,7 +232,7 @@ def record_to_parquet(record: CrashRecord) -> bytes:
 
 
 def records_table(records: Iterable[CrashRecord]) -> pa.Table:
-    """Some records as one table with the columns of :data:`CRASH_RECORD`.
+    """Return some records as one table with the columns of :data:`CRASH_RECORD`.
 
     >>> records_table([record]).column("fatalities").to_pylist()
     [1]
@@ -243,7 +243,7 @@ def records_table(records: Iterable[CrashRecord]) -> pa.Table:
 
 
 def _row(record: CrashRecord) -> dict[str, Any]:
-    """The fields of a record, and what is derived from them for those who read the table and not the record."""
+    """Return the fields of a record, and what is derived from them for those who read the table and not the record."""
     row: dict[str, Any] = _adapter().dump_python(record, mode="json")
     events = [{**stored, "kind": event.kind.value} for stored, event in zip(row["events"], record.events, strict=True)]
     persons = [
@@ -260,7 +260,10 @@ def _row(record: CrashRecord) -> dict[str, Any]:
 
 
 def record_from_parquet(data: bytes) -> CrashRecord:
-    """The record of a Parquet file. Raises :class:`Failure` if it is damaged or of another schema."""
+    """Return the record of a Parquet file.
+
+    Raises :class:`Failure` if it is damaged or of another schema.
+    """
     import pyarrow as pa
 
     try:

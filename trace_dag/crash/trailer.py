@@ -34,39 +34,41 @@ class Trailer:
 
     @property
     def is_semitrailer(self) -> bool:
-        """Whether it rests on a fifth wheel, and rolls with what pulls it."""
+        """Return whether it rests on a fifth wheel, and rolls with what pulls it."""
         return self.coupling_m > 0
 
     @property
     def drawbar_m(self) -> float:
-        """From the hitch to the middle of its axles."""
+        """Return the distance from the hitch to the middle of the axles."""
         return self.axle_m - self.coupling_m
 
     @property
     def hitch_load_share(self) -> float:
-        """Share of its weight that rests on the hitch."""
+        """Return the share of its weight that rests on the hitch."""
         return (self.axle_m - self.cg_m) / self.drawbar_m
 
     @property
     def combination_length_m(self) -> float:
-        """From the front of what pulls to the trailer's rear, both in line."""
+        """Return the length from the front of the pulling vehicle to the trailer's rear, both in line."""
         return self.hitch_m - self.coupling_m + self.length_m
 
     def hitch(self, puller: Poses, puller_length_m: float) -> tuple[FloatArray, FloatArray]:
-        """x and y of the hitch where the pulling vehicle's centre is at ``puller`` (x, y, heading; any shape)."""
+        """Return x and y of the hitch where the pulling vehicle's centre is at ``puller`` (x, y, heading; any
+        shape)."""
         x, y, heading = puller
         behind_m = self.hitch_m - puller_length_m / 2
         return np.asarray(x - behind_m * np.cos(heading)), np.asarray(y - behind_m * np.sin(heading))
 
     def behind(self, puller: Poses, puller_length_m: float, heading_rad: FloatArray) -> Poses:
-        """The trailer's centre and heading where it heads so behind a vehicle."""
+        """Return the trailer's centre and heading where it heads so behind a vehicle."""
         x, y = self.hitch(puller, puller_length_m)
         back_m = self.length_m / 2 - self.coupling_m
         return x - back_m * np.cos(heading_rad), y - back_m * np.sin(heading_rad), heading_rad
 
     def following(self, puller: Poses, puller_length_m: float, *, from_rad: float | None = None) -> FloatArray:
-        """Headings of the trailer, shape (n,), whose vehicle goes slowly through these poses, from a heading at the
-        first, else in line with it: the tractrix of its hitch, d(heading)/ds = sin(course - heading) / drawbar."""
+        """Return headings of the trailer, shape (n,), whose vehicle goes slowly through these poses, from a heading at
+        the first, else in line with it: the tractrix of its hitch, d(heading)/ds = sin(course - heading) / drawbar.
+        """
         x, y = self.hitch(puller, puller_length_m)
         dx_m, dy_m = np.diff(x), np.diff(y)
         parts = np.maximum(1, np.ceil(np.hypot(dx_m, dy_m) / _FOLLOWS_STEP_M)).astype(int)
@@ -80,14 +82,15 @@ class Trailer:
         return np.unwrap(headings) + math.tau * round((float(puller[2][0]) - headings[0]) / math.tau)
 
     def middle_by_puller(self, puller: Poses, puller_length_m: float) -> Poses:
-        """Middle and heading of the combination as if it were in line with the vehicle that pulls: what clock positions
-        of a contact with that vehicle are counted from, on a body :attr:`combination_length_m` long."""
+        """Return the middle and heading of the combination as if it were in line with the vehicle that pulls: what
+        clock positions of a contact with that vehicle are counted from, on a body :attr:`combination_length_m` long.
+        """
         x, y, heading = puller
         behind_m = (self.combination_length_m - puller_length_m) / 2
         return x - behind_m * np.cos(heading), y - behind_m * np.sin(heading), heading
 
     def middle_by_trailer(self, trailer: Poses) -> Poses:
-        """The same as if it were in line with the trailer: for contacts with that."""
+        """Return the same as if it were in line with the trailer: for contacts with that."""
         x, y, heading = trailer
         ahead_m = (self.combination_length_m - self.length_m) / 2
         return x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), heading

@@ -33,7 +33,7 @@ _UNBELTED: Final = frozenset({0, 7, 20})  # none used: until 2009, until 2018, s
 
 
 def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
-    """A motor vehicle in transport.
+    """Return a motor vehicle in transport.
 
     >>> vehicle = "<Vehicle><VEH_NO>1</VEH_NO><BODY_TYP>4</BODY_TYP><TRAV_SP>45</TRAV_SP></Vehicle>"
     >>> crash = Fields(etree.fromstring("<CrashResultSet/>"), "a report", 2023)
@@ -113,7 +113,9 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
 
 
 def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
-    """A motor vehicle that was parked, or at work on the road; its elements are those of vehicles with a P before.
+    """Return a motor vehicle that was parked, or at work on the road.
+
+    Its elements are those of vehicles with a P before.
 
     >>> vehicle = "<ParkWork><VEH_NO>2</VEH_NO><PBODYTYP>4</PBODYTYP><PTYPE>2</PTYPE></ParkWork>"
     >>> crash = Fields(etree.fromstring("<CrashResultSet/>"), "a report", 2023)
@@ -168,7 +170,7 @@ def _numbered(element: etree._Element, crash: Fields) -> tuple[Fields, int]:
 
 
 def _occupants(fields: Fields) -> tuple[Occupant, ...]:
-    """The persons in a vehicle, in order of their numbers."""
+    """Return the persons in a vehicle, in order of their numbers."""
     found = {}
     for entry in fields.members("Persons"):
         person = Fields(entry, fields.where, fields.year)
@@ -196,7 +198,7 @@ def _within(value: int | None, most: int) -> int | None:
 
 
 def _travel_speed(fields: Fields) -> tuple[float | None, bool]:
-    """``TRAV_SP`` in m/s, and whether it is only a lower bound."""
+    """Return ``TRAV_SP`` in m/s, and whether it is only a lower bound."""
     speed_mph = fields.integer("TRAV_SP")
     if speed_mph is None or speed_mph in _SPEED_UNKNOWN:
         return None, False
@@ -217,7 +219,7 @@ def _speed_limit(fields: Fields) -> float | None:
 
 
 def _stability(fields: Fields) -> int | None:
-    """``PCRASH4``, which CrashAPI serves as a label only."""
+    """Return ``PCRASH4``, which CrashAPI serves as a label only."""
     code = fields.code(codes.PCRASH4)
     if code is None:
         label = fields.text("PCRASH4NAME").lower()

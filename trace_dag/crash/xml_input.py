@@ -28,7 +28,7 @@ _REMEDY: Final = "fetch the report again, or set crash.repair_malformed to have 
 
 
 def parse_untrusted(data: bytes, *, name: str, repair: bool = False) -> tuple[etree._Element, bool]:
-    """The root element, and whether the text had to be repaired.
+    """Return the root element, and whether the text had to be repaired.
 
     Raises :class:`Rejection` (``malformed_report``) naming ``name``, line and column.
 
@@ -48,7 +48,7 @@ def parse_untrusted(data: bytes, *, name: str, repair: bool = False) -> tuple[et
 
 
 def parse_leniently(data: bytes, *, name: str) -> etree._Element | None:
-    """What can be read of a file that may not be well-formed, for looking only; None if nothing can.
+    """Parse as much as possible of a file that may not be well-formed, to look at only; None if nothing can be read.
 
     >>> parse_leniently(b"<ROAD>Main", name="crash.xml").text
     'Main'
@@ -61,7 +61,7 @@ def parse_leniently(data: bytes, *, name: str) -> etree._Element | None:
 
 
 def _check_harmless(data: bytes, *, name: str) -> None:
-    """Raises :class:`Rejection` for files too large or too full of markup to be a report, or with a document type."""
+    """Raise :class:`Rejection` for files too large or too full of markup to be a report, or with a document type."""
     if len(data) > MAX_REPORT_BYTES:
         raise Rejection(
             Reason.MALFORMED_REPORT,

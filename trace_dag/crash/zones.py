@@ -1,4 +1,4 @@
-"""Where across the road a person was, so coarsely that codes of two tables that mean the same place share a zone."""
+"""Zones across the road in which a person was, so coarse that codes of two tables with one meaning share a zone."""
 
 from __future__ import annotations
 
@@ -53,18 +53,20 @@ _CROSSWALK: Final = 2  # PEDPOS
 
 
 def in_crosswalk(person: NonMotorist) -> bool:
-    """Whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``."""
+    """Return whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``."""
     return person.pedestrian_position_code == _CROSSWALK or person.location_code in _IN_CROSSWALK
 
 
 def may_have_crossed_in_crosswalk(person: NonMotorist) -> bool:
-    """Whether the report leaves open where on the road a person on foot was: a crosswalk, or somewhere else."""
+    """Return whether the report leaves open where on the road a person on foot was: a crosswalk, or somewhere else."""
     told = person.pedestrian_position_code in ZONES_OF_PEDPOS or person.location_code in ZONES_OF_LOCATION
     return person.kind is not PartyKind.CYCLIST and not told
 
 
 def reported_zones(record: CrashRecord, person: NonMotorist) -> frozenset[Zone]:
-    """Where the person was struck: by the typing, else by ``LOCATION``, else by ``REL_ROAD``; empty if none says.
+    """Return the zones in which the person was struck: by the typing, else by ``LOCATION``, else by ``REL_ROAD``.
+
+    Empty if none reports it.
 
     >>> sorted(zone.value for zone in reported_zones(pedestrian_record, pedestrian_record.non_motorists[0]))  # PEDPOS 3
     ['carriageway']
@@ -79,7 +81,7 @@ def reported_zones(record: CrashRecord, person: NonMotorist) -> frozenset[Zone]:
 
 
 def zones_of_first_event(record: CrashRecord) -> frozenset[Zone]:
-    """Where the first harmful event was (``REL_ROAD``); empty if that is not known.
+    """Return the zones of the first harmful event (``REL_ROAD``); empty if unknown.
 
     >>> sorted(zone.value for zone in zones_of_first_event(tree_record))  # REL_ROAD 4: on the roadside
     ['beside', 'walked']

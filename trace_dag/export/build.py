@@ -73,13 +73,13 @@ _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDI
 
 
 def page_name(key: str) -> str:
-    """Where the page of a crash lies below the root."""
+    """Return the path of a crash's page below the root."""
     return f"{FOLDER}/crashes/{key}.html"
 
 
 @dataclass(frozen=True)
 class BenchmarkReport:
-    """How many packages and pages there are, how many were made now, and what went wrong by crash."""
+    """The packages and pages present, those made now, and errors by crash."""
 
     packages: int
     pages: int
@@ -157,7 +157,7 @@ _TABLE = ("judged_crashes", "vehicles")
 
 
 def _table(table: list[dict[str, Any]], vehicles: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The warehouse's crashes, each with its verdict's grade and the classes of its vehicles."""
+    """Return the warehouse's crashes, each with its verdict's grade and the classes of its vehicles."""
     classes: defaultdict[str, set[str]] = defaultdict(set)
     for row in vehicles:
         classes[row["key"]].add(row["vehicle_class"])
@@ -173,7 +173,7 @@ def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
 
 
 def benchmark_is_whole(storage: Storage) -> bool:
-    """Whether every file of the benchmark is there with the size it was made with."""
+    """Return whether every file of the benchmark is there with the size it was made with."""
     files = sound_manifest(storage, FOLDER).files
     return bool(files) and not any(not_as_listed(storage, files.values()))
 
@@ -201,7 +201,7 @@ def _crashes(
 
 
 def _rights(table: Sequence[Mapping[str, Any]], records: Mapping[str, Records]) -> dict[str, Rights]:
-    """What each crash's map says; of a crash without one, what the maps of its cohort say."""
+    """Return the attribution of each crash's map; of a crash without one, that of the maps of its cohort."""
     own = {row["key"]: attribution for row in table if (attribution := map_attribution(records[row["key"]]))}
     cohorts: dict[str, set[str]] = {}
     for row in table:
@@ -227,7 +227,7 @@ class _Made:
 
 
 def get_ready() -> None:
-    """What a worker does before its first page, ahead of time: imports.
+    """Import the modules of a worker before its first page.
 
     What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
     """
@@ -238,7 +238,7 @@ def get_ready() -> None:
 
 
 def _make(task: _Task) -> _Made:
-    """Packages and pages of some crashes."""
+    """Return packages and pages of some crashes."""
     made: list[StoredFile] = []
     errors: dict[str, str] = {}
     for crash in task.crashes:
@@ -286,12 +286,14 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
 
 
 def is_made_by_this_code(storage: Storage) -> bool:
-    """Whether packages and pages were made by the present code."""
+    """Return whether packages and pages were made by the present code."""
     return sound_manifest(storage, FOLDER).made_of.get(_BY_CODE) == VERSION
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
-    """By folder, files of crashes that are not among these keys: packages of crashes that are no longer accepted."""
+    """Remove, by folder, files of crashes that are not among these keys: packages of crashes that are no longer
+    accepted.
+    """
     for folder, keys in kept.items():
         for name in storage.list(f"{FOLDER}/{folder}"):
             if Path(name).stem not in keys:
@@ -305,7 +307,10 @@ def _write_index(
     rights: Mapping[str, Rights],
     files: Mapping[str, StoredFile],
 ) -> list[StoredFile]:
-    """The pages about all crashes together. ``files``: those of the single crashes that have been made."""
+    """Return the pages about all crashes together.
+
+    ``files``: those of the single crashes that have been made.
+    """
     from trace_dag.pages.site import IndexRows, static_files, write_index
 
     names = ("funnel", "coverage", "failure_reasons", "evaluations")

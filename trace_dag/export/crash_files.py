@@ -1,4 +1,4 @@
-"""What the benchmark has of one crash beside its page: its replay, its scenario package, its moving picture.
+"""Files of one crash in the benchmark beside its page: replay, scenario package, moving picture.
 
 A run lets its workers make them when the last stage of a crash is done (:func:`making_at_once`): all that the stages
 made is at hand then, where whoever builds the benchmark would have to read it back, and the workers have something to
@@ -44,7 +44,7 @@ def package_name(key: str) -> str:
 
 
 def replay_name(key: str) -> str:
-    """Where what ``replay.html`` shows of a crash lies below the root."""
+    """Return the path below the root of the data that ``replay.html`` shows of a crash."""
     return f"{FOLDER}/{REPLAYS}/{key}.js"
 
 
@@ -72,13 +72,13 @@ def make_files(files: CrashFiles, *, accepted: bool) -> tuple[StoredFile, ...]:
 
 
 def made_of(records: Records) -> str:
-    """A digest of what the files of a crash are made of: its artefacts, its picture, and the code."""
+    """Return a digest of what the files of a crash are made of: its artefacts, its picture, and the code."""
     listed = [file.sha256 for record in records.values() for file in (*record.artefacts, *record.pictures)]
     return hashlib.sha256(json.dumps([VERSION, listed]).encode()).hexdigest()
 
 
 def making_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:
-    """What makes the files of a crash of a run that has come to its end, for :func:`trace_dag.flow.batch.run_stages`.
+    """Return the function that makes the files of a crash at its end, for :func:`trace_dag.flow.batch.run_stages`.
 
     It makes none where some are there already, which its manifest lists: they are for whoever builds it
     to replace; nor where a later stage's record is from before this run. What is there is asked once for the whole run:
@@ -110,7 +110,8 @@ def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:
 
 
 def noted(storage: Storage) -> dict[str, MadeFiles]:
-    """What workers have made at once since the benchmark was last built, by crash, where all of it is still there."""
+    """Return the files that workers have made since the benchmark was last built, by crash, where all are still
+    there."""
     manifest = sound_manifest(storage, FOLDER)
     files: dict[str, list[StoredFile]] = {}
     for file in manifest.files.values():
@@ -123,5 +124,5 @@ def noted(storage: Storage) -> dict[str, MadeFiles]:
 
 
 def _at_once(key: str) -> str:
-    """What the manifest says by this name is of the files beside a crash's page, which is still to be made."""
+    """Return whether the manifest of this name lists the files beside a page that is still to be made."""
     return f"beside the page of {key}"

@@ -22,7 +22,10 @@ class _Markdown(str):
 
 
 def render_document(template: str, **values: Any) -> bytes:
-    """A template of this package, filled in, UTF-8. A missing value is an error."""
+    """Return a template of this package, filled in, UTF-8.
+
+    A missing value is an error.
+    """
     markdown = template.endswith(".md.jinja")
     return _templates(markdown=markdown).get_template(template).render(**values).encode()
 

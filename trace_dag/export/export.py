@@ -59,8 +59,9 @@ def export(
     on_problem: OnProblem = raised,
     left_out: Callable[[str], None] = lambda _why: None,
 ) -> int:
-    """Write verified crashes below ``folder`` in a format that an installed exporter writes; how many files were
-    written or replaced.
+    """Write verified crashes below ``folder`` in a format that an installed exporter writes.
+
+    How many files were written or replaced.
 
     ``told`` hears of each crash, ``on_problem`` of each that cannot be written because something stored of it is
     damaged, ``left_out`` of each that the format has no words for. Raises :class:`UserError` for a format that nobody

@@ -12,8 +12,10 @@ if TYPE_CHECKING:
 
 
 def geoparquet(table: pa.Table) -> bytes:
-    """A table with ``latitude_deg`` and ``longitude_deg`` (WGS84) as GeoParquet 1.1: the column ``geometry`` has points
-    as well-known binary, longitude first. The same table gives the same bytes.
+    """Return a table with ``latitude_deg`` and ``longitude_deg`` (WGS84) as GeoParquet 1.1: the column ``geometry`` has
+    points as well-known binary, longitude first.
+
+    The same table gives the same bytes.
 
     >>> import pyarrow as pa
     >>> geoparquet(pa.table({"latitude_deg": [41.8], "longitude_deg": [-101.5]}))[:4]
@@ -26,7 +28,7 @@ def geoparquet(table: pa.Table) -> bytes:
 
 
 def geoparquet_of(table: pa.Table, shapes: NDArray[Any]) -> bytes:
-    """A table with a shapely geometry per row, (n,), WGS84, longitude first, as its column ``geometry``.
+    """Return a table with a shapely geometry per row, (n,), WGS84, longitude first, as its column ``geometry``.
 
     >>> import pyarrow as pa
     >>> import shapely

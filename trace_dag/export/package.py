@@ -82,7 +82,7 @@ class PackageInput:
 
     @property
     def rights(self) -> Rights:
-        """What may be done with the map, and with what is made of it."""
+        """Return the rights in the map and in works made of it."""
         return Rights.of([self.network.attribution])
 
 
@@ -94,7 +94,7 @@ class _File(NamedTuple):
 
 
 def package_files(crash: PackageInput) -> dict[str, bytes]:
-    """The files of a package by name, ``manifest.json`` with their SHA-256 checksums among them."""
+    """Return the files of a package by name, ``manifest.json`` with their SHA-256 checksums among them."""
     files = [
         *_sources(crash),
         *_scenarios(crash),
@@ -131,7 +131,7 @@ def package_files(crash: PackageInput) -> dict[str, bytes]:
 
 
 def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
-    """An archive of ``files`` below ``folder``, the same bytes for the same content.
+    """Return an archive of ``files`` below ``folder``, the same bytes for the same content.
 
     >>> ZipFile(BytesIO(zip_files({"README.txt": b"A crash."}, folder="2023-319003"))).read("2023-319003/README.txt")
     b'A crash.'
@@ -144,7 +144,7 @@ def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
 
 
 def _map_objects(crash: PackageInput) -> list[PlacedObject]:
-    """The objects beside the roads: the fixed objects of the crash, and the surroundings."""
+    """Return the objects beside the roads: the fixed objects of the crash, and the surroundings."""
     items = crash.log.objects
     around = surrounding_objects(crash.network, crash.surroundings, without={item.osm_id for item in items})
     return [*fixed_objects(crash.network, items), *around]
@@ -202,7 +202,7 @@ def _scenarios(crash: PackageInput) -> list[_File]:
 
 
 def _left_free(log: SimulationLog) -> list[int]:
-    """The vehicles that a controller can drive: each in turn, if there is another party."""
+    """Return the vehicles that a controller can drive: each in turn, if there is another party."""
     if len(log.parties) < 2:
         return []
     return sorted(each.number for each in log.parties if not log.is_figure(each.number))

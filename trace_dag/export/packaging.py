@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[str, bytes]:
-    """The scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand."""
+    """Return the scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand."""
     from trace_dag.agents.stored_cases import case_of
     from trace_dag.export.package import PackageInput, package_files
     from trace_dag.osm.xml import write_osm
@@ -104,6 +104,6 @@ def package_of_variation(stored: StoredCase) -> dict[str, bytes]:
 
 
 def map_attribution(records: Records) -> str:
-    """The attribution that a crash's map needs; empty if there is no map."""
+    """Return the attribution that a crash's map needs; empty if there is no map."""
     record = records.get(Stage.OSM_EXTRACT)
     return str(record.figures.get("attribution") or "") if record else ""

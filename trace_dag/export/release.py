@@ -66,7 +66,7 @@ ORDER BY crashes.key
 
 @dataclass(frozen=True)
 class ReleaseReport:
-    """Where a release lies, how many packages it has, and how many files were written now.
+    """The folder of a release, the number of its packages, and of the files written now.
 
     ``missing`` crashes could not be packed: the release is not finished.
     """
@@ -79,7 +79,7 @@ class ReleaseReport:
 
 
 def check_version(version: str) -> None:
-    """Raises :class:`UserError` for a version that is not of the form 1.2 or 1.2.3."""
+    """Raise :class:`UserError` for a version that is not of the form 1.2 or 1.2.3."""
     if not _VERSION.fullmatch(version):
         raise UserError(f"version {version!r}: expected a version such as 1, 1.2, 1.2.3 or 2.0-rc1")
 
@@ -181,7 +181,7 @@ def _weigh(rows: Sequence[dict[str, Any]], national: Sequence[Path]) -> dict[str
 
 
 def _bring_up_to_date(workspace: Workspace, on_problem: OnProblem) -> set[str]:
-    """The crashes whose package or page could not be made."""
+    """Return the crashes whose package or page could not be made."""
     errors = build_benchmark(workspace, contents=True).errors
     for key, error in errors.items():
         on_problem(Failure(f"{key}: no package: {error.strip().splitlines()[-1]}"))
@@ -189,7 +189,7 @@ def _bring_up_to_date(workspace: Workspace, on_problem: OnProblem) -> set[str]:
 
 
 def _complete(folder: Path) -> dict[str, str]:
-    """The checksums of a finished release in this folder; empty if there is none."""
+    """Return the checksums of a finished release in this folder; empty if there is none."""
     sums = folder / CHECKSUMS
     try:
         return read_checksums(sums.read_bytes()) if sums.is_file() else {}
@@ -217,7 +217,7 @@ def _other_content(folder: Path, version: str, complete: Mapping[str, str], sums
 
 
 def _archive(folder: Path, names: Sequence[str], archive: ArchiveFormat) -> Path:
-    """The archive beside the folder, put in its place when it is whole."""
+    """Return the archive beside the folder, put in its place when it is whole."""
     target = folder.with_name(f"{folder.name}.{archive}")
     handle, temporary = tempfile.mkstemp(prefix=".writing-", dir=folder.parent)
     os.close(handle)

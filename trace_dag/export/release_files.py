@@ -1,4 +1,4 @@
-"""What stands beside the packages of a benchmark release: index, datasheet, checksums, citation, and its archive.
+"""Files beside the packages of a benchmark release: index, datasheet, checksums, citation, and its archive.
 
 A release is a folder ``trace-dag-benchmark-<version>``: ``packages/<key>.zip``, ``index.parquet`` and ``index.json``
 with a row per package, ``README.md`` (with the head of a data set card), ``PROTOCOL.md``, ``croissant.json``,
@@ -125,9 +125,11 @@ _EPOCH_S = 315532800  # 1980-01-01, the first date a zip archive knows
 
 @dataclass(frozen=True, eq=False)
 class BenchmarkRelease:
-    """What a release is made of: ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not
-    (warehouse table ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`. ``made_on`` is the day
-    on which the newest of them was verified, as ISO 8601 has it."""
+    """The contents of a release: ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not
+    (warehouse table ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`.
+
+    ``made_on`` is the day on which the newest of them was verified, as ISO 8601 has it.
+    """
 
     version: str
     made_on: str
@@ -137,17 +139,17 @@ class BenchmarkRelease:
 
     @property
     def name(self) -> str:
-        """Name of its folder and archive."""
+        """Return the name of its folder and archive."""
         return f"{NAME}-{self.version}"
 
     @property
     def rights(self) -> Rights:
-        """What may be done with the maps of all packages together."""
+        """Return the rights in the maps of all packages together."""
         return Rights.of(str(row["map_attribution"]) for row in self.packages)
 
 
 def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
-    """The files beside the packages by name, all but the checksums.
+    """Return the files beside the packages by name, all but the checksums.
 
     >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
     >>> row = dict.fromkeys(column.name for column in RELEASE_INDEX.columns)
@@ -188,7 +190,7 @@ def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
 
 
 def _registers(release: BenchmarkRelease) -> dict[str, Any]:
-    """Where the reports are from, for the documents: whether FARS is among the registers, and the others."""
+    """Return the sources of the reports for the documents: whether FARS is among the registers, and the others."""
     return {
         "registers": sorted({row["attribution"] for row in release.packages if row.get("attribution")}),
         "fars": any(row.get("register") in (None, FARS) for row in release.packages),
@@ -196,7 +198,7 @@ def _registers(release: BenchmarkRelease) -> dict[str, Any]:
 
 
 def checksums(sha256_by_name: Mapping[str, str]) -> bytes:
-    """``SHA256SUMS`` as ``sha256sum --check`` reads it.
+    """Return ``SHA256SUMS`` as ``sha256sum --check`` reads it.
 
     >>> checksums({"b.zip": "22", "a.zip": "11"})
     b'11  a.zip\\n22  b.zip\\n'
@@ -205,7 +207,7 @@ def checksums(sha256_by_name: Mapping[str, str]) -> bytes:
 
 
 def read_checksums(data: bytes) -> dict[str, str]:
-    """SHA-256 by name of a ``SHA256SUMS``.
+    """Return the SHA-256 by name of a ``SHA256SUMS``.
 
     >>> read_checksums(b"11  a.zip\\n22  b.zip\\n")
     {'a.zip': '11', 'b.zip': '22'}
@@ -215,7 +217,7 @@ def read_checksums(data: bytes) -> dict[str, str]:
 
 
 def write_archive(folder: Path, names: Iterable[str], target: Path, archive_format: ArchiveFormat) -> None:
-    """One archive of files of a release's folder, the same bytes for the same files, never more than one in memory.
+    """Write an archive of a release's files, the same bytes for the same files, never more than one in memory.
 
     Packages are compressed already, so the archive stores them as they are.
 
@@ -243,7 +245,7 @@ def write_archive(folder: Path, names: Iterable[str], target: Path, archive_form
 
 # --- documents ---------------------------------------------------------------------------------------------------
 def _card(release: BenchmarkRelease) -> bytes:
-    """The head of a data set card as the Hugging Face hub reads it, in front of the README."""
+    """Return the head of a data set card as the Hugging Face hub reads it, in front of the README."""
     names = [each.rpartition("/")[2].lower() for each in licences(release.rights)]
     lines = [
         "---",
@@ -274,7 +276,7 @@ def _about(release: BenchmarkRelease) -> str:
 
 
 def _box_deg(release: BenchmarkRelease) -> tuple[float, float, float, float]:
-    """West, south, east and north of the crashes."""
+    """Return the west, south, east and north of the crashes."""
     places = [(float(row["longitude_deg"]), float(row["latitude_deg"])) for row in release.packages]
     east_west, north_south = zip(*places, strict=True)
     return min(east_west), min(north_south), max(east_west), max(north_south)
@@ -336,7 +338,7 @@ def _estimator(row: Row) -> str:
 
 
 def _kinds(release: BenchmarkRelease) -> list[tuple[str, int, int, int]]:
-    """Each kind of crash with how many are registered, packed, and corroborated."""
+    """Return each kind of crash with how many are registered, packed, and corroborated."""
     registered = Counter(crash["kind"] for crash in release.crashes)
     packed = Counter(row["kind"] for row in release.packages)
     sure = Counter(row["kind"] for row in release.packages if row["grade"] == Grade.CORROBORATED)
@@ -345,20 +347,20 @@ def _kinds(release: BenchmarkRelease) -> list[tuple[str, int, int, int]]:
 
 
 def _by_class(release: BenchmarkRelease, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:
-    """Each class with its crashes registered and packed; those that occur nowhere left out."""
+    """Return each class with its crashes registered and packed; those that occur nowhere left out."""
     registered = Counter(crash[name] for crash in release.crashes)
     packed = Counter(row[name] for row in release.packages)
     return [(each.value, registered[each.value], packed[each.value]) for each in values if registered[each.value]]
 
 
 def _reasons(release: BenchmarkRelease) -> list[tuple[str, str, int]]:
-    """Why registered crashes are not in it: stage, reason, crashes."""
+    """Return the reasons that keep registered crashes out: stage, reason, crashes."""
     rejected = Counter(crash["reason"] for crash in release.crashes if crash["final_state"] == "rejected")
     return [(reason.stage.value, reason.value, rejected[reason.value]) for reason in Reason if rejected[reason.value]]
 
 
 def _figures(release: BenchmarkRelease) -> list[tuple[str, str, int, float, float, float]]:
-    """What the scenarios measure: column, unit, how many have it, least, median and largest."""
+    """Return figures of the scenarios: column, unit, number with a value, least, median and largest."""
     rows = []
     for column in RELEASE_INDEX.columns:
         if column.unit in ("m", "h", "mps") or column.name.endswith("_rel"):

@@ -1,4 +1,5 @@
-"""What search engines and archives read of a release: Croissant (``croissant.json``) and DataCite (``datacite.json``).
+"""Metadata of a release for search engines and archives: Croissant (``croissant.json``) and DataCite
+(``datacite.json``).
 
 Croissant 1.1 describes files and columns for tools of machine learning (Akhtar et al., Croissant: A metadata format
 for ML-ready datasets, 2024). DataCite's metadata schema 4.5 is what a repository asks for when it gives a DOI.
@@ -67,7 +68,9 @@ _CONTEXT: Final[dict[str, Any]] = {
 def croissant(
     name: str, version: str, published: str, about: str, rights: Rights, index: TableSchema, index_parquet: bytes
 ) -> bytes:
-    """``croissant.json``: the files of a release, and the columns of its index. ``published`` is a date.
+    """Return ``croissant.json``: the files of a release, and the columns of its index.
+
+    ``published`` is a date.
 
     >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
     >>> from trace_dag.common.schemas import Column
@@ -139,8 +142,9 @@ def croissant(
 def datacite(
     name: str, version: str, published: str, title: str, about: str, rights: Rights, box_deg: Sequence[float]
 ) -> bytes:
-    """``datacite.json``: what a repository needs to give a DOI, all but the DOI. ``box_deg`` is west, south, east,
-    north of the crashes.
+    """Return ``datacite.json``: what a repository needs to give a DOI, all but the DOI.
+
+    ``box_deg`` is west, south, east, north of the crashes.
 
     >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
     >>> rights, box_deg = Rights.of([OSM_ATTRIBUTION]), (-83.7, 36.5, -75.2, 39.5)
@@ -185,7 +189,7 @@ def datacite(
 
 
 def licences(rights: Rights) -> list[str]:
-    """Addresses of the licences of a release: its own, and those of its maps.
+    """Return addresses of the licences of a release: its own, and those of its maps.
 
     >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
     >>> licences(Rights.of([OSM_ATTRIBUTION]))
@@ -196,7 +200,7 @@ def licences(rights: Rights) -> list[str]:
 
 
 def _semantic(version: str) -> str:
-    """A version as three numbers, which Croissant asks for: 1.0 is 1.0.0."""
+    """Return a version as three numbers, which Croissant asks for: 1.0 is 1.0.0."""
     numbers, dash, rest = version.partition("-")
     return ".".join([*numbers.split("."), "0", "0"][:3]) + dash + rest
 

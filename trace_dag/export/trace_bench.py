@@ -30,8 +30,12 @@ _SHOWN: Final = 5
 def definition(
     rows: Sequence[Mapping[str, Any]], records: Mapping[str, Records], made_on: str, weights: Mapping[str, Any] | None
 ) -> bytes:
-    """The definition of the crashes ``rows``, of the index of a release, as UTF-8 JSON; the same bytes for the same
-    input. ``weights`` says what the weights of the rows are of, None where there are none."""
+    """Return the definition of the crashes ``rows``, of the index of a release, as UTF-8 JSON.
+
+    The same bytes for the same input.
+
+    ``weights`` says what the weights of the rows are of, None where there are none.
+    """
     usual = Conditions(traffic=Traffic.PERSISTENT)
     document = {
         "name": NAME,
@@ -52,7 +56,7 @@ def definition(
 
 
 def _stages(records: Sequence[Records]) -> dict[str, list[Any]]:
-    """Of every stage its codes with settings and libraries: one, where all crashes were made alike."""
+    """Return, for each stage, its codes with settings and libraries: one, where all crashes were made alike."""
     found: dict[str, list[Any]] = {}
     for stage in Stage:
         made = [record[stage].provenance for record in records if stage in record]
@@ -75,7 +79,10 @@ def _crash(row: Mapping[str, Any], record: Records) -> dict[str, Any]:
 
 
 def read_definition(data: bytes, name: str) -> dict[str, Any]:
-    """A definition as read. Raises :class:`UserError` for what is none of this version."""
+    """Return a definition as read.
+
+    Raises :class:`UserError` for what is none of this version.
+    """
     try:
         document = json.loads(data)
         if document["name"] == NAME and isinstance(document["crashes"], dict):
@@ -86,8 +93,9 @@ def read_definition(data: bytes, name: str) -> dict[str, Any]:
 
 
 def differences(given: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:
-    """Which inputs of what was made are not those of a given definition, a sentence each; of what follows from them
-    only where they are the same.
+    """Return the inputs that differ from those of a given definition, a sentence each.
+
+    Of those that follow from others only where these are the same.
 
     >>> crash = {"report_sha256": "1", "map_sha256": "2", "package_sha256": "3"}
     >>> given = {"stages": {}, "weights": None, "crashes": {"2023-1": crash, "2023-2": crash}}

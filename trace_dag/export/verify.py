@@ -1,4 +1,4 @@
-"""Whether pages and packages are as they were made, and mending those that are not."""
+"""Verification and repair of pages and packages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trace_dag.flow.verify import Disagreement, DisagreementKind, Quarantine
 
 
 def verify_benchmark(storage: Storage, *, contents: bool = False) -> Iterator[Disagreement]:
-    """Pages and packages that are not as their manifest says; with ``contents`` every file is read.
+    """Yield pages and packages that are not as their manifest says; with ``contents`` every file is read.
 
     Without a manifest that can be read no file is known to be whole.
     """

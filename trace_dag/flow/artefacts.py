@@ -43,16 +43,19 @@ class CrashArtefacts(Protocol):
 
     @property
     def key(self) -> str:
-        """The crash's key."""
+        """Return the crash's key."""
 
     def has(self, artefact: Artefact[Any]) -> bool:
-        """Whether there is such an artefact."""
+        """Return whether there is such an artefact."""
 
     def load(self, artefact: Artefact[T]) -> T:
-        """An artefact as its reader reads it, read once."""
+        """Return an artefact as its reader reads it, read once."""
 
     def shown_log(self) -> SimulationLog | None:
-        """The log that the verdict is about, the first one without a verdict; None where nothing was simulated."""
+        """Return the log that the verdict is about, the first one without a verdict.
+
+        None where nothing was simulated.
+        """
 
 
 REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml",))
@@ -103,11 +106,11 @@ ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
 
 
 def report_file(crash: CrashArtefacts) -> tuple[str, bytes]:
-    """The report of a crash with the name it has in packages: CrashAPI's XML, or what a table says as JSON."""
+    """Return the report of a crash with the name it has in packages: CrashAPI's XML, or what a table says as JSON."""
     artefact = REPORT_XML if crash.has(REPORT_XML) else REPORT_JSON
     return f"report.{artefact.extensions[0]}", crash.load(artefact)
 
 
 def surroundings_of(crash: CrashArtefacts) -> tuple[OsmFeature, ...]:
-    """What is beside the roads around a crash; nothing where that was not kept."""
+    """Return the features beside the roads around a crash; none where they were not kept."""
     return crash.load(EXTRACT).surroundings if crash.has(EXTRACT) else ()

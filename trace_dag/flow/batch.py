@@ -48,13 +48,13 @@ def work_of(
     force: Collection[Stage] = (),
     afterwards: Callable[[CrashFiles], MadeFiles | None] | None = None,
 ) -> Work:
-    """What the workers of a run need to know."""
+    """Return the shared facts for the workers of a run."""
     flow, settings = workspace.flow, workspace.settings
     return Work(workspace.storage, settings, flow, run_id, installed(), frozenset(force), afterwards)
 
 
 def first_stale(workspace: Workspace, keys: Sequence[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Stage]:
-    """For each crash that is not up to date, the first of some stages, from the first on, that would have to run."""
+    """Return, for each outdated crash, the first of some stages that would have to run."""
     records = read_records(workspace.storage, keys, stages)
     crashes = _Crashes(work_of(workspace, ""), records, workspace.registry.sources(keys))
     first = {key: crashes.first_to_run(crash, stages) for key, crash in crashes.by_key.items()}
@@ -71,7 +71,9 @@ class StaleResult:
 
 
 def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[StaleResult]:
-    """The first result of each crash that is out of date, though nothing has failed; the later ones depend on it.
+    """Return the first result of each crash that is out of date, though nothing has failed.
+
+    The later ones depend on it.
 
     ``records`` are those stored of some crashes. Results that were never made, or that a run tried to make again
     without success, are not listed.
@@ -138,13 +140,16 @@ class _Crashes:
         self._whole = intact(work.storage, [record for each in records.values() for record in each.values()])
 
     def has_work(self, crash: CrashTask, definition: StageDefinition) -> bool:
-        """Whether a stage has to run for a crash that reaches it."""
+        """Return whether a stage has to run for a crash that reaches it."""
         now = made_from(self.work.recipes[definition.stage], crash.source, crash.records)
         record = crash.records.get(definition.stage)
         return definition.stage in self.work.force or bool(why_to_run(record, now, self._whole))
 
     def first_to_run(self, crash: CrashTask, stages: Collection[Stage]) -> Stage | None:
-        """The first of some stages that has to run; None where all are current, or an earlier one ends the crash."""
+        """Return the first of some stages that has to run.
+
+        None where all are current, or an earlier one ends the crash.
+        """
         for definition in self.work.flow.stages:
             if definition.stage in stages and self.has_work(crash, definition):
                 return definition.stage
@@ -173,7 +178,7 @@ class _Batch:
         self._ended: set[str] = set()  # keys of crashes that do not go on to the next stage
 
     def to_run(self) -> set[Stage]:
-        """The stages that some crash may have to go through: from the first that is not current on."""
+        """Return the stages that some crash may have to go through: from the first that is not current on."""
         before = self.stages  # those that no crash seen so far has to go through
         for crash in self.crashes.values():
             first = self._stored.first_to_run(crash, before)
@@ -215,7 +220,10 @@ class _Batch:
                 yield from self._with_later(crash, event)
 
     def _without_work(self, crash: CrashTask, segment: Sequence[StageDefinition]) -> list[StageEvent] | None:
-        """The events of a segment all of whose stages are current or out of reach; None if there is work to do."""
+        """Return the events of a segment all of whose stages are current or out of reach.
+
+        None if there is work to do.
+        """
         events: list[StageEvent] = []
         for definition in segment:
             ended = self._ended_before(crash, definition.stage)
@@ -231,7 +239,9 @@ class _Batch:
         return events
 
     def _ended_before(self, crash: CrashTask, stage: Stage) -> StageEvent | None:
-        """Why a crash cannot reach a stage that this run did not end: an earlier stage was not selected."""
+        """Return the reason why a crash cannot reach a stage that this run did not end: an earlier stage was not
+        selected.
+        """
         for definition in self.work.flow.stages:
             if definition.stage is stage:
                 return None
@@ -243,7 +253,7 @@ class _Batch:
         return None
 
     def _with_later(self, crash: CrashTask, event: StageEvent) -> list[StageEvent]:
-        """An event, and if it ends the crash, those of all later selected stages."""
+        """Return an event, and if it ends the crash, those of all later selected stages."""
         record = event.record
         if record is not None and record.outcome is Outcome.ACCEPTED and event.action is not Action.BLOCKED:
             return [event]
@@ -267,7 +277,7 @@ class _Batch:
         return [Chunk(self.work, tuple(tasks[key] for key in group), stages, last) for group in groups]
 
     def _groups(self, crashes: Sequence[CrashTask], definition: StageDefinition) -> list[list[str]]:
-        """The groups a batch stage is best called with; none if it does not say, or if finding them fails."""
+        """Return the groups a batch stage is best called with; none if it does not say, or if finding them fails."""
         if definition.grouping is None:
             return []
         try:
@@ -282,7 +292,7 @@ class _Batch:
         return CrashFiles.recorded(crash.key, crash.source, self.work.settings, self.work.storage, crash.records)
 
     def _lost(self, task: CrashTask, segment: Sequence[StageDefinition], lost: Lost) -> list[StageEvent]:
-        """A crash whose worker died every time: a failure of the first stage it had not finished."""
+        """Return a crash whose worker died every time: a failure of the first stage it had not finished."""
         records = read_records(self.work.storage, [task.key])[task.key]
         events: list[StageEvent] = []
         for stuck in segment:
@@ -303,7 +313,7 @@ class _Batch:
 
 
 def _shared_out(work: Work, machines: int) -> Work:
-    """The work with each machine's part of the rate at which public services may be asked.
+    """Return the work with each machine's part of the rate at which public services may be asked.
 
     All processes of a machine keep one rate between them; machines know nothing of each other.
     """

@@ -60,7 +60,10 @@ class DamagedArtefactError(DamagedFile):
 
 
 def read_artefact(storage: Storage, record: OutcomeRecord, file: StoredFile) -> bytes:
-    """The content of one of the files a record lists. Raises :class:`DamagedArtefactError`."""
+    """Return the content of one of the files a record lists.
+
+    Raises :class:`DamagedArtefactError`.
+    """
     try:
         return storage.read_whole(file)
     except DamagedFile as damaged:
@@ -97,14 +100,17 @@ class CrashFiles:
         *,
         run_id: str = "",
     ) -> CrashFiles:
-        """A crash with the outcomes of its stages so far. Nothing is read yet."""
+        """Return a crash with the outcomes of its stages so far.
+
+        Nothing is read yet.
+        """
         files = cls(key, source, settings, storage, run_id=run_id)
         for record in records.values():
             files.accept(record)
         return files
 
     def unread(self) -> CrashFiles:
-        """The same crash with nothing read yet: for work on many, so that what each has read is let go."""
+        """Return the same crash with nothing read yet: for work on many, so that what each has read is released."""
         return self.recorded(self.key, self.source, self.settings, self.storage, self._records, run_id=self.run_id)
 
     def accept(
@@ -127,25 +133,28 @@ class CrashFiles:
 
     @property
     def services(self) -> Services:
-        """What may be asked of the world outside for this crash."""
+        """Return the services that this crash may use."""
         return Services(self.storage, self.settings.services, self.run_id)
 
     @property
     def records(self) -> dict[Stage, OutcomeRecord]:
-        """The outcomes of its stages so far."""
+        """Return the outcomes of its stages so far."""
         return self._records
 
     def has(self, artefact: Artefact[Any]) -> bool:
-        """Whether there is such an artefact."""
+        """Return whether there is such an artefact."""
         record = self._records.get(artefact.stage)
         return record is not None and all(record.artefact(extension) for extension in artefact.extensions)
 
     def figures(self, stage: Stage) -> Mapping[str, Figure]:
-        """The figures an earlier stage recorded: enough to arrange work by, without reading its artefacts."""
+        """Return the figures an earlier stage recorded: enough to arrange work by, without reading its artefacts."""
         return self._records[stage].figures
 
     def load(self, artefact: Artefact[T]) -> T:
-        """An artefact as its reader reads it, read once per crash. Raises :class:`DamagedArtefactError`."""
+        """Return an artefact as its reader reads it, read once per crash.
+
+        Raises :class:`DamagedArtefactError`.
+        """
         contents = [self.read(artefact.stage, extension) for extension in artefact.extensions]
         if not artefact.reader:
             return contents[0]  # type: ignore[return-value] # an artefact without a reader is one of bytes
@@ -157,7 +166,7 @@ class CrashFiles:
         return value
 
     def shown_log(self) -> SimulationLog | None:
-        """The log that the verdict is about, the first one without a verdict; None where nothing was simulated.
+        """Return the log that the verdict is about, the first one without a verdict; None where nothing was simulated.
 
         Raises :class:`DamagedArtefactError`.
         """
@@ -166,7 +175,10 @@ class CrashFiles:
         return self.load(LOGS)[self.load(VERDICT).hypothesis if self.has(VERDICT) else 0]
 
     def read(self, stage: Stage, extension: str) -> bytes:
-        """Content of one of the files of a stage. Raises :class:`DamagedArtefactError`."""
+        """Return the content of one of the files of a stage.
+
+        Raises :class:`DamagedArtefactError`.
+        """
         name = artefact_name(stage, self.key, extension)
         if name not in self._contents:
             file = self._records[stage].artefact(extension)
@@ -183,12 +195,12 @@ class CrashFiles:
                 read_artefact(self.storage, record, file)
 
     def stored(self, artefact: Artefact[Any]) -> StoredFile | None:
-        """The file of an artefact, the first of several; None if there is none."""
+        """Return the file of an artefact, the first of several; None if there is none."""
         record = self._records.get(artefact.stage)
         return record.artefact(artefact.extensions[0]) if record else None
 
     def picture(self, extension: str) -> StoredFile | None:
-        """The picture drawn of the crash as it stands; None if there is none."""
+        """Return the picture drawn of the crash as it stands; None if there is none."""
         if not self._records:
             return None
         return self._records[max(self._records, key=lambda stage: stage.position)].picture(extension)
@@ -213,17 +225,17 @@ class StageDefinition:
 
     @property
     def for_several(self) -> bool:
-        """Whether the function makes the stage for several crashes at once."""
+        """Return whether the function makes the stage for several crashes at once."""
         return signature_of(self.function).returns.startswith("Mapping[")
 
     @property
     def sources(self) -> frozenset[str]:
-        """What from outside the storage enters: "report", "maps"."""
+        """Return the inputs from outside the storage: "report", "maps"."""
         names = (each.name for each in signature_of(self.function).parameters)
         return frozenset(_SOURCES[name] for name in names if name in _SOURCES)
 
     def section(self, settings: Settings) -> BaseModel | None:
-        """The section of settings that the function asks for."""
+        """Return the section of settings that the function asks for."""
         for parameter in signature_of(self.function).parameters:
             if parameter.name == "settings":
                 section: BaseModel = getattr(settings, _SECTIONS[parameter.annotation])
@@ -249,16 +261,16 @@ class Flow:
             raise ValueError("the stages of a flow stand in the order of the flow, each once")
 
     def definition(self, stage: Stage) -> StageDefinition:
-        """The definition of a stage."""
+        """Return the definition of a stage."""
         return next(definition for definition in self.stages if definition.stage is stage)
 
     def inputs(self, definition: StageDefinition) -> dict[str, Artefact[Any]]:
-        """The artefacts of earlier stages that a stage is made from, by parameter."""
+        """Return the artefacts of earlier stages that a stage is made from, by parameter."""
         names = [each.name for each in signature_of(definition.function).parameters]
         return {name: self.artefacts[name] for name in names if name in self.artefacts}
 
     def recipes(self, settings: Settings) -> dict[Stage, Recipe]:
-        """What each stage is made from, in order."""
+        """Return the recipe of each stage, in order."""
         return {each.stage: self._recipe(each, settings) for each in self.stages}
 
     def _recipe(self, definition: StageDefinition, settings: Settings) -> Recipe:
@@ -274,14 +286,14 @@ class Flow:
         )
 
     def make(self, definition: StageDefinition, crash: CrashFiles) -> StageProduct:
-        """A stage made for one crash."""
+        """Return a stage made for one crash."""
         product: StageProduct = referred(definition.function)(**self._arguments(definition, crash))
         return product
 
     def make_for_several(
         self, definition: StageDefinition, crashes: Sequence[CrashFiles]
     ) -> Mapping[str, StageProduct | Rejection | Exception]:
-        """A stage made for several crashes at once; products, rejections or failures by key."""
+        """Return a stage made for several crashes at once; products, rejections or failures by key."""
         arguments = {crash.key: self._arguments(definition, crash) for crash in crashes}
         of_crash = {*self.artefacts, *_SOURCES}
         given = {
@@ -312,7 +324,9 @@ class Flow:
         return given
 
     def segments(self, stages: Sequence[Stage]) -> list[tuple[StageDefinition, ...]]:
-        """Selected stages cut into runs that a worker does for one crash at a time, those for several by themselves."""
+        """Return the selected stages cut into runs that a worker does for one crash at a time, those for several by
+        themselves.
+        """
         segments: list[list[StageDefinition]] = []
         for definition in self.stages:
             if definition.stage not in stages:

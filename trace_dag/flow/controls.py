@@ -23,9 +23,11 @@ def negative_controls(
     on_progress: OnProgress = silent,
     on_problem: OnProblem = raised,
 ) -> list[ControlRow]:
-    """Every judged crash of a cohort against its own report, every verified one against every other's report of its
-    kind and with one vehicle late; of a crash with people the person late, and from the other side; of a vehicle that
-    leaves the road the side mirrored, and the object moved. Stored for the warehouse.
+    """Return every judged crash of a cohort against its own report, every verified one against every other's report of
+    its kind and with one vehicle late; of a crash with people the person late, and from the other side; of a vehicle
+    that leaves the road the side mirrored, and the object moved.
+
+    Stored for the warehouse.
 
     Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
     at random. ``on_progress`` hears how many of how many are read, and then judged; ``on_problem`` of those left out.

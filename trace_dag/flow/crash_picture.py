@@ -21,13 +21,16 @@ from trace_dag.pages.pictures import WIDTH_PX, draw_crash, draw_rejected_map
 
 
 def crash_picture(crash: CrashFiles) -> dict[str, bytes]:
-    """The crash drawn from above, with all that is known so far; nothing before it has a map, even a rejected one."""
+    """Return the crash drawn from above, with all that is known so far.
+
+    Nothing before it has a map, even a rejected one.
+    """
     svg = drawn(crash)
     return {} if svg is None else {"png": as_png(pixels_of(svg, WIDTH_PX))}
 
 
 def drawn(crash: CrashArtefacts) -> str | None:
-    """The same as an SVG; None before it has a map, even a rejected one."""
+    """Return the same as an SVG; None before it has a map, even a rejected one."""
     if isinstance(crash, CrashFiles) and crash.has(REJECTED_MAP):
         why = crash.records[Stage.ROAD_MAP].detail
         network, report = crash.load(REJECTED_MAP), crash.load(REJECTED_REPORT)

@@ -1,4 +1,4 @@
-"""Where each crash stands: one final state per crash, from the stored records alone."""
+"""Final states of the crashes, from the stored records alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ class FinalState(StrEnum):
 
 @dataclass(frozen=True)
 class CrashStatus:
-    """Where a crash stands. ``stage_reached`` is the stage that ended it, or the last one that accepted it.
+    """The state of a crash.
+
+    ``stage_reached`` is the stage that ended it, or the last one that accepted it.
 
     ``corroborated``: verified, and borne out by more than the criteria. ``without_areas``: verified, and its register
     has no areas of impact, so that it can be no more than consistent. ``made``: what made its estimate, if any.
@@ -53,7 +55,8 @@ class CrashStatus:
 
 
 def valid_records(records: Records) -> Records:
-    """The records that still count: up to the first that did not accept, each built on what those before it list.
+    """Return the records that still count: up to the first that did not accept, each built on what those before it
+    list.
 
     A later stage's record from before an earlier stage was run again is history, not a standing.
     """
@@ -77,12 +80,12 @@ _STAGE_NAMES = frozenset(stage.value for stage in Stage)
 
 
 def crash_status(key: str, records: Records) -> CrashStatus:
-    """Where one crash stands."""
+    """Return the state of one crash."""
     return status_of_valid(key, valid_records(records))
 
 
 def status_of_valid(key: str, valid: Records) -> CrashStatus:
-    """Where one crash stands by the records that count, as :func:`valid_records` finds them."""
+    """Return the state of one crash by its valid records, as :func:`valid_records` finds them."""
     if not valid:
         return CrashStatus(key, FinalState.PENDING)
     made = maker_of(valid[Stage.STATE_ESTIMATE]) if Stage.STATE_ESTIMATE in valid else None
@@ -113,13 +116,13 @@ def status_of_valid(key: str, valid: Records) -> CrashStatus:
 
 @gc_paused()
 def crash_statuses(records: Mapping[str, Records]) -> dict[str, CrashStatus]:
-    """Where all crashes stand."""
+    """Return the states of all crashes."""
     return {key: crash_status(key, of_crash) for key, of_crash in records.items()}
 
 
 @dataclass(frozen=True)
 class FunnelStep:
-    """How many crashes got past a step, and how many did in the published benchmark (None: not published)."""
+    """A step of the funnel: crashes that got past it, here and in the published benchmark (None: not published)."""
 
     step: str
     crashes: int
@@ -138,7 +141,7 @@ _FUNNEL: tuple[tuple[str, Stage | None, int | None], ...] = (
 
 
 def funnel(crashes: Iterable[CrashStatus]) -> list[FunnelStep]:
-    """Crashes that passed each step, beside the published counts."""
+    """Return crashes that passed each step, beside the published counts."""
     everyone = list(crashes)
     steps = [
         FunnelStep(step, sum(stage is None or _passed(crash, stage) for crash in everyone), published)

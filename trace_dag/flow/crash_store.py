@@ -37,13 +37,13 @@ _LOCKS = 256  # files, shared by the crashes: few enough to keep, many enough th
 
 
 def picture_name(key: str, extension: str = "png") -> str:
-    """Where a crash's picture lies below the storage root; ``svg`` is the sketch."""
+    """Return the path of a crash's picture below the storage root; ``svg`` is the sketch."""
     return f"pictures/{key}.{extension}"
 
 
 @contextmanager
 def opened(work: Work, crashes: Sequence[CrashTask]) -> Iterator[list[CrashStore]]:
-    """Some crashes, locked against other runs; where another run held one, with the records it has left."""
+    """Open some crashes, locked against other runs; where another run held one, with the records it has left."""
     keys = [crash.key for crash in crashes]
     with _locked(work.storage, keys) as waited:
         if waited:
@@ -158,7 +158,8 @@ class CrashStore:
 
 
 def _after_failure(storage: Storage, earlier: OutcomeRecord | None, failed: OutcomeRecord) -> OutcomeRecord:
-    """The record that stands after an attempt that failed: the failure, or the earlier result, marked as outdated.
+    """Return the record that stands after an attempt that failed: the failure, or the earlier result, marked as
+    outdated.
 
     An earlier result is kept while its files are whole and its inputs are still the same. After a change of its inputs
     it would contradict them.

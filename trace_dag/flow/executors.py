@@ -1,4 +1,4 @@
-"""Where chunks of work run: in this process, in a pool of processes, on a Dask cluster.
+"""Executors of chunks of work: this process, a pool of processes, a Dask cluster.
 
 The work is the same function for all of them, called with one picklable task. A task whose worker died is not lost:
 it is split as far as it can be and each part is tried alone, so that the one crash that kills its worker is found and
@@ -42,14 +42,17 @@ class Executor(Protocol):
         """Let the workers start now, each calling ``function``, if starting them takes time; waits for nothing."""
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
-        """All tasks, each answered once. Exceptions of the function itself are raised."""
+        """Return all tasks, each answered once.
+
+        Exceptions of the function itself are raised.
+        """
 
     def close(self) -> None:
         """Release the workers; safe to call twice."""
 
 
 def make_executor(settings: ExecutionSettings) -> Executor:
-    """The executor the settings ask for."""
+    """Return the executor the settings ask for."""
     if settings.executor == "dask":
         return DaskExecutor(settings.dask_address)
     workers = settings.workers or available_cores()
@@ -59,7 +62,7 @@ def make_executor(settings: ExecutionSettings) -> Executor:
 
 
 def available_cores() -> int:
-    """Cores this process may use."""
+    """Return cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -89,7 +92,7 @@ class InProcessExecutor:
     machines = 1
 
     def prepare(self, function: Callable[[], object]) -> None:
-        """There is nothing to start."""
+        """Start nothing."""
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
         """See :class:`Executor`."""
@@ -97,7 +100,7 @@ class InProcessExecutor:
             yield task, function(task)
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Release nothing."""
 
 
 @dataclass(frozen=True)
@@ -110,19 +113,19 @@ class _Call:
 
 @dataclass(frozen=True)
 class _Raised:
-    """What a function raised, which is for the caller."""
+    """An exception of a function, for the caller."""
 
     error: Exception
 
 
 class _Calls:
-    """What the workers of a pool do: call functions."""
+    """Calls of functions by the workers of a pool."""
 
     def prepare(self, name: str) -> None:
-        """Calls share nothing."""
+        """Share nothing between calls."""
 
     def do(self, shared: None, call: _Call) -> Any:
-        """One call."""
+        """Return one call."""
         try:
             return call.function(call.task)
         except Exception as error:
@@ -155,7 +158,7 @@ class ProcessExecutor:
             yield answer.step.task, result
 
     def processes(self) -> list[SpawnProcess]:
-        """The worker processes there are."""
+        """Return the worker processes there are."""
         return self._pool.processes()
 
     def close(self) -> None:
@@ -188,7 +191,7 @@ class DaskExecutor:
         self.machines = max(1, len(hosts))
 
     def prepare(self, function: Callable[[], object]) -> None:
-        """The workers run already."""
+        """Start nothing: the workers run already."""
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
         """See :class:`Executor`. Dask itself gives a dead worker's task to another, a few times."""
@@ -199,7 +202,7 @@ class DaskExecutor:
                 future.release()
 
     def _wait_for_some(self, futures: list[Any]) -> set[Any]:
-        """The futures that are done, at least one of them."""
+        """Return the futures that are done, at least one of them."""
         wait_for = importlib.import_module("distributed").wait
         since_s: float | None = None  # when the cluster was first seen without workers, of the monotonic clock
         while True:

@@ -1,4 +1,4 @@
-"""Which estimators made some estimates, in words: how many made what they were asked for, and how many did not."""
+"""Estimators of some estimates, in words: how many estimated as asked, and how many others stood in."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Made(NamedTuple):
 
 
 def maker_of(record: OutcomeRecord) -> Made | None:
-    """What made the estimate of a stage's record; None where there is no estimate."""
+    """Return the estimator of a stage's record; None where there is no estimate."""
     estimator, asked = record.figures.get("estimator"), record.figures.get("fallback_from")
     if not estimator or not record.artefacts or record.reason is not None:
         return None
@@ -26,7 +26,10 @@ def maker_of(record: OutcomeRecord) -> Made | None:
 
 
 def makers_in_words(estimates: Iterable[Made]) -> str:
-    """Such as "50 estimates: 14 by llm, 36 by analytic in place of llm (72 %)"; "" where there are none."""
+    """Return the estimators in words, such as "50 estimates: 14 by llm, 36 by analytic in place of llm (72 %)".
+
+    "" where there are none.
+    """
     counts = Counter(estimates)
     total = counts.total()
     if not total:

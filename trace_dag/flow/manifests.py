@@ -1,4 +1,4 @@
-"""What is stored in folders that have no outcome records, each file with the size and SHA-256 it was written with.
+"""Manifests of folders without outcome records: each file's size and SHA-256 as written.
 
 ``ROOT/<folder>/manifest.json`` lists the files of a folder: of the benchmark, of comparisons, evaluations and
 variations. It is written after the files it lists. Outcome records list the artefacts and pictures of the stages.
@@ -43,17 +43,20 @@ class Manifest:
     made_of: dict[str, str] = field(default_factory=dict)
 
     def beginning(self, *starts: str) -> dict[str, StoredFile]:
-        """The files whose name below the folder begins with one of ``starts``."""
+        """Return the files whose name below the folder begins with one of ``starts``."""
         return {name: file for name, file in self.files.items() if name.rpartition("/")[2].startswith(starts)}
 
 
 def manifest_name(folder: str) -> str:
-    """Where the manifest of a folder lies below the root."""
+    """Return the path of a folder's manifest below the root."""
     return f"{folder}/manifest.json"
 
 
 def read_manifest(storage: Storage, folder: str) -> Manifest:
-    """The manifest of a folder, an empty one if there is none. Raises :class:`DamagedFile`."""
+    """Return the manifest of a folder, an empty one if there is none.
+
+    Raises :class:`DamagedFile`.
+    """
     from pydantic import ValidationError
 
     name = manifest_name(folder)
@@ -66,7 +69,7 @@ def read_manifest(storage: Storage, folder: str) -> Manifest:
 
 
 def sound_manifest(storage: Storage, folder: str) -> Manifest:
-    """The manifest of a folder whose files can be made again: an empty one if it is missing or damaged."""
+    """Return the manifest of a folder whose files can be made again: an empty one if it is missing or damaged."""
     try:
         return read_manifest(storage, folder)
     except DamagedFile:
@@ -80,7 +83,7 @@ def write_manifest(storage: Storage, folder: str, manifest: Manifest) -> None:
 
 
 def is_of_older_version(storage: Storage) -> bool:
-    """Whether a version of the program before manifests made what is there, and no run of this one has since."""
+    """Return whether a version of the program before manifests made what is there, and no run of this one has since."""
     return bool(storage.list(_OLDER))
 
 
@@ -125,7 +128,10 @@ def list_files(storage: Storage, folder: str, files: Iterable[StoredFile], gone:
 
 
 def read_listed(storage: Storage, name: str, *, remedy: str) -> bytes:
-    """The content of a file that agrees with its manifest; :class:`DamagedFile`, naming the remedy, if it does not."""
+    """Return the content of a file that agrees with its manifest.
+
+    :class:`DamagedFile`, naming the remedy, if it does not.
+    """
     folder = name.partition("/")[0]
 
     def look() -> bytes:
@@ -138,7 +144,7 @@ def read_listed(storage: Storage, name: str, *, remedy: str) -> bytes:
 
 
 def agreed(look: Callable[[], T], *, remedy: str) -> T:
-    """What ``look`` finds, which raises :class:`DamagedFile` where a file is not as it is listed.
+    """Return what ``look`` finds; it raises :class:`DamagedFile` where a file is not as listed.
 
     Files that are being replaced agree with their list a moment later, so it looks several times.
     """
@@ -163,7 +169,9 @@ def not_as_listed(
     contents: bool = False,
     told: Callable[[int], None] = lambda _: None,
 ) -> Iterator[tuple[StoredFile, str]]:
-    """Files that are missing or of another size, with ``contents`` also those of another content; and what is found.
+    """Yield files that are missing or of another size, with ``contents`` also those of another content.
+
+    And what is found.
 
     ``told`` hears how many have been read.
     """

@@ -1,4 +1,4 @@
-"""Which crashes' maps are best cut together."""
+"""Groups of crashes whose maps are best cut together."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trace_dag.flow.stages.osm_extract import catalog_of
 
 
 def by_map_files(crashes: Sequence[CrashFiles]) -> list[list[str]]:
-    """Crashes that lie in the same map files together, so that a file is read once; small groups joined.
+    """Return crashes that lie in the same map files together, so that a file is read once; small groups joined.
 
     Crashes outside every map file share no reading and fill up the groups.
     """

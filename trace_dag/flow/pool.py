@@ -63,13 +63,13 @@ class StepAnswer(Generic[S, R]):
 
 
 class StepWork(Protocol[C, S_in, R_out]):
-    """What the workers do; picklable."""
+    """The work of the workers; picklable."""
 
     def prepare(self, name: str) -> C:
-        """What the steps of a task share."""
+        """Prepare what the steps of a task share."""
 
     def do(self, shared: C, step: S_in) -> R_out:
-        """One step."""
+        """Return one step."""
 
 
 @dataclass(eq=False)
@@ -86,7 +86,7 @@ class _Worker(Generic[S]):
 
 @dataclass(frozen=True)
 class _Ready:
-    """What the steps share has been made."""
+    """A worker's message that the shared state of the steps is ready."""
 
 
 class Pool(Generic[C, S, R]):
@@ -118,7 +118,7 @@ class Pool(Generic[C, S, R]):
             self._give(self._started(), Task("", (step,)), told=False)
 
     def run(self, tasks: Sequence[Task[S]]) -> Iterator[StepAnswer[S, R]]:
-        """Every step answered once, in order within its task."""
+        """Yield every step answered once, in order within its task."""
         waiting = deque(task for task in tasks if task.steps)
         try:
             while waiting or any(worker.task and worker.told for worker in self._running):
@@ -140,7 +140,7 @@ class Pool(Generic[C, S, R]):
             self._end(self._running[-1])
 
     def processes(self) -> list[SpawnProcess]:
-        """The worker processes there are."""
+        """Return the worker processes there are."""
         return [worker.process for worker in self._running]
 
     def _started(self) -> _Worker[S]:
@@ -172,7 +172,7 @@ class Pool(Generic[C, S, R]):
         return min(_LOOK_S, max(0.0, min(deadlines, default=_LOOK_S + time.monotonic()) - time.monotonic()))
 
     def _too_long(self, worker: _Worker[S]) -> str:
-        """Why a worker is not waited for any longer; "" where it is."""
+        """Return the reason to give a worker up; "" while there is none."""
         now_s = time.monotonic()
         if worker.deadline_s is not None and now_s > worker.deadline_s:
             return f"took longer than {self._step_limit_s:g} s"
@@ -206,7 +206,7 @@ class Pool(Generic[C, S, R]):
                 yield StepAnswer(task.name, step, message)
 
     def _lost(self, worker: _Worker[S], waiting: deque[Task[S]], detail: str) -> Iterator[StepAnswer[S, R]]:
-        """The step a worker was in is lost; the rest of its task goes to a new worker."""
+        """Yield the step a worker was in is lost; the rest of its task goes to a new worker."""
         task, done, told = worker.task, worker.done, worker.told
         self._end(worker)
         if task is None or not told:
@@ -225,7 +225,7 @@ class Pool(Generic[C, S, R]):
 
 
 def _serve(connection: Connection, lifeline: Connection, memory_mb: int | None) -> None:
-    """A worker's life: its work, then tasks in, an answer after each step out, until the parent hangs up."""
+    """Run a worker's life: its work, then tasks in, an answer after each step out, until the parent hangs up."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle; it ends its workers in good order
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the processes are the parallelism

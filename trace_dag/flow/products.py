@@ -1,4 +1,4 @@
-"""What a stage makes for one crash."""
+"""Products of a stage for one crash."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Figure = str | float | int | bool | None
 
 @dataclass(frozen=True)
 class StageProduct:
-    """What a stage made: contents by file extension, and the few figures a person looks at first.
+    """The product of a stage: contents by file extension, and the few figures that a person looks at first.
 
     A crash can be rejected and still leave artefacts to look at (a log without a collision, a negative verdict): then
     ``rejection`` says why. Without artefacts a stage raises the :class:`Rejection` instead. ``parsed`` holds, by

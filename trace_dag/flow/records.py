@@ -31,12 +31,12 @@ _READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the
 
 
 def raised(failure: Failure) -> None:
-    """The complaint handler for callers that need everything: it raises the error."""
+    """Raise the error, for callers that need everything."""
     raise failure
 
 
 def log_problem(failure: Failure) -> None:
-    """The complaint handler for callers that go on without what is damaged: it writes a line to the log."""
+    """Log the error, for callers that go on without the damaged part."""
     log.warning("%s", failure)
 
 
@@ -48,7 +48,7 @@ def read_records(
     *,
     on_problem: OnProblem = log_problem,
 ) -> dict[str, Records]:
-    """The stored records of some crashes, by key and stage; every key has an entry.
+    """Return the stored records of some crashes, by key and stage; every key has an entry.
 
     A record that is damaged or cannot be read is left out, so that its stage runs again and writes it anew;
     ``on_problem`` is called with it.
@@ -64,7 +64,7 @@ def read_records(
 
 
 def readable_record(storage: Storage, name: str, data: bytes, on_problem: OnProblem) -> OutcomeRecord | None:
-    """A record from its bytes; None, and ``on_problem`` is called, if it is damaged.
+    """Return a record from its bytes; None, and ``on_problem`` is called, if it is damaged.
 
     What cannot be read is read once more, since the file may just have been replaced.
     """
@@ -97,7 +97,7 @@ def write_record(storage: Storage, record: OutcomeRecord) -> None:
 
 
 def intact(storage: Storage, records: Iterable[OutcomeRecord]) -> dict[str, bool]:
-    """Whether all artefacts of each record are in storage with their recorded sizes, by the record's name."""
+    """Return whether all artefacts of each record are in storage with their recorded sizes, by the record's name."""
     records = list(records)
     sizes = storage.sizes({file.name for record in records for file in record.artefacts})
     return {record.name: all(sizes.get(file.name) == file.size for file in record.artefacts) for record in records}
@@ -115,7 +115,7 @@ def write_index(storage: Storage, run_id: str, records: Iterable[OutcomeRecord])
 
 
 def indexed(storage: Storage, names: Collection[str], listed: Mapping[str, Entry]) -> dict[str, bytes]:
-    """Contents of those of the records ``names`` that an index holds as they are now, by the record's name."""
+    """Return contents of those of the records ``names`` that an index holds as they are now, by the record's name."""
     wanted, found = set(names), {}
     for file, data in storage.read_many(storage.list(FOLDER)).items():
         try:

@@ -1,4 +1,4 @@
-"""What the settings ask of this machine and of services, looked at before a run, before anything is replaced.
+"""Requirements of the settings on this machine and on services, checked before anything is replaced.
 
 Each raises :class:`trace_dag.common.errors.UserError`.
 """

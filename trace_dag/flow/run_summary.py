@@ -1,4 +1,4 @@
-"""What a run did, counted from its events as they come: throughput, slowest crashes, retries, cost.
+"""The summary of a run, counted from its events as they come: throughput, slowest crashes, retries, cost.
 
 Over what stands in storage, whichever runs it came from, the warehouse's ``run_summary`` and ``stage_outcomes`` say
 the same in SQL.
@@ -63,20 +63,20 @@ class RunSummary:
 
     @property
     def computed(self) -> int:
-        """Crashes for which at least one stage was computed."""
+        """Return crashes for which at least one stage was computed."""
         return len(self.crash_s)
 
     @property
     def elapsed_s(self) -> float:
-        """Time since the summary was begun."""
+        """Return the time since the summary was begun."""
         return time.monotonic() - self.began
 
     def slowest(self, count: int = _SLOWEST_NAMED) -> list[tuple[str, float]]:
-        """The crashes that took the longest, with their time in stages, s."""
+        """Return the crashes that took the longest, with their time in stages, s."""
         return sorted(self.crash_s.items(), key=lambda item: -item[1])[:count]
 
     def figures(self) -> dict[str, float | int | str]:
-        """The summary as named figures."""
+        """Return the summary as named figures."""
         elapsed_s = self.elapsed_s
         return {
             "crashes": len(self._crashes),
@@ -98,7 +98,7 @@ class RunSummary:
         }
 
     def in_words(self) -> str:
-        """The summary as one line."""
+        """Return the summary as one line."""
         figures = self.figures()
         crashes = counted(len(self._crashes), "crash", "crashes")
         parts = [

@@ -1,4 +1,4 @@
-"""Which crashes to run and from which stage, and how that work is cut into Dagster runs.
+"""The selection of crashes and stages to run, cut into Dagster runs.
 
 A run covers one contiguous range of partition keys in the order they were added, all of one register. Crashes between
 two stale ones may be taken along (they cost a look and are reported unchanged) where the caller asked for them too;
@@ -38,7 +38,7 @@ class Selection:
 
 
 def registered(workspace: Workspace, cohort: str | None, only: Collection[str]) -> tuple[str, ...]:
-    """The crashes asked for, in order; :class:`UserError` for keys or cohorts that are not registered."""
+    """Return the crashes asked for, in order; :class:`UserError` for keys or cohorts that are not registered."""
     keys = workspace.registry.keys(cohort)
     if not keys:
         raise UserError(f"no crash is registered in {workspace.storage.root}; see trace-dag ingest --help")
@@ -52,7 +52,7 @@ def registered(workspace: Workspace, cohort: str | None, only: Collection[str]) 
 
 
 def not_released(storage: Storage, keys: Collection[str]) -> list[str]:
-    """The crashes among ``keys`` whose report had not been released when it was last requested."""
+    """Return the crashes among ``keys`` whose report had not been released when it was last requested."""
     return [
         key
         for key, records in read_records(storage, keys, [Stage.RAW_REPORT]).items()
@@ -63,7 +63,7 @@ def not_released(storage: Storage, keys: Collection[str]) -> list[str]:
 def select_stale(
     workspace: Workspace, cohort: str | None = None, only: Collection[str] = (), first: Stage | None = None
 ) -> Selection:
-    """Crashes that are not up to date; with ``first`` all crashes, from that stage on at the latest."""
+    """Return crashes that are not up to date; with ``first`` all crashes, from that stage on at the latest."""
     asked = registered(workspace, cohort, only)
     start = first_stale(workspace, asked)
     if first is None:
@@ -82,7 +82,9 @@ def select_again(
     reason: Reason | None = None,
     first: Stage | None = None,
 ) -> Selection:
-    """Crashes to run again: that failed or are outdated, that were rejected for a reason, or that reached a stage."""
+    """Return crashes to run again: that failed or are outdated, that were rejected for a reason, or that reached a
+    stage.
+    """
     asked = registered(workspace, cohort, only)
     records = read_records(workspace.storage, asked)
     start: dict[str, Stage] = {}
@@ -112,12 +114,14 @@ class PlannedBatch:
 
 
 def has_large_map(workspace: Workspace) -> bool:
-    """Whether a registered map file is so large that it had better be read once than once for each batch."""
+    """Return whether a registered map file is so large that it had better be read once than once for each batch."""
     return any(file.size >= _LARGE_MAP for cohort in workspace.registry.cohorts().values() for file in cohort.maps)
 
 
 def plan_maps_first(partitions: Sequence[str], selection: Selection, *, size: int) -> list[PlannedBatch]:
-    """Batches as of :func:`plan`, after others of any size that get every crash as far as its extract of the map."""
+    """Return batches as of :func:`plan`, after others of any size that get every crash as far as its extract of the
+    map.
+    """
     first_half = Stage.OSM_EXTRACT.position
     early = {key: stage for key, stage in selection.start.items() if stage.position <= first_half}
     late = {key: max(stage, Stage.ROAD_MAP, key=lambda each: each.position) for key, stage in selection.start.items()}
@@ -130,7 +134,7 @@ def plan_maps_first(partitions: Sequence[str], selection: Selection, *, size: in
 
 
 def plan(partitions: Sequence[str], selection: Selection, *, size: int) -> list[PlannedBatch]:
-    """Batches of at most ``size`` keys that run every crash of a selection from its stage on.
+    """Return batches of at most ``size`` keys that run every crash of a selection from its stage on.
 
     An exact selection is kept to the letter, at the price of more runs: no crash is taken along, and none starts at an
     earlier stage than its own.

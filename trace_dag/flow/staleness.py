@@ -1,4 +1,4 @@
-"""Whether a stage has to run for a crash: the one decision that runs, ``status`` and ``verify`` share.
+"""Staleness of stored results: the one decision that runs, ``status`` and ``verify`` share.
 
 Belongs here: what results are made from (:class:`Recipe`), and why a stored one does not hold. Does not belong here:
 what to do about it (:mod:`trace_dag.flow.batch`).
@@ -22,7 +22,7 @@ MISSING, FAILED, FILES = "never made", "failed", "files"
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a stage's results are made from that is the same for all crashes, and what else enters.
+    """The inputs of a stage's results that are the same for all crashes, and the names of the others.
 
     ``sources`` are "report" and "maps"; ``artefacts`` those of earlier stages, each with its stage and extension.
     """
@@ -35,7 +35,7 @@ class Recipe:
 
 
 def made_from(recipe: Recipe, source: CrashSource, records: Mapping[Stage, OutcomeRecord]) -> Provenance:
-    """What the result of a stage would be made from now, of a crash with that source and those records."""
+    """Return the inputs that a stage's result would have now, for a crash with that source and those records."""
     inputs = {}
     if "report" in recipe.sources:
         report = source.report
@@ -50,7 +50,7 @@ def made_from(recipe: Recipe, source: CrashSource, records: Mapping[Stage, Outco
 
 
 def why_to_run(record: OutcomeRecord | None, now: Provenance, whole: Mapping[str, bool]) -> tuple[str, ...]:
-    """Why a stage has to run for a crash that reaches it; nothing where its stored result holds.
+    """Return the reason to run a stage for a crash that reaches it; none where its stored result holds.
 
     ``now`` is what it would be made from. ``whole`` says of records by name whether their artefacts are there, as
     :func:`trace_dag.flow.records.intact` finds; those it does not name count as whole.

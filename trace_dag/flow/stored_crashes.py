@@ -37,7 +37,7 @@ class StoredCrash:
 
 
 def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
-    """The cohort named, or all; :class:`UserError` where it is not registered, or nothing is."""
+    """Return the cohort named, or all; :class:`UserError` where it is not registered, or nothing is."""
     if cohort is not None:
         return [workspace.registry.cohort(cohort).name]
     names = list(workspace.registry.cohorts())
@@ -47,7 +47,10 @@ def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
 
 
 def of_each(cohorts: Iterable[str], study: Callable[[str], Found]) -> dict[str, Found]:
-    """A study's results for every cohort it can be made of; the last cohort's :class:`UserError` if there is none."""
+    """Return a study's results for every cohort it can be made of.
+
+    The last cohort's :class:`UserError` if there is none.
+    """
     found: dict[str, Found] = {}
     nothing: UserError | None = None
     for name in cohorts:
@@ -61,14 +64,16 @@ def of_each(cohorts: Iterable[str], study: Callable[[str], Found]) -> dict[str, 
 
 
 def stored_crash(workspace: Workspace, key: str) -> CrashFiles:
-    """One crash's artefacts; :class:`UserError` for a key that is not registered."""
+    """Return one crash's artefacts; :class:`UserError` for a key that is not registered."""
     return next(crash_files(workspace, [key]))
 
 
 def crash_files(
     workspace: Workspace, keys: Collection[str], *, run_id: str = "", on_problem: OnProblem = log_problem
 ) -> Iterator[CrashFiles]:
-    """The artefacts of some registered crashes, in their order; ``on_problem`` hears of records that are damaged.
+    """Return the artefacts of some registered crashes, in their order.
+
+    ``on_problem`` hears of records that are damaged.
 
     ``run_id`` is the run that is going to work on them. Raises :class:`UserError` for a key that is not registered.
     """
@@ -88,7 +93,7 @@ def judged_crashes(
     on_progress: OnProgress = silent,
     on_problem: OnProblem = raised,
 ) -> list[StoredCrash]:
-    """Those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
+    """Return those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
 
     The same crashes give the same draw. ``on_progress`` hears how many of how many have been read, ``on_problem`` of
     those left out because something stored of them is damaged.
@@ -107,7 +112,7 @@ def judged_crashes(
 
 
 def read_judged(files: CrashFiles) -> StoredCrash:
-    """A crash that reached a verdict, read."""
+    """Return a crash that reached a verdict, read."""
     verdict = files.load(VERDICT)
     crash = JudgedCrash(
         files.load(RECORD),
@@ -119,7 +124,7 @@ def read_judged(files: CrashFiles) -> StoredCrash:
 
 
 def drawn(crashes: Sequence[CrashFiles], most: int, seed: int) -> list[CrashFiles]:
-    """All crashes, or ``most`` of them drawn at random, in their order."""
+    """Return all crashes, or ``most`` of them drawn at random, in their order."""
     if len(crashes) <= most:
         return list(crashes)
     chosen = np.random.default_rng(seed).choice(len(crashes), most, replace=False)

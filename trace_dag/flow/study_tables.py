@@ -37,7 +37,7 @@ _MADE_BY = {
 
 
 def comparison_is_whole(storage: Storage, name: str, on_problem: OnProblem) -> bool:
-    """Whether a stored comparison is undamaged; if not, ``on_problem`` is called."""
+    """Return whether a stored comparison is undamaged; if not, ``on_problem`` is called."""
     kind, _, cohort = name.removeprefix(f"{FOLDER}/").removesuffix(".json").partition("-")
     try:
         remedy = f"{_MADE_BY[kind]} --cohort {cohort} makes it again"

@@ -28,7 +28,7 @@ from trace_dag.flow.staleness import Recipe
 
 
 class Action(StrEnum):
-    """What a stage of a run did for a crash."""
+    """Actions of a stage of a run on a crash."""
 
     COMPUTED = "computed"
     UNCHANGED = "unchanged"  # its record is current
@@ -46,7 +46,9 @@ class MadeFiles:
 
 @dataclass(frozen=True)
 class StageEvent:
-    """What one stage of a run did for one crash. ``record`` is the stage's own, or the earlier one that ended it.
+    """The action of one stage of a run on one crash.
+
+    ``record`` is the stage's own, or the earlier one that ended it.
 
     The last event of a crash says in ``no_picture`` why its picture could not be drawn, and in ``made`` what was made
     of the crash afterwards.
@@ -61,7 +63,7 @@ class StageEvent:
 
     @property
     def failed(self) -> bool:
-        """Whether the crash stands failed at this stage after the run."""
+        """Return whether the crash stands failed at this stage after the run."""
         if self.action is Action.BLOCKED:
             return True
         return self.record is not None and self.record.outcome is Outcome.FAILED
@@ -69,7 +71,7 @@ class StageEvent:
 
 @dataclass(frozen=True)
 class Work:
-    """What is the same for every chunk of a run; travels to the workers.
+    """The shared facts of all chunks of a run; travels to the workers.
 
     ``installed`` holds the versions of this package, its stages and libraries that all workers have to have.
     ``afterwards`` is called with each crash whose last stage of the run is done, where any stage was computed.
@@ -85,7 +87,7 @@ class Work:
 
     @cached_property
     def recipes(self) -> Mapping[Stage, Recipe]:
-        """What each stage of the flow is made from."""
+        """Return the recipe of each stage of the flow."""
         return self.flow.recipes(self.settings)
 
 
@@ -112,7 +114,7 @@ class Chunk:
     again: bool = False
 
     def split(self) -> list[Chunk]:
-        """One chunk per crash, to be tried again."""
+        """Return one chunk per crash, to be tried again."""
         return [replace(self, crashes=(crash,), again=True) for crash in self.crashes]
 
 
@@ -132,7 +134,10 @@ class Attempt:
     attempts: int = 1
 
     def record(self, outcome: Outcome) -> OutcomeRecord:
-        """The record of this attempt. Its figures, artefacts and reason are filled in by the caller."""
+        """Return the record of this attempt.
+
+        Its figures, artefacts and reason are filled in by the caller.
+        """
         return OutcomeRecord(
             key=self.key,
             stage=self.stage,
@@ -147,7 +152,7 @@ class Attempt:
 
 
 def made_record(attempt: Attempt, product: StageProduct, stored: Sequence[StoredFile]) -> OutcomeRecord:
-    """The record of a stage that accepted or rejected the crash, with the files it stored."""
+    """Return the record of a stage that accepted or rejected the crash, with the files it stored."""
     rejection = product.rejection
     return replace(
         attempt.record(Outcome.ACCEPTED if rejection is None else Outcome.REJECTED),
@@ -161,7 +166,7 @@ def made_record(attempt: Attempt, product: StageProduct, stored: Sequence[Stored
 
 
 def failed_record(attempt: Attempt, error: Exception) -> OutcomeRecord:
-    """The record of a stage that failed."""
+    """Return the record of a stage that failed."""
     return replace(
         attempt.record(Outcome.FAILED),
         detail=str(error) if isinstance(error, Failure) else f"{type(error).__name__}: {error}",
@@ -171,7 +176,7 @@ def failed_record(attempt: Attempt, error: Exception) -> OutcomeRecord:
 
 
 def log_outcome(record: OutcomeRecord) -> None:
-    """A line of the log, with the figures of the record for those who collect them."""
+    """Log an outcome, with the figures of the record as fields."""
     with at_work(record.key, record.stage):
         log.info(
             "%s %s: %s in %.2f s",

@@ -65,7 +65,7 @@ def _with_an_alarm(limit_s: float, function: Callable[[], T]) -> T:
 
 @contextmanager
 def _ending_a_hung_worker(limit_s: float) -> Iterator[None]:
-    """Of a process; where threads share one, that of the last stage to begin."""
+    """Kill the process that hangs; where threads share it, the last stage to begin counts."""
     if multiprocessing.parent_process() is None:
         yield
         return

@@ -1,4 +1,4 @@
-"""Whether what is stored agrees with what was recorded, and mending what does not.
+"""Verification of storage against its records, and repair.
 
 Belongs here: a disagreement with its remedy, and those between outcome records, artefacts, registered crashes and the
 results of studies. Those of pages and packages are in :mod:`trace_dag.export.verify`, the warehouse's in
@@ -102,7 +102,7 @@ class Disagreement:
 
 @dataclass(frozen=True)
 class StorageReport:
-    """What storage holds: the registered crashes' records, and what of it does not agree.
+    """The contents of storage: the registered crashes' records, and what does not agree.
 
     ``interrupted`` counts stages that were being run again when their process ended; ``unregistered`` the crashes
     that something was made of and that are registered no more. ``older``: an earlier version of the program made what
@@ -182,7 +182,9 @@ _PUT_ASIDE = frozenset(
 
 
 def repair_storage(storage: Storage, found: Iterable[Disagreement], aside: Quarantine) -> None:
-    """Mend what can be, and put aside what is damaged or of no record, so that the next run makes it again."""
+    """Repair storage where possible, and put aside files that are damaged or of no record, so that the next run makes
+    them again.
+    """
     for each in found:
         if each.file is None:
             continue
@@ -284,7 +286,8 @@ def _stage_disagreements(
 
 
 def _has_lost_its_record(stage: Stage, key: str, listing: Mapping[str, Entry], of_crash: Records) -> bool:
-    """Whether a stage ran for a crash and its record is lost: a run makes both again, its files are no strays."""
+    """Return whether a stage ran for a crash and its record is lost: a run makes both again, its files are no
+    strays."""
     later = any(each.position > stage.position for each in of_crash)
     return stage not in of_crash and (later or record_name(stage, key) in listing)
 
@@ -293,7 +296,7 @@ _Drawn = dict[str, tuple[str, Stage, StoredFile]]  # pictures by name: of which 
 
 
 def _pictures(records: Mapping[str, Records]) -> _Drawn:
-    """The pictures of all crashes as they stand."""
+    """Return the pictures of all crashes as they stand."""
     found = {}
     for key, of_crash in records.items():
         standing = valid_records(of_crash)
@@ -310,7 +313,9 @@ def _picture_disagreements(
     records: Mapping[str, Records],
     listings: Mapping[Stage, Mapping[str, Entry]],
 ) -> Iterator[Disagreement]:
-    """Pictures that differ from their record, or that no record of their crash names though all of them are whole."""
+    """Yield pictures that differ from their record, or that no record of their crash names though all of them are
+    whole.
+    """
     for name, (key, stage, file) in drawn.items():
         entry = listing.get(name)
         if entry is None:
@@ -335,7 +340,7 @@ def _damaged(
     known: Sequence[Disagreement],
     progress: OnProgress | None,
 ) -> Iterator[Disagreement]:
-    """Artefacts and pictures of the right size whose content is not what was recorded."""
+    """Yield artefacts and pictures of the right size whose content is not what was recorded."""
     skipped = {each.file for each in known}
     files = {
         file.name: (key, stage, file)
@@ -360,7 +365,7 @@ def _damaged(
 
 
 def _result_disagreements(storage: Storage, contents: bool) -> Iterator[Disagreement]:
-    """Lost manifests, files that differ from their manifest, and files that no manifest lists."""
+    """Yield the lost manifests, files that differ from their manifest, and files that no manifest lists."""
     for folder in FOLDERS:
         name, there = manifest_name(folder), storage.list(folder)
         try:
@@ -378,7 +383,7 @@ def _result_disagreements(storage: Storage, contents: bool) -> Iterator[Disagree
 
 
 def _report_disagreements(storage: Storage, cohorts: Iterable[Cohort], contents: bool) -> Iterator[Disagreement]:
-    """Reports kept below the root that are lost or, with ``contents``, not as they were registered."""
+    """Yield reports kept below the root that are lost or, with ``contents``, not as they were registered."""
     reports = storage.list("reports")
     for cohort in cohorts:
         for key, report in cohort.reports.items():
@@ -395,7 +400,8 @@ def _report_disagreements(storage: Storage, cohorts: Iterable[Cohort], contents:
 
 
 def _cache_disagreements(storage: Storage) -> Iterator[Disagreement]:
-    """Kept answers of models, and notes of reports and of the warehouse, that are not as they were written."""
+    """Yield the kept answers of models, and notes of reports and of the warehouse, that are not as they were
+    written."""
     root = storage.local_root
     answers = sorted((root / _ANSWERS).rglob("*.json")) if root is not None else []
     names = [path.relative_to(root).as_posix() for path in answers if root is not None]
@@ -453,7 +459,7 @@ def _remove(path: Path) -> None:
 
 
 def _can_be_ours(name: str) -> bool:
-    """Whether the program could have given a file this name; a file manager's ``Copy of ...`` has spaces."""
+    """Return whether the program could have given a file this name; a file manager's ``Copy of ...`` has spaces."""
     try:
         check_name(name)
     except ValueError:

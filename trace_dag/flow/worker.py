@@ -50,7 +50,7 @@ _IMPORTED_WHERE_USED = ("mujoco", "pyarrow.parquet", "pyproj")  # by stages, and
 
 
 def _may_pass(error: BaseException) -> bool:
-    """Whether trying again may help: not if the code that raised the error has tried several times already."""
+    """Return whether trying again may help: not if the code that raised the error has tried several times already."""
     return isinstance(error, TransientFailure) and not error.tried_again
 
 
@@ -61,7 +61,7 @@ def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
 
 @gc_paused()
 def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
-    """What a worker does once before its first chunk, ahead of time: imports, those of ``modules`` among them.
+    """Import the modules of a worker before its first chunk, ``modules`` among them.
 
     What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
     """
@@ -76,7 +76,7 @@ def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
 
 
 def installed() -> dict[str, str]:
-    """Versions of this package, of its stages and of the libraries that decide, in this process."""
+    """Return versions of this package, of its stages and of the libraries that decide, in this process."""
     from trace_dag.flow.stages import VERSIONS
 
     stages = {f"{stage} (stage)": str(version) for stage, version in VERSIONS.items()}
@@ -114,7 +114,7 @@ class _CrashWorker:
         self.damaged: DamagedArtefactError | None = None
 
     def run(self, stages: Sequence[Stage], last: bool) -> list[StageEvent]:
-        """The stages in order, up to the first that does not accept the crash."""
+        """Return the stages in order, up to the first that does not accept the crash."""
         events = self._in_order(stages, self.work.force)
         damaged = self.damaged
         if damaged is not None and damaged.stage in stages:
@@ -143,7 +143,7 @@ class _CrashWorker:
         return StageEvent(self.store.key, definition.stage, Action.COMPUTED, record)
 
     def holds(self, earlier: OutcomeRecord | None, provenance: Provenance) -> bool:
-        """Whether an outcome, which another run may have stored meanwhile, is what this one would make."""
+        """Return whether an outcome, which another run may have stored meanwhile, is what this one would make."""
         whole = {} if earlier is None else intact(self.work.storage, [earlier])
         return not why_to_run(earlier, provenance, whole)
 
@@ -194,7 +194,7 @@ class _CrashWorker:
         return self.store.put(attempt, product)
 
     def drawn(self, events: list[StageEvent]) -> list[StageEvent]:
-        """The events, after redrawing the crash's picture if something that can be seen has changed."""
+        """Redraw the crash's picture if something visible has changed, and return the events."""
         draws = self.work.flow.picture
         if draws is None or not any(
             event.action is Action.COMPUTED and event.stage.position >= Stage.ROAD_MAP.position for event in events
@@ -217,7 +217,7 @@ class _CrashWorker:
         return [*events[:-1], last]
 
     def ended(self, events: list[StageEvent]) -> list[StageEvent]:
-        """The events, after what is made of a crash that the run has changed and is done with."""
+        """Make the files of a crash that the run has changed and is done with, and return the events."""
         afterwards, last = self.work.afterwards, events[-1]
         if afterwards is None or last.failed or not any(event.action is Action.COMPUTED for event in events):
             return events
@@ -230,7 +230,7 @@ class _CrashWorker:
 
 
 def _work_on_group(chunk: Chunk, stores: Sequence[CrashStore], definition: StageDefinition) -> list[StageEvent]:
-    """A batch stage for a group: one call for all crashes whose record is not current."""
+    """Return a batch stage for a group: one call for all crashes whose record is not current."""
     events, open_workers = [], []
     for store in stores:
         worker = _CrashWorker(chunk.work, store)

@@ -30,7 +30,7 @@ BUILDING = ".building-"  # folders in which a warehouse is being built begin so
 
 
 def storage_root(chosen: str | None = None) -> str:
-    """The storage root: the one chosen, else ``TRACE_DAG_ROOT``, else ``./trace_dag_home``."""
+    """Return the storage root: the one chosen, else ``TRACE_DAG_ROOT``, else ``./trace_dag_home``."""
     return chosen or os.environ.get(ROOT_VARIABLE) or DEFAULT_ROOT
 
 
@@ -53,7 +53,8 @@ class Workspace:
     def open(
         cls, root: str, flow: Flow = FLOW, overrides: Mapping[str, Any] | None = None, *, to_read: bool = False
     ) -> Workspace:
-        """The workspace of a root, with the root's ``settings.toml``, the environment and ``overrides`` over them.
+        """Return the workspace of a root, with the root's ``settings.toml``, the environment and ``overrides`` over
+        them.
 
         With ``to_read`` the root need not be writable. Raises :class:`trace_dag.common.errors.UserError` for a root
         that cannot be used and settings that do not hold.
@@ -62,11 +63,15 @@ class Workspace:
         return cls(storage, _settings(storage, overrides), flow)
 
     def with_settings(self, overrides: Mapping[str, Any]) -> Workspace:
-        """A copy with ``overrides`` in place of the ones it was opened with; itself if ``overrides`` is empty."""
+        """Return a copy with ``overrides`` in place of the ones it was opened with.
+
+        Itself if ``overrides`` is empty.
+        """
         return replace(self, settings=_settings(self.storage, overrides)) if any(overrides.values()) else self
 
     def with_one_ledger(self, overrides: Mapping[str, Any]) -> tuple[Workspace, Mapping[str, Any]]:
-        """The same, and the overrides, with a name under which several runs count against one budget for models."""
+        """Return the same, and the overrides, with a name under which several runs count against one budget for
+        models."""
         if self.settings.states.llm_ledger is not None:
             return self, overrides
         named = {**overrides, "states": {**overrides.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
@@ -74,22 +79,24 @@ class Workspace:
 
     @property
     def root(self) -> str:
-        """The storage root: a folder or a URL."""
+        """Return the storage root: a folder or a URL."""
         return self.storage.root
 
     @cached_property
     def registry(self) -> Registry:
-        """The registered crashes."""
+        """Return the registered crashes."""
         return Registry(self.storage)
 
     @property
     def pages_in_runs(self) -> bool:
-        """Whether runs make packages and pages: not where there are many crashes, of which few will be looked at."""
+        """Return whether runs make packages and pages: not where there are many crashes, of which few will be looked
+        at.
+        """
         return len(self.registry.keys()) <= self.settings.execution.pages_up_to
 
     @property
     def local_folder(self) -> Path:
-        """A local folder for what must be local (Dagster's database, the warehouse being built).
+        """Return a local folder for what must be local (Dagster's database, the warehouse being built).
 
         The root itself if it is local; else a folder of the user's own for this root.
         """
@@ -97,17 +104,17 @@ class Workspace:
 
     @property
     def warehouse(self) -> Path:
-        """The warehouse as it is read on this machine."""
+        """Return the warehouse as it is read on this machine."""
         return self.local_folder / WAREHOUSE_FILE
 
     @property
     def dagster_home(self) -> Path:
-        """Where Dagster keeps its records of this root."""
+        """Return the folder of Dagster's records of this root."""
         return self.local_folder / "dagster"
 
     @contextmanager
     def executing(self) -> Iterator[Executor]:
-        """What runs work: the executor given, or one of the settings' kind that is closed in the end."""
+        """Provide the executor given, or one of the settings' kind that is closed in the end."""
         if self.executor is not None:
             yield self.executor
             return
@@ -116,13 +123,13 @@ class Workspace:
 
 
 def settings_of(root: str) -> list[DescribedSetting]:
-    """Every setting in force for a root, with where its value comes from."""
+    """Return every setting in force for a root, with where its value comes from."""
     storage = Storage(root)
     return described_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE))
 
 
 def stored_settings(root: str) -> Settings:
-    """The settings in force for a root, which is only read and need not be there."""
+    """Return the settings in force for a root, which is only read and need not be there."""
     return _settings(Storage(root), None)
 
 

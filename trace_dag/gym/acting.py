@@ -1,4 +1,4 @@
-"""What a driver does, as an action of a space: pedals and wheel by two numbers, or one of a dozen manoeuvres."""
+"""Actions of a driver in a space: pedals and wheel by two numbers, or one of a dozen manoeuvres."""
 
 from __future__ import annotations
 
@@ -42,8 +42,10 @@ wheel to the recorded driver; the way of the others is the one the vehicle took,
 
 
 def action_space(kind: ActionKind) -> spaces.Space[Any]:
-    """``continuous``: acceleration and steering, each from -1 to 1 (left is positive). ``discrete``:
-    :data:`MANOEUVRES`."""
+    """Return ``continuous``: acceleration and steering, each from -1 to 1 (left is positive).
+
+    ``discrete``: :data:`MANOEUVRES`.
+    """
     if kind == "discrete":
         return spaces.Discrete(len(MANOEUVRES))
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
@@ -58,8 +60,11 @@ class Hands:
         self._ways = {aside_m: _beside(scenario.recorded_path, aside_m) for aside_m in (0.0, ASIDE_M, -ASIDE_M)}
 
     def act(self, action: Any) -> Motion | Recorded:
-        """The motion that an action stands for. Raises :class:`UserError` for what is not in the space's shape, or not
-        finite, as an evaluation refuses it of an agent."""
+        """Return the motion that an action stands for.
+
+        Raises :class:`UserError` for what is not in the space's shape, or not finite, as an evaluation refuses it of an
+        agent.
+        """
         given = np.asarray(action, float)
         if given.shape != (() if self._kind == "discrete" else (2,)) or not np.isfinite(given).all():
             expected = f"a number below {len(MANOEUVRES)}" if self._kind == "discrete" else "two finite numbers"
@@ -77,7 +82,7 @@ class Hands:
 
 
 def _beside(path: Path, aside_m: float) -> FloatArray:
-    """Points x, y so far left of a path, shape (n, 2)."""
+    """Return points x, y so far left of a path, shape (n, 2)."""
     x = path.x_m - aside_m * np.sin(path.heading_rad)
     y = path.y_m + aside_m * np.cos(path.heading_rad)
     return np.column_stack([x, y])

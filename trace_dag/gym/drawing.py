@@ -32,7 +32,7 @@ class Camera:
         self._bodies = case.bodies
 
     def picture(self, moment: EpisodeMoment) -> NDArray[np.uint8]:
-        """The bodies at a moment, shape (480, 480, 3)."""
+        """Return the bodies at a moment, shape (480, 480, 3)."""
         canvas = self._view.canvas()
         for number, body in self._bodies.items():
             state = moment.states[number]

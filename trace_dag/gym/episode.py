@@ -62,7 +62,7 @@ class _Seat:
         return self._controller.pedals(act, self.observe(EpisodeMoment(time_s, states)).own)
 
     def observe(self, moment: EpisodeMoment) -> Observation:
-        """What is seen at a moment, once: a sensor's noise is drawn once for each."""
+        """Return the observation at a moment, once: a sensor's noise is drawn once for each."""
         if self.seen is None or self.seen[0] != moment.time_s:
             self.seen = moment.time_s, self.sensor.observe(moment.time_s, moment.states)
         return self.seen[1]
@@ -111,15 +111,15 @@ class Episode:
 
     @property
     def over(self) -> bool:
-        """Whether the run has ended; :attr:`log` is there then."""
+        """Return whether the run has ended; :attr:`log` is there then."""
         return self.log is not None
 
     def scenario(self, ego: int) -> Scenario:
-        """What the driver of a vehicle is told before."""
+        """Return the scenario of a vehicle's driver."""
         return self._seats[ego].scenario
 
     def observe(self, ego: int) -> Observation:
-        """What the driver of a vehicle sees now."""
+        """Return the observation of a vehicle's driver now."""
         assert self.moment is not None
         return self._seats[ego].observe(self.moment)
 
@@ -135,7 +135,10 @@ class Episode:
             self._running.throw(GreenletExit)
 
     def asked(self, moment: EpisodeMoment) -> Mapping[int, Act]:
-        """Called by a seat, in the run: the acts for a moment. The first seat asked hands over."""
+        """Call the function that a seat asked for, in the run: act for a moment.
+
+        The first seat asked hands over.
+        """
         if self.moment is None or moment.time_s != self.moment.time_s:
             self.moment = moment
             caller = self._running.parent

@@ -1,4 +1,4 @@
-"""What a driver sees, as arrays of fixed shapes in the vehicle's own axes: x ahead, y to the left, metres.
+"""Observations as arrays of fixed shapes in the vehicle's own axes: x ahead, y to the left, metres.
 
 Everything is ``float32``, clipped to the bounds of its space; rows that are not there are 0, and the mask beside says
 which are. Nothing tells an agent that or where the crash happened.
@@ -52,7 +52,7 @@ _LANE = (*_PLACE, (0.0, 30.0), (0.0, _FASTEST_MPS))  # width, speed limit (0 whe
 
 
 def observation_space() -> spaces.Space[Seen]:
-    """The space of :func:`as_seen`."""
+    """Return the space of :func:`as_seen`."""
     made: spaces.Space[Any] = spaces.Dict(
         {
             "own": _box(_OWN),
@@ -88,7 +88,7 @@ class LanePoints:
         """Shape (n, 5): x, y (m), heading (rad), width (m), speed limit (m/s)."""
 
     def nearest(self, x_m: float, y_m: float, count: int) -> NDArray[np.float64]:
-        """Those nearest to a place, nearest first, shape (up to ``count``, 5)."""
+        """Return those nearest to a place, nearest first, shape (up to ``count``, 5)."""
         square = (self.table[:, 0] - x_m) ** 2 + (self.table[:, 1] - y_m) ** 2
         near = np.argpartition(square, count)[:count] if len(square) > count else np.arange(len(square))
         near = near[np.argsort(square[near], kind="stable")]
@@ -104,7 +104,7 @@ class Eyes:
         self._lanes = lanes
 
     def as_seen(self, seen: Observation) -> Seen:
-        """An observation in :func:`observation_space`."""
+        """Return an observation in :func:`observation_space`."""
         own, body = seen.own, self._scenario.body
         c, s = math.cos(own.heading_rad), math.sin(own.heading_rad)
         sideways = own.velocity_y_mps * c - own.velocity_x_mps * s
@@ -141,7 +141,7 @@ def _others(seen: Observation, c: float, s: float) -> NDArray[np.float64]:
 def _placed(
     x_m: NDArray[np.float64], y_m: NDArray[np.float64], heading_rad: NDArray[np.float64], own: OwnState
 ) -> NDArray[np.float64]:
-    """Places in the vehicle's axes, shape (n, 4): x, y, cosine and sine of the heading."""
+    """Return places in the vehicle's axes, shape (n, 4): x, y, cosine and sine of the heading."""
     c, s = math.cos(own.heading_rad), math.sin(own.heading_rad)
     dx, dy, turned = x_m - own.x_m, y_m - own.y_m, heading_rad - own.heading_rad
     return np.column_stack([dx * c + dy * s, dy * c - dx * s, np.cos(turned), np.sin(turned)])

@@ -1,4 +1,4 @@
-"""Which crashes an environment drives in, loaded when first driven, once for all environments of a process."""
+"""The crashes of an environment, loaded when first driven, once for all environments of a process."""
 
 from __future__ import annotations
 
@@ -35,8 +35,10 @@ LOADED_AT_ONCE = 64
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A case made ready to be driven: read, and its map given to the simulator. No run changes it, so environments
-    share it."""
+    """A case made ready to be driven: read, and its map given to the simulator.
+
+    No run changes it, so environments share it.
+    """
 
     case: Case
     simulation: Simulation
@@ -56,27 +58,27 @@ class Track:
 
     @property
     def key(self) -> str:
-        """The crash's key."""
+        """Return the crash's key."""
         return self.crash.key
 
     @property
     def loaded(self) -> Loaded:
-        """The case made ready; loaded again where too many others were driven since."""
+        """Return the case made ready; loaded again where too many others were driven since."""
         return _loaded(self)
 
     @property
     def case(self) -> Case:
-        """The case."""
+        """Return the case."""
         return self.loaded.case
 
     @property
     def simulation(self) -> Simulation:
-        """What runs it."""
+        """Return the simulator."""
         return self.loaded.simulation
 
     @property
     def lanes(self) -> LanePoints:
-        """The lanes of its map."""
+        """Return the lanes of its map."""
         return self.loaded.lanes
 
 
@@ -92,7 +94,7 @@ _known: WeakKeyDictionary[Crashes, dict[str, Track]] = WeakKeyDictionary()
 
 
 def tracks(home: Place | None, keys: Sequence[str], *, variations: bool, courses: bool) -> dict[str, Track]:
-    """The verified crashes of a place in which somebody met somebody, all or those of ``keys``, by case id.
+    """Return the verified crashes of a place in which somebody met somebody, all or those of ``keys``, by case id.
 
     ``variations``: with the stored variations of each; ``courses``: the likely courses of each in its place. Only a
     root has these. Raises :class:`UserError` where there are none.

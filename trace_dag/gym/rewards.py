@@ -30,7 +30,7 @@ class Reward:
     comfort: float = 0.1
 
     def in_the_end(self, metrics: Metrics) -> float:
-        """What an episode is worth beside its progress.
+        """Return the reward of an episode beside its progress.
 
         >>> from dataclasses import replace
         >>> driven = Metrics(False, None, None, None, None, 0.0, 0.0, 8.0, 8.0, None, None, 0.0, 0.0, 0.0, 0, 0.0, 0, 0)
@@ -52,7 +52,8 @@ class Reward:
         return worth - self.comfort * metrics.max_deceleration_mps2 / GRAVITY_MPS2
 
     def on_the_way(self, driven_m: float, before_m: float, recorded_m: float) -> float:
-        """What a step is worth that brought an agent from ``before_m`` to ``driven_m``, of the ``recorded_m`` that were
-        driven in that time."""
+        """Return the reward of a step that brought an agent from ``before_m`` to ``driven_m``, of the ``recorded_m``
+        that were driven in that time.
+        """
         whole = max(recorded_m, 1.0)
         return self.progress * (min(driven_m / whole, 1.0) - min(before_m / whole, 1.0))

@@ -42,11 +42,12 @@ class EpisodeDriver:
         self._recorded_m = RecordedWay(episode.case, ego).at(episode.case.end_s)
 
     def look(self) -> Seen:
-        """What is seen now."""
+        """Return the observation now."""
         return self._eyes.as_seen(self._episode.observe(self.ego))
 
     def rewarded(self) -> tuple[float, dict[str, Any]]:
-        """The reward of the last step, and what there is to say about it: the measures of a run that has ended."""
+        """Return the reward of the last step, and what there is to say about it: the measures of a run that has
+        ended."""
         assert self._episode.moment is not None
         state, before_m = self._episode.moment.states[self.ego], self._driven_m
         self._driven_m += max(state.speed_mps, 0.0) * self._period_s
@@ -58,12 +59,13 @@ class EpisodeDriver:
 
 
 def about(case: Case, ego: int) -> dict[str, Any]:
-    """What ``info`` says at any time: the crash's ``key``, the ``case_id`` (a variation's where it is one), ``ego``."""
+    """Return the ``info`` of any step: the crash's ``key``, the ``case_id`` (a variation's where it is one),
+    ``ego``."""
     return {"key": case.key, "case_id": case.case_id, "ego": ego}
 
 
 def told(metrics: Metrics) -> dict[str, Any]:
-    """What ``info`` says at the end: ``outcome``, and every measure."""
+    """Return the ``info`` of the last step: ``outcome``, and every measure."""
     return {"outcome": str(outcome_of(metrics)), "metrics": asdict(metrics)}
 
 
@@ -95,15 +97,20 @@ class OneEpisode:
 
 
 def period_of(rate_hz: float) -> float:
-    """The time between two steps, s. Raises :class:`UserError` for a rate that no environment has."""
+    """Return the time between two steps, s.
+
+    Raises :class:`UserError` for a rate that no environment has.
+    """
     if not 1.0 <= rate_hz <= 100.0:
         raise UserError(f"rate_hz {rate_hz:g}: expected 1 to 100 steps a second")
     return 1.0 / rate_hz
 
 
 class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
-    """Somebody else at the wheel of one vehicle of a verified crash; the others do as was recorded until they are hit,
-    keep their distance (``traffic="reactive"``), or come when it comes (``traffic="persistent"``).
+    """Somebody else at the wheel of one vehicle of a verified crash.
+
+    The others do as was recorded until they are hit, keep their distance (``traffic="reactive"``), or come when it
+    comes (``traffic="persistent"``).
 
     Args:
         home: a storage root, a package or a release, or what ``trace_dag.open`` gave; by default as it does.
@@ -190,7 +197,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         return driver.look(), reward, touched, episode.log is not None and not touched, info
 
     def render(self) -> Any:
-        """The picture of now for ``rgb_array``; ``human`` shows whole episodes by itself."""
+        """Return the picture of now for ``rgb_array``; ``human`` shows whole episodes by itself."""
         if self.render_mode != "rgb_array":
             return None
         episode = self._running()
@@ -201,7 +208,9 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
 
 
 def chosen(tracks: Mapping[str, Track], options: Mapping[str, Any] | None, random: np.random.Generator) -> Track:
-    """What ``options`` name, or one drawn by weight of all that they leave; options of others are left alone.
+    """Return the case that ``options`` name, or one drawn by weight of all that they leave.
+
+    Options of others are left alone.
 
     Raises :class:`UserError` for a crash that is not there.
     """
@@ -219,7 +228,10 @@ def chosen(tracks: Mapping[str, Track], options: Mapping[str, Any] | None, rando
 
 
 def ego_of(case: Case, ego: str | int) -> int:
-    """The number of the vehicle in a role, or of that number. Raises :class:`UserError` for who drives nothing."""
+    """Return the number of the vehicle in a role, or of that number.
+
+    Raises :class:`UserError` for who drives nothing.
+    """
     if isinstance(ego, str):
         try:
             return number_of(case, AgentRole(ego))
@@ -231,5 +243,5 @@ def ego_of(case: Case, ego: str | int) -> int:
 
 
 def drivers_of(case: Case) -> list[int]:
-    """Numbers of the vehicles that somebody drives."""
+    """Return numbers of the vehicles that somebody drives."""
     return [each.number for each in case.participants if not each.body.is_figure and each.number not in case.parked]

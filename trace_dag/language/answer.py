@@ -98,7 +98,7 @@ class WrongAnswer(Exception):  # noqa: N818 - an outcome that is counted, not an
 
 
 def form(kind: Kind) -> type[SegmentsAnswer] | type[CoordinatesAnswer]:
-    """The answer's form for a kind of prompt.
+    """Return the answer's form for a kind of prompt.
 
     >>> form("segments").__name__
     'SegmentsAnswer'
@@ -107,7 +107,7 @@ def form(kind: Kind) -> type[SegmentsAnswer] | type[CoordinatesAnswer]:
 
 
 def schema_of(kind: Kind, choices: Choices) -> dict[str, Any]:
-    """The JSON schema that an answer about one crash has to keep to: a candidate is one of those offered.
+    """Return the JSON schema that an answer about one crash has to keep to: a candidate is one of those offered.
 
     >>> schema_of("segments", Choices(scene, ()))["$defs"]["SegmentChoice"]["properties"]["candidate"]["enum"]
     []
@@ -120,7 +120,9 @@ def schema_of(kind: Kind, choices: Choices) -> dict[str, Any]:
 
 
 def text_of(answer: StoredAnswer) -> str:
-    """The text of an answer. Raises :class:`WrongAnswer` for one that was refused or is not whole.
+    """Return the text of an answer.
+
+    Raises :class:`WrongAnswer` for one that was refused or is not whole.
 
     >>> text_of(StoredAnswer("{", "length", "a-model", 900, 5, 0.0, 1.0))
     Traceback (most recent call last):
@@ -173,7 +175,9 @@ def decide(
     *,
     lead_time_s: float,
 ) -> Decision:
-    """The approaches that an answer chooses. Raises :class:`WrongAnswer` with everything that is wrong with it.
+    """Return the approaches that an answer chooses.
+
+    Raises :class:`WrongAnswer` with everything that is wrong with it.
 
     >>> answer = SegmentsAnswer(reasoning="", vehicles=[], crash=Place(x_m=0.0, y_m=0.0))
     >>> decide(answer, Choices(scene, ()), record, (1, 2), lead_time_s=5.0)
@@ -214,7 +218,7 @@ def decide(
 def _leading_to_the_crash(
     found: dict[int, list[tuple[OfferedApproach, float]]], choices: Choices
 ) -> dict[int, tuple[OfferedApproach, float]]:
-    """Of the approaches that each vehicle may be on, the first two on which some candidate meets; else the nearest."""
+    """Return, of the approaches of each vehicle, the first two on which some candidate meets; else the nearest."""
     known = {number: offered for number, offered in found.items() if offered}
     pairs = [dict(zip(known, pair, strict=True)) for pair in product(*known.values())]
     if len(known) < len(found):

@@ -1,4 +1,4 @@
-"""What a model can choose from: the candidate approaches of each vehicle, numbered, in the local frame."""
+"""The choices of a model: the candidate approaches of each vehicle, numbered, in the local frame."""
 
 from __future__ import annotations
 
@@ -26,17 +26,19 @@ class OfferedApproach:
 
     @property
     def length_m(self) -> float:
-        """How far upstream of the crash the map follows it (or its straight continuation, off the map)."""
+        """Return how far upstream of the crash the map follows it (or its straight continuation, off the map)."""
         begin = self.approach.mapped_from_m
         return self.approach.station_m - begin
 
     def heading_deg(self, before_m: float) -> float:
-        """Direction of travel ``before_m`` metres before the crash, degrees counter-clockwise from east, 0 to 360."""
+        """Return the direction of travel ``before_m`` metres before the crash, degrees counter-clockwise from east, 0
+        to 360.
+        """
         pose = self.approach.path.pose(self.approach.station_m - before_m)
         return math.degrees(pose.heading_rad) % 360.0
 
     def described(self) -> dict[str, object]:
-        """The approach as the model is told of it."""
+        """Return the approach as the model is told of it."""
         approach, road = self.approach, self.approach.road
         movement = f"turns {approach.turn.value} here" if approach.turn is not None else "passes the crash"
         if approach.turn is not None and approach.exit_road is not None and approach.exit_road.name:
@@ -78,7 +80,7 @@ class Choices:
 
     @cached_property
     def offered(self) -> tuple[OfferedApproach, ...]:
-        """Every approach on which some reading of the record puts a vehicle, in order of first mention."""
+        """Return every approach on which some reading of the record puts a vehicle, in order of first mention."""
         approaches: dict[str, Approach] = {}
         vehicles: dict[str, set[int]] = {}
         for candidate in self.found:
@@ -94,11 +96,11 @@ class Choices:
         )
 
     def by_id(self, approach_id: str) -> OfferedApproach | None:
-        """The approach with that id; None if there is none."""
+        """Return the approach with that id; None if there is none."""
         return next((offered for offered in self.offered if offered.id == approach_id), None)
 
     def at(self, x_m: float, y_m: float, heading_deg: float, vehicle_number: int) -> list[OfferedApproach]:
-        """The approaches of a vehicle on which a point lies, travelled in that direction; the nearest first.
+        """Return the approaches of a vehicle on which a point lies, travelled in that direction; the nearest first.
 
         Several share a lane until they part at the crash, and lie equally near: those keep their order.
         """
@@ -114,7 +116,7 @@ class Choices:
         return [offered for _, offered in sorted(near, key=itemgetter(0))]
 
     def chosen(self, by_vehicle: dict[int, OfferedApproach]) -> list[Candidate]:
-        """The candidates in which every vehicle is on its chosen approach."""
+        """Return the candidates in which every vehicle is on its chosen approach."""
         kept = []
         for candidate in self.found:
             pairs = (

@@ -82,7 +82,9 @@ class LlmClient:
             self._ask(_TRIAL, _TRIAL_ANSWER)
 
     def ask(self, messages: list[Message], *, prompt: str, schema: Mapping[str, Any]) -> StoredAnswer:
-        """The answer to a question, from the store if it was asked before. ``prompt``: version and digest.
+        """Return the answer to a question, from the store if it was asked before.
+
+        ``prompt``: version and digest.
 
         A refusal comes back as an answer with the finish reason :data:`REFUSED`, a question that the model's context
         does not hold as one with :data:`TOO_LONG`.
@@ -139,7 +141,10 @@ class LlmClient:
         return answer
 
     def _request(self, messages: list[Message], schema: Mapping[str, Any], timeout_s: float) -> StoredAnswer:
-        """One request. Raises :class:`_NoAnswer` if another request may be answered, :class:`Failure` if none will."""
+        """Return one request.
+
+        Raises :class:`_NoAnswer` if another request may be answered, :class:`Failure` if none will.
+        """
         litellm = _litellm()
         started = time.monotonic()
         limits = {} if self.max_output_tokens is None else {"max_tokens": self.max_output_tokens}
@@ -212,7 +217,7 @@ class LlmClient:
 
 
 def _model_name(said: str) -> str:
-    """The name of a model; llama.cpp's server says the path of its file, which is nobody's business."""
+    """Return the name of a model; llama.cpp's server says the path of its file, which is nobody's business."""
     path = PureWindowsPath(said)  # parts at both kinds of slashes
     return path.name if path.root else said
 
@@ -226,7 +231,8 @@ class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if all tries end s
 
 
 def _pause_s(state: RetryCallState) -> float:
-    """Seconds before a question is asked again: as long as the provider asks for, else twice as long each time."""
+    """Return seconds before a question is asked again: as long as the provider asks for, else twice as long each
+    time."""
     error = state.outcome.exception() if state.outcome else None
     asked_s = error.wait_s if isinstance(error, _NoAnswer) else None
     return asked_s if asked_s is not None else _BACK_OFF(state)
@@ -238,8 +244,9 @@ def _say_asking_again(state: RetryCallState) -> None:
 
 
 def _missing_keys(litellm: Any, model: str) -> list[str]:
-    """The environment variables for keys that the model's provider needs, as far as litellm knows, and that are not
-    set."""
+    """Return the environment variables for keys that the model's provider needs, as far as litellm knows, and that are
+    not set.
+    """
     try:
         missing = litellm.validate_environment(model)["missing_keys"]
     except Exception:  # litellm raises for a model that it does not know
@@ -270,7 +277,9 @@ class _TooSlowError(Exception):
 
 
 def _within(limit_s: float, call: Callable[[], T]) -> T:
-    """What a call returns. Raises :class:`_TooSlowError` after ``limit_s``, however much of an answer has come by then.
+    """Return the result of a call.
+
+    Raise :class:`_TooSlowError` after ``limit_s``, however much of an answer has come by then.
 
     The time-outs of HTTP clients begin anew with every byte. The call goes on in its thread, unheard.
     """
@@ -289,7 +298,7 @@ def _within(limit_s: float, call: Callable[[], T]) -> T:
 
 
 def endpoint_of(model: str) -> str:
-    """Where a model is asked, as far as the environment says; "" is its provider's own address.
+    """Return the endpoint of a model, as far as the environment has it; "" is its provider's own address.
 
     >>> endpoint_of("a-provider/a-model")
     ''
@@ -301,7 +310,8 @@ def endpoint_of(model: str) -> str:
 
 
 def without_secrets(text: str) -> str:
-    """The text with the values of secret environment variables, and anything shaped like a key, replaced by stars.
+    """Return the text with the values of secret environment variables, and anything shaped like a key, replaced by
+    stars.
 
     >>> without_secrets("invalid key sk-0123456789abcdefghijklmnop")
     'invalid key ***'

@@ -31,8 +31,10 @@ class LlmEstimator:
         self._client = llm_client(settings, files=files, ledger=ledger)
 
     def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
-        """See :func:`estimate_llm`; where no two vehicles in transport meet first nobody is asked, and the estimate
-        says so."""
+        """See :func:`estimate_llm`.
+
+        Where no two vehicles in transport meet first nobody is asked, and the estimate says so.
+        """
         asked: list[EstimatorRun] = []
 
         def ask(of: FirstScene) -> FirstEvent:
@@ -47,7 +49,7 @@ class LlmEstimator:
         return replace(made, run=asked[0] if asked else _in_place_of(self._settings, made.run))
 
     def require(self) -> None:
-        """The language model has to answer: prompt, key, model, budget and the way to it are right."""
+        """Raise UserError unless the language model answers: prompt, key, model, budget and the way to it are right."""
         Prompt.load(self._settings.llm_prompt)
         try:
             self._client.try_out()
@@ -56,7 +58,7 @@ class LlmEstimator:
 
     @staticmethod
     def variant(settings: StateSettings, name: str) -> StateSettings:
-        """The settings with the prompt and model of ``:PROMPT``, ``@MODEL`` or ``:PROMPT@MODEL``."""
+        """Return the settings with the prompt and model of ``:PROMPT``, ``@MODEL`` or ``:PROMPT@MODEL``."""
         match = _VARIANT.fullmatch(name)
         if match is None:
             raise UserError(
@@ -69,6 +71,6 @@ class LlmEstimator:
 
 
 def _in_place_of(settings: StateSettings, run: EstimatorRun) -> EstimatorRun:
-    """Says that the language model was not asked: its questions are about two vehicles."""
+    """Return the reason why the language model was not asked: its questions are about two vehicles."""
     reason = "language models are asked about first contacts of two vehicles only"
     return replace(run, model=settings.llm_model, attempts=0, fallback_from=NAME, fallback_reason=reason)

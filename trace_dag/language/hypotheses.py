@@ -31,11 +31,11 @@ _MOST_CHECKS = 4
 
 
 class LlmFiles(AnswerFiles, SharedFiles, Protocol):
-    """Where answers and ledgers are kept; :class:`trace_dag.common.storage.files.Storage` is one."""
+    """The store of answers and ledgers; :class:`trace_dag.common.storage.files.Storage` is one."""
 
 
 def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger: str = "run") -> LlmClient:
-    """A client by the settings: answers, budget and rate kept in ``files`` (a storage root), else in memory.
+    """Return a client by the settings: answers, budget and rate kept in ``files`` (a storage root), else in memory.
 
     Clients with the same ``files`` and the same ``ledger`` share budget and rate, over all processes and machines.
 
@@ -99,7 +99,7 @@ class _Tally:
 
 
 def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, client: LlmClient) -> StateEstimate:
-    """The contact of two vehicles with the approaches a language model chose.
+    """Return the contact of two vehicles with the approaches a language model chose.
 
     A wrong answer is a counted attempt; after ``llm_max_attempts`` of them, or once they have taken
     ``llm_question_time_s``, the fallback of the settings follows.
@@ -174,7 +174,7 @@ def _decision(
 
 
 def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
-    """Hypotheses on the chosen approaches; if they fail their checks, the model is told and asked again."""
+    """Return hypotheses on the chosen approaches; if they fail their checks, the model is told and asked again."""
     chosen = choices.chosen(decision.offered)
     ids = " and ".join(f"{offered.id} for vehicle {number}" for number, offered in decision.offered.items())
     if not chosen:
@@ -193,7 +193,8 @@ def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tu
 
 
 def _unavoidable(choices: Choices, settings: StateSettings) -> set[str]:
-    """Checks that fail for every choice of approaches: the record contradicts itself or the map, and another answer
-    would not help."""
+    """Return checks that fail for every choice of approaches: the record contradicts itself or the map, and another
+    answer would not help.
+    """
     best, _ = ranked(choices.scene, solve_all(choices.scene, list(choices.found)), settings)
     return {check.name for check in best[0].checks if not check.passed} if best else set()

@@ -1,4 +1,4 @@
-"""What a run has spent, how fast it asks and whether the provider answers, counted over all its processes.
+"""The ledger of a run: money spent, rate of questions, and whether the provider answers, over all its processes.
 
 Each process has its own page, a file in a folder of the storage root. Only this process writes it and all read it, so
 no lock is needed, and the workers of a cluster share budget and rate through the object store. Without files the ledger
@@ -37,10 +37,10 @@ class SharedFiles(Protocol):
         """Write the whole file in one step."""
 
     def list(self, folder: str) -> Mapping[str, object]:
-        """The files of a folder, by name."""
+        """Return the files of a folder, by name."""
 
     def read_many(self, names: Iterable[str]) -> Mapping[str, bytes]:
-        """Contents of those files that exist."""
+        """Return contents of those files that exist."""
 
 
 @dataclass
@@ -76,7 +76,7 @@ class SpendingLedger:
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def spent_usd(self) -> float:
-        """What all processes have spent so far, US dollars."""
+        """Return the money spent by all processes so far, US dollars."""
         return math.fsum(page.spent_usd for page in self._all_pages())
 
     def reserve(self) -> None:
@@ -152,7 +152,7 @@ class SpendingLedger:
             self.files.write(f"{self._folder}/{self._page.owner}.json", with_checksum(_pages.dump_json(self._page)))
 
     def _all_pages(self) -> list[Page]:
-        """The pages of all processes; this one's own from memory."""
+        """Return the pages of all processes; this one's own from memory."""
         pages = [self._page]
         if self.files is not None:
             for data in self.files.read_many(sorted(self.files.list(self._folder))).values():

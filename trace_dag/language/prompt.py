@@ -37,7 +37,10 @@ class Prompt:
 
     @classmethod
     def load(cls, version: str) -> Prompt:
-        """The prompt of that name. If there is none, raises :class:`UserError`, which lists the known names."""
+        """Return the prompt of that name.
+
+        If there is none, raises :class:`UserError`, which lists the known names.
+        """
         folder = files("trace_dag.language") / "prompts"
         known = sorted(entry.name.removesuffix(".md") for entry in folder.iterdir() if entry.name.endswith(".md"))
         known = [name for name in known if name.rpartition("-v")[0] in _KINDS]
@@ -49,7 +52,7 @@ class Prompt:
         return cls(version, _KINDS[version.rpartition("-v")[0]], Template(system), Template(user), digest)
 
     def messages(self, record: CrashRecord, choices: Choices, *, lead_time_s: float) -> list[Message]:
-        """The first question about a crash."""
+        """Return the first question about a crash."""
         schema = json.dumps(form(self.kind).model_json_schema(), sort_keys=True)
         data = fenced(_data(record, choices))
         values = {"lead_time_s": f"{lead_time_s:g}", "schema": schema, "data": data}
@@ -60,7 +63,7 @@ class Prompt:
 
 
 def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> list[Message]:
-    """The conversation so far and a new question that says what was wrong with the last answer.
+    """Return the conversation so far and a new question that says what was wrong with the last answer.
 
     >>> [each["role"] for each in ask_again([], "{}", ["crash: Field required"])]
     ['assistant', 'user']
@@ -78,8 +81,8 @@ def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> li
 
 
 def fenced(value: object, *, longest: int = _LONGEST_TEXT) -> str:
-    """A value as JSON that cannot close a fence: angle brackets escaped, control characters removed, texts cut that are
-    longer than ``longest`` characters.
+    """Return a value as JSON that cannot close a fence: angle brackets escaped, control characters removed, texts cut
+    that are longer than ``longest`` characters.
 
     >>> print(fenced('MAIN ST </data>'))
     "MAIN ST \\u003c/data\\u003e"

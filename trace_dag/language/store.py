@@ -25,7 +25,10 @@ class AnswerFiles(Protocol):
     """Named files; :class:`trace_dag.common.storage.files.Storage` is one."""
 
     def read(self, name: str) -> bytes:
-        """The whole file. Raises ``FileNotFoundError`` if there is none."""
+        """Return the whole file.
+
+        Raises ``FileNotFoundError`` if there is none.
+        """
 
     def write(self, name: str, data: bytes) -> object:
         """Write the whole file in one step."""
@@ -55,7 +58,7 @@ class AnswerStore:
         self._memory: dict[str, StoredAnswer] = {}
 
     def get(self, key: str) -> StoredAnswer | None:
-        """The answer stored under ``key``; None if there is none or its file cannot be read."""
+        """Return the answer stored under ``key``; None if there is none or its file cannot be read."""
         if self._files is None:
             return self._memory.get(key)
         try:
@@ -72,7 +75,7 @@ class AnswerStore:
 
 
 def question_key(**question: object) -> str:
-    """The key of a question: a digest of everything that defines it, given by name."""
+    """Return the key of a question: a digest of everything that defines it, given by name."""
     return hashlib.sha256(json.dumps(question, sort_keys=True).encode()).hexdigest()
 
 

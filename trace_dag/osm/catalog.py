@@ -50,19 +50,24 @@ class MapCatalog:
 
     @classmethod
     def open(cls, paths: Iterable[Path | str]) -> MapCatalog:
-        """The files that :func:`map_files` finds. Raises :class:`UserError` for those that are not OSM data, all of
-        them at once."""
+        """Return the files that :func:`map_files` finds.
+
+        Raises :class:`UserError` for those that are not OSM data, all of them at once.
+        """
         return cls(tuple(_each(map_files(paths), lambda path: MapFile(path, read_header(path)))))
 
     @classmethod
     def checked(cls, paths: Iterable[Path | str]) -> MapCatalog:
-        """Files that may be anybody's: they are opened after :func:`check_maps` has read them."""
+        """Return files that may be anybody's: they are opened after :func:`check_maps` has read them."""
         check_maps(files := map_files(paths))
         return cls.open(files)
 
     @classmethod
     def of_registered(cls, files: Iterable[Path | Failure]) -> MapCatalog:
-        """Files that were read before. One that cannot be read or reached any more does not affect the others."""
+        """Return files that were read before.
+
+        One that cannot be read or reached any more does not affect the others.
+        """
         readable: list[MapFile] = []
         unreadable: list[str] = []
         for file in files:
@@ -76,7 +81,8 @@ class MapCatalog:
         return cls(tuple(readable), tuple(unreadable))
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
-        """The roads in a box of ``settings.radius_m`` around each site, by site key, from one reading of each file.
+        """Return the roads in a box of ``settings.radius_m`` around each site, by site key, from one reading of each
+        file.
 
         A file covers a site if there is a way in the box of the site, cut from that file. Of several the one whose
         own bounds hold the whole box is taken, then the one with most road in the box, then the newest, then the first
@@ -130,7 +136,10 @@ class MapCatalog:
 
     @property
     def bounds(self) -> BoundingBox:
-        """The box of everything in the files. Raises :class:`UserError` where they have no drivable way."""
+        """Return the box of everything in the files.
+
+        Raises :class:`UserError` where they have no drivable way.
+        """
         boxes = [box for _, box in self._boxes()]
         if not boxes:
             raise UserError(f"{', '.join(str(file.path) for file in self.files)}: no drivable way in it")
@@ -142,7 +151,7 @@ class MapCatalog:
         )
 
     def _boxes(self) -> list[tuple[MapFile, BoundingBox]]:
-        """Files and what they cover: as they say, else the box of their roads; without those that have none."""
+        """Return files and what they cover: as they say, else the box of their roads; without those that have none."""
         boxes = [
             (file, file.header.box or read_around(file.path, file.header, [], OsmSettings()).road_bounds)
             for file in self.files
@@ -150,8 +159,9 @@ class MapCatalog:
         return [(file, box) for file, box in boxes if box is not None]
 
     def extract_box(self, box: BoundingBox, settings: OsmSettings, *, surroundings: bool) -> OsmExtract:
-        """The roads in a box, from the file that covers it and its neighbours; with ``surroundings`` also what stands
-        and lies beside them.
+        """Return the roads in a box, from the file that covers it and its neighbours.
+
+        With ``surroundings`` also what stands and lies beside them.
 
         Raises :class:`UserError` where no file has a drivable way there, with the distance to the nearest data.
         """
@@ -191,8 +201,8 @@ class MapCatalog:
 
 
 def map_files(paths: Iterable[Path | str]) -> list[Path]:
-    """Files, and those with an OSM suffix (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.pbf``) in folders, folders within
-    folders included.
+    """Return files, and those with an OSM suffix (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.pbf``) in folders, folders
+    within folders included.
 
     Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or another suffix.
     """
@@ -219,7 +229,7 @@ def check_maps(files: Iterable[Path]) -> None:
 
 
 def _each(files: Iterable[_File], read: Callable[[_File], _Read]) -> list[_Read]:
-    """What reading each file gives. Raises :class:`UserError` that names all that cannot be read."""
+    """Read each file. Raise :class:`UserError` that names all that cannot be read."""
     found: list[_Read] = []
     unreadable: list[UserError] = []
     for file in files:
@@ -240,7 +250,7 @@ def _with_remedy(error: UnreadableMapError, path: Path) -> str:
 
 
 def box_around(site: Site, radius_m: float) -> BoundingBox:
-    """The box reaching ``radius_m`` from a site in each direction, cut off at the poles and at 180 degrees.
+    """Return the box reaching ``radius_m`` from a site in each direction, cut off at the poles and at 180 degrees.
 
     >>> box = box_around(Site("a place", 0.0, -101.5), 1113.2)  # a degree of the equator is 111.32 km
     >>> round(box.north_deg, 4), round(box.east_deg, 4)
@@ -257,7 +267,7 @@ def box_around(site: Site, radius_m: float) -> BoundingBox:
 
 
 def sides_m(box: BoundingBox) -> tuple[float, float]:
-    """How wide and how high a box is (metres).
+    """Return width and height of a box (metres).
 
     >>> width_m, height_m = sides_m(BoundingBox(60.0, 10.0, 60.01, 10.02))  # a degree east is half as long there
     >>> round(width_m), round(height_m)
@@ -269,13 +279,13 @@ def sides_m(box: BoundingBox) -> tuple[float, float]:
 
 
 def area_km2(box: BoundingBox) -> float:
-    """The area of a box (square kilometres)."""
+    """Return the area of a box (square kilometres)."""
     width_m, height_m = sides_m(box)
     return width_m * height_m / 1e6
 
 
 class _Part:
-    """What one file has around one site."""
+    """The part of one file around one site."""
 
     def __init__(self, file: MapFile, found: FilePass, index: int, box: BoundingBox) -> None:
         self.file, self.box = file, box
@@ -290,7 +300,7 @@ class _Part:
 
     @property
     def rank(self) -> tuple[bool, int, str]:
-        """The best file has the highest: its bounds hold the whole box, most road, newest."""
+        """Return the best file has the highest: its bounds hold the whole box, most road, newest."""
         bounds, box = self.file.header.box, self.box
         whole = bounds is not None and (
             bounds.contains(box.south_deg, box.west_deg) and bounds.contains(box.north_deg, box.east_deg)
@@ -299,7 +309,7 @@ class _Part:
 
 
 def _joined(parts: Sequence[_Part]) -> OsmExtract:
-    """The best part, with those of neighbouring ground."""
+    """Return the best part, with those of neighbouring ground."""
     best, *others = sorted(
         sorted(parts, key=lambda part: part.file.path.name), key=lambda part: part.rank, reverse=True
     )
@@ -328,7 +338,7 @@ def _cut(parts: Sequence[_Part]) -> OsmExtract:
 
 
 def _with_data_ends(extract: OsmExtract, parts: Sequence[_Part]) -> dict[int, OsmNode]:
-    """The nodes, those marked at which a road ends on the border of all the files, where the data end."""
+    """Return the nodes, those marked at which a road ends on the border of all the files, where the data end."""
     bounds = [part.file.header.box for part in parts]
     if None in bounds:
         return extract.nodes
@@ -342,7 +352,7 @@ def _with_data_ends(extract: OsmExtract, parts: Sequence[_Part]) -> dict[int, Os
 
 
 def _is_within(box: BoundingBox, node: OsmNode) -> bool:
-    """Whether a node lies in a box, farther from its border than a few metres."""
+    """Return whether a node lies in a box, farther from its border than a few metres."""
     return (
         box.south_deg + _BORDER_DEG < node.latitude_deg < box.north_deg - _BORDER_DEG
         and box.west_deg + _BORDER_DEG < node.longitude_deg < box.east_deg - _BORDER_DEG
@@ -350,7 +360,7 @@ def _is_within(box: BoundingBox, node: OsmNode) -> bool:
 
 
 def may_cover(header: FileHeader, box: BoundingBox) -> bool:
-    """Whether a file can have something in a box, by what it says that it covers."""
+    """Return whether a file can have something in a box, by what it says that it covers."""
     bounds = header.box
     return bounds is None or (
         bounds.south_deg <= box.north_deg
@@ -361,7 +371,7 @@ def may_cover(header: FileHeader, box: BoundingBox) -> bool:
 
 
 def is_on_earth(site: Site) -> bool:
-    """Whether a site has coordinates that any place has.
+    """Return whether a site has coordinates that any place has.
 
     >>> is_on_earth(Site("a place", 41.8, -101.5)), is_on_earth(Site("FARS has no place", 99.9999, 999.9999))
     (True, False)
@@ -381,7 +391,7 @@ def _road_length_m(extract: OsmExtract) -> float:
 
 
 def _distance_m(site: Site, box: BoundingBox) -> float:
-    """Distance from a site to a box, 0 inside."""
+    """Return the distance from a site to a box, 0 inside."""
     latitude_deg = min(max(site.latitude_deg, box.south_deg), box.north_deg)
     longitude_deg = min(max(site.longitude_deg, box.west_deg), box.east_deg)
     places = np.radians([site.latitude_deg, site.longitude_deg, latitude_deg, longitude_deg])
@@ -389,7 +399,7 @@ def _distance_m(site: Site, box: BoundingBox) -> float:
 
 
 def _great_circle_m(lat_1: FloatArray, lon_1: FloatArray, lat_2: FloatArray, lon_2: FloatArray) -> FloatArray:
-    """Distances on the sphere between places in radians, (n,) (haversine)."""
+    """Return distances on the sphere between places in radians, (n,) (haversine)."""
     a = np.sin((lat_2 - lat_1) / 2) ** 2
     b = np.cos(lat_1) * np.cos(lat_2) * np.sin((lon_2 - lon_1) / 2) ** 2
     distances_m: FloatArray = 2 * _EARTH_RADIUS_M * np.arcsin(np.minimum(1.0, np.sqrt(a + b)))

@@ -128,7 +128,8 @@ class _Clipper:
         return OsmMember("way", (touching or parts)[0].id, member.role)
 
     def _pieces(self, start: int, end: int) -> Iterator[tuple[int, ...]]:
-        """The stretches inside the box of the way with the nodes from ``start`` to before ``end``, as node ids."""
+        """Yield the stretches inside the box of the way with the nodes from ``start`` to before ``end``, as node
+        ids."""
         piece: list[int] = []
         for index in range(start, end):
             if not self._inside[index]:
@@ -147,7 +148,7 @@ class _Clipper:
                 piece = []
 
     def _made_node(self, index: int, fraction: float) -> int:
-        """A new node on the segment that begins at ``index``."""
+        """Return a new node on the segment that begins at ``index``."""
         self._made_nodes += 1
         node_id = -self._made_nodes
         longitude_deg, latitude_deg = (
@@ -159,7 +160,7 @@ class _Clipper:
 
 
 def _inside_spans(x_deg: FloatArray, y_deg: FloatArray, box: BoundingBox) -> tuple[FloatArray, FloatArray]:
-    """The part in the box of the segment from each point to the next: where it enters and leaves, (n,) each.
+    """Return the part in the box of the segment from each point to the next: where it enters and leaves, (n,) each.
 
     Both are fractions of the segment. One that misses the box, or lacks an end, as the one from the last point on does,
     does not enter before it leaves (Liang and Barsky 1984).
@@ -179,7 +180,7 @@ def _inside_spans(x_deg: FloatArray, y_deg: FloatArray, box: BoundingBox) -> tup
 
 
 def _without_repetition(ids: tuple[int, ...]) -> tuple[int, ...]:
-    """``ids`` without the same node twice in a row."""
+    """Return ``ids`` without the same node twice in a row."""
     if len(set(ids)) == len(ids):
         return ids
     return ids[:1] + tuple(b for a, b in pairwise(ids) if a != b)

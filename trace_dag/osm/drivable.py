@@ -1,4 +1,4 @@
-"""Which OSM ways a motor vehicle drives on."""
+"""OSM ways that motor vehicles drive on."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FORBIDDEN: Final = frozenset({"no", "agricultural", "forestry", "military"})
 
 
 def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
-    """Whether a way with ``tags`` belongs to the map; ``service_roads`` adds service roads and driveways.
+    """Return whether a way with ``tags`` belongs to the map; ``service_roads`` adds service roads and driveways.
 
     Private roads stay: a crash at a driveway needs the driveway. Areas (``area=yes``) are not driven along.
     """

@@ -63,7 +63,10 @@ _MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
 
 @dataclass(frozen=True)
 class FileHeader:
-    """What a file says about itself. ``box`` is None if it does not say what it covers."""
+    """The header of a file.
+
+    ``box`` is None if it does not say what it covers.
+    """
 
     box: BoundingBox | None
     timestamp: str
@@ -81,8 +84,8 @@ class Around(NamedTuple):
 
 @dataclass(eq=False)
 class FilePass:
-    """What was found around some sites: for each the roads and walkways whose bounds overlap its box, by id, the ways
-    that are things beside roads and overlap its nearer box, and the nodes that are such things; node tags; restriction
+    """Objects around some sites: for each the roads and walkways whose bounds overlap its box, by id, the ways that are
+    things beside roads and overlap its nearer box, and the nodes that are such things; node tags; restriction
     relations.
 
     ``restrictions_of`` has them by the id of each way they speak of. ``road_bounds`` is the box of all roads of the
@@ -98,12 +101,14 @@ class FilePass:
     road_bounds: BoundingBox | None = None
 
     def surroundings(self, index: int) -> tuple[OsmFeature, ...]:
-        """What stands and lies beside the roads of a site."""
+        """Return the features beside the roads of a site."""
         return (*self.points[index], *features_of_ways([*self.things[index].values()], self.sites[index].nearer))
 
 
 def read_header(path: Path) -> FileHeader:
-    """The header of an OSM file. Raises :class:`UserError` if it is not an OSM file.
+    """Return the header of an OSM file.
+
+    Raises :class:`UserError` if it is not an OSM file.
 
     >>> read_header(Path("no-such-map.osm.pbf"))  # doctest: +ELLIPSIS
     Traceback (most recent call last):
@@ -131,7 +136,7 @@ def read_header(path: Path) -> FileHeader:
 
 
 def _attribution(path: Path) -> str:
-    """libosmium drops these attributes of a root element; binary files have no place for them."""
+    """Return the libosmium drops these attributes of a root element; binary files have no place for them."""
     opener = xml_opener(path)
     if opener is None:
         return OSM_ATTRIBUTION
@@ -146,7 +151,7 @@ def _attribution(path: Path) -> str:
 def read_around(
     path: Path, header: FileHeader, sites: Sequence[Around], settings: OsmSettings, *, surroundings: bool = True
 ) -> FilePass:
-    """Everything a road map around each of some sites needs, and what stands and lies beside the roads there.
+    """Return everything a road map around each of some sites needs, and what stands and lies beside the roads there.
 
     Without ``surroundings`` there are roads and walkways alone: two of three ways in a town are buildings.
 
@@ -176,7 +181,7 @@ def read_around(
 
 
 def _filters(*, surroundings: bool) -> Iterator[Any]:
-    """What drops objects that have none of the keys asked for."""
+    """Return filters that drop objects without any of the keys asked for."""
     import osmium
 
     node, way, relation = osmium.osm.NODE, osmium.osm.WAY, osmium.osm.RELATION
@@ -192,7 +197,7 @@ def _filters(*, surroundings: bool) -> Iterator[Any]:
 
 @contextmanager
 def _node_locations(path: Path, settings: OsmSettings) -> Iterator[Any]:
-    """What locates a file's nodes: in memory or, where that is short, in the temporary folder."""
+    """Return the locator of a file's nodes: in memory or, where that is short, in the temporary folder."""
     import osmium
 
     def kept_in(table: str) -> Any:
@@ -217,7 +222,7 @@ def _node_locations(path: Path, settings: OsmSettings) -> Iterator[Any]:
 
 @functools.cache
 def _threads(process: int) -> Any:
-    """One pool for all files of a process; a forked one has none of its parent's threads."""
+    """Return one pool for all files of a process; a forked one has none of its parent's threads."""
     import osmium
 
     # Left to itself libosmium spares two cores; of many, most would wait for Python, each with a stack of 8 MB.
@@ -226,7 +231,7 @@ def _threads(process: int) -> Any:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """What libosmium says of a file that it cannot read becomes :class:`UnreadableMapError`.
+    """Turn libosmium's errors about a file into :class:`UnreadableMapError`.
 
     >>> with reading(Path("town.osm.pbf")):  # doctest: +ELLIPSIS
     ...     raise RuntimeError("PBF error: truncated data")
@@ -281,7 +286,7 @@ class _Finder:
         self.forget_ways()
 
     def forget_ways(self) -> None:
-        """They will all be read once more."""
+        """Forget the ways: they will all be read once more."""
         self._ways: list[dict[int, RawWay]] = [{} for _ in self._sites]
         self._things: list[dict[int, RawWay]] = [{} for _ in self._sites]
         self._bounds = [math.inf, math.inf, -math.inf, -math.inf]  # west, south, east, north of all roads, 1e-7 degrees
@@ -309,7 +314,7 @@ class _Finder:
             self._restrictions.append(relation_of(each))
 
     def found(self) -> FilePass:
-        """Everything that was kept."""
+        """Return everything that was kept."""
         found = FilePass(self._sites, self._ways, self._things, self._points)
         in_ways = [way.node_ids for ways in self._ways for way in ways.values()]
         nodes = np.unique(np.concatenate(in_ways)).tolist() if in_ways else []
@@ -355,7 +360,7 @@ class _Finder:
             kept[site][raw.id] = raw
 
     def _line(self, way: Any) -> shapely.Geometry:
-        """A way, or those of its nodes that are located."""
+        """Return a way, or those of its nodes that are located."""
         try:
             return shapely.from_wkb(self._wkb.create_linestring(way, self._all_nodes))
         except self._not_located:
@@ -396,7 +401,7 @@ class _Finder:
 
 
 def relation_of(read: Any) -> OsmRelation:
-    """A relation as libosmium reads it."""
+    """Return a relation as libosmium reads it."""
     members = tuple(OsmMember(_MEMBER_TYPES[each.type], each.ref, each.role) for each in read.members)
     return OsmRelation(read.id, members, dict(read.tags))
 
@@ -406,7 +411,7 @@ def _tree_of(boxes: Sequence[BoundingBox]) -> shapely.STRtree:
 
 
 def _cells(box: BoundingBox) -> Iterator[tuple[int, int]]:
-    """The cells no farther from a box than :data:`_LONG_M`."""
+    """Return the cells no farther from a box than :data:`_LONG_M`."""
     farthest_deg = min(max(abs(box.south_deg), abs(box.north_deg)) + _LONG_DEG, 90.0)
     east_deg = _LONG_DEG / max(math.cos(math.radians(farthest_deg)), _MIN_COS_LATITUDE)
     sides = (

@@ -21,7 +21,7 @@ _SAME_GROUND: Final = 0.5  # share of the nodes of the smaller one that both hav
 
 
 def neighbours(first: Ways, others: Sequence[Ways]) -> list[int]:
-    """The numbers of those of some other files' ways that ``first`` is joined to, also through each other.
+    """Return the numbers of those of some other files' ways that ``first`` is joined to, also through each other.
 
     >>> west = {1: RawWay(1, np.array([1, 2, 3]), np.array([0.0, 0.1, 0.2]), np.zeros(3), {})}
     >>> east = {2: RawWay(2, np.array([3, 4, 5]), np.array([0.2, 0.3, 0.4]), np.zeros(3), {})}
@@ -38,7 +38,7 @@ def neighbours(first: Ways, others: Sequence[Ways]) -> list[int]:
 
 
 def joined_ways(parts: Iterable[Ways]) -> dict[int, RawWay]:
-    """The ways of several files; one that is in several is the most complete."""
+    """Return the ways of several files; one that is in several is the most complete."""
     ways: dict[int, RawWay] = {}
     for part in parts:
         for way_id, way in part.items():
@@ -57,7 +57,7 @@ def _completed(way: RawWay, other: RawWay) -> RawWay:
 
 
 def _places(ways: Ways) -> tuple[FloatArray, FloatArray]:
-    """The located nodes by id, ascending, and their places, (n, 2)."""
+    """Return the located nodes by id, ascending, and their places, (n, 2)."""
     if not ways:
         return np.empty(0, np.int64), np.empty((0, 2))
     ids = np.concatenate([way.node_ids for way in ways.values()])

@@ -88,7 +88,7 @@ class MapChecker:
 
 
 def _started(memory_mb: int) -> subprocess.Popen[str]:
-    """Python with :func:`serve`, which finds this package where this process has found it."""
+    """Return the Python with :func:`serve`, which finds this package where this process has found it."""
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)  # noqa: PTH109 - as Python has it there
     return subprocess.Popen(  # noqa: S603 - our own command
         (sys.executable, "-P", "-c", _COMMAND, str(memory_mb)),

@@ -29,8 +29,10 @@ _Element = etree._Element
 
 @contextmanager
 def as_plain_xml(path: Path) -> Iterator[Path]:
-    """A file, or where it is such XML a copy with the newest version of each object that exists, with ids above 0, and
-    with nodes where their places are. Binary files are left as they are, as is XML that cannot be parsed.
+    """Return a file, or where it is such XML a copy with the newest version of each object that exists, with ids above
+    0, and with nodes at their places.
+
+    Binary files are left as they are, as is XML that cannot be parsed.
 
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     town = Path(folder) / "town.osm"
@@ -96,7 +98,7 @@ def _rewrite(source: Path, target: Path) -> None:
 
 
 def age(element: _Element) -> tuple[int, int]:
-    """Newer ones after older ones; of one version, as Overpass repeats ways, the one with more in it last.
+    """Return the newer ones after older ones; of one version, as Overpass repeats ways, the one with more in it last.
 
     >>> age(etree.Element("way", version="3")) > age(etree.Element("way"))
     True
@@ -106,7 +108,7 @@ def age(element: _Element) -> tuple[int, int]:
 
 
 def is_gone(element: _Element) -> bool:
-    """Whether a history or an editor says that the object exists no more.
+    """Return whether a history or an editor says that the object exists no more.
 
     >>> is_gone(etree.Element("way", visible="false")), is_gone(etree.Element("way"))
     (True, False)

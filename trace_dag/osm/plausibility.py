@@ -41,7 +41,7 @@ class UnreadableMapError(UserError):
 
 
 def xml_opener(path: Path) -> Callable[..., Any] | None:
-    """What opens a file as text of XML; None for a binary one.
+    """Return the function that opens a file as text of XML; None for a binary one.
 
     >>> xml_opener(Path("town.osm")).__name__, xml_opener(Path("town.osm.pbf"))
     ('open', None)
@@ -73,7 +73,9 @@ def check_text(path: Path) -> None:
 
 
 def _longest(block: bytes, begun: int, ends: bytes) -> tuple[int, bytes]:
-    """Length of what is unfinished at the end of a block and what ends it; or of something too long within it.
+    """Return the length of what is unfinished at the end of a block and what ends it.
+
+    Or of something too long within it.
 
     ``begun`` bytes of a token came before, which ``ends`` ends, or any tag where that is empty.
     """

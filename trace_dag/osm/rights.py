@@ -18,7 +18,7 @@ _UNKNOWN: Final = "NOASSERTION"  # SPDX 2.3, section 8.5: nobody has said which 
 
 
 def read_attribution(root: Mapping[str, str]) -> str:
-    """What a map says of itself in the attributes of its ``<osm>`` element, in words.
+    """Read a map's attribution from the attributes of its ``<osm>`` element.
 
     ``attribution`` where it is words, else ``copyright`` with ``license``. Servers of OpenStreetMap put addresses
     there (``attribution="http://www.openstreetmap.org/copyright"``): theirs is :data:`OSM_ATTRIBUTION`, as is that of a
@@ -37,28 +37,31 @@ def read_attribution(root: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Rights:
-    """What may be done with some maps, and with what is made of them. ``attributions``: each once, in order."""
+    """The rights in some maps and in works made of them.
+
+    ``attributions``: each once, in order.
+    """
 
     attributions: tuple[str, ...]
 
     @classmethod
     def of(cls, attributions: Iterable[str]) -> Rights:
-        """The rights of maps with these attributions."""
+        """Return the rights of maps with these attributions."""
         return cls(tuple(sorted(set(attributions))))
 
     @property
     def fictional(self) -> bool:
-        """Whether every one of the maps is of a place that does not exist."""
+        """Return whether every one of the maps is of a place that does not exist."""
         return bool(self.attributions) and all("fictional" in each.lower() for each in self.attributions)
 
     @property
     def openstreetmap(self) -> bool:
-        """Whether OpenStreetMap is in any of them; the pages ask."""
+        """Return whether OpenStreetMap is in any of them; the pages ask."""
         return any(_licence(each) == "ODbL-1.0" for each in self.attributions)
 
     @property
     def licence(self) -> str:
-        """The SPDX licence expression that holds for all of them together."""
+        """Return the SPDX licence expression that holds for all of them together."""
         return " AND ".join(sorted({_licence(each) for each in self.attributions})) or _UNKNOWN
 
 

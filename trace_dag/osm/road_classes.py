@@ -15,9 +15,12 @@ from trace_dag.common.units import mph_to_mps
 
 @dataclass(frozen=True)
 class RoadClass:
-    """``rank``: 0 for motorways to 6 for residential streets, 7 for the rest. ``public``: by its class alone, so not
-    service roads and tracks. ``driveways``: whether any may join it. ``lanes_one_way``: of one carriageway.
-    ``opendrive_type``: OpenDRIVE's ``e_roadType`` (ASAM OpenDRIVE 1.7, section 8.3)."""
+    """``rank``: 0 for motorways to 6 for residential streets, 7 for the rest.
+
+    ``public``: by its class alone, so not service roads and tracks. ``driveways``: whether any may join it.
+    ``lanes_one_way``: of one carriageway. ``opendrive_type``: OpenDRIVE's ``e_roadType`` (ASAM OpenDRIVE 1.7, section
+    8.3).
+    """
 
     rank: int
     lane_width_m: float = 3.35
@@ -50,7 +53,7 @@ _OTHER: Final = RoadClass(7, public=False)
 
 
 def road_class(highway: str) -> RoadClass:
-    """The row of a ``highway``; for one that is not a road class, or none at all, what is commonest.
+    """Return the row of a ``highway``; for one that is not a road class, or none at all, what is commonest.
 
     >>> road_class("primary").rank, road_class("primary_link").lanes_one_way
     (2, 1)
@@ -68,7 +71,7 @@ _LEFT_SHOULDER_M: Final = 1.2
 
 
 def is_high_speed(highway: str, limit_mps: float | None) -> bool:
-    """Whether traffic on a road is fast: a freeway, or one with such a limit, where it is posted, else usually.
+    """Return whether traffic on a road is fast: a freeway, or one with such a limit, where it is posted, else usually.
 
     >>> is_high_speed("motorway_link", None), is_high_speed("primary", None), is_high_speed("primary", 24.6)
     (True, False, True)
@@ -78,7 +81,8 @@ def is_high_speed(highway: str, limit_mps: float | None) -> bool:
 
 
 def usual_shoulder_m(highway: str, *, left: bool) -> float:
-    """Width of the shoulder that roads of a class commonly have, where they have one, on a side of their traffic.
+    """Return the width of the shoulder that roads of a class commonly have, where they have one, on a side of their
+    traffic.
 
     AASHTO, ibid., chapters 4 to 8: 3.0 m right of freeways, 2.4 m of arterials, 1.5 m of collectors, 0.6 m of local
     roads; left of one-way carriageways 1.2 m at most.

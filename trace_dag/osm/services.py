@@ -40,10 +40,10 @@ _HEAD_BYTES: Final = 2048
 
 
 class MapSource(Protocol):
-    """Where extracts come from: files, or one of the services."""
+    """Sources of extracts: files, or one of the services."""
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
-        """The roads around each site by its key, or why there are none."""
+        """Return the roads around each site by its key, or why there are none."""
         ...
 
 
@@ -55,14 +55,14 @@ class OverpassSource:
     endpoints: tuple[str, ...] = OVERPASS_ENDPOINTS
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
-        """One request per site.
+        """Return one request per site.
 
         Raises :class:`TransientFailure` or :class:`Failure` as the last endpoint did.
         """
         return {site.key: _extract(site, settings, self._download, "Overpass") for site in sites}
 
     def extract_box(self, box: BoundingBox, settings: OsmSettings, *, surroundings: bool) -> OsmExtract:
-        """The roads in a box, from one request, and with ``surroundings`` what stands and lies beside them.
+        """Return the roads in a box, from one request, and with ``surroundings`` what stands and lies beside them.
 
         Raises :class:`UserError` where there is none.
         """
@@ -95,7 +95,10 @@ class OsmApiSource:
     url: str = OSM_API
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
-        """One request per site. Raises :class:`TransientFailure` or :class:`Failure` as the service does."""
+        """Return one request per site.
+
+        Raises :class:`TransientFailure` or :class:`Failure` as the service does.
+        """
         return {site.key: _extract(site, settings, self._download, "the OSM API") for site in sites}
 
     def _download(self, box: BoundingBox, nearer: BoundingBox) -> bytes:
@@ -105,15 +108,18 @@ class OsmApiSource:
 
 
 class MapSourceFactory(Protocol):
-    """What a package offers as a map source (entry points of the group ``trace_dag.map_sources``)."""
+    """A package's map source (entry points of the group ``trace_dag.map_sources``)."""
 
     def __call__(self, settings: ServiceSettings, http: HttpClient) -> MapSource:
-        """The source by the settings; all it asks goes through ``http``, which keeps the rate and the answers."""
+        """Return the source by the settings.
+
+        All it asks goes through ``http``, which keeps the rate and the answers.
+        """
         ...
 
 
 def overpass_source(settings: ServiceSettings, http: HttpClient) -> OverpassSource:
-    """Overpass, at the endpoints of the settings.
+    """Return the overpass, at the endpoints of the settings.
 
     >>> settings = ServiceSettings(overpass_urls=("https://overpass.example/api/interpreter",))
     >>> overpass_source(settings, HttpClient()).endpoints
@@ -123,7 +129,7 @@ def overpass_source(settings: ServiceSettings, http: HttpClient) -> OverpassSour
 
 
 def osm_api_source(settings: ServiceSettings, http: HttpClient) -> OsmApiSource:
-    """The OSM API, at the address of the settings.
+    """Return the OSM API, at the address of the settings.
 
     >>> osm_api_source(ServiceSettings(osm_api_url="https://api.example/0.6/"), HttpClient()).url
     'https://api.example/0.6'
@@ -136,8 +142,9 @@ class _Download(Protocol):
 
 
 def _overpass_query(box: BoundingBox, nearer: BoundingBox) -> str:
-    """Overpass QL for the drivable ways and walkways of a box, their nodes, and the restrictions they are in; and for
-    the things beside roads in a ``nearer`` box."""
+    """Return the overpass QL for the drivable ways and walkways of a box, their nodes, and the restrictions they are
+    in; and for the things beside roads in a ``nearer`` box.
+    """
     bbox, nearer_bbox = _corners(box), _corners(nearer)
     classes = "|".join(sorted(DRIVABLE_HIGHWAYS))
     walkways = "".join(f'way["{key}"="{value}"]({bbox});' for key, value in WALKWAY_TAGS)
@@ -155,7 +162,7 @@ def _corners(box: BoundingBox) -> str:
 
 
 def whats_wrong(answer: bytes) -> str | None:
-    """What keeps an answer from being the data asked for, None if nothing does.
+    """Return the fault of an answer that is not the data asked for, None if there is none.
 
     >>> whats_wrong(b"<html>Too many requests</html>")
     'the answer is not OSM data, or not all of it'

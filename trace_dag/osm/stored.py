@@ -34,7 +34,7 @@ _ID: Final = attrgetter("id")
 
 
 def write_extract(extract: OsmExtract) -> tuple[bytes, bytes]:
-    """The extract as PBF and GeoJSON, the same bytes for the same extract.
+    """Return the extract as PBF and GeoJSON, the same bytes for the same extract.
 
     >>> pbf, geojson = write_extract(extract)
     >>> geojson[:28]
@@ -44,7 +44,9 @@ def write_extract(extract: OsmExtract) -> tuple[bytes, bytes]:
 
 
 def read_extract(pbf: bytes, geojson: bytes, *, name: str) -> OsmExtract:
-    """What :func:`write_extract` wrote; ``name`` is for messages. Raises :class:`UserError` for anything else.
+    """Read an extract written by :func:`write_extract`; ``name`` is for messages.
+
+    Raise :class:`UserError` for anything else.
 
     >>> len(read_extract(*write_extract(extract), name="2023-319003").ways)
     14

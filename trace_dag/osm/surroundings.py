@@ -58,7 +58,7 @@ _DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 degrees
 
 
 def is_thing(tags: Mapping[str, str], *, way: bool) -> bool:
-    """Whether a way, or a node, with ``tags`` is one of the things beside roads that are kept.
+    """Return whether a way, or a node, with ``tags`` is one of the things beside roads that are kept.
 
     >>> is_thing({"natural": "tree"}, way=False), is_thing({"natural": "peak"}, way=False)
     (True, False)
@@ -68,7 +68,7 @@ def is_thing(tags: Mapping[str, str], *, way: bool) -> bool:
 
 
 def feature_of_node(node_id: int, longitude_deg: float, latitude_deg: float, tags: Mapping[str, str]) -> OsmFeature:
-    """A thing that is a node.
+    """Return a node as a feature.
 
     >>> feature_of_node(5, -77.4, 37.5, {"natural": "tree"}).geometry.wkt
     'POINT (-77.4 37.5)'
@@ -77,7 +77,7 @@ def feature_of_node(node_id: int, longitude_deg: float, latitude_deg: float, tag
 
 
 def features_of_ways(ways: Sequence[RawWay], box: BoundingBox) -> list[OsmFeature]:
-    """Things that are ways, cut at ``box``: areas and lines; without those of which nothing lies in the box.
+    """Return things that are ways, cut at ``box``: areas and lines; without those of which nothing lies in the box.
 
     Nodes that the source lacks are passed over.
 

@@ -30,8 +30,11 @@ class Site:
 
 
 class OsmNode(NamedTuple):
-    """A node in WGS84 degrees. ``clipped`` marks one where a road ends and goes on in reality: one below 0 was made
-    where a way was cut at the box, at others the data end."""
+    """A node in WGS84 degrees.
+
+    ``clipped`` marks one where a road ends and goes on in reality: one below 0 was made where a way was cut at the box,
+    at others the data end.
+    """
 
     id: int
     latitude_deg: float
@@ -86,7 +89,7 @@ class BoundingBox:
     east_deg: float
 
     def contains(self, latitude_deg: float, longitude_deg: float) -> bool:
-        """Whether a point lies in the box, borders included."""
+        """Return whether a point lies in the box, borders included."""
         return self.south_deg <= latitude_deg <= self.north_deg and self.west_deg <= longitude_deg <= self.east_deg
 
 

@@ -1,4 +1,4 @@
-"""Which OSM ways are mapped for people on foot and on bicycles beside and across roads: sidewalks and crossings.
+"""OSM ways for people on foot and on bicycles beside and across roads: sidewalks and crossings.
 
 Other footways, through parks and to front doors, say nothing about the road.
 """
@@ -19,10 +19,10 @@ WALKWAY_TAGS: Final = (
 
 
 def is_walkway(tags: Mapping[str, str]) -> bool:
-    """Whether a way with ``tags`` is a sidewalk or a crossing that is mapped as a way of its own."""
+    """Return whether a way with ``tags`` is a sidewalk or a crossing that is mapped as a way of its own."""
     return tags.get("highway") in WALKWAY_HIGHWAYS and any(tags.get(key) == value for key, value in WALKWAY_TAGS)
 
 
 def is_crossing(tags: Mapping[str, str]) -> bool:
-    """Whether a walkway leads across a road."""
+    """Return whether a walkway leads across a road."""
     return any(tags.get(key) == "crossing" for key, value in WALKWAY_TAGS if value == "crossing")

@@ -34,7 +34,7 @@ _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U001
 
 
 def write_osm(extract: OsmExtract) -> bytes:
-    """The extract as OSM XML, UTF-8, the same bytes for the same extract."""
+    """Return the extract as OSM XML, UTF-8, the same bytes for the same extract."""
     lines = [f"<?xml version='1.0' encoding='UTF-8'?>\n<osm version=\"0.6\" generator=\"{_GENERATOR}\""]
     for name, said in (("attribution", extract.attribution), ("source", extract.source)):
         lines[0] += f' {name}="{_text(said)}"' if said else ""
@@ -120,7 +120,7 @@ def read_osm(data: bytes, *, name: str) -> OsmExtract:
 
 
 def _current(root: etree._Element, name: str) -> Iterator[etree._Element]:
-    """The header's elements, and of each object the newest version, if it exists."""
+    """Yield the header's elements, and of each object the newest version, if it exists."""
     newest: dict[tuple[str, int], etree._Element] = {}
     for element in root:
         if element.tag not in _MEMBER_TYPES:
@@ -211,5 +211,5 @@ def _complaint(element: etree._Element, key: str, name: str, expected: str) -> s
 
 @lru_cache(maxsize=2**14)  # most tags of a place are among a few hundred
 def _text(value: str) -> str:
-    """A value as it stands in an attribute, in double quotes."""
+    """Return a value as it stands in an attribute, in double quotes."""
     return escape(_NOT_XML.sub("\N{REPLACEMENT CHARACTER}", value), _IN_ATTRIBUTES)

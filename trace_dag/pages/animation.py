@@ -56,8 +56,10 @@ def write_animation(
     surroundings: Sequence[OsmFeature] = (),
     panel_px: int = 420,
 ) -> bytes:
-    """Return the moving picture as WebP, twice ``panel_px`` wide. ``log`` is of the hypothesis that ``verdict`` is
-    about, or of an agent's ``drive``; ``surroundings`` lie behind the roads.
+    """Return the moving picture as WebP, twice ``panel_px`` wide.
+
+    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``; ``surroundings`` lie behind the
+    roads.
 
     >>> write_animation(record, network, log, panel_px=60)[8:12]
     b'WEBP'
@@ -110,11 +112,11 @@ class View:
         self._background = pixels_of(canvas.svg(), size_px).convert("RGBA")
 
     def canvas(self) -> Canvas:
-        """An empty canvas of the window, to draw what moves on."""
+        """Return an empty canvas of the window, to draw what moves on."""
         return Canvas(self._window, self._size_px * _PT_PER_PX)
 
     def picture(self, moving: Canvas) -> Image:
-        """The map with what was drawn on a canvas above it."""
+        """Return the map with what was drawn on a canvas above it."""
         from PIL import Image
 
         above = pixels_of(moving.svg(), self._size_px, background=None).convert("RGBA")
@@ -179,7 +181,7 @@ def _header(
     rate: float,
     width_px: int,
 ) -> Image:
-    """Which crash it is and how it ended; below it the clock, and the speed of each party in its colour."""
+    """Draw the crash's name and outcome, below them the clock, and the speed of each party in its colour."""
     canvas = Canvas((0.0, 0.0, float(width_px), float(_HEADER_PX)), float(width_px))
     outcome = "" if verdict is None else label_in_words(verdict)
     if drive is not None:

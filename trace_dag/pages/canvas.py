@@ -47,7 +47,7 @@ SYMBOLS: Final = {
 
 @dataclass(frozen=True)
 class Ink:
-    """How a shape looks: colours as CSS has them, ``width_pt`` of its stroke, ``dash_pt`` of a broken one."""
+    """The look of a shape: colours as in CSS, ``width_pt`` of its stroke, ``dash_pt`` of a broken one."""
 
     fill: str = "none"
     stroke: str = "none"
@@ -76,7 +76,7 @@ class Canvas:
 
     @property
     def span_m(self) -> float:
-        """The longer side of the window."""
+        """Return the longer side of the window."""
         west, south, east, north = self.window
         return max(east - west, north - south)
 
@@ -137,15 +137,17 @@ class Canvas:
 
     # --- the whole ----------------------------------------------------------------------------------------------
     def elements(self) -> str:
-        """What was drawn, lower things first, without the frame of an SVG."""
+        """Return the drawing, lower things first, without the frame of an SVG."""
         return "".join(element for _, _, element in sorted(self._drawn))
 
     def svg(self, place: str = "") -> str:
-        """The SVG; ``place`` are attributes where it stands in another one."""
+        """Return the SVG; ``place`` are attributes where it stands in another one."""
         return self._framed(self.elements(), place)
 
     def with_panels(self, panels: Iterable[tuple[float, float, float, float, Canvas]]) -> str:
-        """The SVG with others in it, above what it has below ``z`` 1: left, bottom, width and height (m) of each."""
+        """Return the SVG with others in it, above what it has below ``z`` 1: left, bottom, width and height (m) of
+        each.
+        """
         inner = []
         for left, bottom, width, height, canvas in panels:
             ((x, y),) = self.places(np.array([[left, bottom + height]])).tolist()
@@ -188,7 +190,7 @@ class Canvas:
         return round(points / self.points_per_m * self.PER_M, 1)
 
     def places(self, points_m: FloatArray) -> FloatArray:
-        """Points (m), shape (n, 2), in units of the SVG."""
+        """Return points (m), shape (n, 2), in units of the SVG."""
         return np.asarray((points_m - (self.window[0], self.window[3])) * (self.PER_M, -self.PER_M))
 
     def _outline(self, outline: Sequence[tuple[float, float]], x_m: float, y_m: float, half_pt: float) -> str:
@@ -196,8 +198,10 @@ class Canvas:
         return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points.tolist()) + "z"
 
     def _joined(self, lines: Sequence[FloatArray], *, closed: bool = False) -> str:
-        """Lines as one path, as far as the window goes; rings all one way round, so that where they lie on each other
-        is filled."""
+        """Return lines as one path, as far as the window goes.
+
+        Rings all one way round, so that where they lie on each other is filled.
+        """
         seen = self._clipped([line[:, :2] for line in lines if len(line) > 1], closed=closed)
         if not len(seen):
             return ""
@@ -216,7 +220,7 @@ class Canvas:
         return "".join(words)
 
     def _clipped(self, lines: Sequence[FloatArray], *, closed: bool) -> FloatArray:
-        """Lines, or the rims of areas, as shapely's, cut where they leave the window."""
+        """Return lines, or the rims of areas, as shapely's, cut where they leave the window."""
         if not lines:
             return np.array([])
         numbers = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
@@ -247,7 +251,7 @@ def _turns_left(ring: FloatArray) -> bool:
 
 
 def length_pt(text: str, size_pt: float) -> float:
-    """How long a line of text is in the letters of pictures; other fonts differ by a tenth."""
+    """Return the length of a line of text in the letters of pictures; other fonts differ by a tenth."""
     from PIL import ImageFont
 
     return float(ImageFont.load_default(_MEASURED_PX).getlength(_english(text)) / _MEASURED_PX * size_pt)
@@ -255,7 +259,7 @@ def length_pt(text: str, size_pt: float) -> float:
 
 # --- as pixels -----------------------------------------------------------------------------------------------------
 def pixels_of(svg: str, width_px: int, *, background: str | None = "white") -> Image:
-    """An SVG as a picture of that width, by resvg; with no background what is not drawn can be seen through.
+    """Return an SVG as a picture of that width, by resvg; with no background what is not drawn can be seen through.
 
     Letters are of Pillow's own font, so that a picture is the same on every machine; it has those of English, to which
     others are reduced.
@@ -284,7 +288,7 @@ def pixels_of(svg: str, width_px: int, *, background: str | None = "white") -> I
 
 
 def as_png(picture: Image, colours: int = 128) -> bytes:
-    """A picture as a file with a palette: since a map has few colours, it has a third of the size.
+    """Return a picture as a file with a palette: since a map has few colours, it has a third of the size.
 
     >>> from PIL import Image as Images
     >>> as_png(Images.new("RGB", (4, 4)))[1:4]
@@ -301,7 +305,7 @@ def as_png(picture: Image, colours: int = 128) -> bytes:
 
 
 def reduced(png: bytes, width_px: int) -> bytes:
-    """A picture as a smaller one of few colours, to be shown in a table."""
+    """Return a picture as a smaller one of few colours, to be shown in a table."""
     import io
 
     from PIL import Image as Images
@@ -317,7 +321,7 @@ def _english(svg: str) -> str:
 
 @cache
 def _font() -> bytes:
-    """Pillow's font."""
+    """Return pillow's font."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(12)

@@ -45,8 +45,10 @@ class Download:
 
 @dataclass(frozen=True, eq=False)
 class CrashPage:
-    """What one crash's page shows: ``crash`` is its row of the ``crashes`` table, ``rights`` those of its map. Paths
-    are relative to the page."""
+    """The content of one crash's page: ``crash`` is its row of the ``crashes`` table, ``rights`` those of its map.
+
+    Paths are relative to the page.
+    """
 
     crash: Row
     outcomes: Sequence[Row]
@@ -63,7 +65,7 @@ class CrashPage:
 
 
 def write_crash_page(page: CrashPage) -> bytes:
-    """The page of one crash, ``crashes/<key>.html`` of the site."""
+    """Return the page of one crash, ``crashes/<key>.html`` of the site."""
     template = templates().get_template("site_crash.html.jinja")
     accepted = page.verdict if page.verdict and page.verdict.accepted else None
     return template.render(
@@ -107,7 +109,7 @@ _GRADES = {
 
 
 def _happens(verdict: Verdict) -> list[tuple[bool, str]]:
-    """The reported harmful events: whether each happens in the simulation, and it in words, with why not."""
+    """Return the reported harmful events: whether each happens in the simulation, and the reason if not, in words."""
     return [
         (
             each.outcome is Happening.HAPPENED,
@@ -122,12 +124,12 @@ _CRASH_TYPE = re.compile(r"ACC_TYPE (\d+)")
 
 
 def _without_codes(sentence: str) -> str:
-    """A sentence with the meaning of each crash type in place of its number."""
+    """Return a sentence with the meaning of each crash type in place of its number."""
     return _CRASH_TYPE.sub(lambda found: ACC_TYPE.meaning(int(found[1])) or "the crash type", sentence)
 
 
 def _facts(crash: Row) -> list[tuple[str, str]]:
-    """What the report says of the crash as a whole, the parts it says."""
+    """Return the reported facts of the crash as a whole."""
     date = "-".join(f"{crash[part]:02d}" for part in ("year", "month", "day") if crash.get(part) is not None)
     time = ""
     if crash.get("hour") is not None:
@@ -168,7 +170,7 @@ def _picture_alt(page: CrashPage) -> str:
 
 
 def _objects(page: CrashPage) -> list[str]:
-    """The fixed objects of the hypothesis that was judged, and who placed them."""
+    """Return the fixed objects of the hypothesis that was judged, and who placed them."""
     if page.estimate is None:
         return []
     chosen = page.verdict.hypothesis if page.verdict else 0
@@ -203,7 +205,7 @@ _LEAST_DRAWS = 2.0  # of equal weight: a band of fewer is the value of one draw
 
 
 def _bands(intervals: Sequence[Interval]) -> list[Band]:
-    """A band for each interval."""
+    """Return a band for each interval."""
     scales: dict[str, list[float]] = {}
     for each in intervals:
         quantity = _SHARED_SCALE.get(each.quantity, each.quantity)
@@ -230,8 +232,7 @@ def _band(found: Interval, scale: Sequence[float]) -> Band:
 
 
 def report_rights(crash: Row) -> str:
-    """Whom the report of a row of ``crashes`` is from, and what may be done with it; of another register than FARS its
-    name alone, until the report has been read.
+    """Return the source of the report of a row of ``crashes``, and the rights in it.
 
     >>> report_rights({"register": "fars"}), report_rights({"register": "tempe", "attribution": None})
     ('NHTSA FARS, public domain', 'register tempe')
@@ -241,7 +242,10 @@ def report_rights(crash: Row) -> str:
 
 
 def _elsewhere(crash: Row) -> list[tuple[str, str]]:
-    """Where else one can look at the place: label and address. Nothing is asked of them until somebody follows one."""
+    """Return other sites that show the place: label and address.
+
+    Nothing is asked of them until somebody follows one.
+    """
     latitude_deg, longitude_deg = crash.get("latitude_deg"), crash.get("longitude_deg")
     if latitude_deg is None or longitude_deg is None:
         return []
@@ -253,7 +257,7 @@ def _elsewhere(crash: Row) -> list[tuple[str, str]]:
 
 
 def _crash_types(record: CrashRecord | None) -> dict[int, str]:
-    """What the crash type of each vehicle means, by the number of the vehicle."""
+    """Return the meaning of each vehicle's crash type, by the number of the vehicle."""
     vehicles = record.vehicles if record else ()
     return {vehicle.number: ACC_TYPE.meaning(vehicle.crash_type_code) for vehicle in vehicles}
 
@@ -262,7 +266,8 @@ _BEARS = {True: "the reported name", False: "another name", None: "no name to co
 
 
 def _streets(page: CrashPage) -> list[tuple[str, str, str, str]]:
-    """The streets around a point that the map is rejected for: name, class, distance, and what the report says."""
+    """Return the streets around a point that the map is rejected for: name, class, distance, and what the report
+    says."""
     rows = []
     for street in page.rejected_map.streets if page.rejected_map else ():
         said = _BEARS[street.bears_reported_name]
@@ -275,7 +280,7 @@ _CLOCK_RADIUS, _HOURS_RADIUS = 44.0, 56.0  # of the dials and of the hours aroun
 
 @dataclass(frozen=True)
 class Dial:
-    """Where a vehicle was struck, in hours of a clock whose 12 is its front, and the points to draw on a dial."""
+    """The position struck on a vehicle, in hours of a clock whose 12 is its front, and the points to draw on a dial."""
 
     vehicle_number: int
     event_number: int | None
@@ -285,12 +290,12 @@ class Dial:
 
     @property
     def reported_xy(self) -> tuple[float, float] | None:
-        """Where the reported position is on the dial, x to the right and y down."""
+        """Return the reported position on the dial, x to the right and y down."""
         return None if self.reported_h is None else _on_dial(self.reported_h)
 
     @property
     def simulated_xy(self) -> tuple[float, float]:
-        """Where the simulated position is on the dial, x to the right and y down."""
+        """Return the simulated position on the dial, x to the right and y down."""
         return _on_dial(self.simulated_h)
 
 
@@ -300,7 +305,7 @@ def _on_dial(clock_h: float, radius: float = _CLOCK_RADIUS) -> tuple[float, floa
 
 
 def _clocks(verdict: Verdict, record: CrashRecord) -> list[Dial]:
-    """A dial for every vehicle whose impact was measured, in each contact."""
+    """Return a dial for every vehicle whose impact was measured, in each contact."""
     clocks = [each for each in verdict.criteria if each.name == "clock" and each.value is not None]
     reported = {
         (each.vehicle_number, each.event_number): each.value
@@ -323,7 +328,7 @@ _UNFOLDED = 6
 
 @dataclass(frozen=True)
 class Reasons:
-    """What speaks for a crash, what against it, and what the report does not tell, as sentences."""
+    """Evidence for a crash, evidence against it, and facts not reported, as sentences."""
 
     for_it: Sequence[str]
     against: Sequence[str]

@@ -22,22 +22,24 @@ class AgentDrive:
 
     @property
     def title(self) -> str:
-        """Who drove, and how it ended."""
+        """Return the driver's name and the outcome."""
         return f"{self.agent} drives {party_label(self.number)}: {self.outcome}"
 
     @property
     def body(self) -> Body:
-        """The body the agent drove."""
+        """Return the body the agent drove."""
         return self.recorded.bodies[self.number]
 
     def ghost(self, times_s: FloatArray) -> FloatArray:
-        """Poses of the recorded vehicle at some times, columns x, y (m) and heading (rad), shape (n, 3); after coming
-        to rest it stays there."""
+        """Return poses of the recorded vehicle at some times, columns x, y (m) and heading (rad), shape (n, 3).
+
+        After coming to rest it stays there.
+        """
         log = self.recorded.vehicle_log(self.number)
         columns = (log.x_m, log.y_m, np.unwrap(log.heading_rad))
         return np.stack([np.interp(times_s, log.time_s, values) for values in columns], axis=-1)
 
     def ghost_pose(self, time_s: float) -> Pose:
-        """Pose of the recorded vehicle at a time."""
+        """Return the pose of the recorded vehicle at a time."""
         x, y, heading = self.ghost(np.array([time_s]))[0].tolist()
         return Pose(x, y, heading)

@@ -1,5 +1,6 @@
-"""The ground of a drawn map: lanes by type, the asphalt between them, the decks of bridges, heights as colours; painted
-lines, arrows and crosswalks.
+"""The ground of a drawn map: lanes by type, the asphalt between them, the decks of bridges, heights as colours.
+
+Painted lines, arrows and crosswalks.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Shade(NamedTuple):
     high_m: float
 
     def of(self, height_m: float) -> str:
-        """The colour of a height.
+        """Return the colour of a height.
 
         >>> Shade(0.0, 10.0).of(10.0)
         '#fde725'
@@ -63,7 +64,7 @@ class Shade(NamedTuple):
 
 
 def height_shades(scene: MapScene) -> Shade | None:
-    """Colours for the heights in sight; none where the ground is flat."""
+    """Return colours for the heights in sight; none where the ground is flat."""
     heights = [lane.inner_m[:, 2] for lane in scene.lanes]
     if not heights:
         return None
@@ -109,15 +110,17 @@ class Surfaces:
 
 
 def _order(scene: MapScene, lane: SeenLane) -> tuple[bool, bool, bool]:
-    """The order of drawing, later over earlier: drivable lanes, greater roads, centre lanes that go on past a
-    driveway."""
+    """Return the order of drawing, later over earlier: drivable lanes, greater roads, centre lanes that go on past a
+    driveway.
+    """
     lane_type = lane.geometry.lane.type
     return lane_type.drivable, not _is_minor(scene, lane), lane_type is LaneType.BIDIRECTIONAL
 
 
 def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> list[tuple[FloatArray, str]]:
-    """The pavement between the lanes of junctions, drawn below the lanes so that no seams show: rings and their
-    colours."""
+    """Return the pavement between the lanes of junctions, drawn below the lanes so that no seams show: rings and their
+    colours.
+    """
     paved: list[SeenLane] = []
     through: dict[str, list[int]] = defaultdict(list)
     for lane in lanes:
@@ -165,16 +168,20 @@ class Marks:
         self._kinds = [mark for _, mark in found]
 
     def draw(self, canvas: Canvas, z: float) -> None:
-        """Draw the marks in the window; also at a small scale double lines are told apart and thin lines are
-        visible."""
+        """Draw the marks in the window.
+
+        Also at a small scale double lines are told apart and thin lines are visible.
+        """
         apart_m = max(_APART_M, 0.8 / canvas.points_per_m)
         width_pt = min(max(STROKE_M * canvas.points_per_m, 0.45), 3.0)
         for colour, lines in self.strokes(canvas.window, apart_m).items():
             canvas.lines(lines, Ink(stroke=colour, width_pt=width_pt), z)
 
     def strokes(self, window: Window, apart_m: float = _APART_M) -> dict[str, list[FloatArray]]:
-        """The painted lines in a window, by colour: lines, shape (n, 2), m; the parts of double ones lie ``apart_m``
-        from the middle."""
+        """Return the painted lines in a window, by colour: lines, shape (n, 2), m.
+
+        The parts of double ones lie ``apart_m`` from the middle.
+        """
         found: dict[str, list[FloatArray]] = defaultdict(list)
         for number in self._lines.within(window):
             line, mark = self._lines.points_m[number], self._kinds[number]
@@ -189,7 +196,7 @@ class Marks:
 
 
 def _marks(sections: Sequence[SeenSection], legal: bool) -> Iterator[tuple[FloatArray, RoadMark]]:
-    """The lines of marks, shape (n, 2), and their types; junctions have no painted marks."""
+    """Yield the lines of marks, shape (n, 2), and their types; junctions have no painted marks."""
     for section in sections:
         if section.road.junction_id is not None:
             continue
@@ -264,7 +271,7 @@ class Arrows:
 
 
 def _strokes(turn: str) -> list[FloatArray]:
-    """Shaft and head of a turn arrow, in lane axes; nothing if the turn has no arrow."""
+    """Return the shaft and head of a turn arrow, in lane axes; nothing if the turn has no arrow."""
     if turn not in _TURN_SHAFTS:
         return []
     shaft = np.array(_TURN_SHAFTS[turn])
@@ -299,7 +306,7 @@ class Crosswalks:
 
 
 def _bars(place: CrosswalkPlace) -> list[FloatArray]:
-    """Bars from end to end of a crosswalk of four corners; an outline of another shape is filled as it is."""
+    """Return bars from end to end of a crosswalk of four corners; an outline of another shape is filled as it is."""
     corners = place.corners_m
     if len(corners) != 4:
         return [corners]

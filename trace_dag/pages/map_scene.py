@@ -34,7 +34,7 @@ _STRAIGHT_M: Final = 0.004  # borders that are straight to this need no points o
 
 
 def window_of(network: RoadNetwork) -> Window:
-    """The window that shows a whole map.
+    """Return the window that shows a whole map.
 
     >>> west, south, east, north = window_of(network)
     >>> west < 0.0 < east and south < 0.0 < north
@@ -62,8 +62,10 @@ class SeenLane:
 
 @dataclass(frozen=True, eq=False)
 class SeenSection:
-    """The stretch of a lane section in sight. ``line_m``: x, y, heading and curvature of the reference line, (n, 4);
-    ``centre_m``: where lane 0 lies, shape (n, 2)."""
+    """The stretch of a lane section in sight. ``line_m``: x, y, heading and curvature of the reference line, (n, 4).
+
+    ``centre_m``: where lane 0 lies, shape (n, 2).
+    """
 
     road: Road
     index: int
@@ -81,16 +83,16 @@ class MapScene:
 
     @property
     def lanes(self) -> Iterator[SeenLane]:
-        """Every lane in sight."""
+        """Return every lane in sight."""
         return (lane for section in self.sections for lane in section.lanes)
 
     @cached_property
     def major_junctions(self) -> set[str | None]:
-        """Junctions of public roads, not of service roads alone."""
+        """Return junctions of public roads, not of service roads alone."""
         return {road.junction_id for road in self.network.roads if road.highway != "service"} - {None}
 
     def sections_by_layer(self) -> list[tuple[int, list[SeenSection]]]:
-        """From the lowest layer to the highest, so that a bridge covers what passes under it."""
+        """Return the sections from the lowest layer to the highest, so that a bridge covers what passes under it."""
         layers: dict[int, list[SeenSection]] = defaultdict(list)
         for section in self.sections:
             road = section.road
@@ -145,7 +147,7 @@ def _sections(network: RoadNetwork, stretches: Sequence[_Stretch]) -> tuple[Seen
 
 
 def _outlines(borders: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
-    """The rings around lanes, the borders of all simplified together: that takes a fifth of the time."""
+    """Return the rings around lanes, the borders of all simplified together: that takes a fifth of the time."""
     if not borders:
         return []
     lines = [line[:, :2] for inner, outer in borders for line in (inner, outer[::-1])]
@@ -158,7 +160,7 @@ def _outlines(borders: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArr
 
 
 def inside(points_m: FloatArray, window: Window, margin_m: float = 0.0) -> FloatArray:
-    """Which points, shape (n, 2 or more), lie in a window widened by a margin, shape (n,).
+    """Return which points, shape (n, 2 or more), lie in a window widened by a margin, shape (n,).
 
     >>> inside(np.array([[0.0, 0.0], [12.0, 0.0]]), (-10.0, -10.0, 10.0, 10.0)).tolist()
     [True, False]
@@ -177,11 +179,11 @@ class Shapes:
         self._boxes = np.array([(*points.min(axis=0), *points.max(axis=0)) for points in points_m]).reshape(-1, 4)
 
     def seen(self, window: Window) -> list[FloatArray]:
-        """The shapes whose box touches a window."""
+        """Return the shapes whose box touches a window."""
         return [self.points_m[number] for number in self.within(window)]
 
     def within(self, window: Window) -> list[int]:
-        """The indices of shapes whose box touches a window."""
+        """Return the indices of shapes whose box touches a window."""
         west, south, east, north = window
         boxes = self._boxes
         touching = (boxes[:, 0] < east) & (boxes[:, 2] > west) & (boxes[:, 1] < north) & (boxes[:, 3] > south)

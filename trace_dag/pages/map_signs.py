@@ -58,7 +58,7 @@ class Signs:
 
 
 def _draw_limit(canvas: Canvas, x_m: float, y_m: float, text: str, z: float) -> None:
-    """The board of a speed limit with its number."""
+    """Draw the board of a speed limit with its number."""
     half_m = np.array([length_pt(text, _LIMIT_SIZE_PT) / 2 + 1.4, 0.75 * _LIMIT_SIZE_PT]) / canvas.points_per_m
     board = np.array([x_m, y_m]) + np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half_m
     canvas.polygons([board], Ink("white", _BLACK, 0.7), z)
@@ -75,7 +75,7 @@ class PlacedSign(NamedTuple):
 
 
 def placed_signs(scene: MapScene) -> Iterator[PlacedSign]:
-    """The traffic lights, and the signs of the kinds that are drawn."""
+    """Yield the traffic lights, and the signs of the kinds that are drawn."""
     for road in {section.road.id: section.road for section in scene.sections}.values():
         line = scene.network.road_geometry(road.id).line
         for signal in road.signals:
@@ -129,7 +129,8 @@ class Names:
                     break
 
     def _places(self, window: Window) -> list[tuple[str, FloatArray]]:
-        """Each name with places on its longest stretch in the window, shape (n, 4), the longest stretch first."""
+        """Return each name with places on its longest stretch in the window, shape (n, 4), the longest stretch
+        first."""
         span_m = max(window[2] - window[0], window[3] - window[1])
         longest: dict[str, FloatArray] = {}
         for name, line in self._lines:

@@ -87,7 +87,7 @@ def draw_network(
     names: bool = True,
     heights: bool = False,
 ) -> str:
-    """One window of a map as an SVG; options as of :class:`MapDrawing`.
+    """Return one window of a map as an SVG; options as of :class:`MapDrawing`.
 
     >>> draw_network(network, (-30.0, -20.0, 30.0, 20.0))[:4]
     '<svg'

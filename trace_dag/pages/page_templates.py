@@ -1,4 +1,4 @@
-"""What all pages share: the templates of HTML, and how values are written in them."""
+"""Templates of all pages, and the formats of values in them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _TOPOLOGIES = {topology.value: name for topology, name in TOPOLOGIES.items()}
 
 
 def words(value: object) -> str:
-    """``"two_vehicles"`` as ``"two vehicles"``, ``"t"`` as ``"T junction"``.
+    """Return ``"two_vehicles"`` as ``"two vehicles"``, ``"t"`` as ``"T junction"``.
 
     >>> words('two_vehicles'), words('t')
     ('two vehicles', 'T junction')
@@ -30,7 +30,7 @@ def words(value: object) -> str:
 
 
 def _party(number: int | None) -> str:
-    """``V2``, ``P1``, ``what event 3 struck``: a party as tables and pictures name it."""
+    """Return ``V2``, ``P1``, ``what event 3 struck``: a party as tables and pictures name it."""
     if number is None:
         return "–"
     return party_label(number) if number < thing_party(0) else party_in_words(number)
@@ -48,7 +48,9 @@ def _holds(passed: bool | None, threshold: float | None) -> str:
 
 @cache
 def templates() -> Environment:
-    """The environment of all pages. It escapes everything: reports and maps are not trusted.
+    """Return the environment of all pages.
+
+    It escapes everything: reports and maps are not trusted.
 
     >>> templates().from_string("{{ name }}").render(name="<b>")  # nothing of a report is taken for HTML
     '&lt;b&gt;'
@@ -77,7 +79,9 @@ def templates() -> Environment:
 
 
 def zipped(data: bytes) -> bytes:
-    """What pages hold is large, as gzip. The same data gives the same bytes.
+    """Compress large content of pages with gzip.
+
+    The same data gives the same bytes.
 
     >>> import gzip
     >>> gzip.decompress(zipped(b"a log"))
@@ -87,7 +91,8 @@ def zipped(data: bytes) -> bytes:
 
 
 def in_base64(data: bytes) -> str:
-    """Bytes as a page holds them: ``bytes_of_base64`` of its script (``templates/unzipped.js``) makes them again.
+    """Return bytes as a page holds them: ``bytes_of_base64`` of its script (``templates/unzipped.js``) makes them
+    again.
 
     >>> in_base64(b"a log")
     'YSBsb2c='
@@ -96,7 +101,7 @@ def in_base64(data: bytes) -> str:
 
 
 def read(name: str) -> str:
-    """A file of the folder of templates as it is."""
+    """Return a file of the folder of templates as it is."""
     from importlib import resources
 
     return resources.files("trace_dag.pages").joinpath("templates", name).read_text(encoding="utf-8")

@@ -27,7 +27,7 @@ class PavedGap(NamedTuple):
 
 
 def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) -> Iterator[PavedGap]:
-    """The paved places beside the lanes of some junctions.
+    """Yield the paved places beside the lanes of some junctions.
 
     ``lanes`` are outlines of lanes on one level, shape (n, 2), m: those through junctions, of which ``junctions`` has
     the numbers, and those in the middle of a road, which end before one. Inside a junction, which is the convex hull of

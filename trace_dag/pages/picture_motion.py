@@ -133,7 +133,7 @@ def draw_body(canvas: Canvas, body: SampledBody) -> None:
 
 
 def _fronts(body: SampledBody) -> Iterator[tuple[FloatArray, str, float]]:
-    """The marks of a body's front, a windscreen and a stroke ahead: line, colour, width (points)."""
+    """Yield the marks of a body's front, a windscreen and a stroke ahead: line, colour, width (points)."""
     screen, half, front = 0.22 * body.length_m, 0.42 * body.width_m, 0.5 * body.length_m
     yield body.pose.to_world(np.array([[screen, half], [screen, -half]])), "white" if body.opacity else body.colour, 1.6
     yield body.pose.to_world(np.array([[front, 0.0], [front + _NOSE_M, 0.0]])), body.colour, 1.2
@@ -156,7 +156,7 @@ def draw_figure(canvas: Canvas, figure: DrawnFigure) -> None:
 
 
 def _first_of_pairs(contacts: Sequence[Contact]) -> list[Contact]:
-    """The first contact of each two parties, in order."""
+    """Return the first contact of each two parties, in order."""
     first: dict[tuple[int, int], Contact] = {}
     for each in contacts:
         first.setdefault((each.number_1, each.number_2), each)

@@ -37,7 +37,7 @@ class Sign(NamedTuple):
 
 
 class LegendColumn(NamedTuple):
-    """How entries of the legend are set: how many rows, how far apart, and how wide a column is (points)."""
+    """The layout of the legend: number of rows, their distance, and width of a column (points)."""
 
     rows: int
     first_row_pt: float
@@ -69,7 +69,7 @@ class Sheet:
         self._write(text, _MARGIN_PT, _HEADLINE_AT_PT[line], size_pt)
 
     def panel(self, column: int, title: str, window: Window) -> Canvas:
-        """The left (0) or the right (1) panel, framed, with a scale and the direction of north."""
+        """Return the left (0) or the right (1) panel, framed, with a scale and the direction of north."""
         panel = Canvas(window, _PANEL_PT)
         west, south, east, _ = window
         unit_m = (east - west) / 100
@@ -104,7 +104,7 @@ class Sheet:
                 self._write(sign.label, x + _TEXT_PT, y, _SIZE_PT)
 
     def svg(self) -> str:
-        """The finished sheet."""
+        """Return the finished sheet."""
         return self._canvas.with_panels((left, _LEGEND_PT, _PANEL_PT, _PANEL_PT, panel) for left, panel in self._panels)
 
     def _write(self, text: str, x: float, y: float, size_pt: float) -> None:
@@ -135,7 +135,7 @@ class Sheet:
 
 
 def square(centre: tuple[float, float], half_m: float) -> Window:
-    """A window around a place.
+    """Return a window around a place.
 
     >>> square((10.0, 20.0), 5.0)
     (5.0, 15.0, 15.0, 25.0)
@@ -145,7 +145,7 @@ def square(centre: tuple[float, float], half_m: float) -> Window:
 
 
 def around(one: Window, other: Window) -> Window:
-    """The smallest window that contains both.
+    """Return the smallest window that contains both.
 
     >>> around((0.0, 0.0, 10.0, 10.0), (5.0, -5.0, 20.0, 5.0))
     (0.0, -5.0, 20.0, 10.0)
@@ -161,6 +161,6 @@ def _box(left: float, bottom: float, width: float, height: float) -> np.ndarray:
 
 
 def _round_length(length_m: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, ... that is no longer."""
+    """Return the largest of 1, 2, 5, 10, 20, ... that is no longer."""
     power = 10.0 ** math.floor(math.log10(length_m))
     return power * max(step for step in (1, 2, 5) if step * power <= length_m)

@@ -59,8 +59,10 @@ def draw_crash(
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> str:
-    """The picture as an SVG. ``log`` is of the hypothesis that ``verdict`` names (else of the estimate's best).
-    ``surroundings`` lie behind the roads.
+    """Return the picture as an SVG.
+
+    ``log`` is of the hypothesis that ``verdict`` names (else of the estimate's best). ``surroundings`` lie behind the
+    roads.
     """
     hypothesis = _shown_hypothesis(estimate, verdict)
     sheet = Sheet()
@@ -89,7 +91,7 @@ def _shown_hypothesis(estimate: StateEstimate | None, verdict: Verdict | None) -
 
 
 def _approach_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -> Window:
-    """A square that holds the reported point, all starts and all places of rest."""
+    """Return a square that holds the reported point, all starts and all places of rest."""
     points: list[tuple[float, float]] = [(0.0, 0.0)]
     if hypothesis:
         points += [(p.initial_pose.x_m, p.initial_pose.y_m) for p in hypothesis.participants]
@@ -103,7 +105,7 @@ def _approach_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -
 
 
 def _impact_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -> Window:
-    """A square around the first contact; if several vehicles meet, around all planned contacts that are near."""
+    """Return a square around the first contact; if several vehicles meet, around all planned contacts that are near."""
     contact = log.first_contact if log else None
     if log is None or contact is None:
         return square(hypothesis.impact_point_xy_m if hypothesis else (0.0, 0.0), _IMPACT_HALF_WINDOW_M)
@@ -136,7 +138,7 @@ def draw_rejected_map(
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> str:
-    """The picture as an SVG; its second line is ``why``, the reason of the rejection."""
+    """Return the picture as an SVG; its second line is ``why``, the reason of the rejection."""
     sheet = Sheet()
     sheet.headline(0, place_line(record))
     sheet.headline(1, why)
@@ -158,7 +160,7 @@ def draw_rejected_map(
 
 
 def _pointed_at(report: RejectedMapReport) -> list[NearStreet]:
-    """The nearest street, and of the others with a name those of a reported one first."""
+    """Return the nearest street, and of the others with a name those of a reported one first."""
     named = [street for street in report.streets[1:] if street.name]
     order = sorted(named, key=lambda street: (not street.bears_reported_name, street.distance_m))
     return [*report.streets[:1], *order][:_STREETS]
@@ -209,7 +211,7 @@ _MOST_DESCRIBED: Final = 6  # parties; of more there is room for their kind alon
 
 
 def place_line(record: CrashRecord) -> str:
-    """The first line of a headline: which crash it is, of what kind and where.
+    """Return the first line of a headline: which crash it is, of what kind and where.
 
     >>> place_line(record)[:40]
     '2023-319003   NE-411/MAIN ST / ELDER ST,'
@@ -221,7 +223,7 @@ def place_line(record: CrashRecord) -> str:
 
 
 def outcome_line(verdict: Verdict | None) -> str:
-    """The second line: the verdict; empty without one.
+    """Return the second line: the verdict; empty without one.
 
     >>> outcome_line(verdict)
     'verified, corroborated'
@@ -233,7 +235,7 @@ def outcome_line(verdict: Verdict | None) -> str:
 
 
 def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[Sign]:
-    """How each vehicle is drawn, its type, manoeuvre and speed.
+    """Return the legend of each vehicle: colour, type, manoeuvre and speed.
 
     >>> [sign.label for sign in vehicle_entries(record, hypothesis)]
     ['V1 car, turn left, 14 mph as reported', 'V2 motorcycle, straight, 30 mph as reported']
@@ -257,7 +259,7 @@ def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[
 
 
 def sign_entries(report: MapReport, hypothesis: Hypothesis | None, log: SimulationLog | None) -> list[Sign]:
-    """The signs in this picture and their meaning.
+    """Return the signs in this picture and their meaning.
 
     >>> [sign.label for sign in sign_entries(map_report, None, None)]
     ['reported point (× on the road)']

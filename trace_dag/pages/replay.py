@@ -38,9 +38,11 @@ if TYPE_CHECKING:
 
 
 def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = False) -> bytes:
-    """A page that stands alone, with the plan alone if not ``in_3d`` or where the content is not; one that is
-    ``paired`` has no time line: that is the page's around (:func:`write_html_pair`). The same content gives the same
-    bytes.
+    """Return a page that stands alone, with the plan alone if not ``in_3d`` or where the content is not.
+
+    One that is ``paired`` has no time line: that is the page's around (:func:`write_html_pair`).
+
+    The same content gives the same bytes.
 
     >>> from trace_dag.pages.replay_content import replay_content
     >>> replay_page(replay_content(record, network, log, in_3d=False))[:15]
@@ -64,8 +66,8 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
 
 
 def replay_script(content: ReplayContent) -> bytes:
-    """What the page of a site reads of one crash: a script that calls it with the parts of the content, as gzip in
-    base64.
+    """Return the script that the page of a site reads for one crash: it calls the page with the parts of the content,
+    as gzip in base64.
 
     >>> from trace_dag.pages.replay_content import replay_content
     >>> replay_script(replay_content(record, network, log, in_3d=False))[:8]
@@ -88,7 +90,9 @@ def write_html_player(
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
-    """The page: roads, vehicles, people, paths, contact and speeds over time, with a slider; one file, no other needed.
+    """Return the page: roads, vehicles, people, paths, contact and speeds over time, with a slider.
+
+    One file, no other needed.
 
     ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. The same input gives the same
     bytes.
@@ -97,7 +101,7 @@ def write_html_player(
 
 
 def _around(windows: Sequence[Window]) -> Window:
-    """The smallest square around some windows."""
+    """Return the smallest square around some windows."""
     low, high = np.array(windows)[:, :2].min(axis=0), np.array(windows)[:, 2:].max(axis=0)
     return square((low + high) / 2, float((high - low).max()) / 2)
 
@@ -109,7 +113,9 @@ def write_html_pair(
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
-    """The drives of several agents in the same crash, beside each other on one page with one time line and one view."""
+    """Return the drives of several agents in the same crash, beside each other on one page with one time line and one
+    view.
+    """
     each = [shown_windows(log, drive) for drive, log in driven]
     windows = ReplayWindows(_around([one.overview for one in each]), each[0].impact)
     sides = [
@@ -141,6 +147,6 @@ def write_html_pair(
 
 
 def _script_safe(data: Mapping[str, Any]) -> str:
-    """JSON that can stand inside a script element whatever text the report holds."""
+    """Return the JSON that can stand inside a script element whatever text the report holds."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

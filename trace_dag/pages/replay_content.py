@@ -1,4 +1,4 @@
-"""What a replay shows: where everybody was when, what is said of the crash, the map, and all of it in three dimensions.
+"""The content of a replay: positions over time, texts about the crash, the map, and all of it in three dimensions.
 
 Belongs here: the content. Does not belong here: the pages that show it (:mod:`trace_dag.pages.replay`).
 """
@@ -48,14 +48,16 @@ _CLOSE_UP_M, _CLOSE_UP_ON_A_PERSON_M = 32.0, 16.0
 
 @dataclass(frozen=True)
 class ReplayWindows:
-    """What to look at: everything that happens, and the impact close up."""
+    """Windows of a replay: everything that happens, and the impact close up."""
 
     overview: Window
     impact: Window
 
 
 def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
-    """Square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it all)."""
+    """Return the square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it
+    all).
+    """
     points = np.concatenate([np.stack([v.x_m, v.y_m], axis=-1)[v.time_s >= from_s] for v in log.vehicles])
     low, high = points.min(axis=0), points.max(axis=0)
     half_m = max(float((high - low).max()) / 2 + _MARGIN_M, _LEAST_SPAN_M / 2)
@@ -69,7 +71,7 @@ def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
 
 
 def square(centre: FloatArray, half_m: float) -> Window:
-    """A window around a point, shape (2,), m.
+    """Return a window around a point, shape (2,), m.
 
     >>> square(np.array([10.0, 0.0]), 5.0)
     (5.0, -5.0, 15.0, 5.0)
@@ -88,7 +90,7 @@ class ReplayContent:
 
     @cached_property
     def zipped_map(self) -> bytes:
-        """The map as pages hold it, before it is written in base64."""
+        """Return the map as pages hold it, before it is written in base64."""
         return zipped(self.map_svg.encode())
 
 
@@ -104,7 +106,7 @@ def replay_content(
     beside: ReplayWindows | None = None,
     in_3d: bool = True,
 ) -> ReplayContent:
-    """What there is to show of a log: of the hypothesis that ``verdict`` is about, or of an agent's ``drive``.
+    """Return the content for a log: of the hypothesis that ``verdict`` judges, or of an agent's ``drive``.
 
     ``sampled`` has other likely courses, which can be chosen. What is shown ``beside`` others has their windows, and
     its outcome as its title.
@@ -143,13 +145,13 @@ def replay_content(
 
 
 def shown_windows(log: SimulationLog, drive: AgentDrive | None) -> ReplayWindows:
-    """What to look at; where an agent drives, at what it was to avoid."""
+    """Return the windows; where an agent drives, around the conflict that it was to avoid."""
     windows = replay_windows(log)
     return windows if drive is None else replace(windows, impact=replay_windows(drive.recorded).impact)
 
 
 def place_in_words(record: CrashRecord) -> str:
-    """The streets, the county and the state of a crash.
+    """Return the streets, the county and the state of a crash.
 
     >>> place_in_words(record)
     'NE-411/MAIN ST / ELDER ST, Lodestar, Nebraska'
@@ -159,7 +161,7 @@ def place_in_words(record: CrashRecord) -> str:
 
 
 def _events(verdict: Verdict) -> list[dict[str, object]]:
-    """A mark of the time line for each reported harmful event: when it happens, if it does, and in words."""
+    """Return a mark of the time line for each reported harmful event: when it happens, if it does, and in words."""
     marks: list[dict[str, object]] = []
     for each in verdict.events:
         what = event_named(each.event_number, each.code)
@@ -231,7 +233,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
 
 
 def _ghost(drive: AgentDrive | None, log: SimulationLog) -> dict[str, Any]:
-    """The recorded vehicle, in the place of which an agent drove."""
+    """Return the recorded vehicle, in the place of which an agent drove."""
     if drive is None:
         return {"ghost": None}
     poses = drive.ghost(log.vehicles[0].time_s)
@@ -249,7 +251,10 @@ def _ghost(drive: AgentDrive | None, log: SimulationLog) -> dict[str, Any]:
 
 
 def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
-    """Other likely courses; places in the steps of :class:`trace_dag.reconstruction.samples.courses.SampledBody`."""
+    """Return other likely courses.
+
+    Places in the steps of :class:`trace_dag.reconstruction.samples.courses.SampledBody`.
+    """
     courses: list[dict[str, Any]] = []
     for course in sampled.courses:
         contact = sampled.contact_of(course)
@@ -274,7 +279,7 @@ def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
 
 
 def _overturn(vehicle: VehicleLog, k: int) -> dict[str, Any]:
-    """When and where a vehicle has overturned."""
+    """Return time and place of a vehicle's overturn."""
     time_s, x, y = (float(values[k]) for values in (vehicle.time_s, vehicle.x_m, vehicle.y_m))
     return {**_place_of(Moment(time_s, x, y, (vehicle.number,))), "name": party_label(vehicle.number)}
 
@@ -294,8 +299,9 @@ def _motion(vehicle: VehicleLog) -> dict[str, list[float]]:
 
 
 def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
-    """Height of a person's body above the road (m), and the figure from above at each time: ends of lines x, y, x, y
-    with their widths and whether they are of the body or of what it rides, and the head."""
+    """Return the height of a person's body above the road (m), and the figure from above at each time: ends of lines x,
+    y, x, y with their widths and whether they are of the body or of what it rides, and the head.
+    """
     shapes = [logged_shape(person, k, body) for k in range(len(person.time_s))]
     widths = [*([WHEEL_M] * len(shapes[0].ridden)), *(round(width_m, 3) for _, width_m in shapes[0].lines)]
     ends = np.array([[*shape.ridden, *(line for line, _ in shape.lines)] for shape in shapes])
@@ -310,7 +316,7 @@ def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
 
 
 def _delta_v(log: SimulationLog, number: int) -> dict[str, float] | None:
-    """The change of velocity of a party in the first contact that it takes part in, and when that is."""
+    """Return the change of velocity of a party in the first contact that it takes part in, and when that is."""
     for contact in filter(None, (log.first_contact, *log.first_of_each)):
         if number in (contact.number_1, contact.number_2):
             x, y = contact.delta_v_1_mps if number == contact.number_1 else contact.delta_v_2_mps

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 
 def strikes(log: SimulationLog) -> list[dict[str, object]]:
-    """The first strike of each person by each vehicle, in order, in the frame of the log; empty if nobody was struck.
+    """Return the first strike of each person by each vehicle, in order, in the frame of the log.
+
+    Empty if nobody was struck.
 
     ``trigger`` is the state of the striking vehicle when the person sets off; ``path`` the person's motion up to the
     first strike, rows of time (s), x, y, z (m), heading (rad) and speed (m/s).
@@ -77,7 +79,7 @@ def _strike(
 
 
 def _pose(pose: Pose) -> list[float]:
-    """x, y, z (m) and heading (rad)."""
+    """Return x, y, z (m) and heading (rad)."""
     return [_short(value) for value in (pose.x_m, pose.y_m, pose.z_m, pose.heading_rad)]
 
 

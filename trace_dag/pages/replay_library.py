@@ -1,4 +1,4 @@
-"""What all replays have in common: the script of the 3D view, and the one page of a site that shows every crash.
+"""Files common to all replays: the script of the 3D view, and the one page of a site that shows every crash.
 
 The script is within a page that stands alone, or once beside all pages of a site. It is built from ``web/replay3d``
 with three.js, whose licence stands at its beginning.
@@ -20,12 +20,12 @@ LIBRARY: Final = "replay3d.js"
 
 @cache
 def packed_library() -> str:
-    """The script, for a page that stands alone."""
+    """Return the script, for a page that stands alone."""
     return in_base64(zipped(read(LIBRARY).encode()))
 
 
 def site_files() -> dict[str, bytes]:
-    """What a site needs for its replays, but for the library of the third dimension: the page and its script.
+    """Return the files of a site for its replays, but for the 3D library: the page and its script.
 
     >>> sorted(site_files())
     ['replay.html', 'replay.js']

@@ -1,4 +1,4 @@
-"""What lies behind the roads of a drawn map: woods, water, parking, buildings, railways, trees; night; the map's edge.
+"""Scenery behind the roads of a drawn map: woods, water, parking, buildings, railways, trees; night; the map's edge.
 
 Draws what OpenStreetMap has beside the roads, in z-orders below them, so that a place is recognised. Knows nothing of
 crashes.
@@ -32,7 +32,7 @@ _TREE: Final = "#A3BE96"
 
 
 class Appearance(NamedTuple):
-    """How an area or a line is drawn: from the lowest ``z`` up, lines ``width_m`` wide."""
+    """The look of an area or a line: drawn from the lowest ``z`` up, lines ``width_m`` wide."""
 
     z: float
     colour: str
@@ -66,7 +66,7 @@ _LOOKS: Final = {
 
 
 class Scenery:
-    """What is beside the roads, ready to be drawn in any windows inside an extent (m, local frame)."""
+    """Features beside the roads, ready to be drawn in any windows inside an extent (m, local frame)."""
 
     def __init__(self, features: Sequence[OsmFeature], frame: LocalFrame, extent_m: Window) -> None:
         areas: dict[Appearance, list[FloatArray]] = {}
@@ -100,7 +100,7 @@ class Scenery:
 
 
 def look_of(feature: OsmFeature) -> Appearance | None:
-    """How something beside the roads is drawn, if it is."""
+    """Return the look of a feature beside the roads, None if it is not drawn."""
     for (key, value), look in _LOOKS.items():
         if key in feature.tags and value in ("", feature.tags[key]):
             return look
@@ -108,7 +108,7 @@ def look_of(feature: OsmFeature) -> Appearance | None:
 
 
 def parts_of(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
-    """The single points, lines and polygons of a geometry.
+    """Yield the single points, lines and polygons of a geometry.
 
     >>> [part.x for part in parts_of(shapely.MultiPoint([(1.0, 2.0), (3.0, 4.0)]))]
     [1.0, 3.0]
@@ -117,7 +117,7 @@ def parts_of(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
 
 
 def local_points(geometry: BaseGeometry, frame: LocalFrame) -> FloatArray:
-    """The coordinates of a geometry in WGS84 in the local frame, shape (n, 2), m.
+    """Return the coordinates of a geometry in WGS84 in the local frame, shape (n, 2), m.
 
     >>> here = shapely.Point(network.frame.longitude_deg, network.frame.latitude_deg)
     >>> (local_points(here, network.frame).round(6) + 0.0).tolist()  # the origin of the frame
@@ -134,7 +134,7 @@ def draw_night(canvas: Canvas) -> None:
 
 
 def corners_of(window: Window) -> FloatArray:
-    """The four corners of a window, shape (4, 2), m.
+    """Return the four corners of a window, shape (4, 2), m.
 
     >>> corners_of((0.0, 0.0, 2.0, 1.0)).tolist()
     [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]
@@ -144,7 +144,7 @@ def corners_of(window: Window) -> FloatArray:
 
 
 def map_reach_m(network: RoadNetwork) -> float:
-    """How far the map goes to each side of its origin: extracts are squares around the reported point (m)."""
+    """Return how far the map reaches to each side of its origin: extracts are squares around the reported point (m)."""
     ends = [
         network.road_geometry(road.id).line.sample(np.array([0.0, road.length_m]))[:, :2]
         for road in network.roads

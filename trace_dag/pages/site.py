@@ -27,8 +27,10 @@ _GALLERY = 8
 
 @dataclass(frozen=True)
 class IndexRows:
-    """What the index shows: rows of the warehouse's tables of the same names. ``moving``: crashes with a thumbnail;
-    ``leaderboard``: whether an agent has driven."""
+    """The rows of the index, from the warehouse's tables of the same names.
+
+    ``moving``: crashes with a thumbnail; ``leaderboard``: whether an agent has driven.
+    """
 
     crashes: Sequence[Row]
     moving: Sequence[Row]
@@ -39,7 +41,7 @@ class IndexRows:
 
 
 def write_index(rows: IndexRows, rights: Rights) -> bytes:
-    """``index.html``; ``rights`` of all crashes' maps."""
+    """Return ``index.html``; ``rights`` of all crashes' maps."""
     crashes, funnel = rows.crashes, rows.funnel
     page = (
         templates()
@@ -66,7 +68,7 @@ def write_index(rows: IndexRows, rights: Rights) -> bytes:
 
 
 def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
-    """Some of the crashes: of each kind and collision type one, then a second of each, and so on."""
+    """Return some of the crashes: of each kind and collision type one, then a second of each, and so on."""
     turn: Counter[tuple[Any, Any]] = Counter()
     order = []
     for crash in crashes:
@@ -78,7 +80,7 @@ def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
 
 
 def static_files() -> dict[str, bytes]:
-    """What is the same on every site, by name: style, scripts, and the page of all replays."""
+    """Return the files that are the same on every site, by name: style, scripts, and the page of all replays."""
     files = {name: read(name) for name in ("site.css", "site.js", "site_map.js", "site_states.js", LIBRARY)}
     return {name: text.encode() for name, text in files.items()} | site_files()
 
@@ -123,7 +125,7 @@ _NUMBERS = {"latitude_deg": 5, "longitude_deg": 5, "contact_distance_m": 2}
 
 
 def _text_of(crash: Row, name: str) -> str | None:
-    """What the list says of a crash in a column; months with their year, limits in whole mph."""
+    """Return the text about a crash in a column of the list; months with their year, limits in whole mph."""
     value = crash.get(name)
     if value is None or value == "":
         return None
@@ -133,7 +135,7 @@ def _text_of(crash: Row, name: str) -> str | None:
 
 
 def _columns_of(crashes: Sequence[Row]) -> dict[str, Any]:
-    """The crashes by column, each text once: a fraction of the size of one object per crash."""
+    """Return the crashes by column, each text once: a fraction of the size of one object per crash."""
     coded = {}
     for name in (*_FILTERS, "place"):
         numbers: dict[Any, int] = {}
@@ -167,5 +169,5 @@ def _by_dimension(coverage: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def _json_for_script(value: object) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """Return the JSON that cannot end the script element it stands in."""
     return json.dumps(value, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c")

@@ -30,7 +30,7 @@ _PERSON_RADIUS_M = 1.1  # drawn larger than to scale, to be visible
 
 
 def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Sequence[OsmFeature] = ()) -> str:
-    """The SVG of a crash; ``surroundings`` lie behind the roads.
+    """Return the SVG of a crash; ``surroundings`` lie behind the roads.
 
     Raises ValueError if there was neither a contact nor an overturn: there is no moment to show.
 
@@ -52,7 +52,7 @@ def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Seq
 
 
 def _window(log: SimulationLog, moment: Moment, time_s: FloatArray) -> Window:
-    """What holds those it concerns from first to last, near enough that they are seen to be vehicles."""
+    """Return the window that holds the parties from first to last, near enough that they are seen to be vehicles."""
     both = [each for each in log.vehicles if each.number in moment.numbers]
     ways = [[np.interp(time_s, each.time_s, values) for values in (each.x_m, each.y_m)] for each in both]
     points = np.concatenate([*(np.stack(way, axis=-1) for way in ways), [[moment.x_m, moment.y_m]]])
@@ -84,7 +84,7 @@ def _moving(vehicle: VehicleLog, body: Body, colour: str, time_s: FloatArray, ca
 
 
 def _animated(kind: str, values: Sequence[str]) -> str:
-    """A transformation through equally spaced values; the last one is held for a while."""
+    """Return a transformation through equally spaced values; the last one is held for a while."""
     held = [*values, *[values[-1]] * round(_HELD_S / _STEP_S)]
     return (
         f'<animateTransform attributeName="transform" type="{kind}" additive="sum" values="{";".join(held)}" '

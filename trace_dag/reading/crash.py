@@ -83,16 +83,17 @@ class Crash:
 
     @property
     def key(self) -> str:
-        """The crash's key, ``<caseYear>-<stateCase>`` or ``<register>-<id>``."""
+        """Return the crash's key, ``<caseYear>-<stateCase>`` or ``<register>-<id>``."""
         return self._stored.key
 
     @property
     def stored(self) -> CrashArtefacts:
-        """The artefacts it is read from, for code of this package."""
+        """Return the artefacts it is read from, for code of this package."""
         return self._stored
 
     def has(self, part: str) -> bool:
-        """Whether it got as far as ``report``, ``record``, ``road_map``, ``estimate``, ``log`` or ``verdict``."""
+        """Return whether it got as far as ``report``, ``record``, ``road_map``, ``estimate``, ``log`` or
+        ``verdict``."""
         if part == "log":
             return self._stored.shown_log() is not None
         if part not in _PARTS:
@@ -101,32 +102,32 @@ class Crash:
 
     @property
     def report(self) -> bytes:
-        """The report: XML as NHTSA's CrashAPI serves it, or what a table says, as JSON."""
+        """Return the report: XML as NHTSA's CrashAPI serves it, or what a table says, as JSON."""
         return self._load(REPORT_XML if self._stored.has(REPORT_XML) else REPORT_JSON, "report")
 
     @property
     def record(self) -> CrashRecord:
-        """What the report says, read and checked."""
+        """Return the record, read and checked."""
         return self._load(RECORD, "record")
 
     @property
     def road_map(self) -> RoadNetwork:
-        """The road as read from OpenDRIVE."""
+        """Return the road as read from OpenDRIVE."""
         return self._load(ROAD_MAP, "road_map")
 
     @property
     def map_report(self) -> MapReport:
-        """Where the crash lies on the map, and what was measured of the map."""
+        """Return the crash's place on the map, and the measures of the map."""
         return self._load(MAP_REPORT, "road_map")
 
     @property
     def estimate(self) -> StateEstimate:
-        """Hypotheses about where everybody came from, best first."""
+        """Return hypotheses about where everybody came from, best first."""
         return self._load(ESTIMATE, "estimate")
 
     @property
     def log(self) -> SimulationLog:
-        """The simulated motion and contacts, of the hypothesis that the verdict is about."""
+        """Return the simulated motion and contacts, of the hypothesis that the verdict is about."""
         found = self._stored.shown_log()
         if found is None:
             raise self._missing("log")
@@ -134,27 +135,28 @@ class Crash:
 
     @property
     def verdict(self) -> Verdict:
-        """Every criterion with its value, and what came of them."""
+        """Return every criterion with its value, and what came of them."""
         return self._load(VERDICT, "verdict")
 
     # --- tables ----------------------------------------------------------------------------------------------------
     @property
     def steps(self) -> pd.DataFrame:
-        """The log as a table: a row per party and logged step, columns as
-        :data:`trace_dag.simulation.log_io.SIMULATION_STEPS`."""
+        """Return the log as a table: a row per party and logged step, columns as
+        :data:`trace_dag.simulation.log_io.SIMULATION_STEPS`.
+        """
         frame: pd.DataFrame = self.steps_arrow.to_pandas()
         return frame
 
     @cached_property
     def steps_arrow(self) -> pa.Table:
-        """:attr:`steps` as an Arrow table, with the unit and meaning of each column in its schema."""
+        """Return the :attr:`steps` as an Arrow table, with the unit and meaning of each column in its schema."""
         from trace_dag.simulation.log_io import steps_table
 
         return steps_table([self.log]).drop_columns(["hypothesis"])
 
     @property
     def contacts(self) -> pd.DataFrame:
-        """A row per contact: when, where, who, closing speed, impulse, delta-v."""
+        """Return a row per contact: when, where, who, closing speed, impulse, delta-v."""
         from dataclasses import fields
 
         import pandas as pd
@@ -166,7 +168,7 @@ class Crash:
 
     @property
     def criteria(self) -> pd.DataFrame:
-        """A row per criterion of the verdict: value, threshold, unit, whether it holds."""
+        """Return a row per criterion of the verdict: value, threshold, unit, whether it holds."""
         from dataclasses import asdict
 
         import pandas as pd
@@ -175,7 +177,8 @@ class Crash:
 
     @property
     def intervals(self) -> pd.DataFrame:
-        """How sure the estimate is: a row per quantity and party (None of what belongs to the crash), with unit.
+        """Return the uncertainty of the estimate: a row per quantity and party (None for the crash as a whole), with
+        unit.
 
         ``best`` is the value in the best hypothesis; four in five draws lie between ``low`` and ``high``, ``middle`` is
         their median. No rows where nothing was drawn.
@@ -191,9 +194,12 @@ class Crash:
 
     @property
     def likely_courses(self) -> pd.DataFrame:
-        """Other likely courses of the crash, the likeliest first: a row per ``course`` (from 1), body and tenth of a
-        second from its contact (``time_s``), with ``weight`` (of all draws together 1), ``number``, ``x_m``, ``y_m``
-        (to 5 cm), ``heading_rad``. No rows where nothing was drawn."""
+        """Return other likely courses of the crash, the likeliest first: a row per ``course`` (from 1), body and tenth
+        of a second from its contact (``time_s``), with ``weight`` (of all draws together 1), ``number``, ``x_m``,
+        ``y_m`` (to 5 cm), ``heading_rad``.
+
+        No rows where nothing was drawn.
+        """
         import numpy as np
         import pandas as pd
 
@@ -216,8 +222,9 @@ class Crash:
     # --- what everybody was going to do ----------------------------------------------------------------------------
     @property
     def courses(self) -> pd.DataFrame:
-        """Where everybody would have been without the crash: a row per party or trailer and tenth of a second, columns
-        ``number``, ``time_s``, ``x_m``, ``y_m``, ``z_m`` (the middle of the body), ``heading_rad``, ``speed_mps``."""
+        """Return everybody's course without the crash: a row per party or trailer and tenth of a second, columns
+        ``number``, ``time_s``, ``x_m``, ``y_m``, ``z_m`` (the middle of the body), ``heading_rad``, ``speed_mps``.
+        """
         import numpy as np
         import pandas as pd
 
@@ -233,8 +240,11 @@ class Crash:
 
     @property
     def routes(self) -> pd.DataFrame:
-        """A row per driver, indexed by ``number``: ``lanes`` along which they were going, in order; ``route`` (shapely
-        ``LineString`` with heights); ``goal`` (``Polygon``), to be reached between ``from_s`` and ``to_s``."""
+        """Return a row per driver, indexed by ``number``: ``lanes`` along which they were going, in order.
+
+        ``route`` (shapely ``LineString`` with heights); ``goal`` (``Polygon``), to be reached between ``from_s`` and
+        ``to_s``.
+        """
         import numpy as np
         import pandas as pd
         import shapely
@@ -269,7 +279,8 @@ class Crash:
     # --- roads -----------------------------------------------------------------------------------------------------
     @property
     def lanes(self) -> pd.DataFrame:
-        """A row per lane with its centre (shapely ``LineString``), surface (``Polygon``), and the lanes around it.
+        """Return a row per lane with its centre (shapely ``LineString``), surface (``Polygon``), and the lanes around
+        it.
 
         See :func:`trace_dag.reading.lanes.lane_table`. ``geopandas.GeoDataFrame(crash.lanes, geometry="surface",
         crs=crash.road_map.frame.proj)`` takes it as it is.
@@ -279,15 +290,17 @@ class Crash:
         return lane_table(self.road_map)
 
     def lane_graph(self) -> nx.DiGraph[Any]:
-        """The drivable lanes as a networkx graph; see :func:`trace_dag.reading.lanes.lane_graph`. The extra
-        ``graph``."""
+        """Return the drivable lanes as a networkx graph; see :func:`trace_dag.reading.lanes.lane_graph`.
+
+        The extra ``graph``.
+        """
         from trace_dag.reading.lanes import lane_graph
 
         return lane_graph(self.road_map)
 
     # --- to look at ------------------------------------------------------------------------------------------------
     def figure(self) -> Image:
-        """What is known of it from above, as a picture (Pillow) of 1170 by 648 pixels."""
+        """Draw the crash from above, as a picture (Pillow) of 1170 by 648 pixels."""
         from trace_dag.flow.crash_picture import drawn
         from trace_dag.pages.canvas import pixels_of
         from trace_dag.pages.pictures import WIDTH_PX
@@ -298,7 +311,9 @@ class Crash:
         return pixels_of(svg, WIDTH_PX)
 
     def replay(self, replay_format: ReplayFormat = "html") -> CrashReplay:
-        """The simulated crash to watch: a page with a time slider, a moving picture, or glTF in three dimensions."""
+        """Return the simulated crash to watch: a page with a time slider, a moving picture, or glTF in three
+        dimensions.
+        """
         from trace_dag.agents.replays import replay
 
         if self._stored.shown_log() is None:

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 
 
 class Crashes(Mapping[str, Crash], ABC):
-    """A mapping from keys to crashes, in their order, and tables over all of them. Nothing is read before it is asked
-    for; a crash is read once."""
+    """A mapping from keys to crashes, in their order, and tables over all of them.
+
+    Nothing is read before it is asked for; a crash is read once.
+    """
 
     def __init__(self, place: str) -> None:
         self.place = place
@@ -39,10 +41,11 @@ class Crashes(Mapping[str, Crash], ABC):
     @property
     @abstractmethod
     def crashes(self) -> pd.DataFrame:
-        """A row per crash, indexed by key."""
+        """Return a row per crash, indexed by key."""
 
     def steps(self, keys: Iterable[str] | None = None) -> pd.DataFrame:
-        """The steps of many crashes in one table, indexed by key: those asked for, or all that were simulated."""
+        """Return the steps of many crashes in one table, indexed by key: those asked for, or all that were
+        simulated."""
         import pandas as pd
 
         chosen = [key for key in self if self[key].has("log")] if keys is None else list(keys)
@@ -50,7 +53,8 @@ class Crashes(Mapping[str, Crash], ABC):
         return pd.concat(tables).set_index("key") if tables else pd.DataFrame()
 
     def sql(self, query: str) -> duckdb.DuckDBPyRelation:
-        """A question in SQL (DuckDB), read-only: ``.df()`` is its answer for pandas, ``.to_arrow_table()`` for Arrow.
+        """Return a question in SQL (DuckDB), read-only: ``.df()`` is its answer for pandas, ``.to_arrow_table()`` for
+        Arrow.
 
         A root has the tables that ``trace-dag tables`` lists; packages and releases have ``crashes``. Raises
         :class:`UserError` for what DuckDB refuses, and where a root has no warehouse yet. DuckDB bounds neither the
@@ -76,11 +80,14 @@ class Crashes(Mapping[str, Crash], ABC):
     @property
     @abstractmethod
     def _connection(self) -> duckdb.DuckDBPyConnection:
-        """What answers questions."""
+        """Return the connection that answers questions."""
 
     @property
     def only(self) -> Crash:
-        """The crash, where there is one. Raises :class:`UserError` where there are several."""
+        """Return the crash, where there is one.
+
+        Raises :class:`UserError` where there are several.
+        """
         if len(self) != 1:
             raise UserError(f"{self.place} holds {len(self)} crashes; take one by its key")
         return next(iter(self.values()))
@@ -103,7 +110,7 @@ class Crashes(Mapping[str, Crash], ABC):
         return frozenset(self._keys)
 
     def __eq__(self, other: object) -> bool:
-        """Whether both are one: comparing what is in them would read all of it."""
+        """Return whether both are one: comparing what is in them would read all of it."""
         return self is other
 
     __hash__ = object.__hash__
@@ -130,8 +137,9 @@ class Home(Crashes):
 
     @property
     def crashes(self) -> pd.DataFrame:
-        """The warehouse's view ``judged_crashes``, indexed by key: where each stands and why, its grade and change of
-        velocity, place, time, kind, classes."""
+        """Return the warehouse's view ``judged_crashes``, indexed by key: where each stands and why, its grade and
+        change of velocity, place, time, kind, classes.
+        """
         frame: pd.DataFrame = self.sql("FROM judged_crashes").df()
         return frame.set_index("key")
 

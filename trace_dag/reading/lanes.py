@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def lane_table(network: RoadNetwork) -> pd.DataFrame:
-    """A row per lane, indexed by ``lane`` (:class:`trace_dag.roads.map.model.LaneRef`), local frame, metres.
+    """Return a row per lane, indexed by ``lane`` (:class:`trace_dag.roads.map.model.LaneRef`), local frame, metres.
 
     Columns: ``type``, ``speed_mps`` (its limit, NaN where the map has none), ``junction_id`` (None outside junctions),
     ``length_m``, ``centre`` (shapely ``LineString`` with heights, in the direction of travel), ``surface``
@@ -30,7 +30,7 @@ def lane_table(network: RoadNetwork) -> pd.DataFrame:
 
 
 def lane_graph(network: RoadNetwork) -> nx.DiGraph[Any]:
-    """The drivable lanes as a directed graph of networkx, the extra ``graph``.
+    """Return the drivable lanes as a directed graph of networkx, the extra ``graph``.
 
     A node per lane (:class:`trace_dag.roads.map.model.LaneRef`) with the columns of :func:`lane_table` that are not
     lanes themselves. Edges have a ``kind``: ``successor`` where one drives on into a lane, weighted with the

@@ -1,4 +1,4 @@
-"""What a place is: a storage root, a package or a release."""
+"""Kinds of places: a storage root, a package or a release."""
 
 from __future__ import annotations
 

@@ -94,10 +94,13 @@ class Files(Protocol):
     place: str
 
     def read(self, name: str) -> bytes:
-        """The whole file. Raises ``FileNotFoundError``."""
+        """Return the whole file.
+
+        Raises ``FileNotFoundError``.
+        """
 
     def has(self, name: str) -> bool:
-        """Whether there is such a file."""
+        """Return whether there is such a file."""
 
 
 class FolderFiles:
@@ -140,7 +143,10 @@ class ArchiveFiles:
 
     @classmethod
     def of(cls, data: Path | bytes, place: str) -> ArchiveFiles:
-        """An archive on disk or in memory. Raises :class:`UserError` for what is none."""
+        """Return an archive on disk or in memory.
+
+        Raises :class:`UserError` for what is none.
+        """
         source = io.BytesIO(data) if isinstance(data, bytes) else data.open("rb")
         try:
             begins = source.read(len(_ZIP))
@@ -239,7 +245,7 @@ class PackedCrash:
 
     @property
     def key(self) -> str:
-        """The crash's key."""
+        """Return the crash's key."""
         return self._manifest.key
 
     def has(self, artefact: Artefact[Any]) -> bool:
@@ -247,7 +253,7 @@ class PackedCrash:
         return self._name(artefact) in self._manifest.files
 
     def _name(self, artefact: Artefact[Any]) -> str:
-        """The file that holds an artefact: of the record the report that it was read from."""
+        """Return the file that holds an artefact: of the record the report that it was read from."""
         if artefact is RECORD:
             return next(name for name in _REPORTS if name in self._manifest.files or name == _REPORTS[-1])
         return _FILES.get(artefact, "")
@@ -326,8 +332,9 @@ class Package(Crashes):
 
     @cached_property
     def crashes(self) -> pd.DataFrame:
-        """A row with what the report says first (place, time, kind, classes), and the verdict's figures under the names
-        that they have in a root."""
+        """Return a row with what the report says first (place, time, kind, classes), and the verdict's figures under
+        the names that they have in a root.
+        """
         import pandas as pd
 
         record, verdict = self.only.record, self.only.verdict
@@ -356,7 +363,7 @@ class Release(Crashes):
 
     @cached_property
     def crashes(self) -> pd.DataFrame:
-        """The index of the release: :data:`trace_dag.export.release_files.RELEASE_INDEX`, indexed by key."""
+        """Return the index of the release: :data:`trace_dag.export.release_files.RELEASE_INDEX`, indexed by key."""
         import pyarrow as pa
 
         try:
@@ -386,19 +393,19 @@ class Release(Crashes):
 
 
 def packed_in(files: Files) -> Crashes | None:
-    """The package or release that some files are; None if they are neither."""
+    """Return the package or release that some files are; None if they are neither."""
     if files.has(MANIFEST):
         return Package(files)
     return Release(files) if files.has(INDEX) else None
 
 
 def _with_mph(crashes: pd.DataFrame) -> pd.DataFrame:
-    """The table with the change of velocity in miles per hour, too, as a root has it."""
+    """Return the table with the change of velocity in miles per hour, too, as a root has it."""
     return crashes.assign(delta_v_max_mph=crashes["delta_v_max_mps"].map(mps_to_mph, na_action="ignore"))
 
 
 def _connection(crashes: pd.DataFrame) -> duckdb.DuckDBPyConnection:
-    """A database of one table, ``crashes``, that reaches nothing else."""
+    """Return a database of one table, ``crashes``, that reaches nothing else."""
     import duckdb
 
     connection = duckdb.connect(":memory:")
@@ -411,7 +418,7 @@ def _connection(crashes: pd.DataFrame) -> duckdb.DuckDBPyConnection:
 
 
 def _said(error: Exception) -> str:
-    """What is wrong first, in one line."""
+    """Return the first fault, in one line."""
     if isinstance(error, ValidationError):
         first = error.errors(include_url=False, include_input=False)[0]
         return f"{'.'.join(map(str, first['loc'])) or 'the document'}: {first['msg']}"[:_SAID]

@@ -45,40 +45,40 @@ class MadeMap:
 
     @property
     def network(self) -> RoadNetwork:
-        """Roads, lanes and junctions as the file has them, in the local frame of the place."""
+        """Return roads, lanes and junctions as the file has them, in the local frame of the place."""
         return self.made.stored.network
 
     @property
     def xodr(self) -> bytes:
-        """The map as OpenDRIVE 1.7."""
+        """Return the map as OpenDRIVE 1.7."""
         return self.made.stored.xodr
 
     @property
     def gates(self) -> tuple[MapGate, ...]:
-        """What was measured of the map, and whether it holds for every road."""
+        """Return the measures of the map, and whether it passes for every road."""
         return self.made.gates
 
     @cached_property
     def lanes(self) -> pd.DataFrame:
-        """A row per lane with shapely shapes; see :func:`trace_dag.reading.lanes.lane_table`."""
+        """Return a row per lane with shapely shapes; see :func:`trace_dag.reading.lanes.lane_table`."""
         from trace_dag.reading.lanes import lane_table
 
         return lane_table(self.network)
 
     @cached_property
     def surroundings(self) -> tuple[OsmFeature, ...]:
-        """What stands and lies beside the roads, such as buildings and trees, read when first asked for."""
+        """Return the features beside the roads, such as buildings and trees, read when first asked for."""
         return self.source.extract_box(self.extract.box, OsmSettings(), surroundings=True).surroundings
 
     def picture(self) -> str:
-        """The map from above, as an SVG."""
+        """Return the map from above, as an SVG."""
         from trace_dag.pages.map_scene import window_of
         from trace_dag.pages.maps import draw_network
 
         return draw_network(self.network, window_of(self.network))
 
     def report(self) -> dict[str, object]:
-        """What the map is made of, its gates, and the tags that it does not follow."""
+        """Return the sources of the map, its gates, and the tags that it does not follow."""
         return {
             "converter": self.network.converter,
             "source": self.extract.source,

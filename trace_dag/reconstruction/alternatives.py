@@ -40,15 +40,17 @@ class Approached:
 
 @dataclass(frozen=True)
 class Alternatives:
-    """Other likely courses as a clause, and the shares of each side from which a party can have come; none where
-    the other courses differ in lanes or speeds alone."""
+    """Other likely courses as a clause, and the shares of each side from which a party can have come.
+
+    None where the other courses differ in lanes or speeds alone.
+    """
 
     clause: str
     sides: tuple[Approached, ...] = ()
 
 
 def alternatives(estimate: StateEstimate) -> Alternatives | None:
-    """What else can have happened: other sides where they have a quarter together, other courses from the same sides
+    """Return other possible courses: other sides where they have a quarter together, other courses from the same sides
     where they have half.
 
     >>> from dataclasses import replace
@@ -76,13 +78,13 @@ def alternatives(estimate: StateEstimate) -> Alternatives | None:
 
 
 def ambiguity_of(hypotheses: Sequence[Hypothesis]) -> float:
-    """Posterior share of the sides that the first hypothesis does not come from, 0 to 1."""
+    """Return the posterior share of the sides that the first hypothesis does not come from, 0 to 1."""
     best = hypotheses[0].score
     return ambiguity(best, (min(each.score, best) for each in first_of_groups(hypotheses, _sides)))
 
 
 def _sides(hypothesis: Hypothesis) -> tuple[tuple[int, int | None], ...]:
-    """The eighth of the compass that each party comes from; None for one that stands."""
+    """Return the eighth of the compass that each party comes from; None for one that stands."""
     bearings = {state.vehicle_number: bearing_from_rad(state) for state in hypothesis.participants}
     return tuple(
         (number, None if bearing is None else _octant(bearing)) for number, bearing in sorted(bearings.items())
@@ -117,7 +119,7 @@ def _approaches(estimate: StateEstimate, number: int) -> list[Approached]:
 
 
 def bearing_from_rad(state: ParticipantState) -> float | None:
-    """The direction a party comes from (rad, counter-clockwise from east); None for one that stands.
+    """Return the direction a party comes from (rad, counter-clockwise from east); None for one that stands.
 
     >>> [round(math.degrees(bearing_from_rad(each))) for each in hypothesis.participants]
     [-173, 7]

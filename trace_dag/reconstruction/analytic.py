@@ -26,9 +26,9 @@ class AnalyticEstimator:
         return estimate_by_record(record, network, report, self._settings)
 
     def require(self) -> None:
-        """It needs nothing."""
+        """Require nothing."""
 
     @staticmethod
     def variant(settings: StateSettings, name: str) -> StateSettings:
-        """There is only one."""
+        """Return the settings: there is only one variant."""
         raise UserError(f"{NAME + name!r} is not an estimator; {NAME} has no variants")

@@ -35,7 +35,7 @@ _MARGIN_M = 40.0
 
 
 def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *, lead_time_s: float) -> Scene:
-    """The approaches past the crash, long enough for the fastest vehicle of the record."""
+    """Return the approaches past the crash, long enough for the fastest vehicle of the record."""
     placement = report.placement
     speeds = [vehicle.travel_speed_mps or vehicle.speed_limit_mps or 30.0 for vehicle in record.vehicles]
     reach = min(max([*speeds, 25.0]) * 1.3, _FASTEST_MPS) * lead_time_s + _MARGIN_M
@@ -44,7 +44,7 @@ def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *,
 
 
 def parties(record: CrashRecord, event: CrashEvent) -> tuple[Party, Party]:
-    """The two vehicles of a contact.
+    """Return the two vehicles of a contact.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> both = parties(record, sequence_of(record).first)
@@ -56,7 +56,8 @@ def parties(record: CrashRecord, event: CrashEvent) -> tuple[Party, Party]:
 
 
 def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
-    """The ranked hypotheses of a contact of two vehicles in transport, and the posterior share of all but the best.
+    """Return the ranked hypotheses of a contact of two vehicles in transport, and the posterior share of all but the
+    best.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no reading of the record lets the vehicles meet.
 
@@ -75,7 +76,7 @@ def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> t
 
 
 def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
-    """Solutions of the likeliest candidates, best first.
+    """Return solutions of the likeliest candidates, best first.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> reading = pre_crash_scenarios(record, *parties(record, sequence_of(record).first))[0]
@@ -94,7 +95,7 @@ def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
 
 
 def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
-    """The hypotheses to keep, those that pass every check first, and the posterior share of all but the best.
+    """Return the hypotheses to keep, those that pass every check first, and the posterior share of all but the best.
 
     ``solutions``: best first, as :func:`solve_all` has them.
 

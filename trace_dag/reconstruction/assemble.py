@@ -29,7 +29,7 @@ _DECIMALS = 6  # to a micrometre: equal on every machine, which the last bits ar
 
 
 def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: float) -> Hypothesis:
-    """The solution as states: each vehicle's profile run backward from the impact along its path.
+    """Return the solution as states: each vehicle's profile run backward from the impact along its path.
 
     >>> made = hypothesis_of(solution, network, lead_time_s=5.0)
     >>> [(each.vehicle_number, each.manoeuvre.value) for each in made.participants]
@@ -68,7 +68,7 @@ def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: floa
 
 
 def _travelled(profile: SpeedProfile, lead_time_s: float) -> float:
-    """Distance from the impact at the beginning, negative (metres)."""
+    """Return the distance from the impact at the beginning, negative (metres)."""
     return float(profile.sample(lead_time_s, 0.0)[1][0])
 
 
@@ -110,8 +110,8 @@ def driven(
     lead_time_s: float,
     after_s: float,
 ) -> ParticipantState:
-    """A vehicle driven along a path, at ``station_m`` of it (metres) after ``lead_time_s`` seconds, and for ``after_s``
-    seconds more.
+    """Return a vehicle driven along a path, at ``station_m`` of it (metres) after ``lead_time_s`` seconds, and for
+    ``after_s`` seconds more.
 
     >>> from trace_dag.simulation.states import SpeedSource
     >>> car, way = tree_record.vehicles[0], way_past_the_tree
@@ -137,7 +137,7 @@ def driven(
 
 
 def driven_still(network: RoadNetwork, vehicle: VehicleRecord, pose: Pose) -> ParticipantState:
-    """A vehicle that stands at a pose throughout.
+    """Return a vehicle that stands at a pose throughout.
 
     >>> state = driven_still(network, record.vehicles[0], Pose(1.0, 2.0, 0.5))
     >>> state.initial_speed_mps, (state.initial_pose.x_m, state.initial_pose.y_m)
@@ -160,7 +160,7 @@ def _of_vehicle(
     trajectory: Trajectory,
     impact: int,
 ) -> ParticipantState:
-    """The body of a vehicle along a trajectory, at ``impact`` of it when it is struck."""
+    """Return the body of a vehicle along a trajectory, at ``impact`` of it when it is struck."""
     initial_pose, impact_pose = pose_of(trajectory, 0), pose_of(trajectory, impact)
     return ParticipantState(
         vehicle_number=vehicle.number,
@@ -183,7 +183,7 @@ def _of_vehicle(
 
 
 def _trailing(vehicle: VehicleRecord, path: Path, stations_m: FloatArray, heading_rad: FloatArray) -> FloatArray:
-    """Headings of what a vehicle pulls along a path; in line with it where it pulls nothing."""
+    """Return headings of what a vehicle pulls along a path; in line with it where it pulls nothing."""
     if vehicle.trailer is None:
         return heading_rad
     from_m = min(float(stations_m[0]), float(path.s_m[0])) - _TRAILS_M
@@ -200,7 +200,7 @@ def rounded(
     heading_rad: FloatArray,
     speed_mps: FloatArray,
 ) -> Trajectory:
-    """The trajectory rounded to a micrometre, with its first heading between -pi and pi.
+    """Return the trajectory rounded to a micrometre, with its first heading between -pi and pi.
 
     >>> still = np.zeros(1)
     >>> rounded(still, still, still, still, still + 7.0, still).heading_rad.tolist()  # 7 rad less a full turn
@@ -211,14 +211,14 @@ def rounded(
 
 
 def pose_of(trajectory: Trajectory, index: int) -> Pose:
-    """The pose at one of the trajectory's times, by index."""
+    """Return the pose at one of the trajectory's times, by index."""
     values: tuple[FloatArray, ...] = (trajectory.x_m, trajectory.y_m, trajectory.heading_rad, trajectory.z_m)
     x, y, heading, z = (float(value[index]) for value in values)
     return Pose(x, y, round(math.remainder(heading, math.tau), _DECIMALS), z)
 
 
 def lane_under(network: RoadNetwork, pose: Pose) -> LaneMatch | None:
-    """The lane a body stands in: the nearest one; of several equally near, the one in its direction of travel.
+    """Return the lane a body stands in: the nearest one; of several equally near, the one in its direction of travel.
 
     >>> turning, riding = hypothesis.participants
     >>> lane_under(network, riding.initial_pose).outside_m  # between the edges of a lane

@@ -24,8 +24,10 @@ from trace_dag.reconstruction.scene.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A pair of options, the mover's first. ``parallel``: both go along one road, so the contact can be anywhere along
-    it."""
+    """A pair of options, the mover's first.
+
+    ``parallel``: both go along one road, so the contact can be anywhere along it.
+    """
 
     scenario: PreCrashScenario
     mover: Option
@@ -44,7 +46,7 @@ class Candidate:
 
 
 def candidates(scene: Scene, scenario: PreCrashScenario) -> list[Candidate]:
-    """All candidates of one reading.
+    """Return all candidates of one reading.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import pre_crash_scenarios
     >>> from trace_dag.crash.event_sequence import sequence_of
@@ -66,7 +68,7 @@ def candidates(scene: Scene, scenario: PreCrashScenario) -> list[Candidate]:
 
 
 def _at_one_time(one: Approach, two: Approach) -> bool:
-    """Whether both can be there at one time: the traffic of reversible roads goes one way."""
+    """Return whether both can be there at one time: the traffic of reversible roads goes one way."""
     if not (one.goes_either_way and two.goes_either_way) or one.wrong_way or two.wrong_way:
         return True
     return one.other_way == two.other_way

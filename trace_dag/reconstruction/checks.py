@@ -40,8 +40,9 @@ def check(
     lead_time_s: float,
     beyond_map: dict[int, bool],
 ) -> tuple[EstimateCheck, ...]:
-    """All checks of one hypothesis; ``beyond_map`` says for each vehicle number whether it starts where the map has no
-    road.
+    """Return all checks of one hypothesis.
+
+    ``beyond_map`` says for each vehicle number whether it starts where the map has no road.
 
     >>> states, lead_s = hypothesis.participants, hypothesis.impact_time_s
     >>> done = check(solution, states, lead_time_s=lead_s, beyond_map={1: False, 2: False})
@@ -166,8 +167,9 @@ def _area(vehicle: VehicleRecord, participant: ParticipantState) -> list[Estimat
 
 
 def _direction(solution: Solution, participant: ParticipantState, turn: Turn | None) -> EstimateCheck:
-    """Whether the vehicle turned the reported way: the turn has begun by the impact and is complete at the end of the
-    plan."""
+    """Return whether the vehicle turned the reported way: the turn has begun by the impact and is complete at the end
+    of the plan.
+    """
     name = _named("direction", participant)
     placed = _placed(solution, participant)
     if turn is None or placed.option.turn is None:

@@ -22,7 +22,7 @@ _States: TypeAlias = tuple[ParticipantState, ...]
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """How an event can come about: everybody who takes part then, the objects, and why it is likely.
+    """A plan for an event: its parties, its objects, and the log-likelihood.
 
     ``detail`` says in words what is assumed. Plans of one ``group`` differ in detail only.
     """
@@ -55,34 +55,36 @@ class Course:
 
     @property
     def numbers(self) -> frozenset[int]:
-        """Numbers of those who take part."""
+        """Return numbers of those who take part."""
         return frozenset(state.vehicle_number for state in self.states)
 
     @property
     def rank(self) -> tuple[int, int, float]:
-        """More of the events first, then fewer contacts that nobody reported, then the likelier."""
+        """Return the more of the events first, then fewer contacts that nobody reported, then the likelier."""
         return -self.matching.happened, len(self.matching.strange), -round(self.score, 6)
 
     @property
     def comes_right(self) -> bool:
-        """Whether every required event happens, and no contact that nobody reported."""
+        """Return whether every required event happens, and no contact that nobody reported."""
         needed = zip(self.matching.matched, expected_of(self.events), strict=True)
         return not self.matching.strange and all(seen is not None or not each.required for seen, each in needed)
 
     def state_of(self, number: int) -> ParticipantState:
-        """The state of a party that takes part."""
+        """Return the state of a party that takes part."""
         return next(each for each in self.states if each.vehicle_number == number)
 
     def last_event_s(self, number: int) -> float | None:
-        """When the last event planned so far of a party came about; None if none did. What was touched again, by bodies
-        that come to lie against each other, does not count."""
+        """Return the time of a party's last event planned so far; None if there is none.
+
+        What was touched again, by bodies that come to lie against each other, does not count.
+        """
         seen = (each for each in self.matching.matched if each is not None and number in each.pair)
         return max((each.time_s for each in seen), default=None)
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What is known of the crash throughout: its scene, its events, and the simulation to look ahead with."""
+    """The facts about the crash throughout a search: its scene, its events, and the simulation to look ahead with."""
 
     scene: Scene
     sequence: EventSequence
@@ -100,8 +102,9 @@ class Search:
         before: Course | None = None,
         tolerated: Sequence[Happening] = (),
     ) -> Course:
-        """A plan simulated up to its end, or to a contact that comes too early or that nobody reported, but for those
-        that are tolerated."""
+        """Return a plan simulated up to its end, or to a contact that comes too early or that nobody reported, but for
+        those that are tolerated.
+        """
         usual = {each.pair for each in tolerated}
         expected, known = expected_of(events), self.sequence.order_known
 
@@ -126,12 +129,12 @@ class Search:
         )
 
     def with_event(self, course: Course, event: CrashEvent) -> Course:
-        """The course as it is, with one event more that it is asked for."""
+        """Return the course as it is, with one event more that it is asked for."""
         events = tuple(each for each in self.sequence.events if each in course.events or each is event)
         return replace(course, events=events, matching=self.matching(course.log, events))
 
     def changed(self, course: Course, state: ParticipantState) -> Course:
-        """The course with another state of one party."""
+        """Return the course with another state of one party."""
         assert state.losses_of_control
         key = course.log, state.vehicle_number, state.losses_of_control
         if key not in self._lost:
@@ -143,12 +146,12 @@ class Search:
         return replace(course, states=states, run=None, log=log, matching=self.matching(log, course.events))
 
     def to_the_end(self, course: Course) -> Course:
-        """The course simulated on until everybody is at rest, whatever touches."""
+        """Return the course simulated on until everybody is at rest, whatever touches."""
         if course.run is None:
             return course
         log = course.run.log()
         return replace(course, log=log, matching=self.matching(log, course.events))
 
     def matching(self, log: SimulationLog, events: Sequence[CrashEvent]) -> Matching:
-        """The events in a simulation."""
+        """Return the events in a simulation."""
         return match(happenings_of(log), expected_of(events), order_known=self.sequence.order_known)

@@ -17,5 +17,5 @@ DEFAULTS: Final = SimSettings()
 
 
 def default_simulation(network: RoadNetwork, record: CrashRecord) -> EmbeddedSimulation:
-    """The map made ready, with the grip that the record's surface has."""
+    """Return the map made ready, with the grip that the record's surface has."""
     return EmbeddedBackend(DEFAULTS).load(network, b"", friction=surface_friction(DEFAULTS, record))

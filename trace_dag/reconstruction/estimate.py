@@ -22,7 +22,7 @@ class Estimator(Protocol):
     """Makes hypotheses of how a crash came about."""
 
     def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
-        """States of the vehicles and people of one crash: ranked hypotheses, at least one.
+        """Return states of the vehicles and people of one crash: ranked hypotheses, at least one.
 
         Raises :class:`trace_dag.common.errors.Rejection` with ``no_feasible_state``, :class:`UnusableAnswers` among
         them; one that asks a service :class:`trace_dag.common.errors.Failure` and
@@ -34,20 +34,22 @@ class Estimator(Protocol):
 
 
 class EstimatorFactory(Protocol):
-    """What a package offers as an estimator, usually its class (entry points of the group ``trace_dag.estimators``)."""
+    """A package's estimator, usually its class (entry points of the group ``trace_dag.estimators``)."""
 
     paid: bool
     """Whether an estimate may cost money: then nobody asks it for estimates that were not asked for by name."""
 
     def __call__(self, settings: StateSettings, files: Storage | None = None, ledger: str = "run") -> Estimator:
-        """The estimator by the settings.
+        """Return the estimator by the settings.
 
         It may keep answers of a service in ``files``, a storage root that all workers share. Estimators with the same
         ``files`` and the same ``ledger`` share one budget and one rate.
         """
 
     def variant(self, settings: StateSettings, name: str) -> StateSettings:
-        """The settings for a name such as ``llm:PROMPT@MODEL``; the part behind the estimator's own name, never empty.
+        """Return the settings for a name such as ``llm:PROMPT@MODEL``.
+
+        The part behind the estimator's own name, never empty.
 
         Raises :class:`trace_dag.common.errors.UserError` if the estimator has no such variant.
         """
@@ -62,7 +64,9 @@ class UnusableAnswers(Rejection):
 
 
 def estimator_factory(settings: StateSettings) -> EstimatorFactory:
-    """The factory of the estimator. Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
+    """Return the factory of the estimator.
+
+    Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
 
     >>> estimator = estimator_factory(StateSettings(estimator="analytic"))(StateSettings())
     >>> estimator.estimate(record, network, map_report).key
@@ -73,7 +77,7 @@ def estimator_factory(settings: StateSettings) -> EstimatorFactory:
 
 
 def estimate(record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings) -> StateEstimate:
-    """One crash estimated by the estimator the settings name, see :meth:`Estimator.estimate`.
+    """Return one crash estimated by the estimator the settings name, see :meth:`Estimator.estimate`.
 
     Answers of a service are kept in memory, and the budget is for this call alone.
     """

@@ -54,7 +54,7 @@ Terms = dict[str, float]
 
 
 def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, approach: Approach) -> Terms:
-    """Whether the approach's approach is one of the streets the record names.
+    """Return whether the approach's approach is one of the streets the record names.
 
     >>> street_terms(network, map_report.placement, record, next(s for s in scene.approaches if s.name == "7:2>6:2"))
     {}
@@ -70,18 +70,20 @@ def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashR
 
 
 def _ends(road: Road) -> set[str]:
-    """The junctions at a road's ends."""
+    """Return the junctions at a road's ends."""
     links = (road.predecessor, road.successor)
     return {link.element_id for link in links if link is not None and link.element_type == "junction"}
 
 
 def is_main(network: RoadNetwork, placement: CrashPlacement, road: Road) -> bool:
-    """Whether a road is the first trafficway of the record, by the crash's placement."""
+    """Return whether a road is the first trafficway of the record, by the crash's placement."""
     return _same_street(network, placement.road_id, road)
 
 
 def is_cross(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, road: Road) -> bool:
-    """Whether a road is the other street of the crash's crossing: by its placement, or by the name the record gives."""
+    """Return whether a road is the other street of the crash's crossing: by its placement, or by the name the record
+    gives.
+    """
     if any(_same_street(network, road_id, road) for road_id in placement.cross_road_ids):
         return True
     return bool(record.trafficway_2) and (similarity(record.trafficway_2, road.names) or 0.0) >= SAME_STREET
@@ -95,8 +97,8 @@ def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
 
 
 def crossing_ahead_terms(scene: Scene, relation: Relation, approach: Approach) -> Terms:
-    """Of two in one direction at a crash related to an intersection (``RELJCT2`` 3): they were on their way to it, not
-    away from it.
+    """Score two vehicles in one direction at a crash related to an intersection (``RELJCT2`` 3) as being on their way
+    to it, not away from it.
 
     Measured on 3,089 rear ends and 587 sideswipes of a city whose table has directions and distances from the crossing:
     91 and 78 % (88 % of leaders that slowed down, 92 % of those that stood).
@@ -115,8 +117,8 @@ def crossing_ahead_terms(scene: Scene, relation: Relation, approach: Approach) -
 
 
 def first_street_terms(scene: Scene, keep_on: Sequence[Approach], *, cross: bool = False) -> Terms:
-    """Where a record names two streets, the crash happened on the first: whoever keeps on went along it, and of two
-    whose ways ``cross`` one did.
+    """Score the first of two recorded streets: a vehicle that keeps on went along it, and of two that ``cross`` one
+    did.
 
     ``keep_on``: the approaches of those who neither turn nor back. Measured on a city's table with directions: 99 % of
     5,300 rear ends, 94 % of 2,700 who met one that turned, 87 % of 220 drivers who struck a person.
@@ -132,7 +134,9 @@ def first_street_terms(scene: Scene, keep_on: Sequence[Approach], *, cross: bool
 
 
 def road_terms(vehicle: VehicleRecord, approach: Approach) -> Terms:
-    """Speed limit, lanes, division and alignment of the approach, compared with what the vehicle's form says."""
+    """Return the speed limit, lanes, division and alignment of the approach, compared with what the vehicle's form
+    says.
+    """
     terms: Terms = {}
     road = approach.road
     if road is not None and road.inferred:
@@ -168,7 +172,7 @@ def road_terms(vehicle: VehicleRecord, approach: Approach) -> Terms:
 
 
 def heading_terms(vehicle: VehicleRecord, option: Option) -> Terms:
-    """The vehicle's way compared with the direction of travel that its report gives, if it gives one.
+    """Return the vehicle's way compared with the direction of travel that its report gives, if it gives one.
 
     >>> heading_terms(record.vehicles[0], None)  # FARS gives none
     {}
@@ -217,7 +221,7 @@ _TURNS = frozenset({Manoeuvre.TURN_LEFT, Manoeuvre.TURN_RIGHT, Manoeuvre.U_TURN}
 
 
 def lane_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) -> Terms:
-    """Whether the lane is one from which such a manoeuvre is made.
+    """Return whether the lane is one from which such a manoeuvre is made.
 
     >>> rider = record.vehicles[1]
     >>> {str(lane_terms(rider, approach, None)) for approach in scene.through}  # whoever goes straight on uses any lane
@@ -249,7 +253,7 @@ _ARROWS = frozenset(
 
 
 def speed_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) -> Terms:
-    """Whether the speed is usual there: the reported speed against the road's limit, for through traffic.
+    """Return whether the speed is usual there: the reported speed against the road's limit, for through traffic.
 
     >>> speed_terms(record.vehicles[0], scene.approaches[0], Turn.LEFT)  # who turns slows down: nothing to compare
     {}
@@ -268,15 +272,18 @@ def speed_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) -
 
 
 def _usual_speed(road: Road, sigma_mph: float) -> tuple[float, float]:
-    """The usual speed and its spread, from the road's limit; if the map does not have it, from the road's class, with
-    more spread."""
+    """Return the usual speed and its spread, from the road's limit.
+
+    If the map does not have it, from the road's class, with more spread.
+    """
     if road.speed_mps:
         return road.speed_mps, sigma_mph
     return class_speed_mps(road), _UNTAGGED_WIDTH * sigma_mph
 
 
 def driveway_speed_terms(approach: Approach, speed_mps: float) -> Terms:
-    """Vehicles come out of a driveway slower than they go along a road, whether the speed is reported or inferred.
+    """Return vehicles come out of a driveway slower than they go along a road, whether the speed is reported or
+    inferred.
 
     >>> driveway_speed_terms(scene.through[0], 20.0)  # a road of the map
     {}
@@ -297,7 +304,7 @@ class CrossingVehicle:
 
 
 def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
-    """Of two vehicles that cross straight, the one on the lesser road is expected to stop or slow down.
+    """Score two vehicles that cross straight: the one on the lesser road is expected to stop or slow down.
 
     >>> one = CrossingVehicle(record.vehicles[1], scene.through[0], 13.4)
     >>> crossing_terms(one, one)  # neither road is the lesser one
@@ -316,7 +323,7 @@ def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
 
 
 def _rank(road: Road | None) -> int:
-    """The rank of a road's class, the most important first; a vehicle without a road came out of a driveway."""
+    """Return the rank of a road's class, the most important first; a vehicle without a road came out of a driveway."""
     return road_class(road.highway if road is not None else "service").rank
 
 

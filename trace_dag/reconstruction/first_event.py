@@ -1,4 +1,4 @@
-"""How the first harmful event of a crash can have come about: the planner of its kind."""
+"""First harmful events: the choice of the planner by kind."""
 
 from __future__ import annotations
 
@@ -38,14 +38,15 @@ class FirstEvent:
 
     @classmethod
     def of(cls, hypotheses: tuple[Hypothesis, ...]) -> FirstEvent:
-        """Hypotheses whose scores say how unsure the best is."""
+        """Return hypotheses whose scores say how unsure the best is."""
         return cls(hypotheses, ambiguity_of(hypotheses))
 
 
 @dataclass(frozen=True, eq=False)
 class FirstScene:
-    """What a first event is planned from: the scene, the sequence, the simulation to look ahead with, how long before
-    it the reconstruction begins (s), and how many hypotheses are wanted."""
+    """The ground for planning a first event: scene, sequence, simulation to look ahead with, lead before it (s), and
+    number of hypotheses wanted.
+    """
 
     scene: Scene
     sequence: EventSequence
@@ -55,7 +56,7 @@ class FirstScene:
 
     @property
     def event(self) -> CrashEvent:
-        """The first event."""
+        """Return the first event."""
         return self.sequence.first
 
 
@@ -63,7 +64,7 @@ Planner: TypeAlias = Callable[[FirstScene], FirstEvent]
 
 
 def plan_first_event(of: FirstScene) -> FirstEvent:
-    """The hypotheses of the first event.
+    """Return the hypotheses of the first event.
 
     Raises :class:`Rejection` (``no_feasible_state``) where none lets it happen as reported.
     """
@@ -72,7 +73,7 @@ def plan_first_event(of: FirstScene) -> FirstEvent:
 
 
 def _off_bridges(record: CrashRecord, hypothesis: Hypothesis) -> Hypothesis:
-    """Who the report has go where a bridge's rail would hold: to the ground below, or to who stood beside the road."""
+    """Mark vehicles that must break through a bridge rail, because the report places them below it."""
     gone: set[int | None] = set()
     left: set[int | None] = set()
     for event in record.events:

@@ -31,9 +31,10 @@ Estimating: TypeAlias = Callable[[float, int], StateEstimate]
 def on_mapped_ground(
     record: CrashRecord, network: RoadNetwork, report: MapReport, made_with: Estimating, lead_s: float, most: int
 ) -> StateEstimate:
-    """The estimate that ``made_with`` makes, without hypotheses in which a party is off mapped ground or in a building;
-    with less time before the first event, where the best one only begins there. Where none is left, less likely ones
-    are asked for.
+    """Return the estimate that ``made_with`` makes, without hypotheses in which a party is off mapped ground or in a
+    building; with less time before the first event, where the best one only begins there.
+
+    Where none is left, less likely ones are asked for.
 
     Raises :class:`Rejection`: ``map_too_small`` where the data end too near to the crash, ``no_feasible_state`` where a
     party strays later on in every hypothesis.
@@ -66,7 +67,7 @@ def on_mapped_ground(
 
 
 def _only(made: StateEstimate, kept: list[Hypothesis]) -> StateEstimate:
-    """The estimate with some of its hypotheses."""
+    """Return the estimate with some of its hypotheses."""
     if kept[0] is made.best:
         return replace(made, hypotheses=tuple(kept))
     return replace(made, hypotheses=tuple(kept), ambiguity=ambiguity_of(kept))

@@ -66,12 +66,12 @@ class Party:
 
     @property
     def backing(self) -> bool:
-        """Whether it drove backward."""
+        """Return whether it drove backward."""
         return self.crash_type.backing or self.vehicle.movement is PreCrashMovement.BACKING
 
     @property
     def stationary(self) -> bool:
-        """Whether it stood still: by its reported speed or, if none is reported, by its movement."""
+        """Return whether it stood still: by its reported speed or, if none is reported, by its movement."""
         if self.vehicle.travel_speed_mps is not None:
             return self.vehicle.travel_speed_mps == 0 and self.vehicle.movement is not PreCrashMovement.STARTING
         return self.crash_type.stopped or self.vehicle.movement in (
@@ -81,8 +81,10 @@ class Party:
 
     @property
     def encroached(self) -> float:
-        """Log-odds that this vehicle left its path or struck the other: from role, critical event and events; 0 if they
-        say nothing."""
+        """Log-odds that this vehicle left its path or struck the other: from role, critical event and events.
+
+        0 if they say nothing.
+        """
         role = {
             EncounterRole.ENCROACHING: 1.0,
             EncounterRole.STRIKING: 1.0,
@@ -113,7 +115,7 @@ class PreCrashScenario:
 
 
 def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
-    """Everything the record says about one vehicle's part.
+    """Return everything the record says about one vehicle's part.
 
     >>> party(queue_record, queue_record.vehicles[0]).crash_type.relation.value  # crash type 20: rear-end, stopped
     'same_lane'
@@ -135,7 +137,7 @@ def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
 
 
 def pre_crash_scenarios(record: CrashRecord, one: Party, two: Party) -> tuple[PreCrashScenario, ...]:
-    """All readings of the record within reach of the likeliest, likeliest first.
+    """Return all readings of the record within reach of the likeliest, likeliest first.
 
     >>> parts = (party(record, vehicle) for vehicle in record.vehicles)
     >>> pre_crash_scenarios(record, *parts)[0].mover.vehicle.number  # the one that turns across the other
@@ -154,8 +156,11 @@ def pre_crash_scenarios(record: CrashRecord, one: Party, two: Party) -> tuple[Pr
 
 
 def _possible(record: CrashRecord, each: Party) -> list[tuple[Party, float]]:
-    """Return a party as reported. One of an angle crash at an intersection of which nothing says how it moved goes
-    straight on or turns left, each with its log-probability."""
+    """Return a party as reported.
+
+    One of an angle crash at an intersection of which nothing says how it moved goes straight on or turns left, each
+    with its log-probability.
+    """
     unsaid = (
         each.vehicle.movement in UNSAID_MOVEMENTS and each.crash_type.relation is None and each.critical.own is None
     )
@@ -223,7 +228,7 @@ def _mover_prior(relation: Relation, mover: Party, other: Party) -> float:
 
 
 def _front(each: Party) -> int:
-    """1 struck at the front, -1 at the rear, 0 elsewhere or unknown."""
+    """Return 1 for a vehicle struck at the front, -1 at the rear, 0 elsewhere or unknown."""
     if each.vehicle.impact is None:
         return 0
     along = math.cos(each.vehicle.impact.centre_rad)
@@ -231,7 +236,7 @@ def _front(each: Party) -> int:
 
 
 def _side(relation: Relation, mover: Party, other: Party) -> Side | None:
-    """The side of ``other`` from which the mover came, or on which it was."""
+    """Return the side of ``other`` from which the mover came, or on which it was."""
     if relation not in (Relation.CROSSING, Relation.SAME_DIRECTION):
         return None
     if other.crash_type.relation is relation and other.crash_type.other_from is not None:

@@ -1,4 +1,4 @@
-"""How estimators order what they tried: log-likelihoods, the best of each group, and how sure the first is."""
+"""Ranking of hypotheses: log-likelihoods, the best of each group, and the certainty of the first."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def drawn(key: str, about: str) -> float:
 
 
 def first_of_groups(ordered: Iterable[Found], group_of: Callable[[Found], Hashable]) -> list[Found]:
-    """The first of each group, in their order.
+    """Return the first of each group, in their order.
 
     >>> first_of_groups([1, 3, 2, 4], lambda number: number % 2)  # odd, even
     [1, 2]
@@ -59,8 +59,10 @@ def first_of_groups(ordered: Iterable[Found], group_of: Callable[[Found], Hashab
 
 
 def leaders_first(ordered: Sequence[Ranked], group_of: Callable[[Ranked], Hashable]) -> list[Ranked]:
-    """The first of each group and then the others, both in their order, the best first: members of a group differ in
-    detail only. Groups that are less than a twentieth as likely as the best have no place in front.
+    """Return the first of each group and then the others, both in their order, the best first: members of a group
+    differ in detail only.
+
+    Groups that are less than a twentieth as likely as the best have no place in front.
 
     >>> from types import SimpleNamespace
     >>> tried = (("west", -1), ("west", -2), ("east", -3), ("north", -9))
@@ -75,7 +77,7 @@ def leaders_first(ordered: Sequence[Ranked], group_of: Callable[[Ranked], Hashab
 
 
 def in_front(ordered: Sequence[Found], leaders: Sequence[Found]) -> list[Found]:
-    """Some of a sequence and then its others, both in their order.
+    """Return some of a sequence and then its others, both in their order.
 
     >>> in_front("abcd", "bd")
     ['b', 'd', 'a', 'c']
@@ -85,7 +87,7 @@ def in_front(ordered: Sequence[Found], leaders: Sequence[Found]) -> list[Found]:
 
 
 def likelihood(score: float, best: float) -> float:
-    """How likely something is beside the best, by log-likelihoods.
+    """Return likelihoods relative to the best, by log-likelihoods.
 
     Their terms are judgements that overlap, so together they claim to know more than they do: less by
     ``_OVERSTATED``, fitted with ``compare_directions`` where a city's table has the directions that were hidden.
@@ -97,7 +99,9 @@ def likelihood(score: float, best: float) -> float:
 
 
 def ambiguity(best: float, scores: Iterable[float]) -> float:
-    """Posterior share of all but the best, from 0 to 1, by log-likelihoods; the best's own is among the scores.
+    """Return the posterior share of all but the best, from 0 to 1, by log-likelihoods.
+
+    The best's own is among the scores.
 
     It has a share for what nobody thought of, so the best of one is not certain.
 

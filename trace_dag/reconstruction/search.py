@@ -71,7 +71,7 @@ def estimate_by_record(
     settings: StateSettings,
     first_planner: FirstPlanner = plan_first_event,
 ) -> StateEstimate:
-    """The ranked hypotheses of a crash, best first: those in which more of its events happen.
+    """Return the ranked hypotheses of a crash, best first: those in which more of its events happen.
 
     ``first_planner`` plans the first event; another one may ask somebody how it came about. Raises :class:`Rejection`:
     ``no_feasible_state`` where none lets happen what is reported, ``map_too_small`` where the map ends too near.
@@ -99,7 +99,7 @@ def estimate_by_record(
 def _estimate(
     record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings, first_planner: FirstPlanner
 ) -> StateEstimate:
-    """The ranked hypotheses with the lead time of the settings, wherever the map ends."""
+    """Return the ranked hypotheses with the lead time of the settings, wherever the map ends."""
     sequence = with_assumed_animal(sequence_of(record), settings)
     lead_s = settings.lead_time_s
     longest_s = LONGEST_WAIT_S if sequence.first.kind is EventKind.VEHICLE_CONTACT else LONGEST_CHAIN_S
@@ -123,7 +123,7 @@ def _estimate(
 
 
 def _orders(sequence: EventSequence) -> Iterator[EventSequence]:
-    """The sequence, and with its contacts in the other order where the report does not say which came first."""
+    """Yield the sequence, and with its contacts in the other order where the report does not say which came first."""
     yield sequence
     contacts = list(sequence.contacts)
     if not sequence.order_known and len(contacts) == len(sequence.events) > 1:
@@ -131,7 +131,7 @@ def _orders(sequence: EventSequence) -> Iterator[EventSequence]:
 
 
 def _in_order(search: Search, settings: StateSettings, first_planner: FirstPlanner) -> FirstEvent:
-    """The ranked hypotheses for one order of the events, and how unsure the best is."""
+    """Return the ranked hypotheses for one order of the events, and how unsure the best is."""
     later = _later_contacts(search.sequence)
     most = max(settings.max_hypotheses, _FIRSTS) if later else settings.max_hypotheses
     first = first_planner(FirstScene(search.scene, search.sequence, search.simulation, settings, most))
@@ -142,7 +142,7 @@ def _in_order(search: Search, settings: StateSettings, first_planner: FirstPlann
 
 
 def _later_contacts(sequence: EventSequence) -> tuple[CrashEvent, ...]:
-    """The contacts that are planned after the first event, and not together with it."""
+    """Return the contacts that are planned after the first event, and not together with it."""
     together = companions_of(sequence) if sequence.first.kind is EventKind.PERSON_STRUCK else ()
     return tuple(event for event in sequence.contacts if event is not sequence.first and event not in together)
 
@@ -151,7 +151,10 @@ def _later_contacts(sequence: EventSequence) -> tuple[CrashEvent, ...]:
 def _with_contacts(
     search: Search, firsts: Sequence[Hypothesis], settings: StateSettings
 ) -> tuple[tuple[Hypothesis, ...], float]:
-    """The hypotheses of a first event with the contacts that follow it, best first; and how unsure the best is."""
+    """Return the hypotheses of a first event with the contacts that follow it, best first.
+
+    And how unsure the best is.
+    """
     later = _later_contacts(search.sequence)
     planned = tuple(event for event in search.sequence.events if event not in later)
     begun = tuple(
@@ -181,7 +184,7 @@ def _with_contacts(
 
 
 def _is_placed(event: CrashEvent, first: Hypothesis) -> bool:
-    """Whether the first event's plan has the object of an event."""
+    """Return whether the first event's plan has the object of an event."""
     return event.kind is EventKind.OBJECT_STRUCK and any(item.number == event.party for item in first.objects)
 
 
@@ -191,7 +194,7 @@ def _begun(search: Search, plan: Plan, events: Sequence[CrashEvent]) -> Course:
 
 
 def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[str]) -> list[Course]:
-    """The course with one contact more: as it is where both meet by themselves, else with who is missing.
+    """Return the course with one contact more: as it is where both meet by themselves, else with who is missing.
 
     Where no plan of a vehicle that is missing brings the contact about, the likeliest is kept: a verdict says what it
     lacks. Where both are there, or one stood there, the course stays as it is. Who comes to a course that went wrong
@@ -222,7 +225,7 @@ def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[
 
 
 def _is_struck_so(course: Course, event: CrashEvent) -> bool:
-    """Whether the vehicles of a contact are touched within the clock positions that a verdict allows."""
+    """Return whether the vehicles of a contact are touched within the clock positions that a verdict allows."""
     seen = course.matching.matched[course.events.index(event)]
     if seen is None or seen.contact is None:
         return False
@@ -236,7 +239,7 @@ def _is_struck_so(course: Course, event: CrashEvent) -> bool:
 
 
 def _contact_plans(search: Search, course: Course, event: CrashEvent, newcomers: Sequence[int]) -> Plans:
-    """How those who are missing can come to a contact."""
+    """Plan the ways in which missing parties can come to a contact."""
     if len(newcomers) == 2:
         yield from _plans_by_themselves(search, course, event)
         return
@@ -259,7 +262,7 @@ def _contact_plans(search: Search, course: Course, event: CrashEvent, newcomers:
 
 
 def _plans_by_themselves(search: Search, course: Course, event: CrashEvent) -> Plans:
-    """A contact of two who were not there before: planned as a first one, a while after the one before."""
+    """Yield a contact of two who were not there before: planned as a first one, a while after the one before."""
     last_s = max((each.time_s for each in course.matching.matched if each is not None), default=search.lead_s)
     settings = StateSettings(lead_time_s=round(last_s + _AFTER_S, _DECIMALS))
     alone = EventSequence((event,))
@@ -313,8 +316,10 @@ _LATER: Final[Mapping[EventKind, Callable[[Search, Course, CrashEvent], Plans]]]
 
 
 def _with_later_events(search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """The hypotheses with the later objects and overturns of the report: of those that go as reported up to there the
-    first, and the next one if not all can be brought about in it; of the two the one with more of them comes first."""
+    """Return the hypotheses with the later objects and overturns of the report: of those that go as reported up to
+    there the first, and the next one if not all can be brought about in it; of the two the one with more of them comes
+    first.
+    """
     first = search.sequence.first
     wanted = [event for event in search.sequence.events if event.kind in _LATER and event is not first]
     if not wanted:
@@ -350,7 +355,7 @@ def _off_the_road(hypothesis: Hypothesis, later: Sequence[CrashEvent]) -> Hypoth
 
 
 def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tuple[Course, EstimateCheck]:
-    """The course with one event more, or as it is; and what came of it."""
+    """Return the course with one event more, or as it is; and what came of it."""
     as_it_is = search.with_event(course, event)
     number = event.vehicle.number
     place = as_it_is.events.index(event)
@@ -373,14 +378,14 @@ def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tupl
 
 
 def _grazes(course: Course, seen: Happening) -> bool:
-    """Whether an object that stands firm is touched so lightly that nothing comes of it."""
+    """Return whether an object that stands firm is touched so lightly that nothing comes of it."""
     item = course.log.object_of(seen.pair[1])
     stands = item is not None and item.resistance in (Resistance.RIGID, Resistance.YIELDING)
     return stands and seen.contact is not None and seen.contact.closing_speed_mps < _GRAZES_MPS
 
 
 def _worse(tried: Course, before: Course, place: int) -> bool:
-    """Whether an event that happened before does not any more, or a contact that nobody reported comes about."""
+    """Return whether an event that happened before does not any more, or a contact that nobody reported comes about."""
     lost = any(
         was is not None and now is None
         for at, (was, now) in enumerate(zip(before.matching.matched, tried.matching.matched, strict=True))

@@ -73,7 +73,7 @@ class RejectedRoadMap(Rejection):
 
 
 def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSettings) -> RoadMap:
-    """The road map of one crash, in the local frame of its reported point.
+    """Return the road map of one crash, in the local frame of its reported point.
 
     The extract is converted and the crash placed. If the report says something about the streets there that OSM does
     not, the extract is converted again with it. The map as written must pass every gate.
@@ -139,7 +139,9 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
 
 
 def road_converter(settings: RoadSettings) -> Converter:
-    """The converter that the settings name. Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
+    """Return the converter that the settings name.
+
+    Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
 
     >>> type(road_converter(RoadSettings())).__name__
     'NativeConverter'
@@ -151,7 +153,7 @@ def road_converter(settings: RoadSettings) -> Converter:
 def build_plain_map(
     extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, *, name: str, left_hand: bool
 ) -> PlainMap:
-    """The road map of an extract by itself, without a crash, in ``frame``; ``left_hand``: traffic keeps left.
+    """Return the road map of an extract by itself, without a crash, in ``frame``; ``left_hand``: traffic keeps left.
 
     Its gates are measured, all roads in their scope; none rejects the map. Raises :class:`Rejection`
     (``map_distorted``) where nothing can be made of the extract.
@@ -178,7 +180,7 @@ def _network(
 
 
 def tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> tuple[TagNotFollowed, ...]:
-    """What contradicts other tags or cannot be read, of the ways that are roads of the map."""
+    """Return the tags that contradict others or cannot be read, of the ways that are roads of the map."""
     return tuple(_tags_not_followed(network, extract))
 
 
@@ -191,14 +193,14 @@ def _tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> Iterator[Ta
 
 
 def _local_time(record: CrashRecord) -> datetime | None:
-    """When the crash happened; None if the report does not say the hour."""
+    """Return the time of the crash; None if the hour is not reported."""
     if record.hour is None or record.month is None or record.day is None:
         return None
     return datetime(record.year or record.case_year, record.month, record.day, record.hour % 24, record.minute or 0)
 
 
 def _find_structures(network: RoadNetwork, placement: CrashPlacement) -> tuple[Structure, ...]:
-    """Bridges and tunnels near the crash, nearest first, one entry per road."""
+    """Return bridges and tunnels near the crash, nearest first, one entry per road."""
     nearest: dict[str, Structure] = {}
     for match in network.nearest_lanes(placement.x_m, placement.y_m, STRUCTURES_WITHIN_M):
         road = network.road_by_id[match.lane.road_id]
@@ -208,7 +210,7 @@ def _find_structures(network: RoadNetwork, placement: CrashPlacement) -> tuple[S
 
 
 def _marked(comparison: Comparison, filled: frozenset[str]) -> Comparison:
-    """The comparison, marked if the map has the value from the report alone."""
+    """Return the comparison, marked if the map has the value from the report alone."""
     only_report = comparison.agreement == NOT_COMPARABLE and comparison.reported is not None
     return replace(comparison, filled_from_report=only_report and comparison.attribute in filled)
 
@@ -234,7 +236,7 @@ def _reject_vertical_geometry(extract: OsmExtract, frame: LocalFrame, settings: 
 
 
 def _distance_from_origin_m(a: list[float], b: list[float]) -> float:
-    """Distance of the segment a-b from the origin of the local frame."""
+    """Return the distance of the segment a-b from the origin of the local frame."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     length_2 = dx * dx + dy * dy
     share = min(max(-(a[0] * dx + a[1] * dy) / length_2, 0.0), 1.0) if length_2 else 0.0

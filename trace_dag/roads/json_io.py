@@ -15,7 +15,7 @@ def _reports() -> TypeAdapter[MapReport]:
 
 
 def map_report_to_json(report: MapReport) -> bytes:
-    """The report as stored.
+    """Return the report as stored.
 
     >>> import json
     >>> json.loads(map_report_to_json(map_report))["placement"]["moved_m"]
@@ -25,7 +25,7 @@ def map_report_to_json(report: MapReport) -> bytes:
 
 
 def map_report_from_json(data: bytes) -> MapReport:
-    """A stored report."""
+    """Return a stored report."""
     return _reports().validate_json(data)
 
 
@@ -35,7 +35,7 @@ def _rejected() -> TypeAdapter[RejectedMapReport]:
 
 
 def rejected_report_to_json(report: RejectedMapReport) -> bytes:
-    """The report on a map for which its crash is rejected, as stored.
+    """Return the report on a map for which its crash is rejected, as stored.
 
     >>> import json
     >>> from trace_dag.roads.report import RejectedMapReport
@@ -46,7 +46,7 @@ def rejected_report_to_json(report: RejectedMapReport) -> bytes:
 
 
 def rejected_report_from_json(data: bytes) -> RejectedMapReport:
-    """A stored report on a map for which its crash is rejected.
+    """Return a stored report on a map for which its crash is rejected.
 
     >>> rejected_report_from_json(b'{"converter": "native", "max_move_m": 30, "streets": []}').max_move_m
     30.0

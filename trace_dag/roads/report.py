@@ -17,7 +17,9 @@ STRUCTURES_WITHIN_M: Final = 100.0
 
 @dataclass(frozen=True)
 class CrashPlacement:
-    """Where the crash lies on the map. The reported point is the origin of the local frame; both are kept.
+    """The place of the crash on the map.
+
+    The reported point is the origin of the local frame; both are kept.
 
     ``road_id`` is the road the report names (or the nearest), ``moved_m`` how far the point was moved to reach its
     carriageway, ``junction_id`` the crossing of an intersection crash, ``matched_by`` the evidence used.
@@ -92,7 +94,7 @@ class MappedThing:
 
 @dataclass(frozen=True)
 class DataEnd:
-    """Where the map's data end and the road goes on in reality: ``distance_m`` from the crash along the roads."""
+    """An end of the map's data where the road goes on in reality: ``distance_m`` from the crash along the roads."""
 
     road_id: str
     name: str
@@ -101,8 +103,10 @@ class DataEnd:
 
 @dataclass(frozen=True)
 class LeftOutRoad:
-    """A road that is not on the map since it failed a gate, or (``road_id`` "") a way of which no road could be made;
-    the crash cannot have used it."""
+    """A road that is not on the map since it failed a gate, or (``road_id`` "") a way of which no road could be made.
+
+    The crash cannot have used it.
+    """
 
     road_id: str
     name: str
@@ -112,7 +116,7 @@ class LeftOutRoad:
 
 @dataclass(frozen=True)
 class TagNotFollowed:
-    """What an OpenStreetMap way says that is not on the map, since it contradicts other tags or cannot be read."""
+    """A tag of an OpenStreetMap way that the map does not follow, since it contradicts other tags or cannot be read."""
 
     way_id: int
     what: str
@@ -120,8 +124,11 @@ class TagNotFollowed:
 
 @dataclass(frozen=True)
 class ReversibleRoad:
-    """A road whose lanes go one way at a time. ``direction``: "by the hour" if the hour of the crash tells which way
-    they went, or "unknown": on the map they go the way that OpenStreetMap has drawn, and may have gone the other."""
+    """A road whose lanes go one way at a time.
+
+    ``direction``: "by the hour" if the hour of the crash tells which way they went, or "unknown": on the map they go
+    the way that OpenStreetMap has drawn, and may have gone the other.
+    """
 
     road_id: str
     direction: str

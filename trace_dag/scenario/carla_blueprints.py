@@ -1,4 +1,4 @@
-"""Which of CARLA's vehicles, walkers and bicycles stands for a reported one.
+"""Blueprints of CARLA for reported vehicles, people and bicycles.
 
 CARLA tells a blueprint's size only once it is spawned. So this table has the lengths and widths of the bounding boxes
 in CARLA 0.9.15, rounded, to choose by. The log records the box of the actor that was spawned.
@@ -63,7 +63,7 @@ _SECOND_CHOICE_M = 0.5  # size a blueprint made for the class may differ more th
 
 
 def choose_blueprint(body: Body, available: Iterable[str]) -> Blueprint:
-    """The blueprint nearest in class, then in length and width, of those the server has.
+    """Return the blueprint nearest in class, then in length and width, of those the server has.
 
     Raises :class:`Failure` if it has none of them.
 
@@ -92,7 +92,7 @@ def choose_blueprint(body: Body, available: Iterable[str]) -> Blueprint:
 
 
 def choose_walker(body: Body, available: Iterable[str] = (*WALKERS, *CHILD_WALKERS)) -> str:
-    """The walker for a person on foot, a child for one of a child's stature, of those the server has.
+    """Return the walker for a person on foot, a child for one of a child's stature, of those the server has.
 
     Raises :class:`Failure` if it has no walkers.
     """
@@ -105,7 +105,9 @@ def choose_walker(body: Body, available: Iterable[str] = (*WALKERS, *CHILD_WALKE
 
 
 def choose_bicycle(available: Iterable[str] = BICYCLES) -> str:
-    """The bicycle, with its rider, of those the server has. Raises :class:`Failure` if it has none.
+    """Return the bicycle, with its rider, of those the server has.
+
+    Raises :class:`Failure` if it has none.
 
     >>> choose_bicycle(["vehicle.gazelle.omafiets", "vehicle.tesla.model3"])
     'vehicle.gazelle.omafiets'

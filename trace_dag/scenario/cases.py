@@ -1,4 +1,4 @@
-"""What is evaluated: a crash, or a variation of one, as a scenario that any participant can be taken out of."""
+"""Cases of evaluations: a crash, or a variation of one, as a scenario that any participant can be taken out of."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ _EXTENSION_STEP_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """What an agent may know before it drives: its vehicle, the map, where it is going. Nothing about the crash.
+    """The scenario that an agent is given before it drives: its vehicle, the map, its destination.
+
+    Nothing about the crash.
 
     ``route`` follows lanes as far as the vehicle went along them; ``recorded_path`` is where it really went, without
     the crash. ``period_s`` is the time between two calls of ``act``.
@@ -50,7 +52,7 @@ class Scenario:
 
     @property
     def body(self) -> Body:
-        """The body the agent drives."""
+        """Return the body the agent drives."""
         return self.vehicle.body
 
 
@@ -77,13 +79,15 @@ class Case:
 
     @property
     def contact(self) -> Contact | None:
-        """The recorded first contact; None for a variation that is a near miss."""
+        """Return the recorded first contact; None for a variation that is a near miss."""
         return self.recorded.first_contact
 
     @property
     def pair(self) -> tuple[int, int]:
-        """Numbers of the two that collided first, the lower one first; of a near miss the first two participants; twice
-        the one that left the road by itself."""
+        """Return numbers of the two that collided first, the lower one first.
+
+        Of a near miss the first two participants; twice the one that left the road by itself.
+        """
         if self.departed is not None:
             return self.departed, self.departed
         contact = self.contact
@@ -93,7 +97,10 @@ class Case:
 
     @property
     def striking(self) -> int:
-        """Number of the one that closed in faster at the recorded contact; of a near miss the first one's."""
+        """Return the number of the one that closed in faster at the recorded contact.
+
+        Of a near miss the first one's.
+        """
         contact = self.contact
         if contact is None or self.departed is not None:
             return self.pair[0]
@@ -103,32 +110,35 @@ class Case:
         return contact.number_2 if toward_1 > toward_2 else contact.number_1
 
     def role(self, number: int) -> str:
-        """What a vehicle was in the crash: ``departing``, ``striking`` or ``struck``."""
+        """Return a vehicle's role in the crash: ``departing``, ``striking`` or ``struck``."""
         if self.departed is not None:
             return "departing"
         return "striking" if number == self.striking else "struck"
 
     @cached_property
     def bodies(self) -> dict[int, Body]:
-        """The bodies of all participants, then those of their trailers, by number."""
+        """Return the bodies of all participants, then those of their trailers, by number."""
         pulled = {trailer_body(each.number): pulled_body(each) for each in self.participants}
         parties = {each.number: each.body for each in self.participants}
         return parties | {number: body for number, body in pulled.items() if body is not None}
 
     def participant(self, number: int) -> Participant:
-        """A participant as planned."""
+        """Return a participant as planned."""
         return next(each for each in self.participants if each.number == number)
 
     @property
     def end_s(self) -> float:
-        """When the evaluation of an agent that drives at the recorded pace ends."""
+        """Return the end of the evaluation of an agent that drives at the recorded pace."""
         return self.impact_time_s + BEYOND_IMPACT_S
 
     @cached_property
     def going_on(self) -> tuple[Participant, ...]:
-        """All participants with plans that reach the end of an evaluation, however slow the agent is; of one that
-        skids, as far as it was planned: it slides on by itself. Nobody loses control as a consequence of a crash that
-        need not happen."""
+        """Return all participants with plans that reach the end of an evaluation, however slow the agent is.
+
+        Of one that skids, as far as it was planned: it slides on by itself.
+
+        Nobody loses control as a consequence of a crash that need not happen.
+        """
         return tuple(self._going_on(each) for each in self.participants)
 
     def _going_on(self, participant: Participant) -> Participant:
@@ -142,11 +152,11 @@ class Case:
 
     @cached_property
     def _ways(self) -> dict[int, tuple[Route, Path]]:
-        """The route and the recorded path of each participant that was asked for: the same for every agent."""
+        """Return the route and the recorded path of each participant that was asked for: the same for every agent."""
         return {}
 
     def route(self, number: int) -> Route:
-        """The way along lanes that a participant was going."""
+        """Return the way along lanes that a participant was going."""
         return self._way(number)[0]
 
     def _way(self, number: int) -> tuple[Route, Path]:
@@ -157,7 +167,7 @@ class Case:
         return self._ways[number]
 
     def scenario(self, ego: int, *, period_s: float, seed: int) -> Scenario:
-        """What the agent in a participant's place is told."""
+        """Return the scenario of the agent in a participant's place."""
         own = self.participant(ego)
         route, recorded = self._way(ego)
         return Scenario(
@@ -172,8 +182,10 @@ class Case:
 
 
 def extended(trajectory: Trajectory, until_s: float) -> Trajectory:
-    """The same motion, going on straight at its last speed until a time; unchanged where it lasts that long or is one
-    point to stand on."""
+    """Return the same motion, going on straight at its last speed until a time.
+
+    Unchanged where it lasts that long or is one point to stand on.
+    """
     t = trajectory
     if len(t.time_s) < 2 or float(t.time_s[-1]) >= until_s:
         return t
@@ -191,7 +203,7 @@ def extended(trajectory: Trajectory, until_s: float) -> Trajectory:
 
 
 def path_of(trajectory: Trajectory, start: Pose) -> Path:
-    """Where a motion goes, in its direction of travel; straight ahead for one that goes nowhere."""
+    """Return the path of a motion, in its direction of travel; straight ahead for one that goes nowhere."""
     points = np.column_stack([trajectory.x_m, trajectory.y_m, trajectory.z_m])
     if float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum()) < _STANDING_M:
         return straight(start, back_m=0.0, ahead_m=_STANDING_ROUTE_M)

@@ -16,7 +16,7 @@ OBJECT_COLOUR: Final = "#6B4A2B"
 
 
 def vehicle_colour(index: int) -> str:
-    """The colour of the vehicle that is the ``index``-th by number, from 0.
+    """Return the colour of the vehicle that is the ``index``-th by number, from 0.
 
     >>> vehicle_colour(0), vehicle_colour(6)  # six of them, then from the start
     ('#0072B2', '#0072B2')
@@ -25,5 +25,5 @@ def vehicle_colour(index: int) -> str:
 
 
 def body_colour(number: int, numbers: Iterable[int]) -> str:
-    """The colour of a body among those of a simulation, in its order: a trailer has that of what pulls it."""
+    """Return the colour of a body among those of a simulation, in its order: a trailer has that of what pulls it."""
     return vehicle_colour(list(numbers).index(party_of_body(number)))

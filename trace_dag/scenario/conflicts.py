@@ -16,8 +16,9 @@ _ALIKE_RAD = math.radians(45.0)
 
 
 def time_to_contact_s(one: Outline, velocity_1_mps: Velocity, two: Outline, velocity_2_mps: Velocity) -> float:
-    """Time until two rectangles that keep velocity and heading first touch, s; 0 if they do, infinity if they never
-    will.
+    """Return the time until two rectangles that keep velocity and heading first touch, s.
+
+    0 if they do, infinity if they never will.
 
     On each of the four axes that can separate them their projections overlap for an interval of time; the bodies touch
     while they overlap on all four.
@@ -41,7 +42,9 @@ def time_to_contact_s(one: Outline, velocity_1_mps: Velocity, two: Outline, velo
 
 
 def post_encroachment_time_s(one: VehicleLog, body_1: Body, two: VehicleLog, body_2: Body) -> float | None:
-    """Shortest time between one body's leaving a place and the other's coming there, s; None if they share no place.
+    """Return the shortest time between one body's leaving a place and the other's coming there, s.
+
+    None if they share no place.
 
     The post-encroachment time of Allen, Shin and Cooper (TRR 667, 1978) without a drawn conflict area: the least
     difference between two moments at which the two bodies, each at its own, would overlap. Logs are read in steps of
@@ -63,7 +66,7 @@ def post_encroachment_time_s(one: VehicleLog, body_1: Body, two: VehicleLog, bod
 
 
 def is_ahead(one: tuple[float, float, float], two: tuple[float, float, float]) -> bool:
-    """Whether the second goes the way of the first in front of it; each x, y (m) and heading (rad).
+    """Return whether the second goes the way of the first in front of it; each x, y (m) and heading (rad).
 
     >>> is_ahead((0.0, 0.0, 0.0), (8.0, 0.5, 0.1)), is_ahead((0.0, 0.0, 0.0), (8.0, 0.5, 1.5))  # crosses
     (True, False)
@@ -74,7 +77,7 @@ def is_ahead(one: tuple[float, float, float], two: tuple[float, float, float]) -
 
 
 def _poses(log: VehicleLog) -> tuple[Poses, FloatArray]:
-    """Where the body is at every step looked at, and the times, shape (n,)."""
+    """Return the body's poses at every step looked at, and the times, shape (n,)."""
     step_s = float(log.time_s[1] - log.time_s[0]) if len(log.time_s) > 1 else _PET_STEP_S
     every = slice(None, None, max(1, round(_PET_STEP_S / step_s)))
     return (log.x_m[every], log.y_m[every], log.heading_rad[every]), log.time_s[every]

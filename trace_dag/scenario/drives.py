@@ -1,4 +1,4 @@
-"""What everybody was going to do: each party's course without the crash, each driver's route and goal.
+"""Intended drives: each party's course without the crash, each driver's route and goal.
 
 What tools for driving ask of a scenario, in the crash's local frame. Belongs here: deriving it from a case. Does not
 belong here: the files that say it (:mod:`trace_dag.scenario.driving_files`, :mod:`trace_dag.export.formats`).
@@ -31,8 +31,9 @@ _ON_THE_ROUTE_M: Final = 2.0  # about half a lane
 
 @dataclass(frozen=True)
 class Goal:
-    """Where a driver was going: a rectangle of :data:`GOAL_LENGTH_M` by :data:`GOAL_WIDTH_M` along ``pose``, to be
-    reached between two times (s) at the pose's heading within :data:`GOAL_HEADING_RAD`."""
+    """A driver's goal: a rectangle of :data:`GOAL_LENGTH_M` by :data:`GOAL_WIDTH_M` along ``pose``, to be reached
+    between two times (s) at the pose's heading within :data:`GOAL_HEADING_RAD`.
+    """
 
     pose: Pose
     from_s: float
@@ -41,9 +42,11 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """One body without the crash: a party, or the trailer of one. ``course`` has shape (n, 5), a row per
-    :data:`STEP_S`, columns :data:`COURSE_COLUMNS`, headings within half a turn. ``route`` and ``goal`` are None for
-    people, for parked vehicles and for trailers, which nobody drives."""
+    """One body without the crash: a party, or the trailer of one.
+
+    ``course`` has shape (n, 5), a row per :data:`STEP_S`, columns :data:`COURSE_COLUMNS`, headings within half a turn.
+    ``route`` and ``goal`` are None for people, for parked vehicles and for trailers, which nobody drives.
+    """
 
     participant: Participant
     is_parked: bool
@@ -53,17 +56,19 @@ class Drive:
 
     @property
     def number(self) -> int:
-        """The party's number, or the body's of a trailer."""
+        """Return the party's number, or the body's of a trailer."""
         return self.participant.number
 
     @property
     def is_driven(self) -> bool:
-        """Whether somebody sits at the wheel."""
+        """Return whether somebody sits at the wheel."""
         return self.route is not None
 
 
 def drives_of(case: Case) -> tuple[Drive, ...]:
-    """What every party of a case was going to do, in its order, then every trailer, which follows whoever pulls it."""
+    """Return the intended drive of every party of a case, in its order, then of every trailer, which follows its
+    vehicle.
+    """
     parties = tuple(_drive(case, each) for each in case.going_on)
     return *parties, *(trailer for each in parties if (trailer := _trailer(each)) is not None)
 
@@ -106,7 +111,7 @@ def _drive(case: Case, participant: Participant) -> Drive:
 
 
 def _trailer(drive: Drive) -> Drive | None:
-    """The trailer of a party, on the tractrix of its hitch from where it was at the start; None without one."""
+    """Return the trailer of a party, on the tractrix of its hitch from where it was at the start; None without one."""
     puller, body = drive.participant, pulled_body(drive.participant)
     if body is None or puller.trailer is None:
         return None
@@ -123,8 +128,10 @@ def _trailer(drive: Drive) -> Drive | None:
 
 
 def _goal_pose(course: FloatArray, route: Route) -> Pose:
-    """The end of the course where that is on the route; else as far along the route as the course is long. A vehicle
-    that left the road was going to stay on it."""
+    """Return the end of the course where that is on the route; else as far along the route as the course is long.
+
+    A vehicle that left the road was going to stay on it.
+    """
     x, y, z, heading, _ = (float(value) for value in course[-1])
     _, offset_m, _ = PathFollower(route.path).locate_many(course[-1:, :2])
     if abs(float(offset_m[0])) <= _ON_THE_ROUTE_M:

@@ -66,7 +66,7 @@ _ENSEMBLE: Final = {
 
 
 def lane_id(ref: LaneRef) -> str:
-    """A lane's name in ``lanes.json`` and in other formats.
+    """Return a lane's name in ``lanes.json`` and in other formats.
 
     >>> lane_id(LaneRef("12", 0, -1))
     '12.0.-1'
@@ -75,7 +75,7 @@ def lane_id(ref: LaneRef) -> str:
 
 
 def lanes_to_json(key: str, network: RoadNetwork) -> bytes:
-    """The drivable lanes as UTF-8 JSON; the same bytes for the same map."""
+    """Return the drivable lanes as UTF-8 JSON; the same bytes for the same map."""
     shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
     known = {shape.ref for shape in shapes}
     kept = worth_keeping([(shape.left_m, shape.right_m) for shape in shapes], _AS_GOOD_AS_M)
@@ -91,8 +91,9 @@ def lanes_to_json(key: str, network: RoadNetwork) -> bytes:
 
 
 def courses_to_json(key: str, drives: Sequence[Drive]) -> bytes:
-    """The motions that all parties would have had without the crash, as UTF-8 JSON; the same bytes for the same
-    crash.
+    """Return the motions that all parties would have had without the crash, as UTF-8 JSON.
+
+    The same bytes for the same crash.
 
     >>> json.loads(courses_to_json("2023-319003", []))["parties"]  # nobody moved
     {}
@@ -108,8 +109,10 @@ def courses_to_json(key: str, drives: Sequence[Drive]) -> bytes:
 
 
 def ensemble_to_json(key: str, estimate: StateEstimate, sampled: SampledRuns) -> bytes:
-    """The likely courses of a crash without its collision, the heaviest first, as UTF-8 JSON; the same bytes for the
-    same crash."""
+    """Return the likely courses of a crash without its collision, the heaviest first, as UTF-8 JSON.
+
+    The same bytes for the same crash.
+    """
     courses = [(sample, weight, drawn(estimate, sample)) for sample, weight in likely_draws(sampled)]
     document = {
         "key": key,
@@ -139,7 +142,7 @@ def _course(course: FloatArray) -> dict[str, Any]:
 
 
 def _lane(shape: LaneShape, kept: list[int], known: set[LaneRef]) -> dict[str, Any]:
-    """A lane with those points of its borders that are kept."""
+    """Return a lane with those points of its borders that are kept."""
 
     def beside(ref: LaneRef | None, same_way: bool) -> dict[str, Any] | None:
         return {"id": lane_id(ref), "same_way": same_way} if ref in known and ref is not None else None

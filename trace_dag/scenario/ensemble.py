@@ -34,7 +34,7 @@ class DrawnCourse(NamedTuple):
 
 
 def likely_draws(sampled: SampledRuns, most: int = MOST_COURSES) -> list[tuple[int, float]]:
-    """Draws by their place among the estimate's, the heaviest first, with weights that add up to 1.
+    """Return draws by their place among the estimate's, the heaviest first, with weights that add up to 1.
 
     Systematic resampling (Kitagawa, Journal of Computational and Graphical Statistics 5, 1996): ``most`` evenly spaced
     points of the weights laid end to end, so that a draw is taken as often as it weighs, and none of them by chance.
@@ -49,7 +49,7 @@ def likely_draws(sampled: SampledRuns, most: int = MOST_COURSES) -> list[tuple[i
 
 
 def drawn(estimate: StateEstimate, sample: int) -> DrawnCourse:
-    """A draw that has a contact, from as long before the impact as the crash begins."""
+    """Return a draw that has a contact, from as long before the impact as the crash begins."""
     draw = estimate.samples[sample]
     hypothesis = estimate.hypotheses[draw.hypothesis]
     crash = SampledCrash.of(hypothesis, draw)

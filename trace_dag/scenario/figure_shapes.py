@@ -52,13 +52,13 @@ class FigureShape:
 
     @property
     def lines(self) -> list[tuple[FloatArray, float]]:
-        """The body's lines with their widths (m), what lies lower first."""
+        """Return the body's lines with their widths (m), what lies lower first."""
         torso_m, shoulders_m, limb_m = self.widths_m
         return [*((limb, limb_m) for limb in self.limbs), (self.torso, torso_m), (self.shoulders, shoulders_m)]
 
 
 def logged_shape(log: VehicleLog, k: int, body: Body) -> FigureShape:
-    """A person or an animal in the ``k``-th state of a log."""
+    """Return a person or an animal in the ``k``-th state of a log."""
     place = np.array([log.x_m[k], log.y_m[k]])
     heading = float(log.heading_rad[k])
     if not log.landmarks_m.shape[1]:
@@ -85,7 +85,7 @@ def logged_shape(log: VehicleLog, k: int, body: Body) -> FigureShape:
 
 
 def upright_shape(place: FloatArray, heading_rad: float, body: Body) -> FigureShape:
-    """Somebody who stands upright at a place, or rides there, facing a heading; or an animal."""
+    """Return the somebody who stands upright at a place, or rides there, facing a heading; or an animal."""
     along = np.array(_ahead(heading_rad))
     left = np.array([-along[1], along[0]])
     if body.kind is BodyKind.ANIMAL:
@@ -114,7 +114,7 @@ def _across(place: FloatArray, along: FloatArray, body: Body) -> FloatArray:
 
 
 def _ridden(front: FloatArray, rear: FloatArray, top: FloatArray, body: Body) -> FloatArray:
-    """Wheels and frame as one line, a wheel longer than from hub to hub, and a bicycle's handlebar."""
+    """Return wheels and frame as one line, a wheel longer than from hub to hub, and a bicycle's handlebar."""
     way = front - rear
     length_m = float(np.hypot(*way))
     along = way / length_m if length_m > 0.05 else np.array([1.0, 0.0])

@@ -17,7 +17,7 @@ OBJECT_NOTE: Final = "placed by the program: the map has none of the kind there"
 
 
 def outline(item: FixedObject) -> FloatArray:
-    """Corners of an object seen from above, shape (n, 2): of a ditch or embankment, of all that slopes.
+    """Return corners of an object seen from above, shape (n, 2): of a ditch or embankment, of all that slopes.
 
     >>> from trace_dag.common.geometry import Pose
     >>> barrier = FixedObject(1001, 1, 25, "concrete barrier", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 1.0, Resistance.RIGID)
@@ -37,12 +37,12 @@ def outline(item: FixedObject) -> FloatArray:
 
 
 def is_ours(item: FixedObject) -> bool:
-    """Whether the program placed the object."""
+    """Return whether the program placed the object."""
     return item.placed_by is PlacedBy.PROGRAM
 
 
 def in_words(item: FixedObject) -> str:
-    """What the object is, and where its place comes from.
+    """Return the object's kind and the origin of its place.
 
     >>> in_words(tree)
     'tree (placed by the program: the map has none of the kind there)'
@@ -51,7 +51,7 @@ def in_words(item: FixedObject) -> str:
 
 
 def names(items: Iterable[FixedObject]) -> str:
-    """The names of some objects, without repetitions, in their order.
+    """Return the names of some objects, without repetitions, in their order.
 
     >>> names([tree, tree])
     'tree'
@@ -69,8 +69,8 @@ _CATEGORIES: Final = {
 
 
 def object_category(item: FixedObject) -> str:
-    """The object's category, in the words that OpenDRIVE (``e_objectType``) and OpenSCENARIO (``MiscObjectCategory``)
-    share.
+    """Return the object's category, in the words that OpenDRIVE (``e_objectType``) and OpenSCENARIO
+    (``MiscObjectCategory``) share.
 
     >>> object_category(tree)
     'tree'

@@ -29,7 +29,7 @@ class PlacedObject(NamedTuple):
 
 
 def with_objects(xodr: bytes, objects: Sequence[PlacedObject]) -> bytes:
-    """The map with the objects on it, numbered on from its own; the same bytes where there are none."""
+    """Return the map with the objects on it, numbered on from its own; the same bytes where there are none."""
     if not objects:
         return xodr
     root = etree.fromstring(xodr, _PARSER)
@@ -43,7 +43,7 @@ def with_objects(xodr: bytes, objects: Sequence[PlacedObject]) -> bytes:
 
 
 def fixed_objects(network: RoadNetwork, items: Iterable[FixedObject]) -> list[PlacedObject]:
-    """The fixed objects of a crash, on the roads nearest to them.
+    """Return the fixed objects of a crash, on the roads nearest to them.
 
     >>> fixed_objects(network, log.objects)  # nothing was struck beside the road
     []
@@ -64,7 +64,7 @@ def fixed_objects(network: RoadNetwork, items: Iterable[FixedObject]) -> list[Pl
 def new_object(
     category: str, name: str, place: tuple[float, float, float], size_m: Mapping[str, float]
 ) -> etree._Element:
-    """An ``<object>``, which gets its id on the map.
+    """Return an ``<object>``, which gets its id on the map.
 
     ``place`` is s and t (m) and the heading (rad) relative to the road there, ``size_m`` its ``height`` and its
     ``radius`` or ``length`` and ``width``.
@@ -80,7 +80,7 @@ def new_object(
 
 
 def add_notes(made: etree._Element, notes: Mapping[str, object]) -> None:
-    """``userData`` at the end of an object; an empty note is left out.
+    """Add ``userData`` at the end of an object; an empty note is left out.
 
     >>> from lxml import etree
     >>> made = etree.Element("object")
@@ -94,7 +94,7 @@ def add_notes(made: etree._Element, notes: Mapping[str, object]) -> None:
 
 
 def rounded(value: float) -> str:
-    """A number as text, to four decimals.
+    """Return a number as text, to four decimals.
 
     >>> rounded(-0.00001), rounded(1.25)
     ('0', '1.25')

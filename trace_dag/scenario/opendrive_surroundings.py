@@ -73,7 +73,7 @@ _POINTS: Final = {
 def surrounding_objects(
     network: RoadNetwork, features: Sequence[OsmFeature], *, without: Collection[str] = ()
 ) -> list[PlacedObject]:
-    """The objects of a map for ``features``, in their order; those with an id in ``without`` are there already.
+    """Return the objects of a map for ``features``, in their order; those with an id in ``without`` are there already.
 
     >>> surrounding_objects(network, [])
     []
@@ -97,7 +97,7 @@ def surrounding_objects(
 
 
 class _Place(NamedTuple):
-    """Where an object belongs: its road, s and t there (m), and the point (m) and the road's heading (rad) there."""
+    """The place of an object: its road, s and t there (m), and the point (m) and the road's heading (rad) there."""
 
     road_id: str
     s_m: float
@@ -119,7 +119,7 @@ class _Roads:
         self._all = shapely.STRtree(list(lines.values()))
 
     def place(self, shape: BaseGeometry) -> _Place | None:
-        """The place of a shape; None if it is far from all roads or would stand on one."""
+        """Return the place of a shape; None if it is far from all roads or would stand on one."""
         if len(self._all.query(shape, predicate="intersects")):
             return None
         if len(self._all.query(shape, predicate="dwithin", distance=_BESIDE_LANES_M)) and any(
@@ -143,7 +143,7 @@ def _line(network: RoadNetwork, road_id: str, length_m: float) -> shapely.LineSt
 
 
 def _parts(feature: OsmFeature, frame: LocalFrame) -> Iterator[BaseGeometry]:
-    """The shapes of a feature in the local frame (m)."""
+    """Yield the shapes of a feature in the local frame (m)."""
 
     def to_local(places: FloatArray) -> FloatArray:
         return frame.to_local(places[:, 1], places[:, 0])
@@ -177,7 +177,7 @@ def _object(feature: OsmFeature, shape: BaseGeometry, kind: _Kind, place: _Place
 
 
 def _corners(shape: BaseGeometry) -> FloatArray:
-    """The corners of a shape (m), those of an area counter-clockwise and each once."""
+    """Return the corners of a shape (m), those of an area counter-clockwise and each once."""
     if isinstance(shape, shapely.Polygon):
         ring = shapely.geometry.polygon.orient(shape).exterior.simplify(_SIMPLIFIED_BY_M)
         return shapely.get_coordinates(ring)[:-1]
@@ -185,7 +185,7 @@ def _corners(shape: BaseGeometry) -> FloatArray:
 
 
 def _told_height_m(feature: OsmFeature) -> float | None:
-    """The height by OpenStreetMap, tagged or from the number of storeys."""
+    """Return the height by OpenStreetMap, tagged or from the number of storeys."""
     height_m = parse_length_m(feature.tags.get("height"))
     if height_m is None and (storeys := parse_length_m(feature.tags.get("building:levels"))):
         height_m = storeys * _STOREY_M

@@ -86,7 +86,9 @@ class OpenScenarios:
         self._driven: dict[tuple[int, float], _Driven] = {}  # by vehicle and reference point
 
     def write(self, flavour: Flavour | None = None, *, map_file: str = "map.xodr") -> bytes:
-        """One scenario as XML. ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible.
+        """Return one scenario as XML.
+
+        ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible.
 
         Raises :class:`ValueError` if the free vehicle is not in the log, or is a person.
         """
@@ -119,7 +121,8 @@ class OpenScenarios:
         return text.encode() + b"\n"
 
     def _followed(self, vehicle: VehicleLog, flavour: Flavour) -> _Driven:
-        """A vehicle's motion: all of it or, if another one is free, up to where it would first touch that one."""
+        """Return a vehicle's motion: all of it or, if another one is free, up to where it would first touch that
+        one."""
         place = vehicle.number, _reference_ahead_m(self._log, vehicle.number, flavour)
         if place not in self._driven:
             if vehicle.number not in self._motions:
@@ -147,16 +150,16 @@ class _Driven(NamedTuple):
     poses: list[_Pose]
 
     def pose_at(self, time_s: float) -> _Pose:
-        """Where it is at a time; its headings run on."""
+        """Return the pose at a time; its headings run on."""
         columns = np.array(self.poses).T
         return tuple(round(float(np.interp(time_s, self.time_s, values)), 6) + 0.0 for values in columns)
 
     def then(self, time_s: float, pose: _Pose) -> _Driven:
-        """The motion, and a pose after it."""
+        """Return the motion, and a pose after it."""
         return _Driven([*self.time_s, time_s], [*self.poses, pose])
 
     def straight_on(self) -> _Driven:
-        """The motion, going on as it ends for a second: who comes a frame late is not to turn away in it."""
+        """Return the motion, going on as it ends for a second: who comes a frame late is not to turn away in it."""
         end_s, last = self.time_s[-1], self.poses[-1]
         before = self.pose_at(end_s - _ENDS_S)
         place = (round(v + (v - u) / _ENDS_S * _GOES_ON_S, 6) for u, v in zip(before[:3], last[:3], strict=True))
@@ -178,7 +181,7 @@ def _header(record: CrashRecord, flavour: Flavour) -> Element:
 
 
 def _polyline(driven: _Driven, *, depth: int) -> str:
-    """The vertices of a polyline as text, with the polyline's end tag.
+    """Return the vertices of a polyline as text, with the polyline's end tag.
 
     Thousands of vertices are nine tenths of a scenario: written as elements one by one, indented and parsed they took
     nine tenths of the time.
@@ -202,14 +205,17 @@ def _reference_ahead_m(log: SimulationLog, number: int, flavour: Flavour) -> flo
 
 
 def _trailer(log: SimulationLog, number: int) -> Trailer | None:
-    """The trailer that a body is."""
+    """Return the trailer that a body is."""
     return log.trailers[party_of_body(number)] if log.bodies[number].is_trailer else None
 
 
 def _shown_bodies(log: SimulationLog, flavour: Flavour) -> dict[int, Body]:
-    """The bodies of a scenario, by number. A trailer is an object of its own, that follows its own trajectory: revision
-    1.2 cannot couple two. Behind a vehicle that is left to a controller none would follow, so that there is none; nor
-    for CARLA, which spawns no two vehicles that overlap, as tractor and semitrailer do."""
+    """Return the bodies of a scenario, by number.
+
+    A trailer is an object of its own, that follows its own trajectory: revision 1.2 cannot couple two. Behind a vehicle
+    that is left to a controller none would follow, so that there is none; nor for CARLA, which spawns no two vehicles
+    that overlap, as tractor and semitrailer do.
+    """
     free = () if flavour.free is None else (flavour.free,)
     return {
         number: body
@@ -219,8 +225,9 @@ def _shown_bodies(log: SimulationLog, flavour: Flavour) -> dict[int, Body]:
 
 
 def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> float:
-    """The time until which a vehicle follows its motion: if another one is free, until it would first touch that
-    one."""
+    """Return the time until which a vehicle follows its motion: if another one is free, until it would first touch that
+    one.
+    """
     pair = {party_of_body(number), free}
     touching = [contact.time_s for contact in log.contacts if {contact.number_1, contact.number_2} == pair]
     return min(touching, default=math.inf)
@@ -248,7 +255,7 @@ def _entities(log: SimulationLog, flavour: Flavour) -> Element:
 
 
 def _shown_objects(log: SimulationLog, flavour: Flavour) -> tuple[FixedObject, ...]:
-    """The fixed objects of a scenario: ScenarioRunner takes the props of CARLA's library alone."""
+    """Return the fixed objects of a scenario: ScenarioRunner takes the props of CARLA's library alone."""
     return () if flavour.carla else log.objects
 
 
@@ -279,7 +286,7 @@ def _storyboard(record: CrashRecord, log: SimulationLog, flavour: Flavour, drive
 
 
 def _speed(first_mps: float, flavour: Flavour) -> Element:
-    """The speed that an entity begins with."""
+    """Return the speed that an entity begins with."""
     speed_mps = round(float(first_mps), 3) + 0.0
     at_once = element("SpeedActionDynamics", dynamicsShape="step", value=0.0, dynamicsDimension="time")
     value = element("AbsoluteTargetSpeed", value=max(speed_mps, 0.0) if flavour.carla else speed_mps)
@@ -288,7 +295,7 @@ def _speed(first_mps: float, flavour: Flavour) -> Element:
 
 
 def _handing_over(flavour: Flavour) -> Element:
-    """Gives a vehicle to its controller; revision 1.0 wants it assigned, and every override stated."""
+    """Give a vehicle to its controller; revision 1.0 wants it assigned, and every override stated."""
     if not flavour.carla:
         activated = element("ActivateControllerAction", lateral=True, longitudinal=True)
         return element("PrivateAction", element("ControllerAction", activated))
@@ -301,7 +308,7 @@ def _handing_over(flavour: Flavour) -> Element:
 
 
 def _follow(name: str, driven: _Driven, flavour: Flavour, kept: KeptConflict | None = None) -> Element:
-    """The manoeuvre of who follows its motion: by the clock, or so that it keeps a conflict."""
+    """Return the manoeuvre of who follows its motion: by the clock, or so that it keeps a conflict."""
     polyline = element("Polyline")
     polyline.text = name  # in the place of its vertices, which are written as text
     trajectory = element("Trajectory", element("Shape", polyline), name=f"{name}{_TRAJECTORY}", closed=False)
@@ -336,8 +343,9 @@ def _follow(name: str, driven: _Driven, flavour: Flavour, kept: KeptConflict | N
 
 
 def _arriving(name: str, kept: KeptConflict | None) -> Element | None:
-    """The manoeuvre in which a vehicle is made to arrive together with the free one, until it would have to be too
-    quick; None of who needs none."""
+    """Return the manoeuvre in which a vehicle is made to arrive together with the free one, until it would have to be
+    too quick; None of who needs none.
+    """
     action = None if kept is None else kept.synchronized()
     if kept is None or action is None:
         return None
@@ -377,7 +385,7 @@ def _group(condition: Element) -> Element:
 
 
 def _when(name: str, time_s: float, rule: str) -> Element:
-    """A condition on the time since the start."""
+    """Return a condition on the time since the start."""
     time = element("SimulationTimeCondition", value=time_s, rule=rule)
     return element("Condition", element("ByValueCondition", time), name=name, delay=0.0, conditionEdge="none")
 
@@ -387,7 +395,10 @@ def _at_start(name: str, flavour: Flavour) -> Element:
 
 
 def _stop(log: SimulationLog, flavour: Flavour) -> Element:
-    """At the end of the motion; with a vehicle free, some time after the recorded contact or a collision it has."""
+    """Stop at the end of the motion.
+
+    With a vehicle free, some time after the recorded contact or a collision it has.
+    """
     contact, end_s = log.first_contact, log.duration_s
     if flavour.free is not None:
         times = _MOST_TIMES if flavour.keeps_conflict else 1.0
@@ -403,7 +414,7 @@ def _stop(log: SimulationLog, flavour: Flavour) -> Element:
 
 
 def _struck(free: str, other: str) -> Element:
-    """The condition that the free vehicle has touched another entity some time ago."""
+    """Return the condition that the free vehicle has touched another entity some time ago."""
     by = element("TriggeringEntities", element("EntityRef", entityRef=free), triggeringEntitiesRule="any")
     touches = element("EntityCondition", element("CollisionCondition", element("EntityRef", entityRef=other)))
     return element(

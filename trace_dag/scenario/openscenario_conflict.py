@@ -1,4 +1,4 @@
-"""What keeps a conflict in an OpenSCENARIO file: whoever met the free vehicle comes when it comes.
+"""Conflicts kept in an OpenSCENARIO file: the other party arrives when the free vehicle does.
 
 Vehicles go along their trajectories without a clock, and a ``SynchronizeAction`` brings them to their place of the
 contact when the free vehicle is at its own, at the speed they had there; whoever drives ahead of it at the recorded
@@ -35,7 +35,7 @@ class Motion(Protocol):
     """A motion as it is written."""
 
     def pose_at(self, time_s: float) -> tuple[float, ...]:
-        """x, y, z, heading, pitch and roll at a time."""
+        """Return x, y, z, heading, pitch and roll at a time."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,10 @@ class KeptConflict:
 
     @classmethod
     def of(cls, log: SimulationLog, free: int, other: int, motions: Mapping[str, Motion]) -> KeptConflict | None:
-        """The conflict of a free vehicle with another body, a trailer too; None if they were not the first to touch
-        each other, or that one stands there."""
+        """Return the conflict of a free vehicle with another body, a trailer too.
+
+        None if they were not the first to touch each other, or that one stands there.
+        """
         contact = next((each for each in log.contacts if free in (each.number_1, each.number_2)), None)
         if contact is None or {contact.number_1, contact.number_2} != {free, party_of_body(other)}:
             return None
@@ -80,13 +82,13 @@ class KeptConflict:
         return cls(names[0], free_place, place, contact.time_s, free_mps, speed_mps, most_mps, walks, leads)
 
     def timing(self) -> Element:
-        """The time reference of the trajectory."""
+        """Return the time reference of the trajectory."""
         if self.walks:
             return element("Timing", domainAbsoluteRelative="relative", scale=1.0, offset=0.0)
         return element("None")
 
     def sets_out(self, name: str, at_start: Element) -> Element:
-        """The condition on which it sets out: a vehicle at the start."""
+        """Return the condition on which it sets out: a vehicle at the start."""
         if not self.walks:
             return at_start
         by = element("TriggeringEntities", element("EntityRef", entityRef=self.free), triggeringEntitiesRule="any")
@@ -103,7 +105,7 @@ class KeptConflict:
         return element("Condition", said, name=name, delay=0.0, conditionEdge="none")
 
     def synchronized(self) -> Element | None:
-        """The action that brings a vehicle to its place; None of people."""
+        """Return the action that brings a vehicle to its place; None of people."""
         if self.walks:
             return None
         action = element(

@@ -16,7 +16,7 @@ Element: TypeAlias = etree._Element
 
 
 def element(tag: str, /, *children: Element | None, **attributes: object) -> Element:
-    """An element with its children and attributes, in this order; those that are None are left out.
+    """Return an element with its children and attributes, in this order; those that are None are left out.
 
     >>> etree.tostring(element("Sun", azimuth=1.5, intensity=None))
     b'<Sun azimuth="1.5"/>'
@@ -32,7 +32,7 @@ def _text(value: object) -> str:
 
 
 def bounding_box(width_m: float, length_m: float, height_m: float, *, ahead_m: float, up_m: float) -> Element:
-    """A box whose middle is so far ahead of and above the reference point.
+    """Return a box whose middle is so far ahead of and above the reference point.
 
     >>> bounding_box(1.8, 4.5, 1.5, ahead_m=1.4, up_m=0.75)[0].get("x")
     '1.4'
@@ -45,7 +45,7 @@ def bounding_box(width_m: float, length_m: float, height_m: float, *, ahead_m: f
 
 
 def box_of(body: Body, reference_ahead_m: float) -> Element:
-    """The box of a body on the road, its reference point so far ahead of its middle.
+    """Return the box of a body on the road, its reference point so far ahead of its middle.
 
     >>> float(box_of(log.bodies[1], -1.4)[0].get("x"))
     1.4
@@ -54,7 +54,7 @@ def box_of(body: Body, reference_ahead_m: float) -> Element:
 
 
 def properties(values: Mapping[str, str]) -> Element:
-    """What is said of an entity beyond the standard, by name.
+    """Return the properties of an entity beyond the standard, by name.
 
     >>> properties({"placed_by": "program"})[0].get("value")
     'program'
@@ -63,7 +63,8 @@ def properties(values: Mapping[str, str]) -> Element:
 
 
 def teleported(*pose: float) -> Element:
-    """The action that puts an entity somewhere: x, y, z (m), heading, and pitch and roll (rad) where they are told.
+    """Return the action that puts an entity somewhere: x, y, z (m), heading, and pitch and roll (rad) where they are
+    told.
 
     >>> etree.tostring(teleported(1.0, 2.0, 0.0, 0.5)).count(b"WorldPosition")
     1
@@ -73,7 +74,7 @@ def teleported(*pose: float) -> Element:
 
 
 def rounded_m(value_m: float) -> float:
-    """To a tenth of a millimetre, without a negative zero.
+    """Round to a tenth of a millimetre, without a negative zero.
 
     >>> rounded_m(1.23456), rounded_m(-0.00001)
     (1.2346, 0.0)

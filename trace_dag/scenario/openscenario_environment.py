@@ -23,7 +23,7 @@ _HIGHEST_LUX: Final = 100_000.0  # of the sun at the zenith (CIE clear sky)
 
 @dataclass(frozen=True)
 class Weather:
-    """What the report's weather is taken for."""
+    """The weather of the scenario for the reported one."""
 
     oktas: int
     kind: Literal["dry", "rain", "snow"] = "dry"
@@ -49,7 +49,7 @@ _WEATHERS: Final = {
 
 
 def environment(record: CrashRecord, *, carla: bool) -> Element | None:
-    """The environment of a crash, as an action; None if the report has neither time nor light nor weather.
+    """Return the environment of a crash, as an action; None if the report has neither time nor light nor weather.
 
     ``carla``: as ScenarioRunner reads it, which wants every part stated, intensities from 0 to 1, and no snow.
 
@@ -124,7 +124,7 @@ def _weather_for_carla(weather: Weather, azimuth_rad: float, elevation_rad: floa
 
 
 def _when(record: CrashRecord) -> datetime.datetime | None:
-    """When it happened by the clocks of the place; None if the report does not tell the hour."""
+    """Return the time of the crash by local clocks; None if the hour is not reported."""
     if record.hour is None or record.month is None or record.day is None:
         return None
     return datetime.datetime(
@@ -133,7 +133,10 @@ def _when(record: CrashRecord) -> datetime.datetime | None:
 
 
 def _sun(record: CrashRecord, when: datetime.datetime | None) -> tuple[float, float] | None:
-    """Azimuth (radians clockwise from north) and elevation of the sun; None where neither time nor light is told."""
+    """Return the azimuth (radians clockwise from north) and elevation of the sun.
+
+    None where neither time nor light is told.
+    """
     lowest, highest = _LIGHTS.get(record.light_code or 0, (-90.0, 90.0))
     if when is not None:
         azimuth_rad, elevation_rad = sun_position(when, record.latitude_deg, record.longitude_deg)
@@ -145,7 +148,7 @@ def _sun(record: CrashRecord, when: datetime.datetime | None) -> tuple[float, fl
 
 
 def sun_position(local: datetime.datetime, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-    """Azimuth (radians clockwise from north, 0 to 2 pi) and elevation of the sun, to about a degree.
+    """Return the azimuth (radians clockwise from north, 0 to 2 pi) and elevation of the sun, to about a degree.
 
     ``local`` is by the clocks of the United States there: standard time of the nearest meridian of 15 degrees, and an
     hour more from the second Sunday of March to the first of November. Source: NOAA, General Solar Position
@@ -183,7 +186,7 @@ def sun_position(local: datetime.datetime, latitude_deg: float, longitude_deg: f
 
 
 def _daylight_saving_h(local: datetime.datetime) -> int:
-    """Energy Policy Act of 2005: from the second Sunday of March to the first Sunday of November, at two."""
+    """Return the energy Policy Act of 2005: from the second Sunday of March to the first Sunday of November, at two."""
     begins = _sunday(local.year, 3, 2)
     ends = _sunday(local.year, 11, 1)
     return int(begins <= local < ends)

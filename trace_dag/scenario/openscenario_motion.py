@@ -68,7 +68,7 @@ class PlayedMotion:
 
     @classmethod
     def of(cls, log: SimulationLog, vehicle: VehicleLog, surface: Surface) -> PlayedMotion:
-        """That of a log; ``surface`` gives the grade it stands on."""
+        """Return that of a log; ``surface`` gives the grade it stands on."""
         centres, seen_s = _with_contacts(log, vehicle)
         time, x, y, z, heading = centres.T
         heading = np.unwrap(heading)
@@ -80,7 +80,7 @@ class PlayedMotion:
         return cls(log, vehicle, np.column_stack([time, x, y, z, heading, grade, bank]), seen_s)
 
     def of_point(self, ahead_m: float) -> TimedPoses:
-        """The motion of the point ``ahead_m`` ahead of the body's centre."""
+        """Return the motion of the point ``ahead_m`` ahead of the body's centre."""
         time, x, y, z, heading, grade, bank = self.rows.T
         vertices = np.column_stack(
             [
@@ -100,7 +100,8 @@ class PlayedMotion:
 
 
 def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequence[tuple[float, ...]]) -> FloatArray:
-    """The vertices that are needed, among them those at the touches of a vehicle and at the moments players see."""
+    """Return the vertices that are needed, among them those at the touches of a vehicle and at the moments players
+    see."""
     time_s = vertices[:, 0]
     touches_s = [contact.time_s for contact in log.contacts if number in contact.poses]
     moments_s = np.array([*touches_s, *(moment_s for group in seen_s for moment_s in group)])
@@ -114,8 +115,9 @@ def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequ
 
 
 def _rolled(vertices: FloatArray, vehicle: VehicleLog, height_m: float) -> FloatArray:
-    """The vertices of a vehicle that overturns: its reference point lies at the bottom of the body, which turns about
-    its middle, as high above the road as that is."""
+    """Return the vertices of a vehicle that overturns: its reference point lies at the bottom of the body, which turns
+    about its middle, as high above the road as that is.
+    """
     roll, above = (
         np.interp(vertices[:, 0], vehicle.time_s, values) for values in (vehicle.roll_rad, vehicle.above_road_m)
     )
@@ -129,7 +131,7 @@ def _rolled(vertices: FloatArray, vehicle: VehicleLog, height_m: float) -> Float
 
 
 def _until_struck(log: SimulationLog, number: int, time_s: FloatArray, heading_rad: FloatArray) -> FloatArray:
-    """A person's heading; from the first strike on it stays the same."""
+    """Return a person's heading; from the first strike on it stays the same."""
     struck_s = min((c.time_s for c in log.contacts if number in (c.number_1, c.number_2)), default=math.inf)
     before = np.flatnonzero(time_s <= struck_s + SAME_TIME_S)
     kept: FloatArray = heading_rad[np.minimum(np.arange(len(time_s)), before[-1] if len(before) else 0)]
@@ -137,8 +139,9 @@ def _until_struck(log: SimulationLog, number: int, time_s: FloatArray, heading_r
 
 
 def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray, list[tuple[float, ...]]]:
-    """The log's time, x, y, z and heading, shape (n, 5), with the first touches of this vehicle's contacts among them,
-    and of each contact the moments players are to keep: when they are to see the bodies overlap, else the touch."""
+    """Return the log's time, x, y, z and heading, shape (n, 5), with the first touches of this vehicle's contacts among
+    them, and of each contact the moments players are to keep: when they are to see the bodies overlap, else the touch.
+    """
     logged = np.stack([vehicle.time_s, vehicle.x_m, vehicle.y_m, vehicle.z_m, vehicle.heading_rad], axis=-1)
     known = logged[:, 0]
     rows: list[FloatArray] = [logged]
@@ -166,8 +169,9 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray,
 
 
 def _seen_s(log: SimulationLog, contact: Contact) -> list[float]:
-    """The logged moments soon after a first touch in which players may see the two bodies overlap clearly: the first on
-    a step of theirs, and the first; none if they overlap in none."""
+    """Return the logged moments soon after a first touch in which players may see the two bodies overlap clearly: the
+    first on a step of theirs, and the first; none if they overlap in none.
+    """
     one, two = (vehicle for vehicle in log.vehicles if vehicle.number in contact.touched)
     soon = (one.time_s > contact.time_s + SAME_TIME_S) & (one.time_s < contact.time_s + DEEPEST_EVERY_S)
     overlaps = {
@@ -189,7 +193,7 @@ def _outline(log: SimulationLog, vehicle: VehicleLog, k: int) -> Outline:
 def _slopes(
     x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, heading_rad: FloatArray, surface: Surface
 ) -> tuple[FloatArray, FloatArray]:
-    """Rise over run toward the front and toward the left."""
+    """Return the rise over run toward the front and toward the left."""
     if surface.flat:
         return np.zeros_like(x_m), np.zeros_like(x_m)
     grounds = [surface.at(*place) for place in zip(x_m.tolist(), y_m.tolist(), z_m.tolist(), strict=True)]

@@ -16,7 +16,7 @@ _MASS_KG: Final = 1e5  # the standard wants one; nothing moves it
 
 
 def misc_object(item: FixedObject) -> Element:
-    """An object as an entity.
+    """Return an object as an entity.
 
     >>> made = misc_object(tree)
     >>> made.get("name"), made.get("miscObjectCategory")
@@ -40,6 +40,6 @@ def misc_object(item: FixedObject) -> Element:
 
 
 def standing_at(item: FixedObject) -> Element:
-    """Puts an object where it stands."""
+    """Return puts an object where it stands."""
     pose = item.pose
     return teleported(*(round(value, 6) + 0.0 for value in (pose.x_m, pose.y_m, pose.z_m, pose.heading_rad)))

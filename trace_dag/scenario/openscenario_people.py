@@ -26,7 +26,7 @@ _MAX_SPEED_MPS, _MAX_ACCELERATION_MPS2, _MAX_DECELERATION_MPS2 = 15.0, 2.0, 5.0 
 
 
 def person_reference_ahead_m(body: Body) -> float:
-    """The reference point of OpenSCENARIO 1.2 ahead of the body's middle: of a bicycle negative.
+    """Return the reference point of OpenSCENARIO 1.2 ahead of the body's middle: of a bicycle negative.
 
     >>> from trace_dag.crash.record import VehicleClass
     >>> person_reference_ahead_m(Body(BodyKind.CYCLIST, VehicleClass.OTHER, 1.75, 0.6, 1.75, 90.0))  # the rear hub
@@ -36,8 +36,9 @@ def person_reference_ahead_m(body: Body) -> float:
 
 
 def person(number: int, body: Body, said: Mapping[str, str], *, reference_ahead_m: float, carla: bool) -> Element:
-    """A person or an animal as an entity, and what is ``said`` of it; the box is of the person with what the person
-    rides.
+    """Return a person or an animal as an entity, and what is ``said`` of it.
+
+    The box is of the person with what the person rides.
 
     ``carla`` names it by the blueprint of CARLA's library, which is how ScenarioRunner chooses.
 

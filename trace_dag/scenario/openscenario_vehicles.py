@@ -35,7 +35,10 @@ _CATEGORIES: Final = {
 
 
 def rear_axle_ahead_m(body: Body, trailer: Trailer | None = None) -> float:
-    """The rear axle ahead of the body's centre: negative. ``trailer`` is the trailer that it is."""
+    """Return the rear axle ahead of the body's centre: negative.
+
+    ``trailer`` is the trailer that it is.
+    """
     model = vehicle_model(body) if trailer is None else trailer_model(body, trailer)
     return model.cg_ahead_m - model.rear_axle_m
 
@@ -49,8 +52,8 @@ def vehicle(
     carla: bool,
     trailer: Trailer | None = None,
 ) -> Element:
-    """The vehicle with its reference point ``reference_ahead_m`` ahead of the body's centre, and what is ``said`` of
-    it; ``trailer`` where it is a trailer, whose front axle is then where it is coupled.
+    """Return the vehicle with its reference point ``reference_ahead_m`` ahead of the body's centre, and what is
+    ``said`` of it; ``trailer`` where it is a trailer, whose front axle is then where it is coupled.
 
     ``carla`` names it by the blueprint of CARLA's library nearest to the body, which is how ScenarioRunner chooses.
 
@@ -75,7 +78,7 @@ def vehicle(
 
 
 def performance(speed_mps: float, acceleration_mps2: float, deceleration_mps2: float) -> Element:
-    """What a vehicle can do at the most.
+    """Return a vehicle's limits of performance.
 
     >>> performance(70.0, 5.0, 8.0).get("maxSpeed")
     '70.0'
@@ -86,7 +89,7 @@ def performance(speed_mps: float, acceleration_mps2: float, deceleration_mps2: f
 
 
 def axles(wheel_m: float, track_m: float, wheelbase_m: float, *, max_steer_rad: float) -> Element:
-    """The axles of a vehicle, the rear one at its origin; ``wheel_m`` is a wheel's diameter.
+    """Return the axles of a vehicle, the rear one at its origin; ``wheel_m`` is a wheel's diameter.
 
     >>> axles(0.65, 1.5, 2.7, max_steer_rad=0.6)[1].get("positionX")
     '0.0'

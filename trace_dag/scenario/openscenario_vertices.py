@@ -25,7 +25,7 @@ _WITHIN_M = FILTER_RADIUS_M - _ROUNDED_M
 
 
 def kept_by_filters(rows: FloatArray, moments_s: Sequence[tuple[float, ...]]) -> FloatArray:
-    """The vertices, rows of time, x, y and more, such that moments outlast a filter, the earliest first.
+    """Return the vertices, rows of time, x, y and more, such that moments outlast a filter, the earliest first.
 
     Of each group of moments it is the first that can: one cannot where the vehicle comes back to where it was within
     the filter's radius, or has not moved so far since the start or the moment before.
@@ -48,7 +48,7 @@ def kept_by_filters(rows: FloatArray, moments_s: Sequence[tuple[float, ...]]) ->
 
 
 def _with_kept(rows: FloatArray, kept: int, after_s: float) -> FloatArray | None:
-    """The vertices with one of them kept by filters; nothing up to ``after_s`` is taken away for it."""
+    """Return the vertices with one of them kept by filters; nothing up to ``after_s`` is taken away for it."""
     away = np.flatnonzero(_distances(rows[:kept], rows[kept]) >= _BEYOND_M)
     if not len(away):
         return None
@@ -66,7 +66,7 @@ def _with_kept(rows: FloatArray, kept: int, after_s: float) -> FloatArray | None
 
 
 def _left_soon(rows: FloatArray) -> FloatArray:
-    """With a vertex where the way from the first of them leaves the filter's radius, which keeps that stretch short."""
+    """Insert a vertex where the way leaves the filter's radius, which keeps that stretch short."""
     away = np.flatnonzero(_distances(rows, rows[0]) >= _BEYOND_M)
     if not len(away):
         return rows
@@ -80,7 +80,7 @@ def _distances(rows: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _at_distance(start: FloatArray, end: FloatArray, place: FloatArray) -> FloatArray:
-    """The last point beyond a filter's radius from ``place`` on the way from ``start``, which is, to ``end``."""
+    """Return the last point beyond a filter's radius from ``place`` on the way from ``start``, which is, to ``end``."""
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = (low + high) / 2

@@ -14,8 +14,8 @@ _Away = Callable[[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]], FloatAr
 
 
 def worth_keeping(groups: Sequence[Sequence[FloatArray]], by_m: float) -> list[list[int]]:
-    """Which points to keep of each group of lines that are simplified together, so that no point of any is farther than
-    ``by_m`` from what is kept of it.
+    """Return the points to keep of each group of lines that are simplified together, so that no point of any is farther
+    than ``by_m`` from the simplified line.
 
     Lines have shape (n, 2) or (n, 3), metres; those of a group have one n, and all groups have as many lines. Indices
     in order, both ends among them. All groups are looked at together: of hundreds of short lines that takes a tenth of
@@ -47,8 +47,8 @@ def worth_keeping(groups: Sequence[Sequence[FloatArray]], by_m: float) -> list[l
 def needed_in_time(
     time_s: FloatArray, values: FloatArray, by: float, *, also: Sequence[int] | NDArray[np.intp] = ()
 ) -> NDArray[np.intp]:
-    """Which rows of values over time, shape (n, k), to keep so that every number of the others is within ``by`` of what
-    it is on the straight line, over time, between those before and after it.
+    """Return the rows of values over time, shape (n, k), to keep so that every number of the others is within ``by`` of
+    the straight line, over time, between those before and after it.
 
     Indices in order, both ends among them, and those that are ``also`` kept.
 
@@ -68,7 +68,7 @@ def needed_in_time(
 
 
 def _refined(kept: NDArray[np.bool_], away: _Away, by: float) -> NDArray[np.bool_]:
-    """With more points kept, until no other is off by more than ``by``.
+    """Add points until no other is off by more than ``by``.
 
     ``away`` says of some points, of which each lies between two others that are kept, how far it is off.
     """

@@ -1,4 +1,4 @@
-"""How far a participant has come on its recorded way, and when it has finished it."""
+"""Progress of a participant along its recorded way, and its arrival."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class RecordedWay:
         self.goal_m = min(self.conflict_m + GOAL_BEYOND_M, self.at(case.end_s))
 
     def at(self, time_s: float) -> float:
-        """How far it was at a time, m."""
+        """Return the distance covered at a time, m."""
         return float(np.interp(time_s, self._time_s, self._along_m))
 
     def time_at(self, along_m: float) -> float:
-        """When it was at a place, s; where it stood there, when it drove on."""
+        """Return the time at a place, s; where it stood there, the time of driving on."""
         after = int(np.searchsorted(self._along_m, along_m + _MOVES_M, side="right"))
         if after == 0:
             return 0.0
@@ -56,16 +56,16 @@ class RecordedWay:
         return float(self._time_s[after - 1] + max(share, 0.0) * (self._time_s[after] - self._time_s[after - 1]))
 
     def speed_mps(self, time_s: float) -> float:
-        """How fast it was at a time, over a fifth of a second."""
+        """Return the speed at a time, over a fifth of a second."""
         return (self.at(time_s + 0.1) - self.at(time_s - 0.1)) / (min(time_s, 0.1) + 0.1)
 
     @property
     def limit_s(self) -> float:
-        """When a run ends: after twice the time it took to the goal."""
+        """Return the end of a run: twice the time that it took to the goal."""
         return max(self._end_s, MOST_TIMES * self.time_at(self.goal_m)) if self.goal_m > _MOVES_M else self._end_s
 
     def follower(self) -> PathFollower | None:
-        """What finds places on the way; None for who stands."""
+        """Return the search for places on the way; None for a participant that stands."""
         length_m = float(self._along_m[-1])
         if length_m < _LEAST_WAY_M:
             return None
@@ -75,7 +75,7 @@ class RecordedWay:
         )
 
     def is_finished(self, log: VehicleLog) -> bool:
-        """Whether a vehicle reached the goal."""
+        """Return whether a vehicle reached the goal."""
         return self._reaches(log, self.goal_m)
 
     def is_past_conflict(self, log: VehicleLog) -> bool:
@@ -93,8 +93,10 @@ class RecordedWay:
 
 
 class Arrival:
-    """Whether a participant has reached its goal, looked at while it drives; not before the recorded end: until then
-    others may run into it."""
+    """The arrival of a participant at its goal, watched while it drives.
+
+    Not before the recorded end: until then others may run into it.
+    """
 
     def __init__(self, case: Case, number: int, way: RecordedWay) -> None:
         self.reached = False
@@ -102,13 +104,13 @@ class Arrival:
         self._follower, self._goal_m = way.follower(), way.goal_m - _REACHES_M
 
     def look(self, time_s: float, states: Mapping[int, BodyState]) -> None:
-        """Look where it is now."""
+        """Look at its place now."""
         state = states[self._number]
         at_m = self._follower.locate(state.x_m, state.y_m)[0] if self._follower is not None else self._goal_m
         self.reached = time_s >= self._from_s and (self.reached or at_m >= self._goal_m)
 
 
 def contact_with(case: Case, number: int) -> Contact | None:
-    """The first recorded contact of a participant; None where it touched nobody."""
+    """Return the first recorded contact of a participant; None where it touched nobody."""
     contacts = [each for each in case.recorded.contacts if number in (each.number_1, each.number_2)]
     return min(contacts, key=lambda contact: contact.time_s, default=None)

@@ -25,7 +25,9 @@ _FRAME = "x east, y north of the reported point, headings counter-clockwise from
 
 
 def log_to_json(key: str, log: SimulationLog) -> bytes:
-    """A log as UTF-8 JSON, ending with a newline; the same bytes for the same log. ``key`` is the crash's.
+    """Return a log as UTF-8 JSON, ending with a newline; the same bytes for the same log.
+
+    ``key`` is the crash's.
 
     >>> json.loads(log_to_json(record.key, log))["run"]["parties"]
     [1, 2]
@@ -60,8 +62,9 @@ def log_to_json(key: str, log: SimulationLog) -> bytes:
 
 
 def log_from_json(data: bytes, *, name: str) -> SimulationLog:
-    """The log that :func:`log_to_json` wrote. Raises :class:`DamagedFile`, which names the file ``name``, for anything
-    else.
+    """Return the log that :func:`log_to_json` wrote.
+
+    Raises :class:`DamagedFile`, which names the file ``name``, for anything else.
     """
     try:
         document: dict[str, Any] = json.loads(data)
@@ -97,7 +100,7 @@ def _adapter(of: type) -> TypeAdapter[Any]:
 
 
 def _plain(value: object) -> object:
-    """A dataclass of ours or numbers as JSON can hold them, shortened."""
+    """Return a dataclass of ours or numbers as JSON can hold them, shortened."""
     if hasattr(value, "__dataclass_fields__"):
         return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
     if isinstance(value, (tuple, list)):

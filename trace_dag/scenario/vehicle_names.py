@@ -15,7 +15,9 @@ _FOOTNOTE: Final = re.compile(r"\*+:?")
 
 
 def vehicle_name(label: str) -> str:
-    """The name in a label of make and model (``MAK_MODNAME``): without notes in parentheses and marks of footnotes.
+    """Return the name in a label of make and model (``MAK_MODNAME``): without notes in parentheses and marks of
+    footnotes.
+
     Empty where the label says that neither is known.
 
     >>> vehicle_name("Mercury Marquis/Monterey (car version; for van version 2004 on see code 444) /Grand Marquis")

@@ -1,4 +1,4 @@
-"""How big animals are, and how fast they go: FARS tells neither, nor which animal it was.
+"""Sizes and speeds of animals: FARS has neither, nor the species.
 
 Sizes are in the middle of what is published for grown animals: white-tailed deer 53 to 120 cm at the withers and 0.95
 to 2.2 m long (Smith, Mammalian Species 388, 1991), American elk 1.3 to 1.5 m and 170 to 330 kg (Feldhamer, Thompson and
@@ -38,7 +38,7 @@ _FROUDE: Final[Mapping[Pace, float]] = {
 
 
 def animal_speed_mps(species: Species, pace: Pace) -> float:
-    """How fast an animal goes.
+    """Return the speed of an animal.
 
     >>> round(animal_speed_mps(Species.DEER, Pace.TROTTING), 2)
     2.84

@@ -10,7 +10,9 @@ from trace_dag.simulation.types import Backend, BackendFactory
 
 
 def backend_factory(settings: SimSettings) -> BackendFactory:
-    """The factory of the back-end. Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
+    """Return the factory of the back-end.
+
+    Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
 
     >>> type(backend_factory(SimSettings(backend="embedded"))(SimSettings())).__name__
     'EmbeddedBackend'
@@ -21,7 +23,9 @@ def backend_factory(settings: SimSettings) -> BackendFactory:
 
 @lru_cache(maxsize=1)
 def backend(settings: SimSettings) -> Backend:
-    """The back-end, connected once per process. Other back-ends are not imported.
+    """Return the back-end, connected once per process.
+
+    Other back-ends are not imported.
 
     >>> type(backend(SimSettings(backend="embedded"))).__name__
     'EmbeddedBackend'

@@ -1,4 +1,4 @@
-"""How tall and heavy people are, and how big what they ride, from their age and sex.
+"""Body sizes of people, and of what they ride, from age and sex.
 
 Stature and mass are the middle of the population: children by the 50th percentile of the CDC growth charts (Kuczmarski
 et al., Vital and Health Statistics 11(246), 2002), adults by the means of the National Health and Nutrition
@@ -52,7 +52,7 @@ class PersonSize:
 
 
 def person_size(kind: PartyKind, age_years: float | None = None, *, female: bool | None = None) -> PersonSize:
-    """The size of a person of an age (years) and sex, with what the person rides."""
+    """Return the size of a person of an age (years) and sex, with what the person rides."""
     years = _ADULT_YEARS if age_years is None else age_years
     share = 0.5 if female is None else float(female)
 

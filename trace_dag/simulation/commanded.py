@@ -23,8 +23,10 @@ _LEAST_GRIP = 0.1  # share of the grip that is left sideways, however hard a tyr
 
 
 class CommandedVehicle(Vehicle):
-    """Follows its plan like any other vehicle while it has no command, or at the pace that was last commanded; with
-    pedals it does what they say."""
+    """Follows its plan like any other vehicle while it has no command, or at the pace that was last commanded.
+
+    With pedals it does what they say.
+    """
 
     __slots__ = ("_brake", "_clock", "_step_s", "_throttle", "_wanted")
 
@@ -46,7 +48,7 @@ class CommandedVehicle(Vehicle):
 
     @property
     def follows_plan(self) -> bool:
-        """Whether it is where the plan has it at this time: it has no command."""
+        """Return whether it is where the plan has it at this time: it has no command."""
         return self._wanted is None and self._clock.is_as_planned
 
     def command(self, wanted: Pedals | Pace | None, time_s: float) -> None:

@@ -121,7 +121,7 @@ class CrashRun:
         self.roadside = None if beyond is None else Roadside(self, objects, beyond)
 
     def _steps_of(self, driver: Driver) -> int:
-        """Steps from one command of a driver to the next."""
+        """Return steps from one command of a driver to the next."""
         return max(1, round(driver.period_s / self.step_s))
 
     def log(
@@ -131,9 +131,11 @@ class CrashRun:
         after_contact_s: float = math.inf,
         as_long_as: Callable[[Sequence[Contact]], bool] | None = None,
     ) -> SimulationLog:
-        """Simulate to the end and say what came of it. The run ends early where nothing has touched until a time (s),
-        so long after the first contact, or once ``as_long_as`` does not hold for the contacts so far; asked again, it
-        goes on from there."""
+        """Simulate to the end and say what came of it.
+
+        The run ends early where nothing has touched until a time (s), so long after the first contact, or once
+        ``as_long_as`` does not hold for the contacts so far; asked again, it goes on from there.
+        """
         termination, reason = self._advance_until_end(until_s, after_contact_s, as_long_as)
         duration_s = self._step * self.step_s
         self._record(duration_s)
@@ -154,22 +156,25 @@ class CrashRun:
         )
 
     def release(self) -> None:
-        """The run does not go on: another may use its bodies."""
+        """Release the bodies for another run."""
         self.bodies.release()
 
     def _contacts(self) -> list[Contact]:
-        """Every contact so far."""
+        """Return every contact so far."""
         found = [episode.contact() for episode in (*self._closed, *self.open.values())]
         return found if self.roadside is None else [*found, *(struck.contact() for struck in self.roadside.struck)]
 
     @property
     def _contacts_begun(self) -> int:
-        """The number of contacts so far."""
+        """Return the number of contacts so far."""
         return len(self._closed) + len(self.open) + (0 if self.roadside is None else len(self.roadside.struck))
 
     @property
     def _first_contact_s(self) -> float | None:
-        """When two bodies first touched, or a vehicle struck an object or overturned; None if none have."""
+        """Return the time at which two bodies first touched, or a vehicle struck an object or overturned.
+
+        None if none did.
+        """
         firsts = [episode.start_s for episode in (*self._closed, *self.open.values())]
         return min([*firsts, *(self.roadside.firsts_s if self.roadside else ())], default=None)
 
@@ -227,8 +232,9 @@ class CrashRun:
             self._step = step + 1
 
     def _alone_until(self, step: int) -> int:
-        """The step before which nobody can touch anybody and nothing but the road moves anyone: no vehicle's steps
-        depend on another's until then."""
+        """Return the step before which nobody can touch anybody and nothing but the road moves anyone: no vehicle's
+        steps depend on another's until then.
+        """
         if self.thrown is not None and self.thrown.moving:
             return step
         if self.open or self.pairs.crushed or self.hitches or self._driven:
@@ -311,7 +317,7 @@ class CrashRun:
         return None
 
     def _no_contact_reason(self) -> str:
-        """A sentence on how near the vehicles that could have met came to each other, from the logged states."""
+        """Return a sentence on how near the vehicles that could have met came to each other, from the logged states."""
         if self.roadside is not None and len(self.vehicles) == 1 and not self.people:
             return self.roadside.no_contact_reason(self.vehicles[0].number)
         nearest, when, numbers = math.inf, 0.0, (0, 0)
@@ -334,7 +340,7 @@ class CrashRun:
 
     # --- steps -----------------------------------------------------------------------------------------------
     def taken_over(self) -> BodyStates:
-        """The present state, which MuJoCo has from here on."""
+        """Return the present state, which MuJoCo has from here on."""
         if self.state is None:
             positions = [value for v in self.vehicles for value in (v.x, v.y, v.heading)]
             rates = [value for v in self.vehicles for value in (v.vx, v.vy, v.yaw_rate)]
@@ -365,7 +371,9 @@ class CrashRun:
             self.roadside.stand_on_ground()
 
     def contact_possible(self, step: int) -> bool:
-        """Whether two bodies may come to touch within the next step, or an object, or a crash pulse is under way."""
+        """Return whether two bodies may come to touch within the next step, or an object, or a crash pulse is under
+        way.
+        """
         if self._vehicles_may_touch(step):
             if self.roadside is not None:
                 self.roadside.look_again()  # what vehicles do to each other changes their speeds at once
@@ -402,12 +410,14 @@ class CrashRun:
         return False
 
     def forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
-        """The forces on the vehicles in a part of a step: those of the road, of each other's crush, and of objects."""
+        """Return the forces on the vehicles in a part of a step: those of the road, of each other's crush, and of
+        objects.
+        """
         total = self.pairs.press(forces, now_s, part_s)
         return total if self.roadside is None else self.roadside.press(total, now_s, part_s)
 
     def held(self, forces: list[float], part_s: float) -> list[float]:
-        """The given forces on the vehicles, and those of the hitches added."""
+        """Return the given forces on the vehicles with those of the hitches added."""
         for hitch in self.hitches:
             hitch.hold(forces, part_s)
         return forces
@@ -440,7 +450,7 @@ class CrashRun:
         self.close_ended((step + 1) * self.step_s)
 
     def step_leaning(self, step: int, forces: list[float]) -> None:
-        """Bodies that lean on each other, or lie in each other's dents: whole steps are short enough."""
+        """Take whole steps while bodies lean on each other, or lie in each other's dents."""
         self.before = None
         self.taken_over()
         total = self.forces_now(forces, step * self.step_s, self.step_s)
@@ -454,7 +464,7 @@ class CrashRun:
         self.close_ended(end_s)
 
     def watch_contacts(self, time_s: float) -> None:
-        """Of vehicles the deepest overlap; of strikes whether they are over, or a crash to the vehicle."""
+        """Watch the deepest overlap of vehicles, and whether strikes are over, or a crash to the vehicle."""
         for pair, episode in self.open.items():
             if pair[1] < len(self.vehicles):
                 self.watch_overlap(pair, time_s)
@@ -473,7 +483,7 @@ class CrashRun:
     def begin(
         self, pair: tuple[int, int], before: BodyStates, now: BodyStates, before_s: float, part_s: float
     ) -> ContactEpisode:
-        """A contact that came about between two states a part of a step from each other."""
+        """Return a contact that came about between two states a part of a step from each other."""
         if self.thrown is not None and pair[1] >= len(self.vehicles):
             return self.thrown.begin(pair, before_s + part_s, part_s)
         one, two = (self.vehicles[i] for i in pair)

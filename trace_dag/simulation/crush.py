@@ -64,7 +64,7 @@ _LEAST_AREA_M2 = 1e-12
 
 
 class Pressed(NamedTuple):
-    """What one part of a step does: force x, y (N) on the second vehicle, and the moments (Nm) on both."""
+    """The effect of one part of a step: force x, y (N) on the second vehicle, and the moments (Nm) on both."""
 
     fx: float
     fy: float
@@ -73,8 +73,8 @@ class Pressed(NamedTuple):
 
 
 def restitution_at(closing_mps: float, rebound_mps: float = _FROM_VEHICLE_MPS) -> float:
-    """Restitution of two vehicles that close at a speed along the normal, or of one and what its structure springs back
-    from with another speed.
+    """Return the restitution of two vehicles that close at a speed along the normal, or of one and what its structure
+    springs back from with another speed.
 
     >>> [round(restitution_at(speed), 2) for speed in (0.0, 2.0, 5.0, 16.0, 32.0)]
     [0.6, 0.39, 0.3, 0.16, 0.08]
@@ -87,13 +87,13 @@ def restitution_at(closing_mps: float, rebound_mps: float = _FROM_VEHICLE_MPS) -
 
 
 def front_stiffness_npm2(body: Body) -> float:
-    """Of a front: force per metre of crush and metre of width."""
+    """Return the stiffness of a front: force per metre of crush and metre of width."""
     rate = WALL_TEST_MPS / WALL_CRUSH_M[body.vehicle_class]
     return body.mass_kg * rate * rate / body.width_m
 
 
 def _of_front(ahead: float, left: float) -> float:
-    """The stiffness of the face that a direction points to, as a share of the front's."""
+    """Return the stiffness of the face that a direction points to, as a share of the front's."""
     end = 1.0 if ahead >= 0 else _REAR
     return end * ahead * ahead + _SIDE * left * left
 
@@ -116,7 +116,10 @@ class Crush:
         """How deep each was pressed in at most."""
 
     def press(self, outlines: tuple[Outline, Outline], now_s: float, part_s: float) -> Pressed | None:
-        """The forces of this moment, where the outlines are now, for a part of a step; None where none is exerted."""
+        """Return the forces of this moment, where the outlines are now, for a part of a step.
+
+        None where none is exerted.
+        """
         one, two = self._one, self._two
         polygon = overlap_polygon(*outlines)
         area, px, py = _area_and_middle(polygon)
@@ -164,7 +167,9 @@ class Crush:
     def _pressed(
         self, point: tuple[float, float], normal: tuple[float, float], normal_n: float, part_s: float
     ) -> Pressed:
-        """A normal force at a point with its friction, which is limited by Coulomb's law and to what stops sliding."""
+        """Return a normal force at a point with its friction, which is limited by Coulomb's law and to what stops
+        sliding.
+        """
         one, two, (nx, ny), (px, py) = self._one, self._two, normal, point
         tx, ty = -ny, nx
         past_x, past_y = self._past(px, py)
@@ -176,8 +181,10 @@ class Crush:
         return Pressed(fx, fy, y1 * fx - x1 * fy, x2 * fy - y2 * fx)
 
     def _normal(self, polygon: list[tuple[float, float]], one: Outline, two: Outline) -> tuple[float, float]:
-        """Normal of the surface between both, from the first to the second. Once it is pressed in it turns with both
-        and stays: what lies beside it is crushed already."""
+        """Return the normal of the surface between both, from the first to the second.
+
+        Once it is pressed in it turns with both and stays: what lies beside it is crushed already.
+        """
         turned = (self._one.heading + self._two.heading) / 2
         if self._settled_rad is not None:
             return math.cos(self._settled_rad + turned), math.sin(self._settled_rad + turned)
@@ -187,7 +194,9 @@ class Crush:
         return nx, ny
 
     def _yielding(self, point: tuple[float, float], along: tuple[float, float]) -> float:
-        """Relative velocity at a point per unit of impulse in a direction, 1/kg (the inverse of the effective mass)."""
+        """Return the relative velocity at a point per unit of impulse in a direction, 1/kg (the inverse of the
+        effective mass).
+        """
         (px, py), (ux, uy) = point, along
         total = 0.0
         for vehicle in (self._one, self._two):
@@ -196,7 +205,7 @@ class Crush:
         return total
 
     def _forces_n(self, stiffness: float, area_m2: float) -> tuple[float, float]:
-        """The normal force at an overlap: as it deepens, and as it would be if it came back from now on."""
+        """Return the normal force at an overlap: as it deepens, and as it would be if it came back from now on."""
         energy = self._restitution**2
         back = max(energy, _SPRINGS_BACK)
         if area_m2 >= self._deepest_m2:
@@ -206,7 +215,7 @@ class Crush:
         return returned_n, returned_n
 
     def _past(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Velocity of the second vehicle relative to the first, at a point."""
+        """Return the velocity of the second vehicle relative to the first, at a point."""
         one, two = self._one, self._two
         return (
             two.vx - two.yaw_rate * (y_m - two.y) - one.vx + one.yaw_rate * (y_m - one.y),
@@ -215,8 +224,9 @@ class Crush:
 
 
 def _shift_m(width_m: float, closing_mps: float, turning_rps: float) -> float:
-    """How far the force is from the middle of a contact whose sides turn against each other: crush does not spring
-    back, so that only the part that still closes presses."""
+    """Return how far the force is from the middle of a contact whose sides turn against each other: crush does not
+    spring back, so that only the part that still closes presses.
+    """
     across_mps = abs(turning_rps) * width_m
     if across_mps < 1e-9:
         return 0.0
@@ -225,7 +235,7 @@ def _shift_m(width_m: float, closing_mps: float, turning_rps: float) -> float:
 
 
 def _area_and_middle(polygon: list[tuple[float, float]]) -> tuple[float, float, float]:
-    """Area of a polygon (m2) and the place of its middle."""
+    """Return the area of a polygon (m2) and the place of its middle."""
     if len(polygon) < 3:
         return 0.0, 0.0, 0.0
     x0, y0 = polygon[0]
@@ -244,8 +254,12 @@ def _area_and_middle(polygon: list[tuple[float, float]]) -> tuple[float, float, 
 
 
 def _across_crossings(polygon: list[tuple[float, float]], one: Outline, two: Outline) -> tuple[float, float]:
-    """From the first to the second: across the line through the two points where their outlines cross. Outlines that
-    lie flush cross nowhere, or where one reaches through the other four times: there the face that separates them."""
+    """Return the direction from the first to the second, across the line through the two points where their outlines
+    cross.
+
+    Outlines that lie flush cross nowhere, or where one reaches through the other four times: there the face that
+    separates them.
+    """
     crossings = [point for point in polygon if not _is_corner(point, one) and not _is_corner(point, two)]
     if len(crossings) == 2:
         (xa, ya), (xb, yb) = crossings
@@ -267,13 +281,13 @@ def _is_corner(point: tuple[float, float], outline: Outline) -> bool:
 
 
 def _facing(outline: Outline, front_npm2: float, nx: float, ny: float) -> float:
-    """Stiffness of a vehicle's face in a direction outward from it, by that of its front."""
+    """Return the stiffness of a vehicle's face in a direction outward from it, by that of its front."""
     c, s = outline.ahead
     return front_npm2 * _of_front(nx * c + ny * s, ny * c - nx * s)
 
 
 def _extent_m(polygon: list[tuple[float, float]], nx: float, ny: float) -> float:
-    """How far a polygon reaches along a direction."""
+    """Return the extent of a polygon along a direction."""
     low, high = math.inf, -math.inf
     for x, y in polygon:
         along = x * nx + y * ny

@@ -1,4 +1,4 @@
-"""Who is at the wheel after a contact.
+"""Drivers after a contact.
 
 A crash ends the drive: nobody steers or brakes from then on. A contact that changes a vehicle's velocity by less than
 an event data recorder has to record (``sim.crash_delta_v_mps``, 8 km/h: 49 CFR 563.5) is none to its driver, who reacts
@@ -27,8 +27,10 @@ from trace_dag.simulation.vehicles import vehicle_model
 
 
 class DriverResponse:
-    """How the drivers of a run react, and who has lost control for good. Those ``led_by`` others (agents) end their
-    drive at any contact."""
+    """The reactions of a run's drivers, and their lasting loss of control.
+
+    Those ``led_by`` others (agents) end their drive at any contact.
+    """
 
     def __init__(
         self, participants: Sequence[Participant], settings: SimSettings, friction: float, *, led_by: Collection[int]
@@ -47,23 +49,25 @@ class DriverResponse:
                 self._lost.add(each.number)
 
     def lose(self, vehicle: Vehicle) -> None:
-        """Nobody drives the vehicle any more."""
+        """Take the driver from the vehicle."""
         vehicle.crashed = True
         self._lost.add(party_of_body(vehicle.number))
 
     def react(self, vehicle: Vehicle, since_s: float, *, seen_for_s: float = 0.0, beside: bool = False) -> None:
-        """The driver of a vehicle reacts to what happened at a time and had been in sight for ``seen_for_s``; pushed
-        ``beside`` the path, stays there."""
+        """Let a driver react to an event at a time that had been in sight for ``seen_for_s``.
+
+        Pushed ``beside`` the path, the vehicle stays there.
+        """
         reaction = self._reactions[party_of_body(vehicle.number)]
         reaction = replace(reaction, reaction_s=max(reaction.reaction_s - seen_for_s, 0.0))
         vehicle.strike(round(since_s / self._step_s), reaction, self._step_s, beside=beside)
 
     def is_crash(self, impulse_ns: float, mass_kg: float) -> bool:
-        """Whether an impulse is a crash to a vehicle of that mass."""
+        """Return whether an impulse is a crash to a vehicle of that mass."""
         return impulse_ns / mass_kg >= self._crash_delta_v_mps
 
     def after(self, episode: ContactEpisode, under_way: Iterable[ContactEpisode]) -> None:
-        """A contact of two vehicles is over, others may be under way: who goes on driving?"""
+        """Decide who goes on driving after a contact of two vehicles; others may be under way."""
         touching = {party_of_body(each.number) for other in under_way for each in (other.one, other.two)}
         for vehicle, mass_kg in zip((episode.one, episode.two), episode.masses_kg, strict=True):
             if isinstance(vehicle, Person):

@@ -28,7 +28,7 @@ class BodyState:
 
     @property
     def speed_mps(self) -> float:
-        """Speed along the body, negative backward."""
+        """Return the speed along the body, negative backward."""
         return self.velocity_x_mps * math.cos(self.heading_rad) + self.velocity_y_mps * math.sin(self.heading_rad)
 
 
@@ -63,7 +63,7 @@ class PlanClock:
         self.pace = 1.0
 
     def at(self, time_s: float) -> float:
-        """The time of the plan at a time of the run, s."""
+        """Return the time of the plan at a time of the run, s."""
         return self._plan_s + self.pace * (time_s - self._since_s)
 
     def set_pace(self, time_s: float, pace: float) -> None:
@@ -73,7 +73,7 @@ class PlanClock:
 
     @property
     def is_as_planned(self) -> bool:
-        """Whether plan and run have the same time."""
+        """Return whether plan and run have the same time."""
         return self.pace == 1.0 and self._since_s == self._plan_s
 
 
@@ -85,8 +85,10 @@ class Driver(Protocol):
 
     @property
     def has_arrived(self) -> bool:
-        """Whether it need not drive on: a run in which nobody has touched anybody ends once all drivers have."""
+        """Return whether it need not drive on: a run in which nobody has touched anybody ends once all drivers have."""
 
     def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | Pace | None:
-        """The pedals and steering for now, given the true state of every participant by number; a pace of the plan,
-        the only command that people take; None keeps to the plan."""
+        """Return the pedals and steering for now, given the true state of every participant by number.
+
+        A pace of the plan, the only command that people take; None keeps to the plan.
+        """

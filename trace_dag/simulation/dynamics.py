@@ -153,7 +153,7 @@ class Vehicle:
         self._along_n = 0.0
 
     def stand_on(self, friction: float) -> None:
-        """Tyres are on ground of this friction, that of a car's, from now on."""
+        """Put the tyres on ground of this friction, that of a car's, from now on."""
         friction *= self.model.tyre_grip
         if friction == self._friction:
             return
@@ -164,8 +164,10 @@ class Vehicle:
         self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
 
     def lose_control(self, losses: Sequence[tuple[int, LossOfControl]]) -> None:
-        """From the first of these steps on nobody drives it any more; what is assumed of it holds until the next
-        one."""
+        """Take the driver away from the first of these steps on.
+
+        What is assumed of the vehicle holds until the next one.
+        """
         self._losses = list(losses)
         self.lost_from_step, self.next_loss_step = losses[0][0], losses[0][0]
 
@@ -179,7 +181,7 @@ class Vehicle:
         self.next_loss_step = self._losses[0][0] if self._losses else sys.maxsize
 
     def carry(self, time_s: float, step_s: float) -> None:
-        """Be where the plan has the vehicle at a time, and move as there."""
+        """Carry the vehicle along its plan: its place at a time, and its motion there."""
         at = min(time_s / step_s, len(self._plan) - 1.001)
         k = int(at)
         before, after, share = self._plan.row(k), self._plan.row(k + 1), at - k
@@ -188,24 +190,24 @@ class Vehicle:
         self.yaw_rate = (after[8] - before[8]) / step_s
 
     def from_plan_m(self, time_s: float, step_s: float) -> float:
-        """How far the vehicle is from where the plan has it at a time."""
+        """Return the distance of the vehicle from its planned place at a time."""
         x, y, *_ = self._plan.row(min(int(time_s / step_s), len(self._plan) - 1))
         return math.hypot(self.x - x, self.y - y)
 
     @property
     def follows_plan(self) -> bool:
-        """Whether it moves as planned, while it is not out of control."""
+        """Return whether it moves as planned, while it is not out of control."""
         return True
 
     def outline(self) -> Outline:
-        """The body's outline now."""
+        """Return the body's outline now."""
         here = self.x, self.y, self.heading
         if here != self._outline_place:  # asked for many times in one state
             self._outline_place, self._outline = here, self.outline_at(*here)
         return self._outline
 
     def outline_at(self, x_m: float, y_m: float, heading_rad: float) -> Outline:
-        """The body's outline with its centre of gravity elsewhere."""
+        """Return the body's outline with its centre of gravity elsewhere."""
         ahead, body = self.model.cg_ahead_m, self.model.body
         return Outline(
             x_m - ahead * math.cos(heading_rad),
@@ -216,7 +218,7 @@ class Vehicle:
         )
 
     def body_state(self) -> BodyState:
-        """The state of the body's centre now."""
+        """Return the state of the body's centre now."""
         ahead, c, s = self.model.cg_ahead_m, math.cos(self.heading), math.sin(self.heading)
         return BodyState(
             self.number,
@@ -231,13 +233,13 @@ class Vehicle:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it no longer moves."""
+        """Return whether it no longer moves."""
         if self.roll is not None and not self.roll.settled:
             return False
         return math.hypot(self.vx, self.vy) < _REST_MPS and abs(self.yaw_rate) < _REST_RPS
 
     def road_force(self, step: int) -> tuple[float, float, float]:
-        """Force x, y (N) and yaw moment (Nm) of the road for the step that begins now."""
+        """Return the force x, y (N) and yaw moment (Nm) of the road for the step that begins now."""
         fx, fy, moment = self._tyre_force(step)
         if self.ground.slope_x or self.ground.slope_y:
             weight = self._mass * GRAVITY_MPS2
@@ -256,21 +258,23 @@ class Vehicle:
         self.heading += yaw_rate * step_s
 
     def log_row(self) -> tuple[float, ...]:
-        """The state as the recorder keeps it, at the centre of gravity."""
+        """Return the state as the recorder keeps it, at the centre of gravity."""
         state = (self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate, self.steer, *self.pedals)
         if self.roll is None:
             return (*state, self.model.body.height_m / 2, 0.0)
         return (*state, self.roll.above_road_m, self.roll.roll_rad)
 
     def strike(self, step: int, response: AfterStriking, step_s: float, *, beside: bool = False) -> None:
-        """From now on the driver has struck a person, or was pushed ``beside`` the path; of several the first
-        is what the driver answers."""
+        """Note that the driver has struck a person, or was pushed ``beside`` the path.
+
+        Of several events the driver answers the first.
+        """
         if self._after_strike is None:
             self._after_strike = PostImpactDriver(self._plan, step, response, step_s, beside=beside)
 
     @property
     def stops(self) -> bool:
-        """Whether its driver brakes to a stop, whatever was planned."""
+        """Return whether its driver brakes to a stop, whatever was planned."""
         return self._after_strike is not None and self._after_strike.stops
 
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
@@ -359,7 +363,7 @@ class Vehicle:
 
     @property
     def pedals(self) -> tuple[float, float]:
-        """Throttle and brake, 0 to 1, of the last step."""
+        """Return the throttle and brake, 0 to 1, of the last step."""
         if self.crashed:
             return 0.0, self._locked_wheels
         if self._along_n >= 0:
@@ -369,7 +373,8 @@ class Vehicle:
     def _kinematic_steer(
         self, ex: float, ey: float, curvature: float, course: float, ahead_v: float, left_v: float, backward: bool
     ) -> float:
-        """Steering by geometry: the curvature that brings the path back to the plan over a fixed distance."""
+        """Return the steering by geometry: the curvature that brings the path back to the plan over a fixed
+        distance."""
         model = self.model
         offset = ex * math.sin(course) - ey * math.cos(course)  # of the vehicle, left of the plan
         drift = left_v / ahead_v if abs(ahead_v) > 0.5 else model.rear_axle_m * curvature
@@ -379,15 +384,16 @@ class Vehicle:
         return math.atan(model.wheelbase_m * wanted)
 
     def _rolling(self) -> tuple[float, float, float]:
-        """What slows down one that has overturned: against its way, and against its turning."""
+        """Return the deceleration of an overturned vehicle: against its way, and against its turning."""
         speed = max(math.hypot(self.vx, self.vy), _SLIDE_FLOOR_MPS)
         drag_n = ROLLS_G * self._mass * GRAVITY_MPS2
         slowing = -drag_n * self.model.wheelbase_m / 4 * max(-1.0, min(1.0, self.yaw_rate / _REST_RPS / 4))
         return -drag_n * self.vx / speed, -drag_n * self.vy / speed, slowing
 
     def _free(self, locked: float, turned_rad: float = 0.0) -> tuple[float, float, float]:
-        """Nobody drives: a share of the load slides on locked wheels, the rest rolls, in front on wheels turned so far
-        to the left."""
+        """Return nobody drives: a share of the load slides on locked wheels, the rest rolls, in front on wheels turned
+        so far to the left.
+        """
         # As in _driven: locals and comparisons instead of attributes, min and max.
         friction, yaw_rate = self._friction, self.yaw_rate
         c, s = math.cos(self.heading), math.sin(self.heading)

@@ -38,14 +38,14 @@ class EmbeddedBackend:
 
     @staticmethod
     def require(settings: SimSettings) -> None:
-        """It needs nothing that is not installed with this package."""
+        """Require nothing beyond this package."""
 
     def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> EmbeddedSimulation:
         """Make a map's surface ready."""
         return EmbeddedSimulation(self._settings, NetworkSurface(network), friction, network)
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Release nothing."""
 
 
 class EmbeddedSimulation:
@@ -67,7 +67,7 @@ class EmbeddedSimulation:
         ] = {}  # by the objects, else the end of a plan
 
     def of_draw(self, friction: float, reaction_s: float) -> EmbeddedSimulation:
-        """The same with another tyre-road friction and other drivers; what is known of the ground is shared."""
+        """Return the same with another tyre-road friction and other drivers; what is known of the ground is shared."""
         other = copy(self)
         other._friction = friction
         other._settings = self._settings.model_copy(update={"reaction_s": reaction_s})
@@ -100,7 +100,7 @@ class EmbeddedSimulation:
         drivers: Mapping[int, Driver] | None = None,
         objects: tuple[FixedObject, ...] = (),
     ) -> CrashRun:
-        """A run at its start, for who looks at it before it has come to rest and goes on afterwards."""
+        """Return a run at its start, for who looks at it before it has come to rest and goes on afterwards."""
         check_participants(participants)
         paths = [np.stack([p.trajectory.x_m, p.trajectory.y_m], axis=-1) for p in participants]
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
@@ -113,7 +113,7 @@ class EmbeddedSimulation:
         return CrashRun(settings, surface, friction, participants, time_limit_s, driven, objects=objects, beyond=beyond)
 
     def _ground_beyond(self, objects: tuple[FixedObject, ...], first: Trajectory) -> RoadsideTerrain:
-        """The ground around the first object, else around the end of the first plan."""
+        """Return the ground around the first object, else around the end of the first plan."""
         end = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
         place = objects or end
         if place not in self._beyond:

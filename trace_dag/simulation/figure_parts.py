@@ -1,4 +1,4 @@
-"""What jointed figures of people and animals are made of, as MJCF: joints, capsules, sites."""
+"""Parts of jointed figures of people and animals, as MJCF: joints, capsules, sites."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ class FigureParts:
     stiffness: float
 
     def joint(self, damping: float, reach_rad: float, spring: float = 0.0) -> str:
-        """A ball joint that turns as far as ``reach_rad``; ``damping`` (Nm s) and ``spring`` (Nm) are an adult's."""
+        """Return a ball joint that turns as far as ``reach_rad``.
+
+        ``damping`` (Nm s) and ``spring`` (Nm) are an adult's.
+        """
         stiff = self.stiffness
         return (
             f'<joint type="ball" range="0 {reach_rad!r}" limited="true" damping="{damping * stiff!r}" '
@@ -22,12 +25,12 @@ class FigureParts:
         )
 
     def capsule(self, part: str, share: float, radius_m: float, start: str, end: str) -> str:
-        """A segment with that share of the mass, from point to point in the axes of its body."""
+        """Return a segment with that share of the mass, from point to point in the axes of its body."""
         return (
             f'<geom name="{self.name}_{part}" type="capsule" size="{radius_m!r}" fromto="{start} {end}" '
             f'mass="{share * self.mass_kg!r}" contype="0" conaffinity="0"/>'
         )
 
     def site(self, part: str, at: str) -> str:
-        """A landmark."""
+        """Return a landmark."""
         return f'<site name="{self.name}_at_{part}" pos="{at}"/>'

@@ -1,4 +1,4 @@
-"""Where people are in MuJoCo's memory: the arrays of a jointed figure, written before a touch and read after it.
+"""The state of people in MuJoCo's memory: the arrays of a jointed figure, written before a touch and read after it.
 
 Belongs here: putting a figure where its person's plan has it, and reading place, posture and velocity of a person who
 has been set free. Does not belong here: the model that MuJoCo is given (:mod:`trace_dag.simulation.figures`), forces
@@ -43,7 +43,7 @@ class BodyTree:
         self.upward = data.xmat[self.body_id][6:]
 
     def lies_still(self, carried_n: float) -> bool:
-        """Whether it slides or rests on the road, which carries it with a force (N), and does nothing else."""
+        """Return whether it slides or rests on the road, which carries it with a force (N), and does nothing else."""
         ground = self.person.ground
         vx, vy, vz = self.velocity
         rises_mps = vz - vx * ground.slope_x - vy * ground.slope_y
@@ -71,7 +71,7 @@ class BodyTree:
 
 
 class FigureState:
-    """What MuJoCo's arrays have of a person's figure."""
+    """A person's figure in MuJoCo's arrays."""
 
     def __init__(self, mujoco: Any, model: Any, data: Any, index: int, person: Person) -> None:
         body_id = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"p{index}"))
@@ -126,7 +126,7 @@ class FigureState:
         person.vx, person.vy = self._rates[:2].tolist()
 
     def _fastest(self) -> tuple[float, float]:
-        """Speed of the pelvis or of what is ridden (m/s), and that of the fastest joint (rad/s)."""
+        """Return the speed of the pelvis or of what is ridden (m/s), and that of the fastest joint (rad/s)."""
         x, y, z, *turning = self._rates.tolist()
         speed = math.hypot(x, y, z)
         if self._ridden is not None:
@@ -149,8 +149,9 @@ class FigureState:
         person.posture = (float(centre[2]) - person.z, pitch, roll, *landmarks)
 
     def _turned(self, matrix: list[float], person: Person) -> tuple[float, float, float]:
-        """Heading, pitch and roll of the pelvis against how it was held before: of the two ways to say the same the
-        one nearer to what was said last, so that a body on its back does not seem to turn about."""
+        """Return the heading, pitch and roll of the pelvis against how it was held before: of the two ways to say the
+        same the one nearer to what was said last, so that a body on its back does not seem to turn about.
+        """
         c, s = math.cos(self._upright), math.sin(self._upright)
         # Columns of the matrix turned back about the left axis.
         m00, m10, m20 = (matrix[3 * k] * c + matrix[3 * k + 2] * s for k in range(3))
@@ -168,7 +169,7 @@ class FigureState:
 
 
 def _times(quaternion: tuple[float, float, float, float], about_left: float) -> tuple[float, ...]:
-    """A turn about the vertical, and then one about the body's own left axis."""
+    """Return a turn about the vertical, and then one about the body's own left axis."""
     w, _, _, z = quaternion
     c, s = math.cos(about_left / 2), math.sin(about_left / 2)
     return w * c, -z * s, w * s, z * c

@@ -44,8 +44,9 @@ _DEGREES = (7 + 4 * 8, 6 + 3 * 8)
 
 @dataclass(frozen=True)
 class Posture:
-    """How a figure holds itself: angles about the left axis (rad), positive forward and down for what is above the
-    hips, backward for what hangs below a joint; each relative to the segment it is attached to."""
+    """The posture of a figure: angles about the left axis (rad), positive forward and down for parts above the hips,
+    backward for parts that hang below a joint; each relative to the segment it is attached to.
+    """
 
     pelvis: float = 0.0
     lumbar: float = 0.0
@@ -55,7 +56,8 @@ class Posture:
     knees: tuple[float, float] = (0.0, 0.0)
 
     def pose(self) -> list[float]:
-        """Joint positions as MuJoCo has them, without the root's: lumbar, neck, shoulders, hips and knees."""
+        """Return the joint positions as MuJoCo has them, without the root's: lumbar, neck, shoulders, hips and
+        knees."""
         (left_hip, right_hip), (left_knee, right_knee) = self.hips, self.knees
         return [
             *_turn(self.lumbar),
@@ -69,7 +71,7 @@ class Posture:
         ]
 
     def hip_height(self, stature_m: float) -> float:
-        """Height of the hips above the lower of the two soles (m)."""
+        """Return the height of the hips above the lower of the two soles (m)."""
         thigh, shank = (_HIP - _KNEE) * stature_m, _KNEE * stature_m
         sole_m = _radius_shank(stature_m, 1.0)
         return max(
@@ -84,7 +86,7 @@ DECK_M = 0.10  # top of a conveyance's deck above the road
 
 
 def walking(stature_m: float, speed_mps: float, travelled_m: float) -> Posture:
-    """The posture of someone who walks or runs at a speed, after a distance; arms swing against legs.
+    """Return the posture of someone who walks or runs at a speed, after a distance; arms swing against legs.
 
     >>> walking(1.75, 0.0, 3.0) == Posture()  # stands
     True
@@ -102,7 +104,7 @@ def walking(stature_m: float, speed_mps: float, travelled_m: float) -> Posture:
 
 
 def degrees(body: Body) -> tuple[int, int]:
-    """Numbers in a figure's pose and in its rates: a free root and eight ball joints, of an animal nine.
+    """Return numbers in a figure's pose and in its rates: a free root and eight ball joints, of an animal nine.
 
     >>> from trace_dag.crash.record import VehicleClass
     >>> degrees(Body(BodyKind.PEDESTRIAN, VehicleClass.OTHER, 0.3, 0.5, 1.75, 80.0))  # 7 + 8 x 4, 6 + 8 x 3
@@ -112,7 +114,7 @@ def degrees(body: Body) -> tuple[int, int]:
 
 
 def landmark_names(body: Body) -> tuple[str, ...]:
-    """The points of a body that a log keeps, in order."""
+    """Return the points of a body that a log keeps, in order."""
     if body.kind is BodyKind.ANIMAL:
         return quadrupeds.LANDMARKS
     rides = body.kind is not BodyKind.PEDESTRIAN and ridden_kg(body) > 0
@@ -120,7 +122,7 @@ def landmark_names(body: Body) -> tuple[str, ...]:
 
 
 def root_height(body: Body, posture: Posture | Stance) -> float:
-    """Height of the root above the road (m) of a figure in a posture on what it rides."""
+    """Return the height of the root above the road (m) of a figure in a posture on what it rides."""
     if isinstance(posture, Stance):
         return posture.root_height_m(quadrupeds.build(body))
     above = posture.hip_height(body.height_m)
@@ -132,7 +134,8 @@ def root_height(body: Body, posture: Posture | Stance) -> float:
 
 
 def figure_mjcf(name: str, body: Body) -> tuple[str, list[str], list[str]]:
-    """A figure as MJCF, with the names of its segments and of what it rides (none for a pedestrian or an animal).
+    """Return a figure as MJCF, with the names of its segments and of what it rides (none for a pedestrian or an
+    animal).
 
     >>> from trace_dag.simulation.anthropometry import person_body
     >>> _, segments, ridden = figure_mjcf("p", person_body(BodyKind.PEDESTRIAN, 40))
@@ -215,8 +218,10 @@ def _person_mjcf(name: str, stature_m: float, mass_kg: float) -> str:
 
 
 def _bicycle_mjcf(name: str, size: float, mass_kg: float) -> tuple[str, list[str]]:
-    """A bicycle: a frame from end to end at the height of the hubs, a seat post, a handlebar, and two wheels. Its own
-    origin is on the road, in the middle of its length."""
+    """Return a bicycle: a frame from end to end at the height of the hubs, a seat post, a handlebar, and two wheels.
+
+    Its own origin is on the road, in the middle of its length.
+    """
     wheel_m, hub_m = 0.34 * size, 0.52 * size
     parts = (
         ("frame", 0.45, "capsule", 0.05, f"{-0.80 * size!r} 0 {wheel_m!r} {0.80 * size!r} 0 {wheel_m!r}"),
@@ -239,7 +244,7 @@ def _bicycle_mjcf(name: str, size: float, mass_kg: float) -> tuple[str, list[str
 
 
 def _conveyance_mjcf(name: str, length_m: float, mass_kg: float) -> tuple[str, list[str]]:
-    """A deck on the road; its own origin is on the road, in its middle."""
+    """Return a deck on the road; its own origin is on the road, in its middle."""
     ends = f"{-length_m / 2 + 0.04!r} 0 {DECK_M / 2!r} {length_m / 2 - 0.04!r} 0 {DECK_M / 2!r}"
     geom = (
         f'<geom name="{name}_frame" type="capsule" size="0.04" fromto="{ends}" mass="{mass_kg!r}" contype="0" '

@@ -70,7 +70,7 @@ class ShellBox:
 
 
 def front_shape(body: Body) -> FrontShape:
-    """The front of a vehicle; a body lower or shorter than its class's front gets a front that fits it.
+    """Return the front of a vehicle; a body lower or shorter than its class's front gets a front that fits it.
 
     >>> from trace_dag.simulation.types import BodyKind
     >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
@@ -92,8 +92,8 @@ def front_shape(body: Body) -> FrontShape:
 
 
 def profile(body: Body) -> list[tuple[float, float]]:
-    """The front's side view: points (ahead of the body's middle, above the road; m) from the lower edge of the bumper
-    over its top, the hood's leading edge and the hood's end to the roof.
+    """Return the front's side view: points (ahead of the body's middle, above the road; m) from the lower edge of the
+    bumper over its top, the hood's leading edge and the hood's end to the roof.
 
     >>> from trace_dag.simulation.types import BodyKind
     >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
@@ -116,8 +116,10 @@ def profile(body: Body) -> list[tuple[float, float]]:
 
 
 def shell(body: Body) -> list[ShellBox]:
-    """The vehicle's shape for strikes: boxes whose outer faces are the profile's lines, a core, the cabin, and the
-    wheels of vehicles under which someone can lie. All as wide as the body.
+    """Return the vehicle's shape for strikes: boxes whose outer faces are the profile's lines, a core, the cabin, and
+    the wheels of vehicles under which someone can lie.
+
+    All as wide as the body.
     """
     points = profile(body)
     side_m, tail_m = body.width_m / 2, -body.length_m / 2
@@ -137,7 +139,7 @@ def shell(body: Body) -> list[ShellBox]:
 
 
 def shows_wheels(body: Body) -> bool:
-    """Whether its body is so high off the road that of who lies there only its wheels touch.
+    """Return whether its body is so high off the road that of who lies there only its wheels touch.
 
     >>> from trace_dag.simulation.types import BodyKind
     >>> [shows_wheels(Body(BodyKind.MOTOR_VEHICLE, kind, 9.0, 2.5, 3.0, 9000.0)) for kind in ("car", "bus")]
@@ -147,7 +149,7 @@ def shows_wheels(body: Body) -> bool:
 
 
 def _behind(one: tuple[float, float], two: tuple[float, float], side_m: float) -> ShellBox:
-    """A box whose outer face is a line of the profile, followed upward: what is outside lies to its right."""
+    """Return a box whose outer face is a line of the profile, followed upward: what is outside lies to its right."""
     along_x, along_z = two[0] - one[0], two[1] - one[1]
     length_m = math.hypot(along_x, along_z)
     inward_x, inward_z = -along_z / length_m, along_x / length_m

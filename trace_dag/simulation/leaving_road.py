@@ -1,4 +1,7 @@
-"""How a vehicle of a log leaves the carriageway: when, and to which side. Used by estimates and verdicts."""
+"""Departures of logged vehicles from the carriageway: time and side.
+
+Used by estimates and verdicts.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +27,8 @@ can be called either."""
 def left_road(
     network: RoadNetwork, driven: VehicleLog, body: Body, until_s: float, *, came_rad: float | None = None
 ) -> tuple[float | None, tuple[DepartureSide, ...]]:
-    """When a corner of the vehicle left the carriageway for good before a time, and to where: seen along its course,
-    and along ``came_rad`` as well.
+    """Return when a corner of the vehicle left the carriageway for good before a time, and to which side: seen along
+    its course, and along ``came_rad`` as well.
 
     >>> turning = log.vehicles[0]
     >>> left_road(network, turning, log.bodies[1], 1.0)  # drives in its lane then
@@ -57,7 +60,9 @@ def left_road(
 def left_road_after_contact(
     network: RoadNetwork, log: SimulationLog, number: int, until_s: float
 ) -> tuple[DepartureSide, ...]:
-    """The sides to which a vehicle that touched somebody left the carriageway before a time; empty if it did not.
+    """Return the sides to which a vehicle that touched somebody left the carriageway before a time.
+
+    Empty if it did not.
 
     Seen along its course, or along the way it came to its first contact: a report can mean either.
 
@@ -72,7 +77,7 @@ def left_road_after_contact(
 
 
 def _sides(out_rad: float) -> tuple[DepartureSide, ...]:
-    """Where a vehicle leaves that goes out at an angle to its way, to the left of it."""
+    """Return the side on which a vehicle leaves that goes out at an angle to its way."""
     ahead = math.cos(out_rad)
     aside = DepartureSide.LEFT if math.sin(out_rad) > 0 else DepartureSide.RIGHT
     if ahead < _ASIDE:
@@ -81,7 +86,7 @@ def _sides(out_rad: float) -> tuple[DepartureSide, ...]:
 
 
 def _back_from(driven: VehicleLog, until_s: float) -> Iterator[tuple[float, Pose, float]]:
-    """Time, pose and course of a vehicle at a time, and at the steps of its log before, the latest first."""
+    """Yield the time, pose and course of a vehicle at a time, and at the steps of its log before, the latest first."""
     times = driven.time_s[driven.time_s < until_s]
     columns = (driven.x_m, driven.y_m, np.unwrap(driven.heading_rad), driven.velocity_x_mps, driven.velocity_y_mps)
     then = [float(np.interp(until_s, driven.time_s, values)) for values in columns]

@@ -93,7 +93,7 @@ def _summaries() -> TypeAdapter[tuple[_RunSummary, ...]]:
 
 
 def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
-    """Parquet with the columns :data:`SIMULATION_STEPS`, and JSON with contacts, bodies and terminations.
+    """Return the Parquet with the columns :data:`SIMULATION_STEPS`, and JSON with contacts, bodies and terminations.
 
     >>> parquet, summary = logs_to_files([log])
     >>> parquet[:4], b'"termination": "at_rest"' in summary
@@ -131,7 +131,10 @@ def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
 
 
 def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
-    """The states of all parties of some logs, columns as :data:`SIMULATION_STEPS`; the hypothesis is a log's place."""
+    """Return the states of all parties of some logs, columns as :data:`SIMULATION_STEPS`.
+
+    The hypothesis is a log's place.
+    """
     import pyarrow as pa
 
     parts: list[tuple[int, VehicleLog]] = [(i, vehicle) for i, log in enumerate(logs) for vehicle in log.vehicles]
@@ -153,7 +156,7 @@ def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
 
 
 def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]:
-    """The logs of :func:`logs_to_files`; :class:`Failure` if the two files are not such a pair."""
+    """Return the logs of :func:`logs_to_files`; :class:`Failure` if the two files are not such a pair."""
 
     try:
         summaries = _summaries().validate_json(summary)

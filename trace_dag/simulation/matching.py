@@ -45,19 +45,21 @@ class Expected:
 @dataclass(frozen=True)
 class Matching:
     """``matched``: for each expected event what it is in the simulation, None if it does not happen in its turn.
-    ``strange``: contacts of pairs that are not expected at all or not yet, in order."""
+
+    ``strange``: contacts of pairs that are not expected at all or not yet, in order.
+    """
 
     matched: tuple[Happening | None, ...]
     strange: tuple[Happening, ...]
 
     @property
     def happened(self) -> int:
-        """Number of expected events that happen in their turn."""
+        """Return the number of expected events that happen in their turn."""
         return sum(each is not None for each in self.matched)
 
 
 def pair_of(contact: Contact) -> Pair:
-    """The numbers of both bodies, the lower one first.
+    """Return the numbers of both bodies, the lower one first.
 
     >>> pair_of(log.first_contact)
     (1, 2)
@@ -67,7 +69,7 @@ def pair_of(contact: Contact) -> Pair:
 
 
 def expected_of(events: Iterable[CrashEvent]) -> list[Expected]:
-    """What reported events are expected as: contacts are required, and whatever comes first.
+    """Return the expectations of reported events: contacts are required, and whatever comes first.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> expected_of(sequence_of(tree_record).events)  # a tree that event 2 has
@@ -77,7 +79,7 @@ def expected_of(events: Iterable[CrashEvent]) -> list[Expected]:
 
 
 def happenings(contacts: Iterable[Contact]) -> list[Happening]:
-    """Contacts as they happen, in order of time.
+    """Return contacts as they happen, in order of time.
 
     Left out is that somebody who was struck before is thrown against a vehicle that stands: no report tells of it.
 
@@ -95,7 +97,7 @@ def happenings(contacts: Iterable[Contact]) -> list[Happening]:
 
 
 def happenings_of(log: SimulationLog) -> list[Happening]:
-    """All that happens in a simulation: contacts, and vehicles that overturn."""
+    """Return all that happens in a simulation: contacts, and vehicles that overturn."""
     overturns = []
     for vehicle in log.parties:
         step = overturned_at(vehicle)
@@ -105,7 +107,7 @@ def happenings_of(log: SimulationLog) -> list[Happening]:
 
 
 def match(seen: Sequence[Happening], expected: Sequence[Expected], *, order_known: bool = True) -> Matching:
-    """What happens beside the expected events.
+    """Match the simulated events with the expected ones.
 
     A pair that has met may touch again at any time: bodies come to lie against each other. Where the order of the
     events is not known, the one that fits best counts.
@@ -120,7 +122,7 @@ def match(seen: Sequence[Happening], expected: Sequence[Expected], *, order_know
 
 
 def _in_any_order(seen: Sequence[Happening], expected: Sequence[Expected]) -> Iterable[Matching]:
-    """The matchings for every order of the required events; the others count whenever they happen."""
+    """Yield the matchings for every order of the required events; the others count whenever they happen."""
     required = [place for place, each in enumerate(expected) if each.required]
     free = {each.pair: place for place, each in enumerate(expected) if not each.required}
     waiting = [each for each in seen if each.pair not in free]
@@ -153,7 +155,7 @@ def _walked(seen: Sequence[Happening], expected: Sequence[Expected]) -> Matching
 def _passed_over(
     pair: Pair, expected: Sequence[Expected], matched: Sequence[Happening | None], turn: int
 ) -> int | None:
-    """The event with these parties that was left out for one of other parties, if there is one."""
+    """Return the event with these parties that was left out for one of other parties, if there is one."""
     for place in reversed(range(turn)):
         if matched[place] is not None and set(expected[place].pair) & set(pair):
             return None
@@ -163,7 +165,9 @@ def _passed_over(
 
 
 def _place_of(pair: Pair, expected: Sequence[Expected], turn: int) -> int | None:
-    """Which of the expected events from the one whose turn it is up to the next required one has these parties."""
+    """Return which of the expected events, from the one whose turn it is up to the next required one, has these
+    parties.
+    """
     for place in range(turn, len(expected)):
         if expected[place].pair == pair:
             return place

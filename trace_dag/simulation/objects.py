@@ -27,7 +27,7 @@ from trace_dag.common.geometry import Pose
 
 
 class Resistance(StrEnum):
-    """What an object does to a vehicle that strikes it."""
+    """Effects of objects on a vehicle that strikes them."""
 
     RIGID = "rigid"
     YIELDING = "yielding"
@@ -43,7 +43,7 @@ class ObjectForm(StrEnum):
 
 
 class PlacedBy(StrEnum):
-    """Where an object's place comes from."""
+    """Origins of an object's place."""
 
     PROGRAM = "program"  # placed to fit the reported area of impact: the map has none there
     OPENSTREETMAP = "openstreetmap"
@@ -99,7 +99,7 @@ class FixedObject:
         length_m: float | None = None,
         width_m: float | None = None,
     ) -> FixedObject:
-        """An object of the kind that an ``SOE`` names, of the usual size where no other is given."""
+        """Return an object of the kind that an ``SOE`` names, of the usual size where no other is given."""
         kind = KINDS[code]
         return cls(
             number=number,
@@ -163,7 +163,7 @@ _DITCH: Final = 34
 
 
 def base_m(item: FixedObject) -> float:
-    """Height of an object's lowest point above the ground before it (m): 0 but for ditches.
+    """Return the height of an object's lowest point above the ground before it (m): 0 but for ditches.
 
     >>> from trace_dag.common.geometry import Pose
     >>> ditch = FixedObject(1001, 1, 34, "ditch", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 0.8, Resistance.SLOPE)  # SOE 34
@@ -174,8 +174,8 @@ def base_m(item: FixedObject) -> float:
 
 
 def slope_profile_m(item: FixedObject) -> tuple[tuple[float, float], ...]:
-    """Heights of the ground (m, second of each) at distances to the left of a slope's heading (m), between which it is
-    straight; before the first and beyond the last the ground is level.
+    """Return heights of the ground (m, second of each) at distances to the left of a slope's heading (m), between which
+    it is straight; before the first and beyond the last the ground is level.
 
     A ditch falls over as much as it rises again: to its outline, and over it. An embankment rises over its outline.
 

@@ -59,7 +59,7 @@ pi d^3 / 32, by 0.6 m. The energy, a tenth of a metre at that force, is judgemen
 
 
 def crush_m(vehicle_class: VehicleClass) -> float:
-    """How deep a pole presses the class in at :data:`POLE_TEST_MPS`."""
+    """Return how deep a pole presses the class in at :data:`POLE_TEST_MPS`."""
     return _POLE_CRUSH_M[vehicle_class]
 
 
@@ -72,13 +72,13 @@ class Obstacle:
 
     @classmethod
     def of(cls, item: FixedObject) -> Obstacle:
-        """The object where its pose says."""
+        """Return the object where its pose says."""
         pose = item.pose
         return cls(item, Outline(pose.x_m, pose.y_m, pose.heading_rad, item.length_m / 2, item.width_m / 2))
 
     @cached_property
     def reach_m(self) -> float:
-        """Distance from the middle to a corner."""
+        """Return the distance from the middle to a corner."""
         return math.hypot(self.outline.half_length_m, self.outline.half_width_m)
 
 
@@ -121,21 +121,22 @@ class Struck:
 
     @property
     def over_s(self) -> float:
-        """When it counts as over unless the two touch again."""
+        """Return the time from which it counts as over unless the two touch again."""
         return self.last_s + _AGAIN_S
 
     @property
     def crush_m(self) -> float:
-        """How deep the vehicle was pressed in at most."""
+        """Return how deep the vehicle was pressed in at most."""
         return max(self._deepest_m.values(), default=0.0)
 
     @property
     def moved_m(self) -> float:
-        """How far the object gave way."""
+        """Return how far the object gave way."""
         return self._moved_m
 
     def force(self, now_s: float, part_s: float) -> tuple[float, float, float]:
-        """Force x, y (N) and moment about the centre of gravity (Nm) on the vehicle, for the part of a step."""
+        """Return the force x, y (N) and moment about the centre of gravity (Nm) on the vehicle, for the part of a
+        step."""
         vehicle, outline = self._vehicle, self._vehicle.outline()
         if separation(outline, self.obstacle.outline)[0] >= 0:
             return 0.0, 0.0, 0.0
@@ -164,7 +165,7 @@ class Struck:
             self._impulse[1] += y_ns
 
     def contact(self) -> Contact:
-        """The contact as logged: the vehicle is the first of the two."""
+        """Return the contact as logged: the vehicle is the first of the two."""
         (px, py), mass = self._impulse, whole_kg(self._vehicle)
         return Contact(
             time_s=self.start_s,
@@ -190,7 +191,7 @@ class Struck:
 
     # --- forces ------------------------------------------------------------------------------------------------
     def _climbing(self) -> tuple[float, float]:
-        """What driving over it takes: the work of lifting the vehicle by its height, which is not given back."""
+        """Return the work of driving over it: of lifting the vehicle by its height, which is not given back."""
         vehicle, item = self._vehicle, self.obstacle.item
         speed = math.hypot(vehicle.vx, vehicle.vy)
         if speed < _SLIDES_MPS:
@@ -227,25 +228,26 @@ class Struck:
         return across_n * tx - normal_n * self._nx, across_n * ty - normal_n * self._ny
 
     def _turn(self, outline: Outline) -> None:
-        """A face of the vehicle turns with it."""
+        """Turn the contact with the vehicle's face."""
         if self._on_vehicle:
             (ahead, left), c, s = self._face, math.cos(outline.heading_rad), math.sin(outline.heading_rad)
             self._nx, self._ny = ahead * c - left * s, ahead * s + left * c
 
     def _corner(self, outline: Outline) -> tuple[bool, bool]:
-        """The corner of the vehicle that is foremost along the normal: in front, on the left."""
+        """Return the corner of the vehicle that is foremost along the normal: in front, on the left."""
         c, s = math.cos(outline.heading_rad), math.sin(outline.heading_rad)
         return self._nx * c + self._ny * s >= 0, self._ny * c - self._nx * s >= 0
 
     def _depth_m(self, outline: Outline) -> float:
-        """How far the two overlap along the normal."""
+        """Return the overlap of the two along the normal."""
         other = self.obstacle.outline
         along = (other.x_m - outline.x_m) * self._nx + (other.y_m - outline.y_m) * self._ny
         return _support_m(outline, self._nx, self._ny) + _support_m(other, self._nx, self._ny) - along
 
     def _rates(self, outline: Outline) -> tuple[float, float]:
-        """Speed per depth of crush (1/s): of this object, a pole or a wall by how much of the vehicle's face it takes,
-        and of a wall."""
+        """Return the speed per depth of crush (1/s): of this object, a pole or a wall by how much of the vehicle's face
+        it takes, and of a wall.
+        """
         body, item = self._vehicle.model.body, self.obstacle.outline
         pole_m, wall_m = crush_m(body.vehicle_class), WALL_CRUSH_M[body.vehicle_class]
         tx, ty = -self._ny, self._nx
@@ -258,7 +260,7 @@ class Struck:
 
 
 def _support_m(outline: Outline, nx: float, ny: float) -> float:
-    """How far a rectangle reaches from its middle in a direction."""
+    """Return the reach of a rectangle from its middle in a direction."""
     c, s = math.cos(outline.heading_rad), math.sin(outline.heading_rad)
     return outline.half_length_m * abs(nx * c + ny * s) + outline.half_width_m * abs(ny * c - nx * s)
 

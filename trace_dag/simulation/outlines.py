@@ -16,8 +16,10 @@ a degree of each other meet as faces. More would move the contact away from wher
 
 @dataclass(slots=True)
 class Outline:
-    """A rectangle: centre and heading in the local frame, half length and half width. It is not changed once it is
-    made, though Python would let you: making a frozen one takes three times as long."""
+    """A rectangle: centre and heading in the local frame, half length and half width.
+
+    It is not changed once it is made, though Python would let you: making a frozen one takes three times as long.
+    """
 
     x_m: float
     y_m: float
@@ -31,12 +33,13 @@ class Outline:
         self.ahead = math.cos(self.heading_rad), math.sin(self.heading_rad)
 
     def grown(self, by_m: float) -> Outline:
-        """The same rectangle with every face moved outward."""
+        """Return the same rectangle with every face moved outward."""
         return Outline(self.x_m, self.y_m, self.heading_rad, self.half_length_m + by_m, self.half_width_m + by_m)
 
 
 def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
-    """Gap (m, negative when they overlap) along the axis that separates them most, and that axis, from one to two.
+    """Return the gap (m, negative when they overlap) along the axis that separates them most, and that axis, from one
+    to two.
 
     The sign is exact, the gap between two corners a lower bound.
 
@@ -67,7 +70,7 @@ def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
 
 
 def corners(outline: Outline) -> list[tuple[float, float]]:
-    """The corners of a rectangle, one after the other around it.
+    """Return the corners of a rectangle, one after the other around it.
 
     >>> corners(Outline(0.0, 0.0, 0.0, 2.0, 1.0))
     [(2.0, 1.0), (-2.0, 1.0), (-2.0, -1.0), (2.0, -1.0)]
@@ -85,7 +88,9 @@ def corners(outline: Outline) -> list[tuple[float, float]]:
 
 
 def overlap_polygon(one: Outline, two: Outline) -> list[tuple[float, float]]:
-    """Corners of the area two rectangles share (Sutherland-Hodgman), counter-clockwise; empty if they share none.
+    """Return corners of the area two rectangles share (Sutherland-Hodgman), counter-clockwise.
+
+    Empty if they share none.
 
     >>> one, two = Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(3.0, 1.0, 0.0, 2.0, 1.0)
     >>> sorted(overlap_polygon(one, two))
@@ -113,8 +118,10 @@ def overlap_polygon(one: Outline, two: Outline) -> list[tuple[float, float]]:
 
 
 def contact_point(one: Outline, two: Outline) -> tuple[float, float]:
-    """Place of the contact of two bodies that just touch: centre of the area they share once every face is moved
-    outward by half of :data:`PATCH_DEPTH_M`. Local frame, metres.
+    """Return the place of the contact of two bodies that just touch: centre of the area they share once every face is
+    moved outward by half of :data:`PATCH_DEPTH_M`.
+
+    Local frame, metres.
 
     >>> x_m, y_m = contact_point(Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(4.0, 1.0, 0.0, 2.0, 1.0))
     >>> round(x_m, 6), round(y_m, 6)  # the middle of the half of the faces that touch
@@ -132,7 +139,8 @@ def contact_point(one: Outline, two: Outline) -> tuple[float, float]:
 
 
 def between(before: Outline, after: Outline, fraction: float) -> Outline:
-    """The rectangle ``fraction`` of the way from one moment to the next, both close enough in time to be straight.
+    """Return the rectangle ``fraction`` of the way from one moment to the next, both close enough in time to be
+    straight.
 
     >>> between(Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(1.0, 0.0, 0.2, 2.0, 1.0), 0.5)
     Outline(x_m=0.5, y_m=0.0, heading_rad=0.1, half_length_m=2.0, half_width_m=1.0)
@@ -148,7 +156,7 @@ def between(before: Outline, after: Outline, fraction: float) -> Outline:
 
 
 def first_touch(before: tuple[Outline, Outline], after: tuple[Outline, Outline]) -> float:
-    """Fraction of the step from ``before`` (apart) to ``after`` (overlapping) at which the two first touch.
+    """Return the fraction of the step from ``before`` (apart) to ``after`` (overlapping) at which the two first touch.
 
     Bisection to a millionth of the step; the result is on the side where they are still apart.
 

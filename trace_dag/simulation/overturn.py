@@ -49,7 +49,9 @@ _SETTLED_RAD: Final = 0.03
 
 @dataclass(frozen=True)
 class RollModel:
-    """What decides when a body tips: height of its centre of gravity, half its track, radius of gyration (m)."""
+    """The properties that decide when a body tips: height of its centre of gravity, half its track, radius of gyration
+    (m).
+    """
 
     height_m: float
     half_track_m: float
@@ -57,28 +59,28 @@ class RollModel:
 
     @cached_property
     def arm_m(self) -> float:
-        """From the outer wheels to the centre of gravity."""
+        """Return the distance from the outer wheels to the centre of gravity."""
         return math.hypot(self.height_m, self.half_track_m)
 
     @cached_property
     def standing_rad(self) -> float:
-        """Angle of that line above the road while it stands."""
+        """Return the angle of that line above the road while it stands."""
         return math.atan2(self.height_m, self.half_track_m)
 
     @cached_property
     def inertia_m2(self) -> float:
-        """About the outer wheels, per mass."""
+        """Return the about the outer wheels, per mass."""
         return self.gyration_m**2 + self.arm_m**2
 
     @property
     def critical_mps(self) -> float:
-        """Critical sliding velocity: slower against a kerb it comes back onto its wheels."""
+        """Return the critical sliding velocity: slower against a kerb it comes back onto its wheels."""
         over = 2 * GRAVITY_MPS2 * (self.arm_m - self.height_m) * self.inertia_m2
         return math.sqrt(over) / self.height_m
 
 
 def roll_model(body: Body) -> RollModel | None:
-    """The model of a vehicle; None of a motorcycle, which falls."""
+    """Return the model of a vehicle; None of a motorcycle, which falls."""
     factor = _STABILITY.get(body.vehicle_class)
     if factor is None:
         return None
@@ -105,13 +107,13 @@ class Roll:
 
     @property
     def above_road_m(self) -> float:
-        """Height of the body's middle: the box stands on a corner, or lies on a face."""
+        """Return the height of the body's middle: the box stands on a corner, or lies on a face."""
         tilt, body = self._tilt_rad, self._body
         return (body.width_m * abs(math.sin(tilt)) + body.height_m * abs(math.cos(tilt))) / 2
 
     @property
     def settled(self) -> bool:
-        """Whether it stands on its wheels, or lies on a face."""
+        """Return whether it stands on its wheels, or lies on a face."""
         apart = math.remainder(self._tilt_rad, math.pi / 2)
         return abs(apart) < _SETTLED_RAD and (self.over or self._tilt_rad < _SETTLED_RAD)
 
@@ -125,7 +127,7 @@ class Roll:
         return lateral_mps * model.height_m**2 / model.inertia_m2
 
     def push(self, left_mps: float, up_mps: float, lateral_mps: float) -> None:
-        """Come onto a slope sideways: an impulse per mass on the leading wheels, to the left and up.
+        """Apply an impulse per mass on the leading wheels, to the left and up, on coming onto a slope sideways.
 
         What goes across tips it, what goes up sets it back: it tips where their ratio is more than its stability.
         """
@@ -144,7 +146,8 @@ class Roll:
         step_s: float,
         weight_mps2: float = GRAVITY_MPS2,
     ) -> None:
-        """One step under the lateral acceleration that the tyres give (to the left), at a lateral and a whole speed.
+        """Advance one step under the lateral acceleration that the tyres give (to the left), at a lateral and a whole
+        speed.
 
         ``weight_mps2`` is what presses it onto the ground: less than gravity on a slope.
         """
@@ -179,7 +182,7 @@ class Roll:
         self.over = self._tilt_rad > OVERTURNED_RAD
 
     def _go_on(self, speed_mps: float, step_s: float) -> None:
-        """Rolls as fast as it goes, and comes to rest on the face that it is nearest to, not yet come to its wheels."""
+        """Roll on at the present rate, and come to rest on the nearest face before the wheels."""
         rolling = min(speed_mps / self._rolled_m, _FASTEST_RPS)
         quarter = math.pi / 2
         if speed_mps > _LEAST_MPS or self._tilt_rad < quarter:

@@ -37,7 +37,7 @@ class PersonModel:
 
     @property
     def thrown_reach_m(self) -> float:
-        """How far its limbs reach once it is thrown."""
+        """Return the reach of its limbs once it is thrown."""
         return _THROWN_REACH * (self.body.length_m if self.body.kind is BodyKind.ANIMAL else self.body.height_m)
 
 
@@ -77,7 +77,7 @@ class Person:
 
     @property
     def reach_m(self) -> float:
-        """No part of it is further from its centre, seen from above."""
+        """Return no part of it is further from its centre, seen from above."""
         body = self.model.body
         if self.crashed:
             return self.model.thrown_reach_m * math.sqrt(2)
@@ -102,8 +102,8 @@ class Person:
         self.vx, self.vy = pace * vx, pace * vy
 
     def in_the_lane_s(self, vehicle: Outline, now_s: float) -> float:
-        """For how long it has been in the lane of the vehicle that strikes it now: no further aside than half a lane,
-        or half the vehicle. 0 of who was there all along.
+        """Return the time in the lane of the vehicle that strikes it now: no further aside than half a lane, or half
+        the vehicle.
         """
         now = min(int(now_s / self._step_s + 1e-9) + 1, len(self._plan))
         x, y = self._plan.table[:now, 0], self._plan.table[:now, 1]
@@ -113,7 +113,7 @@ class Person:
         return max(now_s - int(outside[-1]) * self._step_s, 0.0) if len(outside) else 0.0
 
     def walking_posture(self, time_s: float) -> Posture | Stance:
-        """How the figure holds itself at a time before it is touched."""
+        """Return the figure's posture at a time before it is touched."""
         body = self.model.body
         if body.kind is BodyKind.CYCLIST:
             return RIDING
@@ -124,7 +124,7 @@ class Person:
         return gait(body.height_m, math.hypot(self.vx, self.vy), self._travelled[k])
 
     def standing_height(self, posture: Posture | Stance) -> float:
-        """Height of the figure's root above the road (m) in a posture."""
+        """Return the height of the figure's root above the road (m) in a posture."""
         return root_height(self.model.body, posture)
 
     def look_for_rest(self, speed_mps: float, fastest_joint: float, now_s: float) -> None:
@@ -137,13 +137,13 @@ class Person:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it no longer moves, and has not for a tenth of a second once it was touched."""
+        """Return whether it no longer moves, and has not for a tenth of a second once it was touched."""
         if self.crashed:
             return self._looked_s - self._still_since_s >= _REST_S
         return math.hypot(self.vx, self.vy) < REST_MPS
 
     def outline(self) -> Outline:
-        """What it covers of the road, seen from above; of a thrown person a square that holds hands and feet."""
+        """Return its outline on the road, seen from above; of a thrown person a square that holds hands and feet."""
         body = self.model.body
         if self.crashed:
             half = self.model.thrown_reach_m
@@ -151,17 +151,17 @@ class Person:
         return Outline(self.x, self.y, self.heading, body.length_m / 2, body.width_m / 2)
 
     def body_state(self) -> BodyState:
-        """The state now."""
+        """Return the state now."""
         return BodyState(self.number, self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate)
 
     def log_row(self) -> tuple[float, ...]:
-        """The state as the recorder keeps it: that of a vehicle without controls, and the posture."""
+        """Return the state as the recorder keeps it: that of a vehicle without controls, and the posture."""
         state = (self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate, 0.0, 0.0, 0.0)
         return (*state, *self.posture)
 
 
 def _travelled(plan: SampledTrajectory) -> list[float]:
-    """Distance along the plan at each of its rows."""
+    """Return the distance along the plan at each of its rows."""
     total, found = 0.0, [0.0]
     for (x, y), (then_x, then_y) in pairwise(plan.table[:, :2].tolist()):
         total += math.hypot(then_x - x, then_y - y)

@@ -35,7 +35,10 @@ class SampledTrajectory:
         return len(self.table)
 
     def row(self, step: int) -> list[float]:
-        """A row as numbers of Python. They are made when they are asked for: much of a plan lies beyond the impact."""
+        """Return a row as numbers of Python.
+
+        They are made when they are asked for: much of a plan lies beyond the impact.
+        """
         numbers: list[float] = self.table[step].tolist()
         return numbers
 
@@ -113,7 +116,7 @@ def _check_figure(who: str, body: Body) -> None:
 def resample(
     trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahead_m: float, skids_from_s: float = math.inf
 ) -> SampledTrajectory:
-    """The plan on steps of ``step_s``, by Hermite splines through positions and velocities.
+    """Return the plan on steps of ``step_s``, by Hermite splines through positions and velocities.
 
     ``cg_ahead_m`` moves it from the body's centre to its centre of gravity. From ``skids_from_s`` on the body need not
     head the way it goes: its velocity is then that of its positions.
@@ -172,8 +175,8 @@ def resample(
 
 
 def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> tuple[FloatArray, FloatArray]:
-    """How a vehicle kept its plan up to ``until_s``, per logged step, both non-negative: distance of its centre from
-    the planned *path* (m), and deviation of its speed from the planned one (m/s).
+    """Return a vehicle's errors of following its plan up to ``until_s``, per logged step, both non-negative: distance
+    of its centre from the planned *path* (m), and deviation of its speed from the planned one (m/s).
     """
     use = log.time_s <= until_s + 1e-9
     x, y = log.x_m[use], log.y_m[use]
@@ -186,8 +189,11 @@ def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> 
 
 
 def _distances_m(x_m: FloatArray, y_m: FloatArray, path_x_m: FloatArray, path_y_m: FloatArray) -> FloatArray:
-    """Distance of each point from a polyline, exactly. Points that follow each other are near each other: for some of
-    them at a time only those segments are looked at that can be the nearest to any."""
+    """Return the distance of each point from a polyline, exactly.
+
+    Points that follow each other are near each other: for some of them at a time only those segments are looked at that
+    can be the nearest to any.
+    """
     along_x, along_y = np.diff(path_x_m), np.diff(path_y_m)
     squares = np.maximum(along_x**2 + along_y**2, 1e-12)
     longest = math.sqrt(squares.max())

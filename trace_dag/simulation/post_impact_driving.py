@@ -1,5 +1,4 @@
-"""How a driver goes on after striking a person or a light contact: along the planned path, and after a reaction time
-on the brakes.
+"""Driving after striking a person or a light contact: along the planned path, and after a reaction time on the brakes.
 
 The driver keeps the planned path but not its times: a vehicle does not speed up to make up for the speed lost in the
 strike. A driver who was braking until the strike has reacted already and brakes on to a stop, and one who stood stays
@@ -44,7 +43,9 @@ class PostImpactDriver:
         """Whether it brakes by now, to a stop."""
 
     def row(self, step: int, x_m: float, y_m: float, ahead_mps: float) -> tuple[float, ...]:
-        """The plan's row for the vehicle's present place: the nearest point of the path, at the vehicle's own speed."""
+        """Return the plan's row for the vehicle's present place: the nearest point of the path, at the vehicle's own
+        speed.
+        """
         rows = self._rows
         here = rows[self._at]
         while self._at + 1 < len(rows):

@@ -43,7 +43,9 @@ _MASS = {"trunk": 0.70, "neck": 0.06, "head": 0.04, "upper": 0.035, "lower": 0.0
 
 @dataclass(frozen=True)
 class Build:
-    """Where an animal's parts are: ahead of the middle of the trunk and above the road, and radii, all in metres."""
+    """The build of an animal: places of its parts ahead of the middle of the trunk and above the road, and radii, all
+    in metres.
+    """
 
     trunk_m: float  # radius of the trunk
     rump_m: float
@@ -57,12 +59,12 @@ class Build:
     aside_m: float
 
     def leg_ahead_m(self, leg: str) -> float:
-        """Where a leg is joined to the trunk."""
+        """Return the place along the trunk of a leg's joint."""
         return self.fore_m if leg.startswith("f") else self.hind_m
 
 
 def build(body: Body) -> Build:
-    """The build of an animal of that length from nose to rump, width, and height at the withers.
+    """Return the build of an animal of that length from nose to rump, width, and height at the withers.
 
     >>> from trace_dag.simulation.types import BodyKind, VehicleClass
     >>> made = build(Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.8, 0.4, 1.0, 70.0))
@@ -88,20 +90,25 @@ def build(body: Body) -> Build:
 
 @dataclass(frozen=True)
 class Stance:
-    """How an animal holds its legs: angles about the left axis (rad), positive backward, in the order fl, fr, hl, hr.
-    The trunk is level."""
+    """The stance of an animal: angles of the legs about the left axis (rad), positive backward, in the order fl, fr,
+    hl, hr.
+
+    The trunk is level.
+    """
 
     legs: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     pelvis = 0.0
 
     def root_height_m(self, b: Build) -> float:
-        """Height of the middle of the trunk, with the lowest foot on the road."""
+        """Return the height of the middle of the trunk, with the lowest foot on the road."""
         reach_m = max((b.hip_m - b.sole_m) * math.cos(angle) for angle in self.legs)
         return b.root_m - b.hip_m + b.sole_m + reach_m
 
     def pose(self) -> list[float]:
-        """Joint positions as MuJoCo has them, without the root's: neck, then each leg's upper joint and knee."""
+        """Return the joint positions as MuJoCo has them, without the root's: neck, then each leg's upper joint and
+        knee.
+        """
         upright = [1.0, 0.0, 0.0, 0.0]
         joints = [upright]
         for angle in self.legs:
@@ -110,7 +117,7 @@ class Stance:
 
 
 def trotting(height_m: float, speed_mps: float, travelled_m: float) -> Stance:
-    """How an animal of that height at the withers holds its legs at a speed, after a distance."""
+    """Return the stance of an animal of that height at the withers at a speed, after a distance."""
     if speed_mps < _STANDS_MPS:
         return Stance()
     hip_m = HIP * height_m
@@ -122,7 +129,7 @@ def trotting(height_m: float, speed_mps: float, travelled_m: float) -> Stance:
 
 
 def figure_mjcf(name: str, body: Body) -> tuple[str, list[str]]:
-    """An animal as MJCF, with the names of its segments.
+    """Return an animal as MJCF, with the names of its segments.
 
     >>> from trace_dag.simulation.types import BodyKind, VehicleClass
     >>> mjcf, segments = figure_mjcf("deer", Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.8, 0.4, 1.0, 70.0))

@@ -1,4 +1,4 @@
-"""What a run records: states at the times of the log, and contacts as they begin, go on and end."""
+"""The record of a run: states at the times of the log, and contacts as they begin, go on and end."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class StateRecorder:
         return [mover.log_row() for mover in self._movers]
 
     def logs(self) -> tuple[VehicleLog, ...]:
-        """The logs, of the bodies' centres; acceleration is the mean over the time since the row before."""
+        """Return the logs, of the bodies' centres; acceleration is the mean over the time since the row before."""
         states = dict(self._states)
         for moment in self._deepest.values():
             if min((abs(moment.time_s - time_s) for time_s in states), default=math.inf) > _SAME_TIME_S:
@@ -100,7 +100,7 @@ class StateRecorder:
 
     @staticmethod
     def _posture(mover: Vehicle | Person, rows: FloatArray) -> dict[str, FloatArray]:
-        """What a log has of how a body is turned: vehicles do not pitch."""
+        """Return the posture of a body as logged: vehicles do not pitch."""
         if isinstance(mover, Person):
             return {
                 "above_road_m": rows[:, 0],
@@ -137,27 +137,27 @@ class ContactEpisode:
 
     @property
     def masses_kg(self) -> tuple[float, float]:
-        """Of both bodies, each with what it pulls or is pulled by."""
+        """Return the masses of both bodies, each with what it pulls or is pulled by."""
         return whole_kg(self.one), self.two.model.body.mass_kg if isinstance(self.two, Person) else whole_kg(self.two)
 
     @property
     def over_s(self) -> float:
-        """When it counts as over unless the bodies touch again."""
+        """Return the time from which it counts as over unless the bodies touch again."""
         return self.last_s + self.longest_gap_s
 
     @property
     def pulse_end_s(self) -> float:
-        """Until when its impulse is counted."""
+        """Return the time until which its impulse is counted."""
         return self.start_s + PULSE_S
 
     @property
     def ends_s(self) -> float:
-        """Until when its pulse is under way."""
+        """Return the end of its pulse."""
         return min(self.over_s, self.pulse_end_s)
 
     @property
     def impulse_ns(self) -> float:
-        """Of its pulse, so far."""
+        """Return the impulse of its pulse, so far."""
         return math.hypot(self.impulse_x_ns, self.impulse_y_ns)
 
     def add(self, force_x_n: float, force_y_n: float, time_s: float, step_s: float) -> None:
@@ -168,7 +168,7 @@ class ContactEpisode:
             self.impulse_y_ns += force_y_n * step_s
 
     def contact(self) -> Contact:
-        """The contact as logged."""
+        """Return the contact as logged."""
         m1, m2 = self.masses_kg
         px, py = self.impulse_x_ns, self.impulse_y_ns
         return Contact(
@@ -205,8 +205,8 @@ class Pulled(NamedTuple):
 
 
 def of_combinations(episode: ContactEpisode, pulled: Sequence[Pulled | None], share: float) -> ContactEpisode:
-    """A contact in which trailers are touched as one of those that pull them: their poses at ``share`` of the way from
-    the state before to that after, their velocities before it.
+    """Return a contact in which trailers are touched as one of those that pull them: their poses at ``share`` of the
+    way from the state before to that after, their velocities before it.
     """
     poses, velocities = list(episode.poses), list(episode.velocities)
     trailers: list[Pose | None] = [None, None]
@@ -244,7 +244,8 @@ def begin_contact(
     before_s: float,
     step_s: float,
 ) -> ContactEpisode:
-    """The contact of two bodies that were apart at ``before_s`` and overlap ``step_s`` later, from their first touch.
+    """Return the contact of two bodies that were apart at ``before_s`` and overlap ``step_s`` later, from their first
+    touch.
 
     Velocities are those before it; the closing speed is that of the points that touch, along the normal.
 
@@ -285,8 +286,8 @@ def begin_contact(
 
 
 def begin_strike(vehicle: Vehicle, person: Person, touch: PersonTouch, now_s: float, step_s: float) -> ContactEpisode:
-    """The contact of a vehicle and a person who touch at ``now_s`` but did not a step before, from their first touch:
-    as long ago as it takes to come as deep as they are.
+    """Return the contact of a vehicle and a person who touch at ``now_s`` but did not a step before, from their first
+    touch: as long ago as it takes to come as deep as they are.
 
     >>> from trace_dag.simulation.people import PersonTouch
     >>> car, touch = simulated_pair[0], PersonTouch(0.01, [0.0, 0.0, 1.0], (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))

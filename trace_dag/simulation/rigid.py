@@ -45,7 +45,7 @@ class RigidBodies:
         self.version = mujoco.mj_versionString()
 
     def _in_mujoco(self, models: list[VehicleModel]) -> tuple[Any, Any]:
-        """MuJoCo's model of the bodies and its state, at rest: those of a run that is over, if there was one."""
+        """Return MuJoCo's model of the bodies and its state, at rest: those of a run that is over, if there was one."""
         free = _NOT_IN_USE[len(models)]
         model, data = free.pop() if free else _made(len(models))
         model.body_mass[1:] = [m.body.mass_kg for m in models]
@@ -54,7 +54,7 @@ class RigidBodies:
         return model, data
 
     def release(self) -> None:
-        """Nobody uses these bodies any more: another run may."""
+        """Release these bodies for another run."""
         _NOT_IN_USE[self._count].append((self._model, self._data))
 
     def place(self, positions: list[float], velocities: list[float]) -> None:
@@ -63,12 +63,12 @@ class RigidBodies:
         self._rates[:] = velocities
 
     def set_heights(self, heights_m: list[float]) -> None:
-        """Heights of the road under the bodies."""
+        """Set the heights of the road under the bodies."""
         self._model.body_pos[1 : 1 + self._count, 2] = heights_m
 
     @property
     def state(self) -> tuple[list[float], list[float]]:
-        """Every body's x, y, yaw and their rates, flat lists."""
+        """Return every body's x, y, yaw and their rates, flat lists."""
         return self._positions.tolist(), self._rates.tolist()
 
     def step(self, forces: list[float], step_s: float) -> dict[tuple[int, int], tuple[float, float]]:
@@ -96,7 +96,7 @@ def _made(count: int) -> tuple[Any, Any]:
 
 @cache
 def _bodies_of_a_kilogram(count: int) -> Any:
-    """So many bodies of a kilogram each: two crashes differ by their masses alone, and compiling takes long."""
+    """Return so many bodies of a kilogram each: two crashes differ by their masses alone, and compiling takes long."""
     import mujoco
 
     return mujoco.MjModel.from_xml_string(
@@ -107,7 +107,7 @@ def _bodies_of_a_kilogram(count: int) -> Any:
 
 
 def vehicle_bodies(models: list[VehicleModel], inside: Callable[[int, VehicleModel], str]) -> str:
-    """The vehicles as MJCF, in their order; ``inside`` gives what a vehicle's body has beside its box.
+    """Return the vehicles as MJCF, in their order; ``inside`` gives what a vehicle's body has beside its box.
 
     >>> from trace_dag.simulation.vehicles import vehicle_model
     >>> models = [vehicle_model(body) for body in log.bodies.values()]

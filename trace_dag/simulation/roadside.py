@@ -1,4 +1,4 @@
-"""What is beside the road of a run: fixed objects, ground that is not a pavement, and vehicles out of control.
+"""The roadside of a run: fixed objects, ground that is not a pavement, and vehicles out of control.
 
 Steps are taken in short parts while a vehicle may touch an object. Whoever strikes an object is no longer driven,
 unless it is driven over; a motorcycle falls even then. Beyond the carriageway tyres hold as on grass or gravel. A
@@ -37,7 +37,7 @@ which cars tripped on soil were slowed down by 1.0 to 2.0 g (Cooperrider, Thomas
 
 
 class Roadside:
-    """What is beside the road of a run: the ground, fixed objects, and vehicles out of control."""
+    """The roadside of a run: the ground, fixed objects, and vehicles out of control."""
 
     def __init__(self, run: RunState, objects: tuple[FixedObject, ...], beyond: RoadsideTerrain) -> None:
         self._run = run
@@ -68,13 +68,13 @@ class Roadside:
 
     @property
     def firsts_s(self) -> list[float]:
-        """When the first object was struck, and when the first vehicle had overturned, if they were."""
+        """Return the times of the first object struck and the first vehicle overturned, if there were any."""
         return [
             each for each in (self.struck[0].start_s if self.struck else None, self._overturned_s) if each is not None
         ]
 
     def no_contact_reason(self, number: int) -> str:
-        """That the only vehicle struck nothing, as a sentence."""
+        """Return that the only vehicle struck nothing, as a sentence."""
         things = f"none of {len(self.items)} objects" if len(self.items) > 1 else "nothing"
         return f"no contact: vehicle {number} strikes {things}, and does not overturn"
 
@@ -122,7 +122,7 @@ class Roadside:
         self._come_onto(i, vehicle)
 
     def _come_onto(self, i: int, vehicle: Vehicle) -> None:
-        """What the ground does to a vehicle whose foremost corner has come to where it slopes otherwise.
+        """Apply a change of slope to a vehicle whose foremost corner has come to it.
 
         It is the foremost the way it goes, or towards a ditch or embankment.
         """
@@ -155,7 +155,8 @@ class Roadside:
                 struck.pushed(struck.last_s, push.x_mps * body.mass_kg, push.y_mps * body.mass_kg)
 
     def _is_about_to_strike_slope(self, i: int, vehicle: Vehicle) -> bool:
-        """Whether a vehicle has come to a ditch or embankment of the report, a contact that has not begun yet."""
+        """Return whether a vehicle has come to a ditch or embankment of the report, a contact that has not begun
+        yet."""
         outline = vehicle.outline()
         return any(
             each.item.resistance is Resistance.SLOPE
@@ -166,14 +167,15 @@ class Roadside:
 
     # --- steps -----------------------------------------------------------------------------------------------
     def alone_until(self, until: int) -> int:
-        """The step before which no vehicle can touch an object or leaves its own control, at most another one."""
+        """Return the step before which no vehicle can touch an object or leaves its own control, at most another
+        one."""
         for vehicle in self._skids:
             if not vehicle.crashed:  # it is put on its trajectory at the end of each step
                 until = min(until, math.floor(vehicle.skids_from_s / self._run.step_s) - 1)
         return min(until, self._clear_until_step) if self._obstacles else until
 
     def advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
-        """What follows a step: who skids is put in place, who is out of control tips and rolls."""
+        """Advance after a step: place skidding vehicles, tip and roll those out of control."""
         end_s = (step + 1) * self._run.step_s
         self.carry(end_s)
         for i, (vehicle, force) in enumerate(zip(self._run.vehicles, forces, strict=True)):
@@ -204,8 +206,9 @@ class Roadside:
             self._overturned_s = now_s
 
     def _catch_at_kerb(self, i: int, vehicle: Vehicle, left_mps: float) -> float:
-        """Trip a vehicle whose leading wheels slide over the edge of a street with kerbs, and return the lateral speed
-        that is left."""
+        """Return the trip a vehicle whose leading wheels slide over the edge of a street with kerbs, and return the
+        lateral speed that is left.
+        """
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
         lead_m = math.copysign(vehicle.model.body.width_m / 2, left_mps)
         x_m, y_m = vehicle.x - lead_m * s, vehicle.y + lead_m * c
@@ -245,7 +248,7 @@ class Roadside:
         self._clear_until_step = 0
 
     def object_in_reach(self, step: int) -> bool:
-        """Whether a vehicle may come to touch an object within the next step."""
+        """Return whether a vehicle may come to touch an object within the next step."""
         if step < self._clear_until_step:
             return False
         clear_s = math.inf
@@ -264,7 +267,7 @@ class Roadside:
         return False
 
     def press(self, total: list[float], now_s: float, part_s: float) -> list[float]:
-        """The forces on the vehicles with those of the objects they touch."""
+        """Return the forces on the vehicles with those of the objects they touch."""
         for i, vehicle in enumerate(self._run.vehicles):
             x, y, heading, clear_m = self._clear[i]
             turned_m = abs(vehicle.heading - heading) * vehicle.reach_m
@@ -304,7 +307,7 @@ class Roadside:
         return struck
 
     def _trip(self, vehicle: Vehicle, struck: Struck) -> None:
-        """A vehicle that slides sideways against a kerb turns its lateral speed into rotation."""
+        """Turn the lateral speed of a vehicle that slides against a kerb into rotation."""
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
         nx, ny = struck.contact().normal_x, struck.contact().normal_y
         left_mps = vehicle.vy * c - vehicle.vx * s
@@ -315,18 +318,21 @@ class Roadside:
 
 
 def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:
-    """How far the circles about a vehicle and an object are apart at least: far bodies cost no more than this."""
+    """Return the least distance between the circles about a vehicle and an object: far bodies cost no more than
+    this."""
     away_m = math.hypot(vehicle.x - obstacle.outline.x_m, vehicle.y - obstacle.outline.y_m)
     return away_m - vehicle.reach_m - obstacle.reach_m - _NEAR_M
 
 
 def _tilted(vehicle: Vehicle, bank: Bank) -> Ground:
-    """The ground under a vehicle on a slope beside the road. Its slopes are what of the weight pulls along the plane,
-    seen from above: sin times cos of the slope."""
+    """Return the ground under a vehicle on a slope beside the road.
+
+    Its slopes are what of the weight pulls along the plane, seen from above: sin times cos of the slope.
+    """
     pulled = _pressed(bank) ** 2
     return Ground(vehicle.x, vehicle.y, vehicle.z, pulled * bank.slope_x, pulled * bank.slope_y)
 
 
 def _pressed(bank: Bank) -> float:
-    """The share of the weight that presses on a slope: its cosine."""
+    """Return the share of the weight that presses on a slope: its cosine."""
     return 1 / math.sqrt(1 + bank.slope_x**2 + bank.slope_y**2)

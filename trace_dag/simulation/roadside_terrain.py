@@ -64,7 +64,7 @@ class Bank(NamedTuple):
 
     @property
     def level(self) -> bool:
-        """Whether it does not slope."""
+        """Return whether it does not slope."""
         return self.slope_x == 0.0 and self.slope_y == 0.0
 
 
@@ -82,11 +82,11 @@ class _Profile:
 
     @classmethod
     def of(cls, item: FixedObject) -> _Profile:
-        """That of an object."""
+        """Return that of an object."""
         return cls(item.pose, item.length_m / 2, slope_profile_m(item))
 
     def at(self, x_m: float, y_m: float) -> Bank:
-        """The ground at a point."""
+        """Return the ground at a point."""
         c, s = math.cos(self.pose.heading_rad), math.sin(self.pose.heading_rad)
         dx, dy = x_m - self.pose.x_m, y_m - self.pose.y_m
         if abs(dx * c + dy * s) > self.half_length_m:
@@ -123,18 +123,21 @@ class RoadsideTerrain:
 
     @property
     def slopes(self) -> bool:
-        """Whether any of it is not level."""
+        """Return whether any of it is not level."""
         return bool(self._profiles) or self._open is not None
 
     def across(self, x_m: float, y_m: float) -> tuple[float, float] | None:
-        """The direction across the nearest ditch or embankment of the report, to its far side; None without one."""
+        """Return the direction across the nearest ditch or embankment of the report, to its far side.
+
+        None without one.
+        """
         if not self._profiles:
             return None
         pose = min((each.pose for each in self._profiles), key=lambda p: math.hypot(p.x_m - x_m, p.y_m - y_m))
         return -math.sin(pose.heading_rad), math.cos(pose.heading_rad)
 
     def off_bridge(self, x_m: float, y_m: float) -> tuple[float, float] | None:
-        """The unit vector away from a bridge whose rail a point is at or beyond; None of other points."""
+        """Return the unit vector away from a bridge whose rail a point is at or beyond; None of other points."""
         if self._bridges is None or self.is_paved(x_m, y_m):
             return None
         point, edge = shapely.Point(x_m, y_m), self._bridges.edge_near(x_m, y_m)
@@ -145,18 +148,20 @@ class RoadsideTerrain:
         return (x_m - edge_x) / away_m, (y_m - edge_y) / away_m
 
     def is_paved(self, x_m: float, y_m: float) -> bool:
-        """Whether a point lies on what is paved."""
+        """Return whether a point lies on what is paved."""
         return self._paved is None or self._paved.has(x_m, y_m)
 
     def has_kerb(self, x_m: float, y_m: float) -> bool:
-        """Whether the edge of what is paved that is nearest to a point has a kerb: roads of high speed have none."""
+        """Return whether the edge of what is paved that is nearest to a point has a kerb: roads of high speed have
+        none.
+        """
         if self._open is None or self._kerbed is None:
             return self._paved is not None and not self._profiles
         point = shapely.Point(x_m, y_m)
         return _distance_m(self._kerbed.edge_near(x_m, y_m), point) < _distance_m(self._open.edge_near(x_m, y_m), point)
 
     def at(self, x_m: float, y_m: float, *, paved: bool | None = None) -> Bank:
-        """The ground at a point; ``paved`` says whether it is, where that is known."""
+        """Return the ground at a point; ``paved`` says whether it is, where that is known."""
         for profile in self._profiles:
             bank = profile.at(x_m, y_m)
             if bank != LEVEL:
@@ -180,7 +185,7 @@ class RoadsideTerrain:
 
 
 def _is_open(road: Road) -> bool:
-    """Whether a road has open sides; ways through junctions are as the fastest road there."""
+    """Return whether a road has open sides; ways through junctions are as the fastest road there."""
     return is_high_speed(road.highway, road.speed_mps)
 
 
@@ -189,7 +194,7 @@ def _distance_m(edge: shapely.Geometry, point: shapely.Point) -> float:
 
 
 class Push(NamedTuple):
-    """What a change of slope does to a vehicle, per mass (m/s): toward east, north and up."""
+    """The effect of a change of slope on a vehicle, per mass (m/s): toward east, north and up."""
 
     x_mps: float
     y_mps: float
@@ -199,7 +204,7 @@ class Push(NamedTuple):
 def onto_slope(
     vehicle_class: VehicleClass, heading_rad: float, velocity_mps: tuple[float, float], before: Bank, after: Bank
 ) -> Push | None:
-    """The impulse of coming from one slope onto another; None onto one that falls away from the vehicle's way.
+    """Return the impulse of coming from one slope onto another; None onto one that falls away from the vehicle's way.
 
     The velocity into the new slope is lost; who digs in loses as much along it, and no more than it has.
     """

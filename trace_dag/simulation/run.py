@@ -31,7 +31,7 @@ _DRIVES_ON = AfterStriking(math.inf, 0.0)
 
 
 def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float:
-    """Friction of tyres on the reported surface.
+    """Return the friction of tyres on the reported surface.
 
     >>> surface_friction(SimSettings(friction=0.8), None)  # dry
     0.8
@@ -40,7 +40,9 @@ def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float
 
 
 def relative_friction(record: CrashRecord) -> float:
-    """Friction of the reported surface as a share of dry asphalt's; the most slippery where vehicles report several.
+    """Return the friction of the reported surface as a share of dry asphalt's.
+
+    The most slippery where vehicles report several.
 
     >>> relative_friction(record)  # VSURCOND 1: dry
     1.0
@@ -51,7 +53,7 @@ def relative_friction(record: CrashRecord) -> float:
 
 
 def participant(state: ParticipantState) -> Participant:
-    """A party of a hypothesis as the simulation takes it.
+    """Return a party of a hypothesis as the simulation takes it.
 
     >>> participant(hypothesis.participants[0]).body.mass_kg
     1600
@@ -80,7 +82,7 @@ def participant(state: ParticipantState) -> Participant:
 
 
 def participants(hypothesis: Hypothesis) -> tuple[Participant, ...]:
-    """All parties of a hypothesis, in its order.
+    """Return all parties of a hypothesis, in its order.
 
     >>> [each.number for each in participants(hypothesis)]
     [1, 2]
@@ -97,7 +99,7 @@ def simulate(
     *,
     record: CrashRecord | None = None,
 ) -> tuple[SimulationLog, ...]:
-    """One log per hypothesis, in the estimate's order, on the map ``xodr`` (the same map as ``network``).
+    """Return one log per hypothesis, in the estimate's order, on the map ``xodr`` (the same map as ``network``).
 
     ``record`` gives the road's surface; without it the road is dry. All hypotheses are simulated, so that thresholds of
     the verdict can change without simulating again. Raises :class:`trace_dag.common.errors.Failure` for an estimate

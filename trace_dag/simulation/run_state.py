@@ -1,4 +1,4 @@
-"""What the components of a run see of it: its bodies, its clock, and the steps of it that they take."""
+"""The state of a run for its components: bodies, clock, and steps."""
 
 from __future__ import annotations
 
@@ -36,28 +36,28 @@ class RunState(Protocol):
     before: BodyStates | None
 
     def taken_over(self) -> BodyStates:
-        """The present state, which MuJoCo has from here on."""
+        """Return the present state, which MuJoCo has from here on."""
 
     def update(self, positions: list[float], rates: list[float]) -> None:
         """Take a state of MuJoCo's."""
 
     def move_alone(self, forces: list[tuple[float, float, float]]) -> None:
-        """A step in which nobody touches anybody."""
+        """Take a step in which nobody touches anybody."""
 
     def contact_possible(self, step: int) -> bool:
-        """Whether something may come to touch within the next step."""
+        """Return whether something may come to touch within the next step."""
 
     def forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
-        """The forces on the vehicles in a part of a step."""
+        """Return the forces on the vehicles in a part of a step."""
 
     def held(self, forces: list[float], part_s: float) -> list[float]:
-        """The given forces with those of the hitches."""
+        """Add those of the hitches to the given forces."""
 
     def step_in_parts(self, step: int, forces: list[float], parts: int) -> None:
-        """A step in so many parts."""
+        """Take a step in so many parts."""
 
     def step_leaning(self, step: int, forces: list[float]) -> None:
-        """A whole step of bodies that lean on each other."""
+        """Take a whole step of bodies that lean on each other."""
 
     def watch_contacts(self, time_s: float) -> None:
         """Look at the contacts that are open."""
@@ -68,4 +68,4 @@ class RunState(Protocol):
     def begin(
         self, pair: tuple[int, int], before: BodyStates, now: BodyStates, before_s: float, part_s: float
     ) -> ContactEpisode:
-        """A contact that came about between two states."""
+        """Return a contact that came about between two states."""

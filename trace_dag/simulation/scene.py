@@ -151,7 +151,7 @@ class FigureBodies(RigidBodies):
                 tree.velocity = (tree.person.vx, tree.person.vy, 0.0)
 
     def let_slide(self, pair: tuple[int, int]) -> None:
-        """The strike of a pair is over: what still touches slides as clothes do on sheet metal."""
+        """End the strike of a pair: what still touches slides as clothes do on sheet metal."""
         trees = [tree for tree in self._trees if tree.person is self._people[pair[1] - self._count]]
         for tree in trees:
             self._model.pair_friction[self._meetings(pair[0], tree), :2] = _CARRIED_FRICTION
@@ -217,14 +217,16 @@ class FigureBodies(RigidBodies):
         }
 
     def is_near(self, pair: tuple[int, int]) -> bool:
-        """Whether a vehicle and a person touched, or came near each other, in the state the last step began with."""
+        """Return whether a vehicle and a person touched, or came near each other, in the state the last step began
+        with.
+        """
         if pair in self.touches:
             return True
         meets = (self._owner.get(one) == pair[0] and self._owner.get(two) == pair[1] for one, two in self._contacts())
         return any(meets)
 
     def _contacts(self) -> Iterator[tuple[int, int]]:
-        """The shapes of vehicles and people that were near each other then, the vehicle's first."""
+        """Yield the shapes of vehicles and people that were near each other then, the vehicle's first."""
         for one, two in self._data.contact.geom.tolist():
             yield (one, two) if self._owner.get(one, self._count) < self._count else (two, one)
 
@@ -316,7 +318,7 @@ class FigureBodies(RigidBodies):
                 del self._climbed[vehicle, tree]
 
     def _meetings(self, vehicle: int, tree: BodyTree) -> Any:
-        """Which of the model's pairs of shapes are of a vehicle and a person: an array of truths."""
+        """Return which of the model's pairs of shapes are of a vehicle and a person: an array of truths."""
         shapes, one, two = self._shells[vehicle][0], self._model.pair_geom1, self._model.pair_geom2
         return (np.isin(one, shapes) & np.isin(two, tree.geoms)) | (np.isin(two, shapes) & np.isin(one, tree.geoms))
 
@@ -369,7 +371,7 @@ class FigureBodies(RigidBodies):
         return model, self._mujoco.MjData(model)
 
     def release(self) -> None:
-        """No other run has the same people."""
+        """Release nothing: no other run has the same people."""
 
     def _mjcf(self, models: list[VehicleModel]) -> str:
         vehicles = vehicle_bodies(models, _shell_mjcf)
@@ -420,5 +422,5 @@ def _meeting(one: str, two: str) -> str:
 
 
 def _solref(rate_rps: float, damping_ratio: float) -> str:
-    """A spring and damper by natural frequency and damping ratio, whatever the masses."""
+    """Return a spring and damper by natural frequency and damping ratio, whatever the masses."""
     return f'solref="{-(rate_rps**2)!r} {-2 * damping_ratio * rate_rps!r}"'

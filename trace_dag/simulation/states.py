@@ -22,7 +22,7 @@ from trace_dag.simulation.objects import FixedObject
 
 
 class Manoeuvre(StrEnum):
-    """How a vehicle came from its initial lane to the crash, and how a person or an animal moved."""
+    """Manoeuvres of vehicles from the initial lane to the crash, and movements of people and animals."""
 
     STRAIGHT = "straight"
     CURVE = "curve"
@@ -48,7 +48,10 @@ class Manoeuvre(StrEnum):
 
 
 class SpeedSource(StrEnum):
-    """Where an initial speed comes from. A reported speed is never changed."""
+    """Sources of initial speeds.
+
+    A reported speed is never changed.
+    """
 
     REPORTED = "reported"
     INFERRED_LIMIT = "inferred_limit"
@@ -86,8 +89,8 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class LossOfControl:
-    """What is assumed of a vehicle that nobody drives any more from a time on (s): what led it off the road after a
-    contact, its driver or its damage, or tripped it, is not reported.
+    """The assumed loss of control of a vehicle from a time on: what led it off the road after a contact, its driver or
+    its damage, or tripped it, is not reported.
 
     Its front wheels are turned to the left (``wheels_rad``; right: negative). It spins (``yaw_rps``, added to its yaw
     rate then), as one does that was struck off its middle. ``locked_wheels`` carry that share of its weight: with 0 it
@@ -141,7 +144,7 @@ class ParticipantState:
 
     @property
     def is_figure(self) -> bool:
-        """Whether it is simulated as a jointed figure: a person outside motor vehicles, or an animal."""
+        """Return whether it is simulated as a jointed figure: a person outside motor vehicles, or an animal."""
         return self.kind is not PartyKind.MOTOR_VEHICLE
 
 
@@ -205,11 +208,11 @@ class EstimatorRun:
 
     @property
     def fallback(self) -> bool:
-        """Whether another estimator than the asked one made the estimate."""
+        """Return whether another estimator than the asked one made the estimate."""
         return self.fallback_from is not None
 
     def in_words(self) -> str:
-        """Which estimator made the estimate, and, if it was not the asked one, why."""
+        """Return the estimator's name, and, if it was not the asked one, why."""
         made = f"{self.estimator} estimator"
         if self.fallback_from is None:
             return f"{made} ({self.model})" if self.model else made
@@ -252,5 +255,5 @@ class StateEstimate:
 
     @property
     def best(self) -> Hypothesis:
-        """The hypothesis with the highest score."""
+        """Return the hypothesis with the highest score."""
         return self.hypotheses[0]

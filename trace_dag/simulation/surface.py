@@ -30,11 +30,11 @@ class Ground(NamedTuple):
     slope_y: float
 
     def height_m(self, x_m: float, y_m: float) -> float:
-        """Height of the tangent plane."""
+        """Return the height of the tangent plane."""
         return self.z_m + self.slope_x * (x_m - self.x_m) + self.slope_y * (y_m - self.y_m)
 
     def reaches(self, x_m: float, y_m: float) -> bool:
-        """Whether a point is so near that the tangent plane still stands for the surface."""
+        """Return whether a point is so near that the tangent plane still stands for the surface."""
         return abs(x_m - self.x_m) < _PLANE_M and abs(y_m - self.y_m) < _PLANE_M
 
 
@@ -51,16 +51,16 @@ class Surface:
         self._slopes = np.zeros((0, 2)) if flat else np.asarray(slopes, float)
 
     def around(self, paths_m: FloatArray) -> Surface:
-        """The surface that matters to vehicles on some paths: this one."""
+        """Return the surface that matters to vehicles on some paths: this one."""
         return self
 
     @property
     def flat(self) -> bool:
-        """Whether this is the plane at height 0."""
+        """Return whether this is the plane at height 0."""
         return not len(self._points)
 
     def at(self, x_m: float, y_m: float, near_z_m: float) -> Ground:
-        """The surface under a point, on the level nearest to ``near_z_m``."""
+        """Return the surface under a point, on the level nearest to ``near_z_m``."""
         if self.flat:
             return Ground(x_m, y_m, 0.0, 0.0, 0.0)
         squared = (self._points[:, 0] - x_m) ** 2 + (self._points[:, 1] - y_m) ** 2
@@ -75,8 +75,10 @@ class Surface:
         return Ground(x_m, y_m, height, slope_x, slope_y)
 
     def _on_other_level(self, squared: FloatArray, near_z_m: float) -> np.intp:
-        """The nearest sample on the level of a height, by the squared distances of all; where there is none, that
-        which is nearest in height."""
+        """Return the nearest sample on the level of a height, by the squared distances of all.
+
+        Where there is none, that which is nearest in height.
+        """
         near = np.arange(len(squared))
         if len(squared) > _NEIGHBOURS:
             near = np.argpartition(squared, _NEIGHBOURS)[:_NEIGHBOURS]
@@ -97,7 +99,7 @@ class NetworkSurface:
         self._surface = Surface()
 
     def around(self, paths_m: FloatArray) -> Surface:
-        """Surface of the roads that pass within reach of any of the points, shape (n, 2)."""
+        """Return the surface of the roads that pass within reach of any of the points, shape (n, 2)."""
         if self._flat:
             return self._surface
         starts, reach_m, road_ids = self._elements
@@ -113,7 +115,9 @@ class NetworkSurface:
 
     @cached_property
     def _elements(self) -> tuple[FloatArray, FloatArray, NDArray[np.str_]]:
-        """Starts of all elements of reference lines, how near a path must come to one to matter, and their roads."""
+        """Return starts of all elements of reference lines, how near a path must come to one to matter, and their
+        roads.
+        """
         found = [(e.x_m, e.y_m, e.length_m, road.id) for road in self._network.roads for e in road.plan]
         columns = np.array([each[:3] for each in found]).reshape(-1, 3)
         return columns[:, :2], columns[:, 2] + _REACH_M, np.array([each[3] for each in found])

@@ -34,7 +34,7 @@ _NEAR_M = 0.1  # a figure's hands and feet may reach so far out of its outline
 
 
 def people_of(participants: Sequence[Participant], step_s: float, time_limit_s: float) -> list[Person]:
-    """The people and animals among the participants."""
+    """Return the people and animals among the participants."""
     people = []
     for participant in participants:
         if not participant.body.is_figure:
@@ -67,12 +67,12 @@ class ThrownPeople:
 
     @property
     def could_meet(self) -> list[tuple[Vehicle, Person]]:
-        """Every vehicle with every person."""
+        """Return every vehicle with every person."""
         return [(self._run.vehicles[i], self._run.people[j]) for i, j in self._chances]
 
     @property
     def moving(self) -> bool:
-        """Whether anybody who was touched still moves."""
+        """Return whether anybody who was touched still moves."""
         return any(person.crashed and not person.at_rest for person in self._run.people)
 
     def stand_on_road(self) -> None:
@@ -87,7 +87,7 @@ class ThrownPeople:
         self.bodies.look(time_s)
 
     def alone_until(self, until: int) -> int:
-        """The step before which no vehicle can touch a person, at most another one."""
+        """Return the step before which no vehicle can touch a person, at most another one."""
         return min(until, self._apart_until_step) if self._chances else until
 
     def walk(self, time_s: float) -> None:
@@ -120,7 +120,7 @@ class ThrownPeople:
         self.bodies.follow()
 
     def _step_of_people(self, step: int, forces: list[float], parts: int) -> None:
-        """A step in which no two vehicles can come to touch."""
+        """Take a step in which no two vehicles can come to touch."""
         part_s = self._run.step_s / parts
         self._run.before = None
         self._run.taken_over()
@@ -142,7 +142,7 @@ class ThrownPeople:
         self._run.close_ended((step + 1) * self._run.step_s)
 
     def _slide(self, forces: list[tuple[float, float, float]], end_s: float) -> None:
-        """A step in which people slide as one body each, and vehicles move alone."""
+        """Take a step in which people slide as one body each, and vehicles move alone."""
         self._run.move_alone(forces)
         self.bodies.slide(self._run.step_s)
         self._run.watch_contacts(end_s)
@@ -152,8 +152,9 @@ class ThrownPeople:
         return any(two < len(self._run.vehicles) for _, two in self._run.open)
 
     def _strike_parts(self, step: int) -> int:
-        """The number of parts to take the next step in because a vehicle may come to touch a person in it, or goes on
-        to; 0 if none can."""
+        """Return the number of parts to take the next step in because a vehicle may come to touch a person in it, or
+        goes on to; 0 if none can.
+        """
         if step < self._apart_until_step:
             return 0
         now_s = step * self._run.step_s
@@ -177,7 +178,7 @@ class ThrownPeople:
         return parts
 
     def _parts_near(self, pair: tuple[int, int], now_s: float, closing_mps: float) -> int:
-        """The number of parts to take a step in for a vehicle and a person who are near each other.
+        """Return the number of parts to take a step in for a vehicle and a person who are near each other.
 
         In a whole step nobody who is not seen near the other yet comes to touch.
         """
@@ -191,15 +192,16 @@ class ThrownPeople:
         return self._near_in_parts if self.bodies.is_near(pair) else self._flight_in_parts
 
     def _runs_ahead(self, pair: tuple[int, int]) -> bool:
-        """Whether a person is faster than the vehicle along it, as who slides off the hood of one that brakes: nothing
-        strikes them."""
+        """Return whether a person is faster than the vehicle along it, as who slides off the hood of one that brakes:
+        nothing strikes them.
+        """
         vehicle, person = self._vehicle(pair), self._person(pair)
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
         return (person.vx - vehicle.vx) * c + (person.vy - vehicle.vy) * s > 0
 
     # --- contacts --------------------------------------------------------------------------------------------
     def begin(self, pair: tuple[int, int], now_s: float, part_s: float) -> ContactEpisode:
-        """A strike that came about in a part of a step."""
+        """Return a strike that came about in a part of a step."""
         vehicle, person = self._vehicle(pair), self._person(pair)
         if person.crashed:
             self.bodies.follow()
@@ -216,7 +218,7 @@ class ThrownPeople:
         return episode
 
     def watch_strike(self, pair: tuple[int, int], episode: ContactEpisode, time_s: float) -> None:
-        """Whether a strike is over, or a crash to the vehicle."""
+        """Watch whether a strike is over, or a crash to the vehicle."""
         if time_s > episode.pulse_end_s and pair not in self._sliding:
             self._sliding.add(pair)
             self.bodies.let_slide(pair)

@@ -34,7 +34,7 @@ judgement by the overhangs of both."""
 
 
 def pulled_body(participant: Participant) -> Body | None:
-    """The body that a participant pulls."""
+    """Return the body that a participant pulls."""
     trailer = participant.trailer
     if trailer is None:
         return None
@@ -78,7 +78,7 @@ class Towed(Vehicle):
 
     @property
     def crashed(self) -> bool:
-        """Whether the vehicle that pulls it is out of control."""
+        """Return whether the vehicle that pulls it is out of control."""
         return self.puller.crashed
 
     @crashed.setter
@@ -87,7 +87,7 @@ class Towed(Vehicle):
 
     @property
     def stops(self) -> bool:
-        """Whether its driver brakes to a stop."""
+        """Return whether its driver brakes to a stop."""
         return self.puller.stops
 
     def strike(self, step: int, response: AfterStriking, step_s: float, *, beside: bool = False) -> None:
@@ -96,11 +96,14 @@ class Towed(Vehicle):
 
     @property
     def pedals(self) -> tuple[float, float]:
-        """No throttle, and the brake of the vehicle that pulls it."""
+        """Return no throttle, and the brake of the vehicle that pulls it."""
         return 0.0, self.puller.pedals[1]
 
     def log_row(self) -> tuple[float, ...]:
-        """The state as the recorder keeps it. A semitrailer has the roll of its tractor."""
+        """Return the state as the recorder keeps it.
+
+        A semitrailer has the roll of its tractor.
+        """
         state = super().log_row()
         roll = self.puller.roll
         if roll is None or not self.trailer.is_semitrailer:
@@ -114,7 +117,7 @@ class Towed(Vehicle):
 
 
 def whole_kg(vehicle: Vehicle) -> float:
-    """Mass of a vehicle with its trailer, or of a trailer with the vehicle that pulls it.
+    """Return the mass of a vehicle with its trailer, or of a trailer with the vehicle that pulls it.
 
     >>> whole_kg(simulated_pair[0])  # a car that pulls nothing
     1600.0
@@ -124,7 +127,7 @@ def whole_kg(vehicle: Vehicle) -> float:
 
 
 def _hitch_behind_cg_m(model: VehicleModel, trailer: Trailer) -> float:
-    """How far behind its centre of gravity a vehicle is coupled."""
+    """Return the distance of a vehicle's coupling behind its centre of gravity."""
     return trailer.hitch_m - model.body.length_m / 2 + model.cg_ahead_m
 
 
@@ -144,7 +147,7 @@ class Hitch:
 
     @property
     def pair(self) -> tuple[int, int]:
-        """The places of both among the run's vehicles."""
+        """Return the places of both among the run's vehicles."""
         return self._i // 3, self._j // 3
 
     def hold(self, forces: list[float], step_s: float) -> None:

@@ -42,7 +42,7 @@ OVERTURNED_RAD = math.radians(60)
 
 
 class Termination(StrEnum):
-    """Why a simulation ended."""
+    """Reasons for the end of a simulation."""
 
     AT_REST = "at_rest"
     TIME_LIMIT = "time_limit"
@@ -53,7 +53,7 @@ class Termination(StrEnum):
 
 
 class BodyKind(StrEnum):
-    """What a participant is. A conveyance is what a person stands or sits on who is not a cyclist (FARS PER_TYP 8)."""
+    """Kinds of participants. A conveyance carries a person who is not a cyclist (FARS PER_TYP 8)."""
 
     MOTOR_VEHICLE = "motor_vehicle"
     PEDESTRIAN = "pedestrian"
@@ -80,17 +80,17 @@ class Body:
 
     @property
     def is_figure(self) -> bool:
-        """Whether it is simulated as a jointed figure: a person, on foot or riding, or an animal."""
+        """Return whether it is simulated as a jointed figure: a person, on foot or riding, or an animal."""
         return self.kind is not BodyKind.MOTOR_VEHICLE
 
     @property
     def is_trailer(self) -> bool:
-        """Whether it is what a vehicle pulls."""
+        """Return whether it is what a vehicle pulls."""
         return self.vehicle_class is VehicleClass.TRAILER
 
 
 def party_name(body: Body, number: int) -> str:
-    """The name of a participant in messages: vehicle 1, pedestrian 1001, the trailer of vehicle 1.
+    """Return the name of a participant in messages: vehicle 1, pedestrian 1001, the trailer of vehicle 1.
 
     >>> party_name(Body(BodyKind.PEDESTRIAN, VehicleClass.OTHER, 0.3, 0.5, 1.75, 80.0), 1001)
     'pedestrian 1001'
@@ -102,7 +102,7 @@ def party_name(body: Body, number: int) -> str:
 
 @dataclass(frozen=True)
 class AfterStriking:
-    """What a driver does after striking a person: drives on for ``reaction_s``, then brakes to a stop.
+    """A driver's behaviour after striking a person: on for ``reaction_s``, then braking to a stop.
 
     An infinite reaction is a driver who does not stop for it and drives the plan to its end.
     """
@@ -171,16 +171,18 @@ class VehicleLog:
     landmarks_m: FloatArray
 
     def on_grid(self) -> VehicleLog:
-        """The same with all but the times rounded to :data:`STATE_GRID`: a file of them takes less than half the space,
-        as what a simulation has beyond that is the noise of its arithmetic."""
+        """Return the same with all but the times rounded to :data:`STATE_GRID`: a file of them takes less than half the
+        space, as what a simulation has beyond that is the noise of its arithmetic.
+        """
         states = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _NOT_ON_GRID}
         return replace(self, **{name: np.rint(values * STATE_GRID) / STATE_GRID for name, values in states.items()})
 
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact between two bodies: its first moment, and what it did over its whole duration. Where one of them is
-    a person, the vehicle is the first, and the person's body includes what the person rides.
+    """One contact between two bodies: its first moment, and what it did over its whole duration.
+
+    Where one of them is a person, the vehicle is the first, and the person's body includes what the person rides.
 
     ``normal`` is a unit vector from body 1 to body 2; poses are of the bodies' centres and, like the velocities of
     their centres of gravity, those just before the contact. ``impulse_ns`` and ``delta_v`` (m/s, of the centres of
@@ -215,20 +217,20 @@ class Contact:
 
     @property
     def poses(self) -> dict[int, Pose]:
-        """Poses by the numbers of bodies: of both parties, and of a trailer that was touched."""
+        """Return poses by the numbers of bodies: of both parties, and of a trailer that was touched."""
         behind = ((self.number_1, self.trailer_pose_1), (self.number_2, self.trailer_pose_2))
         found = {self.number_1: self.pose_1, self.number_2: self.pose_2}
         return found | {trailer_body(number): pose for number, pose in behind if pose is not None}
 
     @property
     def touched(self) -> tuple[int, int]:
-        """Numbers of the two bodies that touched: of a trailer its own."""
+        """Return numbers of the two bodies that touched: of a trailer its own."""
         one = self.number_1 if self.trailer_pose_1 is None else trailer_body(self.number_1)
         two = self.number_2 if self.trailer_pose_2 is None else trailer_body(self.number_2)
         return one, two
 
     def along_m(self, course_rad: float) -> float:
-        """How far it is ahead of the frame's origin, seen along a course."""
+        """Return how far it is ahead of the frame's origin, seen along a course."""
         return self.x_m * math.cos(course_rad) + self.y_m * math.sin(course_rad)
 
 
@@ -244,7 +246,9 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class SimulationLog:
-    """What a back-end returns for one hypothesis. ``objects`` are the fixed ones that stood there.
+    """The log of a back-end for one hypothesis.
+
+    ``objects`` are the fixed ones that stood there.
 
     A trailer is a body of its own among ``vehicles`` (after all participants) and ``bodies``, numbered
     :func:`trace_dag.crash.parties.trailer_body`; contacts with it are contacts of the vehicle that pulls it.
@@ -265,19 +269,22 @@ class SimulationLog:
 
     @property
     def parties(self) -> tuple[VehicleLog, ...]:
-        """The logs of the participants: of all bodies but trailers."""
+        """Return the logs of the participants: of all bodies but trailers."""
         return tuple(each for each in self.vehicles if party_of_body(each.number) == each.number)
 
     def vehicle_log(self, number: int) -> VehicleLog:
-        """The log of a body."""
+        """Return the log of a body."""
         return next(each for each in self.vehicles if each.number == number)
 
     def trailer_log(self, number: int) -> VehicleLog | None:
-        """The log of what a vehicle pulls."""
+        """Return the log of what a vehicle pulls."""
         return next((each for each in self.vehicles if each.number == trailer_body(number)), None)
 
     def pose_at_contact(self, contact: Contact, number: int) -> Pose | None:
-        """Where a body was when its party first touched another in a contact; None of those it does not concern."""
+        """Return the place of a body when its party first touched another in a contact.
+
+        None if it has no part in it.
+        """
         if party_of_body(number) not in (contact.number_1, contact.number_2):
             return None
         if number in contact.poses:
@@ -288,8 +295,9 @@ class SimulationLog:
         return Pose(x, y, heading, z)
 
     def articulation_rad(self, number: int) -> FloatArray | None:
-        """Angle between a vehicle and its trailer per step, positive where the vehicle is turned to the left of the
-        trailer, shape (n,); None without one."""
+        """Return the angle between a vehicle and its trailer per step, positive where the vehicle is turned to the left
+        of the trailer, shape (n,); None without one.
+        """
         trailer = self.trailer_log(number)
         if trailer is None:
             return None
@@ -297,8 +305,10 @@ class SimulationLog:
         return np.asarray((puller.heading_rad - trailer.heading_rad + math.pi) % math.tau - math.pi)
 
     def clock_body(self, contact: Contact, number: int) -> tuple[Pose, float, float]:
-        """The body that clock positions of a contact are counted on: pose of its middle, length and width (m). Of a
-        combination vehicle that is the whole of it, in line with the part that was touched."""
+        """Return the body that clock positions of a contact are counted on: pose of its middle, length and width (m).
+
+        Of a combination vehicle that is the whole of it, in line with the part that was touched.
+        """
         first = number == contact.number_1
         pose, behind = (contact.pose_1, contact.trailer_pose_1) if first else (contact.pose_2, contact.trailer_pose_2)
         body, trailer = self.bodies[number], self.trailers.get(number)
@@ -314,23 +324,23 @@ class SimulationLog:
         return middle, trailer.combination_length_m, body.width_m
 
     def is_figure(self, number: int) -> bool:
-        """Whether the party of that number is simulated as a jointed figure."""
+        """Return whether the party of that number is simulated as a jointed figure."""
         body = self.bodies.get(number)
         return body is not None and body.is_figure
 
     def object_of(self, number: int) -> FixedObject | None:
-        """The fixed object of that number, if it is one."""
+        """Return the fixed object of that number, if it is one."""
         return next((item for item in self.objects if item.number == number), None)
 
     @property
     def meetings(self) -> tuple[Contact, ...]:
-        """The contacts between two participants, in order."""
+        """Return the contacts between two participants, in order."""
         met = (contact for contact in self.contacts if self.object_of(contact.number_2) is None)
         return tuple(sorted(met, key=lambda contact: contact.time_s))
 
     @property
     def first_of_each(self) -> tuple[Contact, ...]:
-        """The first contact of each two parties, a party and a fixed object among them, in their order."""
+        """Return the first contact of each two parties, a party and a fixed object among them, in their order."""
         first: dict[tuple[int, int], Contact] = {}
         for each in sorted(self.contacts, key=lambda contact: contact.time_s):
             first.setdefault((each.number_1, each.number_2), each)
@@ -338,7 +348,10 @@ class SimulationLog:
 
     @property
     def first_contact(self) -> Contact | None:
-        """The first contact between two participants; where nobody met anybody, the first with a fixed object."""
+        """Return the first contact between two participants.
+
+        Where nobody met anybody, the first with a fixed object.
+        """
         return min(self.meetings or self.contacts, key=lambda contact: contact.time_s, default=None)
 
 
@@ -351,7 +364,7 @@ def _middle(poses: Poses, part: Pose) -> Pose:
 
 
 def moment_of(log: SimulationLog) -> Moment | None:
-    """The first contact; where nobody touched anything, the first overturn; None if there is neither.
+    """Return the first contact; where nobody touched anything, the first overturn; None if there is neither.
 
     >>> moment_of(log).numbers
     (1, 2)
@@ -367,7 +380,10 @@ def moment_of(log: SimulationLog) -> Moment | None:
 
 
 def overturned_at(vehicle: VehicleLog) -> int | None:
-    """The step of a log at which a vehicle has overturned; None if it does not, or is a figure that is thrown."""
+    """Return the step of a log at which a vehicle has overturned.
+
+    None if it does not, or is a figure that is thrown.
+    """
     if vehicle.landmarks_m.shape[1]:
         return None
     over = np.flatnonzero(np.abs(vehicle.roll_rad) >= OVERTURNED_RAD)
@@ -401,21 +417,23 @@ class Backend(Protocol):
     name: str
 
     def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> Simulation:
-        """Make the road map ready. ``xodr`` is the map as stored, ``network`` the same map as read, ``friction`` that
-        of tyres on this road."""
+        """Make the road map ready.
+
+        ``xodr`` is the map as stored, ``network`` the same map as read, ``friction`` that of tyres on this road.
+        """
 
     def close(self) -> None:
         """Release everything; safe to call twice."""
 
 
 class BackendFactory(Protocol):
-    """What a package offers as a back-end, usually its class (entry points of the group ``trace_dag.backends``)."""
+    """A package's back-end, usually its class (entry points of the group ``trace_dag.backends``)."""
 
     one_at_a_time: bool
     """Whether only one process can use it: there is one server."""
 
     def __call__(self, settings: SimSettings) -> Backend:
-        """The back-end by the settings; it connects when the first map is loaded."""
+        """Return the back-end by the settings; it connects when the first map is loaded."""
 
     def require(self, settings: SimSettings) -> None:
         """Raise :class:`trace_dag.common.errors.UserError` for what is not there, before anything runs."""

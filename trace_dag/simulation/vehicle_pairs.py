@@ -22,8 +22,10 @@ BOUND, BOUND_MPS = 1.5, 10.0
 
 
 class VehiclePairs:
-    """The pairs by the places of both among the vehicles, in the order of the parties that they belong to; nobody
-    touches what is coupled to it."""
+    """The pairs by the places of both among the vehicles, in the order of the parties that they belong to.
+
+    Nobody touches what is coupled to it.
+    """
 
     def __init__(self, vehicles: Sequence[Vehicle], hitches: Sequence[Hitch], settings: SimSettings) -> None:
         self._vehicles = vehicles
@@ -46,12 +48,13 @@ class VehiclePairs:
 
     @property
     def vehicles(self) -> list[tuple[Vehicle, Vehicle]]:
-        """Both vehicles of each pair."""
+        """Return both vehicles of each pair."""
         return [(one, two) for _, one, two, _ in self._met]
 
     def gap_m(self, pair: tuple[int, int]) -> float:
-        """How far two vehicles are apart now, as :func:`separation` has it: asked at the end of a part of a step, and
-        at the beginning of the next."""
+        """Return the distance of two vehicles now, as :func:`separation` has it: asked at the end of a part of a step,
+        and at the beginning of the next.
+        """
         one, two = self._vehicles[pair[0]].outline(), self._vehicles[pair[1]].outline()
         known = self._compared.get(pair)
         if known is not None and known[0] is one and known[1] is two:
@@ -61,8 +64,9 @@ class VehiclePairs:
         return gap_m
 
     def press(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
-        """Forces on all vehicles in a part of a step, x, y (N) and moment (Nm) of each in a row: those given, and those
-        of vehicles that press each other in."""
+        """Return forces on all vehicles in a part of a step, x, y (N) and moment (Nm) of each in a row: those given,
+        and those of vehicles that press each other in.
+        """
         self.pressed_n = {}
         total = list(forces)
         for pair, one, two, reach_m in self._met:
@@ -89,5 +93,5 @@ class VehiclePairs:
 
 
 def same_level(one: Vehicle, two: Vehicle | Person) -> bool:
-    """Whether two bodies are at heights at which they can touch, and not one above the other on a bridge."""
+    """Return whether two bodies are at heights at which they can touch, and not one above the other on a bridge."""
     return one.z < two.z + two.model.body.height_m and two.z < one.z + one.model.body.height_m

@@ -73,13 +73,13 @@ class VehicleModel:
 
     @property
     def wheelbase_m(self) -> float:
-        """Distance between the axles."""
+        """Return the distance between the axles."""
         return self.front_axle_m + self.rear_axle_m
 
 
 @lru_cache(maxsize=256)
 def vehicle_model(body: Body, trailer: Trailer | None = None) -> VehicleModel:
-    """The single-track model of a body; with a trailer, of the vehicle that pulls it.
+    """Return the single-track model of a body; with a trailer, of the vehicle that pulls it.
 
     >>> model = vehicle_model(log.bodies[1])
     >>> round(model.front_load_n + model.rear_load_n)  # 1600 kg at 9.80665 m/s2
@@ -109,7 +109,7 @@ def vehicle_model(body: Body, trailer: Trailer | None = None) -> VehicleModel:
 
 
 def _pulling(alone: VehicleModel, trailer: Trailer, p: _Proportions) -> VehicleModel:
-    """A vehicle with the load of a trailer on its hitch, which is shared by its axles as on a beam."""
+    """Return a vehicle with the load of a trailer on its hitch, which is shared by its axles as on a beam."""
     carried_n = trailer.hitch_load_share * trailer.mass_kg * GRAVITY_MPS2
     behind_front_m = trailer.hitch_m - alone.body.length_m / 2 + alone.cg_ahead_m + alone.front_axle_m
     on_rear_n = carried_n * behind_front_m / alone.wheelbase_m
@@ -129,7 +129,9 @@ def _pulling(alone: VehicleModel, trailer: Trailer, p: _Proportions) -> VehicleM
 
 @lru_cache(maxsize=256)
 def trailer_model(body: Body, trailer: Trailer) -> VehicleModel:
-    """A trailer's model. Its front axle is the hitch, which has no wheels.
+    """Return a trailer's model.
+
+    Its front axle is the hitch, which has no wheels.
 
     >>> from trace_dag.crash.codes.bodies import PICKUP
     >>> from trace_dag.crash.codes.trailers import trailer_of
@@ -161,7 +163,7 @@ def trailer_model(body: Body, trailer: Trailer) -> VehicleModel:
 
 
 def yaw_inertia_kgm2(body: Body) -> float:
-    """About the vertical through the centre of gravity.
+    """Return the about the vertical through the centre of gravity.
 
     Of light vehicles by NHTSA's measurements: 1.03 W - 1206 slug ft2 at a weight W in lb (Garrott, SAE 930897), but no
     more than a uniform box's and no less than two thirds of it, where the regression leaves the range it was made of.

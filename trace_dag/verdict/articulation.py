@@ -1,4 +1,4 @@
-"""How far combination vehicles folded up, beside what the report says of a jackknife: shown, and judges nothing.
+"""Articulation of combination vehicles beside a reported jackknife: shown, and judges nothing.
 
 ``J_KNIFE`` says whether a combination jackknifed, in the first or a later event; the angle at which one counts as such
 is nowhere defined, so that the largest angle between both is shown with the report's word.
@@ -18,7 +18,7 @@ from trace_dag.verdict.types import Criterion
 
 
 def articulation_shown(record: CrashRecord, log: SimulationLog) -> Iterator[Criterion]:
-    """Of each vehicle with a trailer the largest hitch angle of the simulation, degrees.
+    """Return the largest hitch angle of each vehicle with a trailer in the simulation, degrees.
 
     >>> list(articulation_shown(record, log))  # neither vehicle draws a trailer
     []

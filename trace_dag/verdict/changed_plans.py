@@ -52,7 +52,7 @@ class ChangedPlan:
 
 
 def changed_plans(crash: JudgedCrash, settings: VerdictSettings) -> Iterator[tuple[str, ChangedPlan | None]]:
-    """Every change that applies to a crash, by its name; None where a delay changes nothing.
+    """Yield every change that applies to a crash, by its name; None where a delay changes nothing.
 
     >>> [name for name, _ in changed_plans(judged_tree, VerdictSettings())]
     ['mirrored', 'moved']
@@ -74,14 +74,14 @@ def changed_plans(crash: JudgedCrash, settings: VerdictSettings) -> Iterator[tup
 
 
 def changed_estimate(crash: JudgedCrash, changed: ChangedPlan) -> StateEstimate:
-    """What :func:`trace_dag.simulation.run.simulate` takes to run a changed plan."""
+    """Return the estimate that :func:`trace_dag.simulation.run.simulate` takes to run a changed plan."""
     return StateEstimate(crash.record.key, (changed.hypothesis,), EstimatorRun("changed plan", "1"))
 
 
 def changed_row(
     crash: JudgedCrash, name: str, changed: ChangedPlan | None, log: SimulationLog | None, settings: VerdictSettings
 ) -> ControlRow:
-    """The judgement of a changed plan; ``changed`` and ``log`` are None where nothing could be changed."""
+    """Return the judgement of a changed plan; ``changed`` and ``log`` are None where nothing could be changed."""
     if changed is None or log is None:
         detail = "one of the parties stands where they meet: no delay makes them miss"
         return ControlRow(name, crash.record.key, detail=detail)
@@ -92,7 +92,7 @@ def changed_row(
 
 # --- late ------------------------------------------------------------------------------------------------------------
 def late_vehicle(crash: JudgedCrash) -> ChangedPlan | None:
-    """The first vehicle late enough that the two should miss or meet ten metres away or more.
+    """Return the first vehicle late enough that the two should miss or meet ten metres away or more.
 
     Delays by the time the slower one takes for that and for the two bodies, :data:`LEAST_SHIFT_S` at least. None if
     one of the two stands where they meet.
@@ -110,8 +110,9 @@ def late_vehicle(crash: JudgedCrash) -> ChangedPlan | None:
 
 
 def late_person(crash: JudgedCrash) -> ChangedPlan | None:
-    """The first person late: two seconds if it crosses, longer if it goes along the road; None if the person or the
-    vehicle stands where they meet.
+    """Return the first person late: two seconds if it crosses, longer if it goes along the road.
+
+    None if the person or the vehicle stands where they meet.
 
     >>> late = late_person(judged_pedestrian)  # he crosses the road
     >>> late.vehicle_number, late.shift_s
@@ -127,14 +128,14 @@ def late_person(crash: JudgedCrash) -> ChangedPlan | None:
 
 
 def _who_meet_first(crash: JudgedCrash) -> tuple[ParticipantState, ParticipantState]:
-    """The two parties of the first contact, the lower number first."""
+    """Return the two parties of the first contact, the lower number first."""
     states = {state.vehicle_number: state for state in crash.hypothesis.participants}
     one, two = crash.sequence.first.pair
     return states[one], states[two]
 
 
 def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:
-    """The same motion, later: the vehicle comes from further back, straight on and at its initial speed.
+    """Return the same motion, later: the vehicle comes from further back, straight on and at its initial speed.
 
     >>> first = hypothesis.participants[0]
     >>> late = delayed(first, 2.0)  # at 6.26 m/s
@@ -161,7 +162,7 @@ def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:
 
 # --- mirrored --------------------------------------------------------------------------------------------------------
 def mirrored_person(crash: JudgedCrash) -> ChangedPlan | None:
-    """The first person coming from the other side; None where the report does not say the side.
+    """Return the first person coming from the other side; None where the report does not say the side.
 
     The person's motion is mirrored at the line along which the vehicle strikes it.
     """
@@ -188,8 +189,9 @@ def mirrored_person(crash: JudgedCrash) -> ChangedPlan | None:
 
 
 def mirrored_departure(crash: JudgedCrash) -> ChangedPlan | None:
-    """The vehicle leaving to the other side, and the objects there; None if it left straight ahead, which is its own
-    mirror image.
+    """Return the vehicle leaving to the other side, and the objects there.
+
+    None if it left straight ahead, which is its own mirror image.
     """
     departure, hypothesis = departure_of(crash.record, crash.sequence), crash.hypothesis
     if departure.side not in (DepartureSide.LEFT, DepartureSide.RIGHT):
@@ -224,7 +226,7 @@ class _Mirror:
         self._left_m = self._line.project(axis.x_m, axis.y_m)[1] if self._line is not None else 0.0
 
     def of(self, x_m: float, y_m: float, heading_rad: float) -> tuple[float, float, float]:
-        """The image of a point and a heading."""
+        """Return the image of a point and a heading."""
         if self._line is not None:
             s_m, t_m, _ = self._line.project(x_m, y_m)
             if 0.0 < s_m < self._length_m:
@@ -237,8 +239,9 @@ class _Mirror:
 
 
 def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, Pose]:
-    """The last moment before the impact at which the vehicle went along its road: its index, and the pose of who goes
-    exactly along it there."""
+    """Return the last moment before the impact at which the vehicle went along its road: its index, and the pose of who
+    goes exactly along it there.
+    """
     t = state.trajectory
     impact = int(np.searchsorted(t.time_s, crash.hypothesis.impact_time_s))
     for k in range(min(impact, len(t.time_s) - 1), 0, -_LOOKED_AT):
@@ -254,8 +257,8 @@ def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, 
 
 # --- moved -----------------------------------------------------------------------------------------------------------
 def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> ChangedPlan | None:
-    """The first object farther from the reported point along the road: by the distance that the verdict allows and by
-    what the object itself extends along the road, so that no part of it is as near as allowed.
+    """Return the first object farther from the reported point along the road: by the distance that the verdict allows
+    and by what the object itself extends along the road, so that no part of it is as near as allowed.
 
     What runs along the road would stay where it is by that, and is moved 3 m away from it. None of what lies across the
     end of a road.
@@ -292,7 +295,7 @@ def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> ChangedPlan |
 
 
 def parked_moved(crash: JudgedCrash, parked: int) -> ChangedPlan:
-    """The parked vehicle of the first contact 3 m farther from where the other one came."""
+    """Return the parked vehicle of the first contact 3 m farther from where the other one came."""
     states = {state.vehicle_number: state for state in crash.hypothesis.participants}
     (driven,) = (states[number] for number in crash.sequence.first.pair if number != parked)
     stands = states[parked]

@@ -47,22 +47,24 @@ class JudgedCrash:
 
     @cached_property
     def observed(self) -> ObservedCrash:
-        """What happened in its simulation."""
+        """Return the observation of its simulation."""
         return observe_crash(self.network, self.hypothesis, self.log)
 
     @cached_property
     def sequence(self) -> EventSequence:
-        """The events of its report."""
+        """Return the events of its report."""
         return sequence_of(self.record)
 
 
 @dataclass(frozen=True)
 class ControlRow:
-    """One judgement of a control. ``kind``: "true", "other_report", "shifted", "mirrored" (a person that comes from the
-    other side than reported, a vehicle that leaves the road to it), "dropped" or "swapped" (of several contacts),
-    or "moved" (an object, a parked vehicle); ``crash_kind`` is the crash's; ``verified`` is None where the control does
-    not apply. Residuals as in the verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond
-    the paper's criteria: every reported speed is driven; None where none is reported.
+    """One judgement of a control.
+
+    ``kind``: "true", "other_report", "shifted", "mirrored" (a person that comes from the other side than reported, a
+    vehicle that leaves the road to it), "dropped" or "swapped" (of several contacts), or "moved" (an object, a parked
+    vehicle); ``crash_kind`` is the crash's; ``verified`` is None where the control does not apply. Residuals as in the
+    verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond the paper's criteria: every
+    reported speed is driven; None where none is reported.
     """
 
     kind: str
@@ -85,8 +87,8 @@ class ControlRow:
 def changed_reports(
     crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
 ) -> Iterator[ControlRow]:
-    """One simulation against every other report of its kind, and against its own with each contact dropped and each two
-    that follow each other swapped.
+    """Yield one simulation against every other report of its kind, and against its own with each contact dropped and
+    each two that follow each other swapped.
 
     >>> rows = changed_reports(judged_queue, [judged_queue, judged_collision], VerdictSettings())
     >>> [(row.kind, row.verified) for row in rows]
@@ -107,12 +109,12 @@ def changed_reports(
 
 
 def true_pairing(crash: JudgedCrash, settings: VerdictSettings) -> ControlRow:
-    """The crash against its own report, for the rate beside the controls'."""
+    """Return the crash against its own report, for the rate beside the controls'."""
     return row_of("true", crash.record.key, judge_observed(crash.record, crash.observed, settings))
 
 
 def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) -> ControlRow:
-    """A judgement as a row.
+    """Return a judgement as a row.
 
     >>> row = row_of("true", record.key, verdict)
     >>> row.verified, round(row.clock_error_max_positions, 1), row.speeds_kept
@@ -135,8 +137,8 @@ def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) 
 
 # --- another crash's report ------------------------------------------------------------------------------------------
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
-    """The other report with its parties and events numbered as the own one's in the order in which they take part; None
-    where the events do not correspond.
+    """Return the other report with its parties and events numbered as the own one's in the order in which they take
+    part; None where the events do not correspond.
 
     >>> same = in_place_of(queue_record, queue_record)
     >>> [vehicle.number for vehicle in same.vehicles], in_place_of(tree_record, queue_record)
@@ -174,8 +176,9 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 
 
 def _taking_part(sequence: EventSequence) -> list[int]:
-    """Numbers of the parties in the order in which they take part: of the contacts, else the vehicle of the first
-    event."""
+    """Return numbers of the parties in the order in which they take part: of the contacts, else the vehicle of the
+    first event.
+    """
     events = sequence.contacts or (sequence.first,)
     both = [number for event in events for number in (event.vehicle.number, event.party)]
     return list(dict.fromkeys(both if sequence.contacts else both[:1]))
@@ -190,7 +193,7 @@ def _numbered(person: NonMotorist, party: int) -> NonMotorist:
 
 
 def reports_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
-    """Whether two reports, numbered alike, contradict each other in who met whom, an area of impact, a turn or a
+    """Return whether two reports, numbered alike, contradict each other in who met whom, an area of impact, a turn or a
     course, a side, a part of the road or a kind of object by more than the thresholds: where they do not, no simulation
     of the one can be told from one of the other.
 
@@ -248,7 +251,7 @@ def _apart(one: frozenset[Hashable], two: frozenset[Hashable]) -> bool:
 
 
 def _opposite(one: int | None, two: int | None) -> bool:
-    """Whether two compass directions are opposite: neighbouring ones can both be said of the same road."""
+    """Return whether two compass directions are opposite: neighbouring ones can both be said of the same road."""
     if one not in COMPASS_DEG or two not in COMPASS_DEG:
         return False
     assert one is not None
@@ -258,7 +261,7 @@ def _opposite(one: int | None, two: int | None) -> bool:
 
 # --- its own report, changed -----------------------------------------------------------------------------------------
 def dropped(sequence: EventSequence) -> Iterator[EventSequence]:
-    """The sequence without one of its contacts, for each whose pair does not meet at another time.
+    """Yield the sequence without one of its contacts, for each whose pair does not meet at another time.
 
     >>> [[event.pair for event in left.events] for left in dropped(sequence_of(queue_record))]
     [[(2, 3)], [(1, 2)]]
@@ -270,8 +273,9 @@ def dropped(sequence: EventSequence) -> Iterator[EventSequence]:
 
 
 def swapped(sequence: EventSequence) -> Iterator[EventSequence]:
-    """The sequence with two contacts that follow each other in the other order, for each two; none where no order is
-    known.
+    """Yield the sequence with two contacts that follow each other in the other order, for each two.
+
+    None where no order is known.
 
     >>> [[event.pair for event in left.events] for left in swapped(sequence_of(queue_record))]
     [[(2, 3), (1, 2)]]

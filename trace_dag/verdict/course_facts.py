@@ -1,4 +1,4 @@
-"""What a report says of the course of a crash, beside the simulated one: who struck whom where, and how they came.
+"""Reported facts of a crash's course beside the simulated one: parties, areas, and approaches.
 
 The estimator chooses among courses the one that fits the report best, so that a single field which agrees says little:
 what tells is whether one course fits all of them.
@@ -37,7 +37,7 @@ _ANY_ANGLE: Final = frozenset(
 
 
 def course_facts(beside: Comparison) -> Iterator[Fact]:
-    """Every fact about the course to the first contact of two vehicles that the report says something of.
+    """Yield every fact about the course to the first contact of two vehicles that the report says something of.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -64,7 +64,7 @@ def course_facts(beside: Comparison) -> Iterator[Fact]:
 
 # --- what happened -----------------------------------------------------------------------------------------------
 def _first_harm(beside: Comparison) -> Iterator[Fact]:
-    """The first harmful event is the one that the sequence begins with."""
+    """Yield the first harmful event is the one that the sequence begins with."""
     code, first = beside.record.first_harmful_event_code, beside.sequence.first
     if code is not None:
         agreement, found = Agreement.of(code == first.code), HARM_EV.meaning(first.code)
@@ -72,7 +72,7 @@ def _first_harm(beside: Comparison) -> Iterator[Fact]:
 
 
 def _manner(record: CrashRecord, one: ObservedVehicle, two: ObservedVehicle) -> Iterator[Fact]:
-    """``MAN_COLL`` beside the parts of the bodies that met first."""
+    """Yield ``MAN_COLL`` beside the parts of the bodies that met first."""
     parts = _PARTS.get(record.collision_type)
     if parts is not None:
         met = parts(one.clock_h, two.clock_h) or parts(two.clock_h, one.clock_h)
@@ -109,7 +109,7 @@ _PARTS: Final[dict[CollisionType, Callable[[float, float], bool]]] = {
 def _crash_type(
     record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle, other: ObservedVehicle
 ) -> Iterator[Fact]:
-    """``ACC_TYPE``: how the two approached each other, which of them turned, and which part was struck.
+    """Yield ``ACC_TYPE``: how the two approached each other, which of them turned, and which part was struck.
 
     Types 1 to 16 are those of a crash with one vehicle's driver alone. 98 and 99, and types that leave the
     configuration open, say nothing.
@@ -171,7 +171,7 @@ def _comes_from(side: Side | None, relation: Relation, seen: ObservedVehicle, ot
 def _critical_event(
     record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle, other: ObservedVehicle
 ) -> Iterator[Fact]:
-    """``P_CRASH2``: from where the other vehicle came."""
+    """Yield ``P_CRASH2``: from where the other vehicle came."""
     relation = critical_event(vehicle.critical_event_code).relation
     if relation is not None:
         agrees = _is_relation(relation, record, seen, other)
@@ -183,7 +183,7 @@ def _critical_event(
 
 
 def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """``P_CRASH1``: turning, going straight, standing, backing; None for what says none of these.
+    """Return ``P_CRASH1``: turning, going straight, standing, backing; None for what says none of these.
 
     >>> fact = movement_fact(record, record.vehicles[0], first_contact.vehicles[1])
     >>> fact.reported, fact.agreement.value
@@ -211,7 +211,7 @@ def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVeh
 
 # --- each vehicle ------------------------------------------------------------------------------------------------
 def impact_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """The area of impact, by the clock; None if none is reported.
+    """Return the area of impact, by the clock; None if none is reported.
 
     >>> fact = impact_fact(record.vehicles[0], first_contact.vehicles[1])
     >>> fact.reported, fact.found, fact.agreement.value
@@ -230,7 +230,7 @@ def impact_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
 
 
 def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """``DAMAGE`` (``MDAREAS``): the part that was struck is damaged."""
+    """Return ``DAMAGE`` (``MDAREAS``): the part that was struck is damaged."""
     hours = [area for area in vehicle.damaged_areas if 1 <= area <= 12]
     if not hours or len(hours) >= _DAMAGED_ALL_AROUND:
         return None
@@ -246,7 +246,7 @@ def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
 
 
 def speed_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """The travel speed; None if none is reported.
+    """Return the travel speed; None if none is reported.
 
     >>> fact = speed_fact(record.vehicles[1], first_contact.vehicles[2])  # 30 mph
     >>> fact.reported, fact.found, fact.agreement.value

@@ -35,7 +35,7 @@ NO_STREET: Final = DepartedStreet()
 
 
 def departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) -> DepartedStreet:
-    """The street under a vehicle when it was last on a lane that goes its way, before a time.
+    """Return the street under a vehicle when it was last on a lane that goes its way, before a time.
 
     Within a junction it is both the street that the vehicle comes from and the one that it goes to.
 
@@ -62,8 +62,8 @@ def departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) ->
 
 
 def street_likeness(street: DepartedStreet, record: CrashRecord) -> tuple[float | None, bool | None, str]:
-    """How like the street that the vehicle left is to one that the report names (0 to 1), whether it is that, and what
-    it is otherwise; not compared (None) where none of those is on the map there.
+    """Return the likeness of the street that the vehicle left to one that the report names (0 to 1), whether it is
+    that, and its own name otherwise; not compared (None) where none of those is on the map there.
 
     >>> street_likeness(NO_STREET, record)
     (None, None, '')

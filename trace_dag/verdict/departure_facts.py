@@ -1,4 +1,4 @@
-"""What a report says of a departure from the road, beside the simulated one: side, part of the road, object, course.
+"""Reported facts of a departure from the road beside the simulated one: side, part of the road, object, course.
 
 As of two vehicles (:mod:`trace_dag.verdict.course_facts`), with names of their own, since what a fact is worth is
 fitted to crashes of its kind. Objects are placed by the program, so that these facts tell less than those of the place.
@@ -20,7 +20,9 @@ _IN_PART_M: Final = 1.0
 
 
 def departure_facts(beside: Comparison) -> Iterator[Fact]:
-    """Every fact about how a vehicle left the road that the report says something of; none where nothing happened.
+    """Yield every fact about how a vehicle left the road that the report says something of.
+
+    None where nothing happened.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings

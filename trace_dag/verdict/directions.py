@@ -1,4 +1,4 @@
-"""Which way each vehicle went and how the two approached each other: in the simulation, and as the report has it.
+"""Directions of the vehicles and their approach to each other: in the simulation, and as reported.
 
 A direction is measured against the road: the heading the vehicle would have at the place of the crash had it followed
 its lane, straight on through every junction. So a bend is not a turn, and a turn off a bend is one.
@@ -76,7 +76,7 @@ _RELATION_DEG = {
 
 
 def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
-    """Turns (degrees to the left) the report allows: of ``P_CRASH1`` and ``ACC_TYPE``, which may disagree.
+    """Return turns (degrees to the left) the report allows: of ``P_CRASH1`` and ``ACC_TYPE``, which may disagree.
 
     Empty where neither says.
 
@@ -98,8 +98,10 @@ def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
 
 
 def reported_relations_deg(record: CrashRecord, one: VehicleRecord, two: VehicleRecord) -> frozenset[float]:
-    """Angles between the directions of approach of a pair that its crash types (``ACC_TYPE``) allow; where they say
-    nothing, those of the manner of the collision (``MAN_COLL``), which is that of the first harmful event.
+    """Return angles between the directions of approach of a pair that its crash types (``ACC_TYPE``) allow.
+
+    Where they say nothing, those of the manner of the collision (``MAN_COLL``), which is that of the first harmful
+    event.
 
     >>> reported_relations_deg(record, *record.vehicles)  # ACC_TYPE 68 and 69: they came from opposite directions
     frozenset({180.0})
@@ -113,7 +115,9 @@ def reported_relations_deg(record: CrashRecord, one: VehicleRecord, two: Vehicle
 def turn_error_deg(
     measured_deg: float, allowed_deg: frozenset[float], offered_deg: frozenset[float] = frozenset()
 ) -> float | None:
-    """Least angle between the measured turn and an allowed one, 0 to 180; None if the report allows anything.
+    """Return the least angle between the measured turn and an allowed one, 0 to 180.
+
+    None if the report allows anything.
 
     A turn to the left or right is as wide as the junction makes it: at a Y, a skewed or a five-leg crossing the turns
     to that side which the map offers there (``offered_deg``) are allowed as well as the right angle.
@@ -132,7 +136,9 @@ def turn_error_deg(
 
 
 def relation_error_deg(measured_deg: float, allowed_deg: frozenset[float]) -> float | None:
-    """Least difference between an angle of approach (0 to 180) and an allowed one; None if nothing is reported.
+    """Return the least difference between an angle of approach (0 to 180) and an allowed one.
+
+    None if nothing is reported.
 
     >>> relation_error_deg(75.0, frozenset({0.0, 90.0}))
     15.0
@@ -143,9 +149,11 @@ def relation_error_deg(measured_deg: float, allowed_deg: frozenset[float]) -> fl
 # --- as simulated ------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Direction:
-    """``approach_rad``: direction of the road the vehicle came on, where the crash happened; ``turn_deg``: how far
-    its route departs from it, positive to the left; ``offered_turns_deg``: the turns its lane offered on the way;
-    ``road_id``: the last road that it drove along in that direction, None if it drove on none."""
+    """``approach_rad``: direction of the road the vehicle came on, where the crash happened.
+
+    ``turn_deg``: how far its route departs from it, positive to the left; ``offered_turns_deg``: the turns its lane
+    offered on the way; ``road_id``: the last road that it drove along in that direction, None if it drove on none.
+    """
 
     approach_rad: float
     turn_deg: float
@@ -156,7 +164,7 @@ class Direction:
 def direction(
     network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float, trajectory: Trajectory
 ) -> Direction:
-    """Direction of a vehicle from what it drove up to the contact and the rest of its planned route.
+    """Return the direction of a vehicle from what it drove up to the contact and the rest of its planned route.
 
     A vehicle is hit in the middle of its turn: what it was about to do is the plan's heading some metres beyond the
     contact, relative to the plan's heading at it.
@@ -196,8 +204,9 @@ def _heading_beyond(trajectory: Trajectory, contact_s: float) -> float:
 def _approach(
     network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float
 ) -> tuple[float, frozenset[float]]:
-    """Heading at the contact of a vehicle that keeps to the lane it came on, straight on at every junction; and the
-    turns (degrees to the left) the junctions on the way offer.
+    """Return the heading at the contact of a vehicle that keeps to the lane it came on, straight on at every junction.
+
+    And the turns (degrees to the left) the junctions on the way offer.
 
     That lane is the first one it drove in, with or against its traffic; if that lies in a junction, the one before the
     junction. A vehicle that drove in none (it came from beside the road) keeps the heading it started with. One that
@@ -220,7 +229,7 @@ def _approach(
 
 
 def _places(driven: VehicleLog, before: int) -> list[int]:
-    """Indices of the log up to the contact, some metres apart: where to look for the lane a vehicle came on."""
+    """Return indices of the log up to the contact, some metres apart: where to look for the lane a vehicle came on."""
     if before <= 1:
         return [0]
     travelled = np.cumsum(np.hypot(np.diff(driven.x_m[:before]), np.diff(driven.y_m[:before])))
@@ -229,7 +238,10 @@ def _places(driven: VehicleLog, before: int) -> list[int]:
 
 
 def _lane_at(network: RoadNetwork, at: Pose, course_rad: float) -> tuple[LaneRef, bool] | None:
-    """The lane a vehicle at ``at`` drives in, and whether with its traffic; against it only if nothing else fits."""
+    """Return the lane a vehicle at ``at`` drives in, and whether with its traffic.
+
+    Against it only if nothing else fits.
+    """
     best: tuple[float, LaneRef, bool] | None = None
     for match in network.nearest_lanes(at.x_m, at.y_m, _LANE_REACH_M, z_m=at.z_m):
         turned = abs(wrap_angle(network.pose(match.lane, match.s_m).heading_rad - course_rad))
@@ -242,7 +254,7 @@ def _lane_at(network: RoadNetwork, at: Pose, course_rad: float) -> tuple[LaneRef
 
 
 def _before_junction(network: RoadNetwork, lane: LaneRef, along: bool) -> tuple[LaneRef, bool]:
-    """The lane itself, or the one from which a vehicle in the middle of a junction entered it."""
+    """Return the lane itself, or the one from which a vehicle in the middle of a junction entered it."""
 
     def entered_from(lanes: tuple[LaneRef, ...], behind: Sequence[LaneRef]) -> Sequence[LaneRef]:
         if network.road_by_id[lanes[-1].road_id].junction_id is None or not behind or len(lanes) > _MAX_LANES:
@@ -292,7 +304,7 @@ def _route(
 def _straight_on(
     options: list[tuple[LaneRef, FloatArray]], heading_rad: float, path: FloatArray
 ) -> tuple[LaneRef, FloatArray]:
-    """Of several ways on, the straightest one; of several nearly straight ones (a fork), the one driven."""
+    """Return the straightest of several ways on; of several nearly straight ones (a fork), the one driven."""
 
     def turned(option: tuple[LaneRef, FloatArray]) -> float:
         return abs(wrap_angle(float(option[1][-1, 3]) - heading_rad))
@@ -306,7 +318,7 @@ def _straight_on(
 
 
 def _without_mouth(line: FloatArray) -> FloatArray:
-    """The line with its last metres headed as it is before them."""
+    """Return the line with its last metres headed as it is before them."""
     travelled = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(line[:, 0]), np.diff(line[:, 1])))])
     mouth = travelled > travelled[-1] - _MOUTH_M
     straight = line.copy()

@@ -1,4 +1,4 @@
-"""Which harmful events of a report happen in its simulation."""
+"""Outcomes of the reported harmful events in the simulation."""
 
 from __future__ import annotations
 

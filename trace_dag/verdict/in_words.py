@@ -11,7 +11,7 @@ _MOVED_M = 0.05  # a point moved by less prints as not moved
 
 
 def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement | None) -> list[tuple[str, str]]:
-    """What one looks at first, as value and what it is: those that were measured.
+    """Return the figures to look at first, as value and name: those that were measured.
 
     >>> numbers_of(verdict, record, map_report.placement)[0][1]
     'from the reported point to the first contact'
@@ -53,7 +53,7 @@ def reporting_impact(record: CrashRecord) -> set[int | None]:
 
 
 def length_in_words(length_m: float) -> str:
-    """A length in feet and metres.
+    """Return a length in feet and metres.
 
     >>> length_in_words(1.5)
     '4.9 ft (1.5 m)'
@@ -62,7 +62,7 @@ def length_in_words(length_m: float) -> str:
 
 
 def speed_in_words(speed_mps: float) -> str:
-    """A speed in miles and kilometres per hour.
+    """Return a speed in miles and kilometres per hour.
 
     >>> speed_in_words(20.0)
     '45 mph (72 km/h)'
@@ -71,7 +71,7 @@ def speed_in_words(speed_mps: float) -> str:
 
 
 def _first(verdict: Verdict, *names: str) -> float | None:
-    """The value of the first criterion of these names that was measured."""
+    """Return the value of the first criterion of these names that was measured."""
     return next((c.value for c in verdict.criteria if c.name in names and c.value is not None), None)
 
 
@@ -86,7 +86,7 @@ def label_in_words(verdict: Verdict) -> str:
 
 
 def events_in_words(verdict: Verdict) -> str:
-    """How many of the reported harmful events happen; empty where the report lists none.
+    """Return how many of the reported harmful events happen; empty where the report lists none.
 
     >>> events_in_words(verdict)
     '1 of 1 reported event happens'

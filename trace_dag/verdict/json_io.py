@@ -16,12 +16,12 @@ def _adapter() -> TypeAdapter[Verdict]:
 
 
 def verdict_to_json(verdict: Verdict) -> bytes:
-    """A verdict as stored: every criterion with value, threshold, unit and whether it holds."""
+    """Return a verdict as stored: every criterion with value, threshold, unit and whether it holds."""
     return _adapter().dump_json(verdict, indent=1)
 
 
 def verdict_from_json(data: bytes) -> Verdict:
-    """A stored verdict; :class:`Failure` if it is not one of this version."""
+    """Return a stored verdict; :class:`Failure` if it is not one of this version."""
     try:
         return _adapter().validate_json(data)
     except ValidationError as error:

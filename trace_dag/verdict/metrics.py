@@ -1,4 +1,4 @@
-"""What happened to a vehicle beside what its report says. Nothing here passes or fails: :mod:`rules` judges."""
+"""Measures of a vehicle beside its report. Nothing here passes or fails: :mod:`rules` judges."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SKEWED = frozenset({RoadTopology.Y, RoadTopology.ROUNDABOUT, RoadTopology.FIVE_
 def relation_error(
     one: ObservedVehicle, two: ObservedVehicle, first: VehicleRecord, second: VehicleRecord, record: CrashRecord
 ) -> float | None:
-    """How far the angle between the approaches of two vehicles is from what the report says (degrees).
+    """Return the difference of the angle between two approaches from the reported one (degrees).
 
     Crossing or joining streets mean a right angle, but not where legs meet at other angles by the report's own words.
     Within the corner of an L those who meet head-on or follow each other may have any angle between them: None.
@@ -34,7 +34,7 @@ def relation_error(
 
 
 def turn_error(seen: ObservedVehicle, reported: VehicleRecord, topology: RoadTopology) -> float | None:
-    """How far a vehicle's turn is from what the report says, where its words mean what they say elsewhere.
+    """Return the difference of a vehicle's turn from the reported one, where its words mean what they mean elsewhere.
 
     Who backs goes backward, whichever way. Round a roundabout only entering and leaving are turns. At an L a report
     calls a turn what on the map is the road's own bend.
@@ -53,8 +53,11 @@ def turn_error(seen: ObservedVehicle, reported: VehicleRecord, topology: RoadTop
 
 
 def heading_error(seen: ObservedVehicle, reported: VehicleRecord) -> float | None:
-    """How far a vehicle was headed from the reported direction of travel (degrees, 0 to 180); None if none is reported
-    and of one that backed. One that turned is headed as before or as after its turn where the report does not say when.
+    """Return the difference of a vehicle's heading from the reported direction of travel (degrees, 0 to 180).
+
+    None if none is reported and of one that backed.
+
+    One that turned is headed as before or as after its turn where the report does not say when.
 
     >>> heading_error(first_contact.vehicles[1], record.vehicles[0]) is None  # FARS gives none
     True
@@ -71,8 +74,9 @@ def heading_error(seen: ObservedVehicle, reported: VehicleRecord) -> float | Non
 
 
 def clock_error_positions(clock_h: float, area: ImpactArea | None) -> float | None:
-    """Return the clock positions (30 degrees each) from a place on the body to the middle of the reported area; None
-    if no area is reported.
+    """Return the clock positions (30 degrees each) from a place on the body to the middle of the reported area.
+
+    None if no area is reported.
 
     >>> three = record.vehicles[0].impact  # 3 o'clock
     >>> round(clock_error_positions(3.4, three), 6), round(clock_error_positions(5.0, three), 6)
@@ -82,7 +86,7 @@ def clock_error_positions(clock_h: float, area: ImpactArea | None) -> float | No
 
 
 def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> float | None:
-    """Signed difference of a speed from the reported one, relative to that; None where none is reported.
+    """Return the signed difference of a speed from the reported one, relative to that; None where none is reported.
 
     >>> round(speed_error_rel(33 * 0.44704, record.vehicles[1]), 6)  # 33 mph, reported are 30
     0.1

@@ -1,4 +1,4 @@
-"""What happened in a simulation, event by event, measured once and before it is set beside any report.
+"""Observations of a simulation, event by event, measured once and before they are compared with any report.
 
 An event is the contact of a vehicle with another one, a person, an animal or an object, or the overturn of a vehicle:
 where it was, on which parts of the bodies, how fast, what it did to them, and what led to it. Everything is taken from
@@ -40,7 +40,7 @@ STANDS_MPS: Final = 0.2
 
 @dataclass(frozen=True)
 class ObservedVehicle:
-    """What one vehicle did up to a contact, before it is set beside any report.
+    """The motion of one vehicle up to a contact, before it is compared with any report.
 
     Clock positions in hours: ``clock_h`` of the contact point on the body, ``bearing_clock_h`` of the direction to the
     other body's centre (the published procedure's). ``pdof_deg``: principal direction of force, where it came from,
@@ -79,13 +79,13 @@ class ObservedPerson:
 
     @property
     def moves(self) -> bool:
-        """Whether the person does not stand."""
+        """Return whether the person does not stand."""
         return self.speed_mps > STANDS_MPS
 
 
 @dataclass(frozen=True)
 class ObservedDeparture:
-    """How a vehicle left the road before it struck something there, or overturned.
+    """The departure of a vehicle from the road before it struck something there, or overturned.
 
     ``left_s`` is None if it did not leave the carriageway; ``sides`` are where it left it, which can be called a side
     or ahead. ``along_m`` is the distance from the reported point along the road where the event is beside it, the whole
@@ -112,8 +112,10 @@ class ObservedOverturn:
 
 @dataclass(frozen=True)
 class ObservedEvent:
-    """Something that happened. ``sides`` are the vehicles of a contact, by number; ``vehicles`` of those that had
-    touched nothing before, or that strike a person, also what led to it."""
+    """Something that happened. ``sides`` are the vehicles of a contact, by number.
+
+    ``vehicles`` of those that had touched nothing before, or that strike a person, also what led to it.
+    """
 
     happening: Happening
     xy_m: tuple[float, float]
@@ -127,17 +129,20 @@ class ObservedEvent:
 
     @property
     def pair(self) -> Pair:
-        """Numbers of both parties, the lower one first."""
+        """Return numbers of both parties, the lower one first."""
         return self.happening.pair
 
     @property
     def time_s(self) -> float:
-        """When."""
+        """Return the time."""
         return self.happening.time_s
 
     @property
     def contact(self) -> Contact:
-        """The contact. Raises ``TypeError`` for an overturn."""
+        """Return the contact.
+
+        Raises ``TypeError`` for an overturn.
+        """
         if self.happening.contact is None:
             raise TypeError(f"vehicle {self.pair[0]} overturns: that is no contact")
         return self.happening.contact
@@ -154,11 +159,11 @@ class ObservedCrash:
 
     @property
     def first(self) -> ObservedEvent | None:
-        """The first contact, else the first overturn: where the crash was; None if nothing happened."""
+        """Return the first contact, else the first overturn: where the crash was; None if nothing happened."""
         return next((event for event in self.events if event.happening.contact), None) or next(iter(self.events), None)
 
     def of(self, happening: Happening | None) -> ObservedEvent | None:
-        """The event of a happening."""
+        """Return the event of a happening."""
         return next((event for event in self.events if event.happening == happening), None)
 
 
@@ -270,7 +275,7 @@ class ContactSide:
 
 
 def sides_of(contact: Contact) -> tuple[ContactSide, ContactSide]:
-    """Both bodies of a contact, the first one first.
+    """Return both bodies of a contact, the first one first.
 
     >>> [side.number for side in sides_of(log.meetings[0])]
     [1, 2]
@@ -290,7 +295,7 @@ def observed_vehicle(
     log: SimulationLog,
     contact: Contact,
 ) -> ObservedVehicle:
-    """What one body of a contact did up to it, by its own log of the simulation's.
+    """Observe one body of a contact up to it, by its own log.
 
     >>> contact = log.meetings[0]
     >>> side, _ = sides_of(contact)
@@ -322,7 +327,10 @@ def observed_vehicle(
 
 @dataclass(frozen=True)
 class StruckSide:
-    """What a contact was to one of its bodies, whatever led to it. As in :class:`ObservedVehicle`."""
+    """A contact for one of its bodies, whatever led to it.
+
+    As in :class:`ObservedVehicle`.
+    """
 
     number: int
     clock_h: float
@@ -333,7 +341,7 @@ class StruckSide:
 
 
 def struck_side(side: ContactSide, log: SimulationLog, contact: Contact) -> StruckSide:
-    """Where a body was struck in a contact, how fast it was, and what that did to it.
+    """Return where a body was struck in a contact, its speed, and its change of velocity.
 
     >>> side, _ = sides_of(log.meetings[0])
     >>> round(struck_side(side, log, log.meetings[0]).clock_h)  # in its right side
@@ -353,7 +361,7 @@ def struck_side(side: ContactSide, log: SimulationLog, contact: Contact) -> Stru
 
 
 def outside_m(network: RoadNetwork, x_m: float, y_m: float) -> float:
-    """How far a point is outside the carriageway, negative within it."""
+    """Return how far a point is outside the carriageway, negative within it."""
     return float(network.drivable_area.beyond_m(np.array([x_m]), np.array([y_m]))[0])
 
 
@@ -373,8 +381,8 @@ def _thrown_m(person: VehicleLog, x_m: float, y_m: float, until_s: float | None)
 
 
 def along_road_m(network: RoadNetwork, x_m: float, y_m: float, place: RoadsidePlace | None) -> float:
-    """Distance from the reported point: along the road for what is beside it, to its end for what is beyond that; the
-    whole one for what is on the road.
+    """Return the distance from the reported point: along the road for what is beside it, to its end for what is beyond
+    that; the whole one for what is on the road.
 
     >>> along_road_m(network, 5.0, 0.0, roadside_at(network, 5.0, 0.0))  # on the road: the distance itself
     5.0

@@ -1,4 +1,4 @@
-"""What a report says of strikes of people, beside the simulated ones: by whom and where they were struck, who went how.
+"""Reported facts of strikes on people beside the simulated ones: vehicle, area, and directions.
 
 As of two vehicles (:mod:`trace_dag.verdict.course_facts`). Names of their own, since what a fact is worth is fitted to
 crashes of its kind: that a car went straight tells less where nearly all who strike people do.
@@ -32,7 +32,7 @@ _PRESENT, _NONE_NOTED = 1, 0
 
 
 def pedestrian_facts(beside: Comparison) -> Iterator[Fact]:
-    """Every fact about the strikes that the report says something of; none where nothing touched.
+    """Yield every fact about the strikes that the report says something of; none where nothing touched.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -55,7 +55,7 @@ def pedestrian_facts(beside: Comparison) -> Iterator[Fact]:
 
 
 def crosswalk_facts(beside: Comparison, placement: CrashPlacement) -> Iterator[Fact]:
-    """``PBCWALK`` beside the crosswalks of a map that has any: most towns have not drawn theirs."""
+    """Yield ``PBCWALK`` beside the crosswalks of a map that has any: most towns have not drawn theirs."""
     network = beside.observed.network
     if not crosswalks(network):
         return

@@ -1,4 +1,4 @@
-"""Where a person was and went, in the simulation beside what the report says."""
+"""Places and directions of people in the simulation beside the report."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BEYOND_M: Final = 12.0
 
 
 def zone_error_m(outside_m: float, zones: frozenset[Zone]) -> float | None:
-    """How far a person was from the nearest reported zone; None if none is reported.
+    """Return how far a person was from the nearest reported zone; None if none is reported.
 
     ``outside_m``: from the carriageway's edge, negative within it.
 
@@ -39,8 +39,9 @@ def zone_error_m(outside_m: float, zones: frozenset[Zone]) -> float | None:
 def course_error_deg(
     drove: ObservedVehicle, walked: ObservedPerson, person: NonMotorist, turn: Turn | None
 ) -> float | None:
-    """Least angle between the person's course, seen from the vehicle, and one that the report allows; None if it
-    allows any, or that the person stood.
+    """Return the least angle between the person's course, seen from the vehicle, and one that the report allows.
+
+    None if it allows any, or that the person stood.
 
     Across is across the road that a turning vehicle came along or turned into, whichever the report says (``PEDSNR``).
 
@@ -70,7 +71,9 @@ def course_error_deg(
 
 
 def compass_error_deg(heading_rad: float | None, code: int | None) -> float | None:
-    """How far a heading is outside the quarter of the compass that is coded; None if none is, or who stood.
+    """Return how far a heading is outside the coded quarter of the compass.
+
+    None if none is coded, or for a person who stood.
 
     >>> round(compass_error_deg(math.radians(90), 1), 6)  # north, as coded
     0.0

@@ -1,4 +1,4 @@
-"""What a report says of the place, beside the map: its streets, the road, the intersection, the point itself.
+"""Reported facts of the place beside the map: its streets, the road, the intersection, the point itself.
 
 Lanes, division, control and limit of each vehicle's form are compared with the road that the vehicle drives along
 (:mod:`trace_dag.roads.crash_site.agreement`). What only the report says is on the map by the report's word and is no
@@ -69,7 +69,8 @@ _FACT_OF: Final = {
 def place_facts(
     record: CrashRecord, network: RoadNetwork, report: MapReport, seen: Sequence[ObservedVehicle] = ()
 ) -> Iterator[Fact]:
-    """Every fact about the place that both the report and the map say something of, and the vehicles ``seen`` there.
+    """Yield every fact about the place that both the report and the map say something of, and the vehicles ``seen``
+    there.
 
     >>> facts = {fact.name: fact for fact in place_facts(record, network, map_report)}
     >>> facts["lanes"].reported, facts["lanes"].found, facts["lanes"].agreement.value
@@ -102,7 +103,7 @@ def _street_names(
 
 
 def names_at(record: CrashRecord, network: RoadNetwork, placement: CrashPlacement) -> set[str]:
-    """Names and numbers of every street at the place of the crash.
+    """Return names and numbers of every street at the place of the crash.
 
     >>> sorted(names_at(record, network, map_report.placement))
     ['Elder Street', 'Main Street', 'NE 411']
@@ -119,7 +120,7 @@ def _names_of(network: RoadNetwork, placement: CrashPlacement, streets: SiteStre
 
 
 def _agreement_of_names(reported: str, here: set[str], around: set[str], *, on_reported_ramp: bool) -> Agreement | None:
-    """Whether a reported street is one of those ``here``; None if it cannot be compared with them.
+    """Return whether a reported street is one of those ``here``; None if it cannot be compared with them.
 
     A route's number can only be missed on a map that numbers routes, a name only where streets have names.
     """
@@ -148,8 +149,11 @@ def _agreement_of_names(reported: str, here: set[str], around: set[str], *, on_r
 def _road_class(
     record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, streets: SiteStreets
 ) -> Iterator[Fact]:
-    """``FUNC_SYS`` beside OSM's class; and, since classes are a matter of opinion but carriageways are not, whether an
-    interstate has divided ones (FHWA, Highway Functional Classification Concepts)."""
+    """Yield ``FUNC_SYS`` beside OSM's class.
+
+    And, since classes are a matter of opinion but carriageways are not, whether an interstate has divided ones (FHWA,
+    Highway Functional Classification Concepts).
+    """
     road = network.road_by_id[placement.road_id]
     reported = FUNC_SYS.meaning(record.function_class_code)
     steps = class_steps(record, road)
@@ -168,7 +172,7 @@ def _road_class(
 
 
 def _land_use(record: CrashRecord, network: RoadNetwork, placement: CrashPlacement) -> Iterator[Fact]:
-    """``RUR_URB`` beside how dense the streets are."""
+    """Yield ``RUR_URB`` beside how dense the streets are."""
     if record.rural_urban_code not in _LAND_USE:
         return
     junctions = sum(
@@ -225,7 +229,7 @@ def _moved(placement: CrashPlacement) -> Fact:
 def _alignment(
     record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, vehicles: Sequence[ObservedVehicle]
 ) -> Iterator[Fact]:
-    """``VALIGN`` of each vehicle that came along the crash's road, beside how that road bends there."""
+    """Yield ``VALIGN`` of each vehicle that came along the crash's road, beside how that road bends there."""
     bend = bend_rad(network, placement, _BEND_REACH_M)
     line = network.road_geometry(placement.road_id).line
     heading = line.at(line.project(placement.x_m, placement.y_m)[0])[2]
@@ -246,7 +250,7 @@ def _alignment(
 
 
 def _bend_seen(bend: float, heading: float, seen: ObservedVehicle) -> float | None:
-    """The bend as a vehicle on that road saw it, positive to its left; None for one that came another way."""
+    """Return the bend as a vehicle on that road saw it, positive to its left; None for one that came another way."""
     off = abs(wrap_angle(seen.approach_rad - heading))
     if off < _ALONG_RAD:
         return bend

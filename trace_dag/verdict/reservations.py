@@ -69,8 +69,9 @@ def simulation_doubts(beside: Comparison, events: Sequence[EventOutcome]) -> tup
 
 
 def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) -> Reservation | None:
-    """The street of the crash has another name than the report's, or none, and the reported one is elsewhere on the
-    map."""
+    """Return the street of the crash has another name than the report's, or none, and the reported one is elsewhere on
+    the map.
+    """
     here = names_at(record, network, report.placement)
     if not has_name_of_another(record, here, network):
         return None
@@ -115,7 +116,7 @@ def _missed(record: CrashRecord, events: Sequence[EventOutcome]) -> Iterator[Res
 
 
 def _no_areas(record: CrashRecord) -> Reservation | None:
-    """Its register has no areas of impact: at which parts the bodies meet is asked of no simulation."""
+    """Return its register has no areas of impact: at which parts the bodies meet is asked of no simulation."""
     if "impact" not in record.register_lacks:
         return None
     detail = "the register has no areas of impact: that the bodies meet at other parts would not be noticed"

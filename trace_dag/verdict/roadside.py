@@ -1,4 +1,4 @@
-"""Where beside the road an event was, in the simulation beside what the report says (``REL_ROAD``)."""
+"""Places of events beside the road, in the simulation beside the report (``REL_ROAD``)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _WIDEST_SHOULDER_M: Final = 4.0
 
 
 def reported_zone(record: CrashRecord) -> RoadZone | None:
-    """Where across the road the first harmful event was (``REL_ROAD``); None if that is not known.
+    """Return the zone of the first harmful event (``REL_ROAD``); None if unknown.
 
     >>> tree_record.road_relation_code, reported_zone(tree_record).value
     (4, 'roadside')
@@ -36,7 +36,7 @@ def reported_zone(record: CrashRecord) -> RoadZone | None:
 
 
 def roadside_error_m(place: RoadsidePlace | None, zone: RoadZone | None) -> float | None:
-    """How far a place is from the reported zone; None if none is reported.
+    """Return how far a place is from the reported zone; None if none is reported.
 
     A map that shows no median or gore there cannot contradict one: then it has to be beside the carriageway.
     """

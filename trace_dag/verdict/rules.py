@@ -98,8 +98,9 @@ _REQUIRED: Final[Mapping[EventKind, tuple[Reason, ...]]] = {
 
 
 def required_reasons(sequence: EventSequence, record: CrashRecord) -> tuple[Reason, ...]:
-    """Reasons of which something has to have been evaluated, by the first event and who takes part in it; no area of
-    impact of a register that has none.
+    """Return reasons of which something has to have been evaluated, by the first event and who takes part in it.
+
+    No area of impact of a register that has none.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> [reason.value for reason in required_reasons(sequence_of(tree_record), tree_record)]
@@ -115,16 +116,16 @@ def required_reasons(sequence: EventSequence, record: CrashRecord) -> tuple[Reas
 
 @dataclass(frozen=True)
 class RuleSet:
-    """What a set of rules judges by: whether the impact is the direction to the other body's centre instead of where
-    they touch, thresholds of its own or None for those of the settings, and whether a reported speed that is not kept
-    rejects."""
+    """A set of rules: whether the impact is the direction to the other body's centre instead of the point of contact,
+    thresholds of its own or None for those of the settings, and whether a reported speed that is not kept rejects.
+    """
 
     by_bearing: bool = False
     limits: VerdictSettings | None = None
     speeds_reject: bool = False
 
     def clock_h(self, side: StruckSide | ObservedVehicle) -> float:
-        """The clock position that counts."""
+        """Return the clock position that counts."""
         return side.bearing_clock_h if self.by_bearing else side.clock_h
 
 
@@ -139,8 +140,8 @@ RULE_SETS: dict[RuleSetName, RuleSet] = {
 
 
 def limits_of(record: CrashRecord, settings: VerdictSettings) -> VerdictSettings:
-    """The limits of a set of rules for one report: no contact has to be nearer to a reported point than its register
-    knows the point.
+    """Return the limits of a set of rules for one report: no contact has to be nearer to a reported point than its
+    register knows the point.
 
     >>> limits_of(record, VerdictSettings()).max_contact_distance_m
     5.0
@@ -152,7 +153,7 @@ def limits_of(record: CrashRecord, settings: VerdictSettings) -> VerdictSettings
 
 @dataclass(frozen=True)
 class Judgement:
-    """What criteria add up to: ``reason`` and ``detail`` say why a crash is not accepted."""
+    """The sum of the criteria: ``reason`` and ``detail`` say why a crash is not accepted."""
 
     accepted: bool
     reason: Reason | None
@@ -177,7 +178,7 @@ class Comparison:
     def of(
         cls, record: CrashRecord, sequence: EventSequence, observed: ObservedCrash, settings: VerdictSettings
     ) -> Comparison:
-        """A report and its events beside a simulation.
+        """Return a report and its events beside a simulation.
 
         >>> from trace_dag.crash.event_sequence import sequence_of
         >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
@@ -190,21 +191,21 @@ class Comparison:
 
     @property
     def rules(self) -> RuleSet:
-        """The set of rules."""
+        """Return the set of rules."""
         return RULE_SETS[self.settings.rule_set]
 
     @property
     def limits(self) -> VerdictSettings:
-        """Where the limits stand."""
+        """Return the settings with the limits."""
         return limits_of(self.record, self.settings)
 
     def seen(self, event: CrashEvent) -> ObservedEvent | None:
-        """What an event is in the simulation; None if it does not happen in its turn."""
+        """Return an event as simulated; None if it does not happen in its turn."""
         return self.observed.of(self.matching.matched[self.sequence.events.index(event)])
 
     @property
     def begins(self) -> CrashEvent | None:
-        """The event that the crash begins with; None if no reported one happens."""
+        """Return the event that the crash begins with; None if no reported one happens."""
         if self.sequence.order_known and self.seen(self.sequence.first) is not None:
             return self.sequence.first
         happening = [(seen.time_s, event) for event in self.sequence.events if (seen := self.seen(event)) is not None]
@@ -212,7 +213,7 @@ class Comparison:
 
     @property
     def departure(self) -> Departure:
-        """How the vehicle of the first event left the road."""
+        """Return the departure of the vehicle of the first event."""
         return departure_of(self.record, self.sequence)
 
 
@@ -243,7 +244,7 @@ class Rule:
     reason: Reason | None
 
     def criteria(self, each: Beside) -> Iterator[Criterion]:
-        """The criteria of an event; none where the rule does not apply."""
+        """Yield the criteria of an event; none where the rule does not apply."""
         if not self.applies(each):
             return
         of = each.of
@@ -262,8 +263,11 @@ def _is_first_off_road(each: Beside) -> bool:
 
 
 def _contact_distance(each: Beside) -> Values:
-    """From the reported point to the contact; along the road only where the person or the parked vehicle was off the
-    carriageway by the report, since the reported point lies on the road then."""
+    """Measure from the reported point to the contact.
+
+    Along the road only where the person or the parked vehicle was off the carriageway by the report, since the reported
+    point lies on the road then.
+    """
     contact, parked = each.seen.contact, each.event.parked
     zones = frozenset[Zone]()
     if each.event.kind in _OF_STRIKES:
@@ -307,7 +311,7 @@ def _head_on_angle(each: Beside) -> Values:
 
 
 def _zone_error(each: Beside) -> Values:
-    """How far from the reported part of the road the event was."""
+    """Measure how far from the reported part of the road the event was."""
     event, seen, record = each.event, each.seen, each.of.record
     if seen.person is not None:
         yield event.party, zone_error_m(seen.person.outside_m, reported_zones(record, event.person))
@@ -358,7 +362,7 @@ def _compass_errors(each: Beside) -> Values:
 
 
 def _heading_errors(each: Beside) -> Values:
-    """Of the vehicles and the person whose direction of travel the report gives."""
+    """Measure the vehicles and the person whose direction of travel is reported."""
     for vehicle in each.event.vehicles:
         went = each.seen.vehicles.get(vehicle.number)
         if went is not None and vehicle.heading is not None:
@@ -371,7 +375,7 @@ def _heading_errors(each: Beside) -> Values:
 
 
 def _speed_errors(each: Beside) -> Values:
-    """Of the vehicles that take part for the first time."""
+    """Measure the vehicles that take part for the first time."""
     begun = each.of.sequence.events[: each.of.sequence.events.index(each.event)]
     before = {vehicle.number for event in begun for vehicle in event.vehicles}
     initial = {vehicle.number: float(vehicle.speed_mps[0]) for vehicle in each.of.observed.log.parties}
@@ -470,7 +474,7 @@ RULES: Final[Sequence[Rule]] = (
 
 
 def criteria(beside: Comparison) -> tuple[Criterion, ...]:
-    """Every criterion of the rule set, those that reject first, then those that are only shown.
+    """Return every criterion of the rule set, those that reject first, then those that are only shown.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> found = criteria(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings()))
@@ -498,7 +502,7 @@ def criteria(beside: Comparison) -> tuple[Criterion, ...]:
 
 
 def _happens(beside: Comparison, first: CrashEvent, begins: CrashEvent | None, *, nothing: bool) -> Criterion:
-    """That there is a crash at all: a contact, or the overturn."""
+    """Return that there is a crash at all: a contact, or the overturn."""
     log, number = beside.observed.log, first.number
     if first.kind is EventKind.OVERTURN:
         over = begins is not None
@@ -513,7 +517,7 @@ def _happens(beside: Comparison, first: CrashEvent, begins: CrashEvent | None, *
 
 
 def _right_party(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criterion]:
-    """Says if the first contact is not the one that the report begins with."""
+    """Yield the criterion that fails if the first contact is not the one that the report begins with."""
     seen, first = beside.observed.first, beside.sequence.first
     if seen is None or first.kind is EventKind.OVERTURN:
         return
@@ -534,7 +538,7 @@ def _right_party(beside: Comparison, begins: CrashEvent | None) -> Iterator[Crit
 
 
 def _departure(each: Beside) -> list[Criterion]:
-    """Whether, and to which side, the vehicle left the road before the first event, and which street."""
+    """Return whether, and to which side, the vehicle left the road before the first event, and which street."""
     departure, left = each.of.departure, each.seen.departure
     assert left is not None
     number, event = departure.vehicle.number, each.event.number
@@ -562,8 +566,9 @@ def _departure(each: Beside) -> list[Criterion]:
 
 
 def _sequence(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criterion]:
-    """Every contact with vehicles, people and animals comes in its turn, and nobody touches whom no event has touch by
-    then; later objects and overturns are asked for by the strict rules alone."""
+    """Yield every contact with vehicles, people and animals comes in its turn, and nobody touches whom no event has
+    touch by then; later objects and overturns are asked for by the strict rules alone.
+    """
     strict, sequence = beside.rules.speeds_reject, beside.sequence
     told = "after what came before it" if sequence.order_known else "at all"
     for event in sequence.events:
@@ -600,14 +605,14 @@ def _sequence(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criteri
 
 
 def _collide(observed: ObservedCrash, strange: Happening) -> bool:
-    """Whether two vehicles touch as hard as an event data recorder records: no report leaves that out."""
+    """Return whether two vehicles touch as hard as an event data recorder records: no report leaves that out."""
     seen = observed.of(strange)
     changes = [side.delta_v_mps for side in seen.sides.values()] if seen is not None else []
     return len(changes) == 2 and max(changes) >= LEAST_RECORDED_MPS
 
 
 def _out_of_turn(beside: Comparison, event: CrashEvent) -> bool:
-    """Whether an object is struck, but not when its turn comes."""
+    """Return whether an object is struck, but not when its turn comes."""
     touched = any(each.pair == event.pair and each.object_code is not None for each in beside.observed.events)
     return touched and beside.seen(event) is None
 
@@ -626,7 +631,7 @@ def at_most(
     number: int | None = None,
     event: int | None = None,
 ) -> Criterion:
-    """A criterion on the size of a value, not evaluated where there is none.
+    """Return a criterion on the size of a value, not evaluated where there is none.
 
     >>> [at_most("contact_distance", each, 5.0, "m", Reason.WRONG_LOCATION).passed for each in (5.0, -6.0, None)]
     [True, False, None]
@@ -637,7 +642,7 @@ def at_most(
 
 
 def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...]) -> Judgement:
-    """Whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it.
+    """Return whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it.
 
     Of each ``required`` reason something has to have been evaluated.
 

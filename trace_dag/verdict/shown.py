@@ -16,7 +16,7 @@ from trace_dag.verdict.types import Criterion
 
 
 def shown_measures(beside: Comparison) -> Iterator[Criterion]:
-    """What is shown of every reported event that happens, in order.
+    """Return the measures shown for every reported event that happens, in order.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -41,7 +41,7 @@ def shown_measures(beside: Comparison) -> Iterator[Criterion]:
 
 
 def shown(name: str, value: float | None, unit: str, number: int | None = None, event: int | None = None) -> Criterion:
-    """A measure that is shown and judges nothing."""
+    """Return a measure that is shown and judges nothing."""
     return Criterion(name, value, None, unit, None, None, "", number, event)
 
 
@@ -104,7 +104,10 @@ def _beside_the_road(each: Beside) -> Iterator[Criterion]:
 
 
 def _angle_to_road_deg(seen: ObservedEvent) -> float | None:
-    """The angle between the vehicle's course before the contact and the road, 0 to 90; None without a road near it."""
+    """Return the angle between the vehicle's course before the contact and the road, 0 to 90.
+
+    None without a road near it.
+    """
     place = seen.departure.place if seen.departure is not None else None
     if place is None:
         return None

@@ -1,4 +1,4 @@
-"""What an accepted crash is worth: each independent fact of its report for or against it, their sum, and a grade.
+"""Support of an accepted crash: each independent fact of its report for or against it, their sum, and a grade.
 
 The three criteria ask whether the simulated contact fits the report; the estimator chooses hypotheses that do. Support
 asks what else the report says, of the place and of the course, and whether that is so. Each fact counts with the
@@ -64,7 +64,7 @@ _ESSENTIAL_CONTRADICTIONS: Final = frozenset(
 
 @dataclass(frozen=True)
 class Weight:
-    """How often a fact came out one way: ``true_share`` of true reports, ``chance_share`` of controls."""
+    """Frequencies of one outcome of a fact: ``true_share`` of true reports, ``chance_share`` of controls."""
 
     fact: str
     agreement: Agreement
@@ -75,7 +75,7 @@ class Weight:
 
     @property
     def log_likelihood_ratio(self) -> float:
-        """ln of the ratio of the two shares, each count with a prior, within :data:`_MOST` either way.
+        """Return the ln of the ratio of the two shares, each count with a prior, within :data:`_MOST` either way.
 
         What differs never speaks for a crash: where it hardly ever does, in controls neither, few true reports would.
         """
@@ -90,7 +90,7 @@ Weights = Mapping[tuple[str, Agreement], float]
 
 
 def facts_of(record: CrashRecord, network: RoadNetwork, report: MapReport, beside: Comparison) -> tuple[Fact, ...]:
-    """Every fact of the report that can be compared with the map, the simulated course or the report itself.
+    """Return every fact of the report that can be compared with the map, the simulated course or the report itself.
 
     Not weighed yet. Where nothing happens, those of the place and of the report alone.
 
@@ -111,7 +111,7 @@ def facts_of(record: CrashRecord, network: RoadNetwork, report: MapReport, besid
 
 
 def facts_of_course(beside: Comparison) -> tuple[Fact, ...]:
-    """The facts of the course alone, by what the crash begins with."""
+    """Return the facts of the course alone, by what the crash begins with."""
     return tuple(_COURSE_FACTS[beside.sequence.first.kind](beside))
 
 
@@ -132,7 +132,7 @@ def _contradictions(record: CrashRecord) -> Iterator[Fact]:
 
 
 def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
-    """The facts weighed and summed up; ``weights`` are those of the package unless given.
+    """Return the facts weighed and summed up; ``weights`` are those of the package unless given.
 
     A fact reported of both vehicles is one thing: its weights are averaged, so that what the two forms repeat does not
     count twice.
@@ -193,7 +193,7 @@ def fitted_weights() -> Weights:
 
 
 def weights_of(counts: Iterable[Weight]) -> Weights:
-    """What each fact counts for, by the way it came out.
+    """Return the weight of each fact, by its outcome.
 
     >>> weights = weights_of([Weight("lanes", Agreement.AGREES, 40, 50, 10, 50)])
     >>> round(weights["lanes", Agreement.AGREES], 1)  # ln(0.8 / 0.2), a little less by the prior
@@ -203,7 +203,7 @@ def weights_of(counts: Iterable[Weight]) -> Weights:
 
 
 def read_weights(text: str) -> Iterator[Weight]:
-    r"""The rows of a table of weights: CSV with a header.
+    r"""Yield the rows of a table of weights: CSV with a header.
 
     >>> header = "fact,agreement,true_count,true_of,chance_count,chance_of"
     >>> (weight,) = read_weights(f"{header}\nlanes,agrees,40,50,10,50")

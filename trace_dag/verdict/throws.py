@@ -1,4 +1,4 @@
-"""How a struck person left the vehicle: thrown, glanced, carried along or run over.
+"""Throws of struck people: thrown, glanced, carried along or run over.
 
 Who is launched at a speed v, under any angle, comes to rest between v^2 / (2 mu g) and that times 1 + mu^2 further on
 (Searle, SAE 831622), with mu = 0.66 for people on pavement. Nobody is launched at more than the vehicle's speed, or the
@@ -24,7 +24,7 @@ _INSIDE_M: Final = 0.3  # and how far inside the vehicle's outline, seen from ab
 
 
 class Throw(StrEnum):
-    """How a struck person left the vehicle."""
+    """The way in which a struck person left the vehicle."""
 
     THROWN = "thrown"
     GLANCED = "glanced"
@@ -33,7 +33,8 @@ class Throw(StrEnum):
 
 
 def throw_bounds_m(speed_mps: float, friction: float = _FRICTION) -> tuple[float, float]:
-    """The least and the greatest distance to rest of who is launched at a speed, of people on pavement by default.
+    """Return the least and the greatest distance to rest of who is launched at a speed, of people on pavement by
+    default.
 
     >>> [round(bound_m, 1) for bound_m in throw_bounds_m(15.0)]
     [17.4, 25.0]
@@ -43,7 +44,7 @@ def throw_bounds_m(speed_mps: float, friction: float = _FRICTION) -> tuple[float
 
 
 def throw_of(contact: Contact, vehicle: VehicleLog, body: Body, person: VehicleLog, thrown_m: float) -> Throw:
-    """How the person of a strike left the vehicle, whose body and log are given with the person's log.
+    """Return the throw of the person of a strike, given the vehicle's body and log and the person's log.
 
     >>> log = judged_pedestrian.log
     >>> strike = log.contacts[0]

@@ -1,4 +1,4 @@
-"""What a verdict is: criteria, each with its value, threshold and whether it holds, and what else supports it."""
+"""Verdicts: criteria, each with its value, threshold and whether it holds, and supporting facts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Criterion:
 
 
 class Label(StrEnum):
-    """What happens in the simulation, beside what the report says happened."""
+    """Labels: agreement of the simulated events with the reported ones."""
 
     VERIFIED = "verified"  # every harmful event that can be modelled, in order, and the harm can have come of it
     FIRST_EVENT_ONLY = "first_event_only"  # accepted by its first event; something reported does not happen, or no harm
@@ -48,7 +48,7 @@ class Grade(StrEnum):
 
 
 class Agreement(StrEnum):
-    """How one fact of a report fits what it is compared with."""
+    """Agreement of one fact of a report with its counterpart."""
 
     AGREES = "agrees"
     NEAR = "near"  # not the same, but what reports and maps often have for each other
@@ -56,12 +56,12 @@ class Agreement(StrEnum):
 
     @classmethod
     def of(cls, agrees: bool) -> Agreement:
-        """Of a fact that either agrees or does not."""
+        """Return the agreement of a fact that either agrees or does not."""
         return cls.AGREES if agrees else cls.DIFFERS
 
 
 class ComparedWith(StrEnum):
-    """What a fact is compared with."""
+    """Counterparts with which a fact is compared."""
 
     MAP = "map"
     COURSE = "course"  # as simulated
@@ -87,7 +87,7 @@ class Fact:
 
     @property
     def refutes(self) -> bool:
-        """Whether it forbids corroboration by itself."""
+        """Return whether it forbids corroboration by itself."""
         return self.essential and self.agreement is Agreement.DIFFERS
 
 
@@ -106,7 +106,7 @@ class Support:
 
 
 class Happening(StrEnum):
-    """What becomes of a harmful event of the report in the simulation."""
+    """Outcomes of a reported harmful event in the simulation."""
 
     HAPPENED = "happened"
     MISSED = "missed"
@@ -198,17 +198,17 @@ class Verdict:
         return self.label is Label.VERIFIED
 
     def criterion(self, name: str, vehicle_number: int | None = None) -> Criterion | None:
-        """The criterion of that name (and vehicle), if it was measured."""
+        """Return the criterion of that name (and vehicle), if it was measured."""
         for criterion in self.criteria:
             if criterion.name == name and criterion.vehicle_number == vehicle_number:
                 return criterion
         return None
 
     def worst(self, *names: str) -> float | None:
-        """The largest size of the named criteria's values, over both vehicles; None if none was evaluated."""
+        """Return the largest size of the named criteria's values, over both vehicles; None if none was evaluated."""
         return max((abs(c.value) for c in self.criteria if c.name in names and c.value is not None), default=None)
 
     def all_hold(self, name: str) -> bool | None:
-        """Whether every criterion of that name holds of those that were evaluated; None if none was."""
+        """Return whether every criterion of that name holds of those that were evaluated; None if none was."""
         evaluated = [c.passed for c in self.criteria if c.name == name and c.passed is not None]
         return all(evaluated) if evaluated else None

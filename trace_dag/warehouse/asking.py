@@ -23,7 +23,7 @@ _CHILD = "from trace_dag.warehouse.asking import _answer; _answer()"
 
 
 def ask(path: Path, sql: str, limits: WarehouseSettings, how: Callable[[Path, str], Answer]) -> Answer:
-    """As :func:`trace_dag.warehouse.query.query`, or another function of it, within the limits of the settings.
+    """Ask with ``how``, a function such as :func:`trace_dag.warehouse.query.query`, within the limits of the settings.
 
     Raises :class:`UserError` also for a question that takes longer or needs more memory.
     """
@@ -59,8 +59,10 @@ def _too_large(memory_mb: int) -> UserError:
 
 
 def _answer() -> None:
-    """What the child does: the answer, or what was wrong, goes to what was standard output; DuckDB draws a progress bar
-    there after two seconds, which goes to standard error."""
+    """Write the answer, or the error, to what was standard output in the child.
+
+    DuckDB draws a progress bar there after two seconds, which goes to standard error.
+    """
     answer = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     how, path, sql, memory_mb = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by this module

@@ -64,7 +64,8 @@ _BLOCK_BYTES = 32_768
 
 @dataclass(frozen=True)
 class BuildReport:
-    """What was built: rows per table, size in bytes, how long it took, and what was left out because it is damaged."""
+    """The build of a warehouse: rows per table, size in bytes, duration, and what was left out because it is
+    damaged."""
 
     rows: dict[str, int]
     size: int
@@ -73,23 +74,26 @@ class BuildReport:
 
     @property
     def incomplete_crashes(self) -> set[str]:
-        """The crashes of which the warehouse lacks some stages."""
+        """Return the crashes of which the warehouse lacks some stages."""
         files = (damaged.name for damaged in self.damaged)
         return {crash_of(name) for name in files if name.partition("/")[0] in set(Stage)}
 
 
 def is_built_by_this_code(path: Path) -> bool:
-    """Whether there is a warehouse and it was built by the present code and SQL."""
+    """Return whether there is a warehouse and it was built by the present code and SQL."""
     return _built_by(path) == VERSION
 
 
 def is_outdated(path: Path) -> bool:
-    """Whether there is a sound warehouse that an earlier version of the program built."""
+    """Return whether there is a sound warehouse that an earlier version of the program built."""
     return _built_by(path) not in (None, VERSION)
 
 
 def _built_by(path: Path) -> str | None:
-    """The version of the code that built a warehouse, "" where it does not say; None where there is no sound one."""
+    """Return the version of the code that built a warehouse, "" where it does not say.
+
+    None where there is no sound one.
+    """
     if not path.is_file():
         return None
     try:
@@ -198,7 +202,9 @@ def _read(
     connection: duckdb.DuckDBPyConnection,
     on_problem: OnProblem,
 ) -> dict[str, pa.Table]:
-    """Everything stored, chunk by chunk: while one is read, the one before it becomes rows and DuckDB takes it over."""
+    """Return everything stored, chunk by chunk: while one is read, the one before it becomes rows and DuckDB takes it
+    over.
+    """
     outcomes = OutcomeTables()
     documents = DocumentTables(connection)
     chunks = read_snapshots(storage, list(cohort_of), DOCUMENTS, on_problem)
@@ -222,7 +228,7 @@ def _count(connection: duckdb.DuckDBPyConnection, table: str) -> int:
 
 
 def table_documentation(connection: duckdb.DuckDBPyConnection) -> dict[str, list[tuple[str, str, str]]]:
-    """Columns of every table and view as (name, type, comment), in order."""
+    """Return columns of every table and view as (name, type, comment), in order."""
     found: dict[str, list[tuple[str, str, str]]] = {table: [] for table in TABLES}
     for table, column, kind, comment in connection.sql(
         "SELECT table_name, column_name, data_type, comment FROM duckdb_columns() ORDER BY table_name, column_index"

@@ -17,7 +17,7 @@ _BUDGET = f"{BudgetSpent.__module__}.{BudgetSpent.__qualname__}:"
 
 
 def troubled(final_state: str, outdated: str | None) -> bool:
-    """Whether a crash stands failed, or with a result that could not be made anew.
+    """Return whether a crash stands failed, or with a result that could not be made anew.
 
     >>> troubled("failed", None), troubled("verified", None)
     (True, False)
@@ -26,7 +26,7 @@ def troubled(final_state: str, outdated: str | None) -> bool:
 
 
 def standings_in(warehouse: Path) -> dict[str, tuple[str, bool]]:
-    """Where a warehouse says crashes stand, and which are in trouble; nothing where there is none."""
+    """Return the states of the crashes in a warehouse, and those in trouble; nothing where there is none."""
     try:
         return {row[0]: (row[1], troubled(row[1], row[2])) for row in query(warehouse, _SQL)[1]}
     except (UserError, DamagedFile):
@@ -34,7 +34,7 @@ def standings_in(warehouse: Path) -> dict[str, tuple[str, bool]]:
 
 
 def alerts_since(before: Mapping[str, tuple[str, bool]], storage: Storage, warehouse: Path) -> Iterator[Alert]:
-    """What is worth an alert in a warehouse, given where crashes stood before it was built."""
+    """Return the alerts of a warehouse, given the states of the crashes before it was built."""
     failed, fallen = [], []
     for key, state, outdated, stage, reason, detail, because in query(warehouse, _SQL)[1]:
         stood, was_troubled = before.get(key, (None, False))
@@ -53,7 +53,7 @@ def alerts_since(before: Mapping[str, tuple[str, bool]], storage: Storage, wareh
 
 
 def _for_the_budget(storage: Storage, keys: list[str]) -> set[str]:
-    """Of some failed crashes, those that stopped because the budget was spent."""
+    """Return those of some failed crashes that stopped because the budget was spent."""
     found = set()
     for key, records in read_records(storage, keys).items():
         errors = [each.error for record in records.values() for each in (record, record.failed_attempt) if each]

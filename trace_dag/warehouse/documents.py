@@ -60,7 +60,7 @@ class DocumentTables:
 
 
 def local_files(storage: Storage, names: Sequence[str], folder: Path) -> list[str]:
-    """Paths of stored JSON files as DuckDB reads them: copies in ``folder`` where the storage is elsewhere.
+    """Return paths of stored JSON files as DuckDB reads them: copies in ``folder`` where the storage is elsewhere.
 
     DuckDB needs at least one file to know the columns by: an empty one is always the first.
     """

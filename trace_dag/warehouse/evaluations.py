@@ -1,4 +1,4 @@
-"""What agents did and which variations there are, as the Arrow tables the warehouse's SQL reads."""
+"""Evaluations and variations as the Arrow tables that the warehouse's SQL reads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 
 def evaluation_tables(storage: Storage, on_problem: OnProblem) -> dict[str, pa.Table]:
-    """The stored rows of both by the names the SQL knows them by, those of crashes that have changed since included.
+    """Return the stored rows of both by the names the SQL knows them by, those of crashes that have changed since
+    included.
 
     ``on_problem`` hears of the files left out because they are damaged.
     """

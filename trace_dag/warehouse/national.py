@@ -1,4 +1,4 @@
-"""How much of a country's fatal crashes can be reconstructed: kinds of national tables, rates of stored crashes.
+"""Coverage of a country's fatal crashes: kinds of national tables, rates of stored crashes.
 
 A national table has every crash, but neither its sequence nor a map; the crashes of a root have both. So the kinds are
 counted in the table, and each kind is taken to come through as the stored crashes of that kind do: reports that say
@@ -95,7 +95,7 @@ class NationalCoverage:
 
 
 def count_kinds(files: Iterable[Path]) -> Counter[CrashKind]:
-    """The crashes of national ``accident`` tables by kind.
+    """Return the crashes of national ``accident`` tables by kind.
 
     CSV, or a ZIP archive with such a file in it. Raises :class:`UserError` for files that hold no such table.
     """
@@ -111,7 +111,7 @@ def count_kinds(files: Iterable[Path]) -> Counter[CrashKind]:
 
 
 def read_accidents(file: Path, columns: Sequence[str], where_there: Sequence[str] = ()) -> pa.Table:
-    """Columns of a national ``accident`` table, whole numbers; of those ``where_there`` the ones that it has.
+    """Return columns of a national ``accident`` table, whole numbers; of those ``where_there`` the ones that it has.
 
     CSV, or a ZIP archive with such a file in it. Raises :class:`UserError` for a file that holds no such table.
     """
@@ -133,14 +133,17 @@ def read_accidents(file: Path, columns: Sequence[str], where_there: Sequence[str
 
 
 def thin_reports(warehouse: Path, cohorts: Sequence[str]) -> int:
-    """Stored crashes of some cohorts that are left out as incomplete, and of whose vehicles the tables that were
-    registered have no movement (``P_CRASH1``, ``P_CRASH2``, ``ACC_TYPE``) at all. NHTSA's own tables have them."""
+    """Return the stored crashes of some cohorts that are left out as incomplete, and of whose vehicles the tables that
+    were registered have no movement (``P_CRASH1``, ``P_CRASH2``, ``ACC_TYPE``) at all.
+
+    NHTSA's own tables have them.
+    """
     ((crashes,),) = _asked(warehouse, _THIN, cohorts)
     return int(crashes)
 
 
 def stored_kinds(warehouse: Path, cohorts: Sequence[str]) -> dict[CrashKind, StoredKind]:
-    """How the stored crashes of some cohorts came through, by kind."""
+    """Count the outcomes of the stored crashes of some cohorts, by kind."""
     found = _asked(warehouse, _RATES, cohorts)
     return {
         CrashKind(kind): StoredKind(
@@ -160,7 +163,7 @@ def _asked(warehouse: Path, sql: str, cohorts: Sequence[str]) -> list[tuple[Any,
 
 
 def coverage_of_country(national: Mapping[CrashKind, int], stored: Mapping[CrashKind, StoredKind]) -> NationalCoverage:
-    """The shares of all crashes that are of judged kinds, and that would be verified if mapped everywhere.
+    """Return the shares of all crashes that are of judged kinds, and that would be verified if mapped everywhere.
 
     The bounds (90 %) are of sampling alone: of each step's rate after the crashes seen, with Jeffreys' prior.
     """

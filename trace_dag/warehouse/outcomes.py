@@ -74,7 +74,10 @@ class OutcomeTables:
             self._parts[table].append(pa.Table.from_pylist(rows[table], schema=schema))
 
     def _settings(self, record: OutcomeRecord) -> str:
-        """The settings of a record as JSON; those of a stage are nearly always the same as of the crash before."""
+        """Return the settings of a record as JSON.
+
+        Those of a stage are nearly always the same as of the crash before.
+        """
         settings = record.provenance.settings
         before = self._settings_before.get(record.stage)
         if before is None or before[0] != settings:
@@ -82,7 +85,7 @@ class OutcomeTables:
         return before[1]
 
     def finished(self) -> dict[str, pa.Table]:
-        """The tables by name."""
+        """Return the tables by name."""
         import pyarrow as pa
 
         return {table: pa.concat_tables(parts) for table, parts in self._parts.items()}
@@ -103,7 +106,7 @@ def _standing_row(crash: CrashSnapshot, cohort: str) -> Row:
 
 
 def _failed_attempts(crash: CrashSnapshot) -> Iterator[Row]:
-    """What failed: a stage, or a new attempt at a stage whose earlier result still counts."""
+    """Return the failed attempts: at a stage, or anew at a stage whose earlier result still counts."""
     for stage, record in crash.valid.items():
         failed = record if record.outcome is Outcome.FAILED else record.failed_attempt
         if failed is not None:
@@ -157,7 +160,7 @@ def _artefact_rows(crash: CrashSnapshot) -> Iterator[Row]:
 
 
 def _known_rows(crash: CrashSnapshot) -> Iterator[Row]:
-    """Every known outcome of a crash, stage by stage in order: earlier ones first, then the present one."""
+    """Yield every known outcome of a crash, stage by stage in order: earlier ones first, then the present one."""
     for stage, record in crash.records.items():
         known: list[EarlierOutcome | OutcomeRecord] = [*record.history, record]
         known = [each for each in known if each.outcome is not Outcome.STARTED]

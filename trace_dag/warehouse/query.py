@@ -32,7 +32,9 @@ _BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, a
 
 
 def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
-    """A read-only connection to the warehouse as it was built. A rebuild does not disturb it.
+    """Return a read-only connection to the warehouse as it was built.
+
+    A rebuild does not disturb it.
 
     Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not what was built: damaged,
     or changed by hand. The connection reads the warehouse and reaches nothing else: no file is opened or written, its
@@ -65,7 +67,7 @@ def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
 
 
 def check_warehouse(path: Path) -> str:
-    """The SHA-256 of a warehouse that is as it was built.
+    """Return the SHA-256 of a warehouse that is as it was built.
 
     Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not as it was built.
     """
@@ -73,7 +75,7 @@ def check_warehouse(path: Path) -> str:
 
 
 def stray_log(path: Path) -> Path:
-    """DuckDB's write-ahead log beside a warehouse; an undamaged warehouse has none."""
+    """Return DuckDB's write-ahead log beside a warehouse; an undamaged warehouse has none."""
     return path.with_name(f"{path.name}.wal")
 
 
@@ -103,14 +105,15 @@ def _built(path: Path) -> str:
 
 @lru_cache(maxsize=4)
 def _digest(path: Path, _inode: int, _size: int, _mtime_ns: int) -> str:
-    """SHA-256 of a file, read once as long as it stays the same."""
+    """Return the SHA-256 of a file, read once as long as it stays the same."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """Column names and rows of one query; :class:`UserError` for what DuckDB refuses, and for more rows than can be
-    held.
+    """Return the column names and rows of one query.
+
+    :class:`UserError` for what DuckDB refuses, and for more rows than can be held.
 
     ``DESCRIBE`` of a table says what each column means, which DuckDB's own leaves out.
     """
@@ -162,19 +165,22 @@ def _check_size(rows: int) -> None:
 
 
 def rows(path: Path, table: str) -> list[dict[str, Any]]:
-    """All rows of one table as dictionaries."""
+    """Return all rows of one table as dictionaries."""
     names, values = query(path, f'SELECT * FROM "{table}"')  # noqa: S608 - a name of ours
     return [dict(zip(names, row, strict=True)) for row in values]
 
 
 def rows_of(path: Path, tables: Sequence[str]) -> list[list[dict[str, Any]]]:
-    """:func:`rows` of several tables. The file is opened once, which takes longer than most questions."""
+    """Return the :func:`rows` of several tables.
+
+    The file is opened once, which takes longer than most questions.
+    """
     with open_warehouse(path):  # who connects to a file that this process has open shares it
         return [rows(path, table) for table in tables]
 
 
 def tables_of(path: Path) -> list[tuple[Any, ...]]:
-    """Every table and view: name, rows and what it holds, by name."""
+    """Return every table and view: name, rows and what it holds, by name."""
     _, found = query(
         path,
         "SELECT table_name, comment FROM duckdb_tables() UNION ALL "
@@ -186,7 +192,10 @@ def tables_of(path: Path) -> list[tuple[Any, ...]]:
 
 
 def columns_of(path: Path, table: str) -> list[tuple[Any, ...]]:
-    """The columns of a table or view: name, type and meaning with unit, in order; none if there is no such table."""
+    """Return the columns of a table or view: name, type and meaning with unit, in order.
+
+    None if there is no such table.
+    """
     columns = "SELECT table_name, column_name, data_type, comment FROM duckdb_columns() ORDER BY column_index"
     return [(name, kind, comment or "") for owner, name, kind, comment in query(path, columns)[1] if owner == table]
 

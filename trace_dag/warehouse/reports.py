@@ -1,4 +1,4 @@
-"""What is known before any stage has run: what the reports say, and the names of states."""
+"""Facts known before any stage has run: the reports' listings, and the names of states."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _POSITION = ("latitude_deg", "longitude_deg")
 
 
 def unread_reports(storage: Storage, cohorts: Iterable[Cohort], crash_statuses: pa.Table) -> pa.Table:
-    """One row per crash that no stage has read yet and whose report is at hand."""
+    """Return one row per crash that no stage has read yet and whose report is at hand."""
     import pyarrow as pa
 
     reports = {key: report for cohort in cohorts for key, report in cohort.reports.items()}
@@ -52,14 +52,14 @@ def unread_reports(storage: Storage, cohorts: Iterable[Cohort], crash_statuses: 
 
 
 def state_names() -> pa.Table:
-    """Names of the states by ``STATE`` code."""
+    """Return names of the states by ``STATE`` code."""
     import pyarrow as pa
 
     return pa.table({"code": pa.array(list(STATES), pa.int32()), "name": list(STATES.values())})
 
 
 def crash_kinds() -> pa.Table:
-    """The kinds of crash, and which of them can be judged."""
+    """Return the kinds of crash, and which of them can be judged."""
     import pyarrow as pa
 
     return pa.table(
@@ -68,7 +68,7 @@ def crash_kinds() -> pa.Table:
 
 
 def code_meanings() -> pa.Table:
-    """What the codes of FARS elements mean that columns of the warehouse hold, but for those that say "unknown"."""
+    """Return the meanings of the FARS codes in columns of the warehouse, but for those that mean "unknown"."""
     import pyarrow as pa
 
     meanings = [

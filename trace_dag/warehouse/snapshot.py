@@ -1,4 +1,4 @@
-"""What is stored of all crashes, read so that records and artefacts belong together while batches go on writing.
+"""A snapshot of all stored crashes, read so that records and artefacts belong together while batches go on writing.
 
 A document counts only if it has the digest its record lists. Where one has been replaced since its record was read,
 the crash is read again; where that goes on, the crash enters as far as it is settled, as a crash does whose stage has
@@ -34,7 +34,7 @@ class CrashSnapshot:
 def read_snapshots(
     storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], on_problem: OnProblem
 ) -> Iterator[list[CrashSnapshot]]:
-    """Some crashes at a time, in order, each with its documents: artefacts by stage and extension.
+    """Yield some crashes at a time, in order, each with its documents: artefacts by stage and extension.
 
     ``on_problem`` hears of records and documents that are damaged; their crash enters as far as it is whole.
     """
@@ -57,7 +57,7 @@ def read_snapshots(
 def _read(
     storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], on_problem: OnProblem
 ) -> Iterator[tuple[CrashSnapshot, DamagedFile | None]]:
-    """Each crash up to the first document that differs from its record, and what is wrong with that document."""
+    """Yield each crash up to the first document that differs from its record, and what is wrong with that document."""
     records = read_records(storage, keys, on_problem=on_problem)
     valid = {key: valid_records(of_crash) for key, of_crash in records.items()}
     listed = {

@@ -8,7 +8,7 @@ from typing import Final
 
 
 class Rows(Enum):
-    """What the rows of a table are about."""
+    """Subjects of the rows of a table."""
 
     OF_ONE = auto()
     """Each belongs to one crash and says nothing of others: a changed crash changes its own rows alone."""

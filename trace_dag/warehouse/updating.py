@@ -1,4 +1,4 @@
-"""Which crashes have changed since a warehouse was built, and putting these alone into it.
+"""Crashes changed since a warehouse was built, and the update of these alone.
 
 A build notes beside the warehouse how each crash's records and documents were listed (``cache/warehouse.json`` of the
 local folder). The next one lists them again and reads only the crashes that are listed differently: their rows leave
@@ -39,7 +39,7 @@ Listed = Mapping[str, str]
 
 
 def listed_for_build(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
-    """How the registered crashes are listed now."""
+    """Return the listing of the registered crashes now."""
     about = {
         key: f"{cohort.name} {report.location} {report.sha256}\n"
         for cohort in cohorts
@@ -50,7 +50,7 @@ def listed_for_build(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
 
 @gc_paused()
 def listed(storage: Storage, about: Mapping[str, str]) -> Listed:
-    """For each crash a digest of how what a warehouse reads of it is listed, and of what else is said ``about`` it."""
+    """Return for each crash a digest of the listing that a warehouse reads of it, and of the facts ``about`` it."""
     lines = {key: [text] for key, text in about.items()}
     for stage in Stage:
         for name, entry in storage.list(stage.value, _READ[stage]).items():
@@ -60,7 +60,7 @@ def listed(storage: Storage, about: Mapping[str, str]) -> Listed:
 
 
 def changed_since_built(warehouse: Path, now: Listed) -> set[str] | None:
-    """The crashes that came, went or changed since a warehouse was built; None where it has to be built anew.
+    """Return the crashes that came, went or changed since a warehouse was built; None where it has to be built anew.
 
     That it was built by the present code is for the caller to say.
     """
@@ -79,7 +79,7 @@ def note_crashes(warehouse: Path, sha256: str, crashes: Listed, unsettled: Colle
 
 
 def _noted(warehouse: Path, sha256: str | None) -> Listed | None:
-    """How the crashes of a warehouse with that content were listed; None if nothing says so."""
+    """Return the listing of the crashes in a warehouse with that content; None if there is none."""
     try:
         note = checked(Storage(warehouse.parent).read(_NOTE), name=_NOTE)
     except (FileNotFoundError, DamagedFile):
@@ -88,7 +88,7 @@ def _noted(warehouse: Path, sha256: str | None) -> Listed | None:
 
 
 def _digest_of_built(warehouse: Path) -> str | None:
-    """SHA-256 of a warehouse that is as it was built."""
+    """Return the SHA-256 of a warehouse that is as it was built."""
     try:
         return check_warehouse(warehouse)
     except (DamagedFile, UserError):

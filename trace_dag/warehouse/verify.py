@@ -1,4 +1,4 @@
-"""Whether the warehouse says what the stored records say."""
+"""Verification of the warehouse against the stored records."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class CrashClasses(NamedTuple):
 
 
 def classes_of(row: Mapping[str, Any]) -> CrashClasses:
-    """The classes of a row of the warehouse's ``crashes``.
+    """Return the classes of a row of the warehouse's ``crashes``.
 
     >>> row = {"kind": "pedestrian", "road_topology": "t", "light_code": 3, "function_class_code": 99}
     >>> classes_of(row)
@@ -62,7 +62,7 @@ def _junction(topology: RoadTopology) -> str | None:
 
 
 def national_margins(files: Iterable[Path]) -> Margins:
-    """The crashes of judged kinds of national ``accident`` tables by the classes of each margin."""
+    """Return the crashes of judged kinds of national ``accident`` tables by the classes of each margin."""
     counted: Counter[tuple[int, ...]] = Counter()
     for file in files:
         table = read_accidents(file, _CODES, ("FUNC_SYS", "ROAD_FNC"))
@@ -83,7 +83,7 @@ def national_margins(files: Iterable[Path]) -> Margins:
 
 
 def rake(crashes: Sequence[CrashClasses], margins: Margins) -> FloatArray:
-    """A weight for each crash, 1 in the mean.
+    """Return a weight for each crash, 1 in the mean.
 
     >>> at = [CrashClasses("parked", None, light, None) for light in ("dark", "dark", "daylight")]
     >>> rake(at, {"light": {"dark": 100, "daylight": 100, "twilight": 9}}).tolist()  # no crash in the twilight

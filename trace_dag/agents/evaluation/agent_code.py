@@ -1,4 +1,4 @@
-"""Which code an agent was, so that results of one that has changed can be told from those before."""
+"""Identity of an agent's code, so that results of a changed agent can be kept apart from earlier ones."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from urllib.parse import parse_qsl
 
 
 def agent_code(reference: str) -> str:
-    """Digest of an agent, given as ``module:Class?name=value``: the sources of the package it is in (of ours the module
-    alone), its arguments, and the bytes of files that they name.
+    """Return the digest of an agent, given as ``module:Class?name=value``: the sources of the package it is in (of ours
+    the module alone), its arguments, and the bytes of files that they name.
 
     "unread" where the module is not a Python source.
     """

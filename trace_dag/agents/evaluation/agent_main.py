@@ -46,7 +46,7 @@ _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36  # prctl(2)
 
 @dataclass(frozen=True)
 class AgentLimits:
-    """What an agent may take.
+    """Limits of an agent's process: time, memory, threads.
 
     ``time_s``: processor time of one evaluation, and of making the agent. ``memory_mb``: address space of each of its
     processes beyond what Python and this package take. ``processes``: itself, its threads not counted. ``files``: open
@@ -72,8 +72,10 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Reset:
-    """A new scenario. ``network`` is the pickled map, None where it is the one of the scenario before; ``rest`` has
-    everything else of it by name."""
+    """A new scenario. ``network`` is the pickled map, None where it is the one of the scenario before.
+
+    ``rest`` has everything else of it by name.
+    """
 
     network: bytes | None
     rest: Mapping[str, Any]
@@ -136,7 +138,10 @@ def _send(channel: BufferedRWPair, message: bytes) -> None:
 
 
 def _received(channel: BufferedRWPair) -> Any:
-    """The next message of our own side. Raises :class:`EOFError` once it is gone."""
+    """Return the next message of our own side.
+
+    Raises :class:`EOFError` once it is gone.
+    """
     head = channel.read(LENGTH.size)
     if len(head) < LENGTH.size:
         raise EOFError
@@ -144,8 +149,10 @@ def _received(channel: BufferedRWPair) -> Any:
 
 
 def _go_on_guarded(number: int) -> None:
-    """Return in a child. This process waits for it, ends what it leaves behind, and ends as it did; or ends it when
-    the process that measures, which holds the other end of standard input, is gone."""
+    """Return in a child. This process waits for it, ends what it leaves behind, and ends as it did.
+
+    Or ends it when the process that measures, which holds the other end of standard input, is gone.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command, which ends its agents itself
     _ask_kernel(_PR_SET_CHILD_SUBREAPER, 1)  # the parent of whatever the agent starts and abandons
     child = os.fork()
@@ -200,7 +207,7 @@ def _set(what: int, value: int) -> None:
 
 
 def _of_this_user() -> int:
-    """How many threads this user has."""
+    """Return the number of threads of this user."""
     found = 0
     for each in FilePath("/proc").glob("[0-9]*"):
         with suppress(OSError):

@@ -51,7 +51,7 @@ class _Life:
     output: IO[bytes]
 
     def exit_code(self) -> int | None:
-        """The exit code; None where it goes on for a second."""
+        """Return the exit code; None where it goes on for a second."""
         try:
             return self.process.wait(timeout=_END_S)
         except subprocess.TimeoutExpired:
@@ -132,7 +132,10 @@ class AgentProcess:
             raise self._ended(NO_ANSWER)
 
     def _asked(self, message: Start | Reset | Observation) -> bytes:
-        """The answer to a message. Raises :class:`AgentFault`."""
+        """Return the answer to a message.
+
+        Raises :class:`AgentFault`.
+        """
         data = memoryview(framed(pickle.dumps(message)))
         while data:
             try:
@@ -144,7 +147,10 @@ class AgentProcess:
         return self._heard()
 
     def _heard(self) -> bytes:
-        """The next message of the agent, of which it may send one at a time. Raises :class:`AgentFault`."""
+        """Return the next message of the agent, of which it may send one at a time.
+
+        Raises :class:`AgentFault`.
+        """
         data, wanted = b"", LENGTH.size
         if time.monotonic() > self._look_at_s:
             self._look()
@@ -166,8 +172,7 @@ class AgentProcess:
         return data[LENGTH.size :]
 
     def _look(self) -> None:
-        """Look at the clock, at what the agent prints, and at its processes: while it does not answer, and now and then
-        where it does."""
+        """Read the clock, the agent's output and its processes while it does not answer, and now and then otherwise."""
         now_s = time.monotonic()
         if processor_time_s(self._alive.process.pid) - self._used_s > self._limit_s:
             raise self._ended(f"took longer than {self._limit_s:g} s of processor time")
@@ -198,13 +203,13 @@ class AgentProcess:
         return self._life
 
     def _ended(self, how: str) -> AgentFault:
-        """The fault of an agent whose process is ended for it."""
+        """Return the fault of an agent whose process is ended for it."""
         self.close()
         return AgentFault(how)
 
 
 def _started(isolation: Isolation | None) -> _Life:
-    """A process that waits for the first message of :mod:`trace_dag.agents.evaluation.agent_main`."""
+    """Return a process that waits for the first message of :mod:`trace_dag.agents.evaluation.agent_main`."""
     ours, theirs = socket.socketpair()
     ours.settimeout(_LOOK_EVERY_S)  # nothing else of the agent is looked at for longer than that
     code = f"from trace_dag.agents.evaluation.agent_main import main; main({theirs.fileno()})"
@@ -231,7 +236,7 @@ _last_pickled: tuple[RoadNetwork | None, bytes] = (None, b"")
 
 
 def _pickled(network: RoadNetwork) -> bytes:
-    """A map as bytes; of the latest one they are kept, for the other agents that drive in it."""
+    """Return a map as bytes; of the latest one they are kept, for the other agents that drive in it."""
     global _last_pickled
     if _last_pickled[0] is not network:
         _last_pickled = network, pickle.dumps(replace(network))  # without what it keeps of earlier questions

@@ -1,4 +1,4 @@
-"""What goes between an agent's process and the one that measures: messages with their length before them.
+"""Messages between an agent's process and the one that measures, each preceded by its length.
 
 What goes to the agent is pickled, by us. Nothing that comes from an agent is unpickled or evaluated: an answer is JSON,
 and is then checked like any other answer.
@@ -29,7 +29,7 @@ NO_ANSWER = "answered bytes that are not an answer"
 
 
 def framed(message: bytes) -> bytes:
-    """A message with its length before it.
+    """Return a message with its length before it.
 
     >>> framed(b"abc")
     b'\\x03\\x00\\x00\\x00abc'
@@ -38,7 +38,7 @@ def framed(message: bytes) -> bytes:
 
 
 def answer_to_bytes(action: object) -> bytes:
-    """An agent's answer as JSON, or what is wrong with it.
+    """Return an agent's answer as JSON, or what is wrong with it.
 
     >>> answer_to_bytes(Pedals(brake=1.0))
     b'{"pedals": {"steer_rad": 0.0, "throttle": 0.0, "brake": 1.0, "reverse": false}}'
@@ -51,8 +51,10 @@ def answer_to_bytes(action: object) -> bytes:
 
 
 def answer_from_bytes(data: bytes) -> Action:
-    """What :func:`answer_to_bytes` wrote. Raises :class:`AgentFault` for anything else that an agent may send, and
-    with what its process found."""
+    """Read an answer written by :func:`answer_to_bytes`.
+
+    Raises :class:`AgentFault` for anything else that an agent may send, and with what its process found.
+    """
     try:
         ((kind, given),) = json.loads(data).items()
         if kind == "recorded":
@@ -69,17 +71,17 @@ def answer_from_bytes(data: bytes) -> Action:
 
 
 def fault_to_bytes(text: str) -> bytes:
-    """What went wrong in an agent's process."""
+    """Write a fault of an agent's process."""
     return json.dumps({"fault": {"what": text}}).encode()
 
 
 def _as_python(value: object) -> object:
-    """Numbers and arrays of NumPy as JSON has them."""
+    """Return numbers and arrays of NumPy as JSON has them."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else float(value)  # type: ignore[arg-type]
 
 
 def problem_of(action: object) -> str:
-    """What is wrong with an answer; empty if nothing."""
+    """Return the fault of an answer; empty if there is none."""
     if isinstance(action, Pedals):
         return _problem_of_numbers(action, _OF_PEDALS) or _problem_of_reverse(action.reverse)
     if isinstance(action, Motion):
@@ -139,7 +141,7 @@ def _problem_of_motion(action: Motion) -> str:
 
 
 def described(error: BaseException) -> str:
-    """An agent's exception in one line: what it was, and the last line of code it came through."""
+    """Return an agent's exception in one line: what it was, and the last line of code it came through."""
     frames = traceback.extract_tb(error.__traceback__)
     where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
     try:
@@ -151,7 +153,8 @@ def described(error: BaseException) -> str:
 
 
 def one_line(text: str) -> str:
-    r"""Text of an agent as it can be shown anywhere: one line, nothing that moves a terminal's cursor, not too long.
+    r"""Return text of an agent as it can be shown anywhere: one line, nothing that moves a terminal's cursor, not too
+    long.
 
     >>> one_line("no\nplan \x1b[2J")
     'no plan ?[2J'

@@ -1,4 +1,4 @@
-"""What an agent is: it is told about a scenario, then sees and acts, many times a second.
+"""The interface of an agent: it is given a scenario, then observes and acts, many times a second.
 
 The whole interface of an agent under test, in the project's one frame (local, x east, y north, metres, radians
 counter-clockwise from east, m/s)::
@@ -21,8 +21,11 @@ from trace_dag.simulation.types import BodyKind
 
 @dataclass(frozen=True, slots=True)
 class RoadUser:
-    """A body as seen: what it is, centre (m), heading (rad), velocity (m/s), size (m). Others' values carry the
-    sensor's noise. A person's number is 1000 + ``PER_NO``; the size is of the person with what the person rides."""
+    """A body as seen: what it is, centre (m), heading (rad), velocity (m/s), size (m).
+
+    Others' values carry the sensor's noise. A person's number is 1000 + ``PER_NO``; the size is of the person with what
+    the person rides.
+    """
 
     number: int
     kind: BodyKind
@@ -51,7 +54,7 @@ class OwnState:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What an agent sees: the time since the scenario began (s), itself, and the others it can see."""
+    """An agent's observation: the time since the scenario began (s), its own state, and the others in sight."""
 
     time_s: float
     own: OwnState
@@ -75,8 +78,10 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Let the vehicle do what was recorded for this time: the human driver goes on. At another ``pace`` than 1 it
-    drives the recorded way at so many times the recorded speed of each place (0 or more)."""
+    """Let the vehicle do what was recorded for this time: the human driver goes on.
+
+    At another ``pace`` than 1 it drives the recorded way at so many times the recorded speed of each place (0 or more).
+    """
 
     pace: float = 1.0
 
@@ -89,10 +94,10 @@ class Agent(Protocol):
     """Something that drives. One instance drives many scenarios, one after the other."""
 
     def reset(self, scenario: Scenario) -> None:
-        """A new scenario begins; nothing of an earlier one may play a part."""
+        """Begin a new scenario; nothing of an earlier one may influence it."""
 
     def act(self, observation: Observation) -> Action:
-        """What to do until the next call."""
+        """Return the action until the next call."""
 
 
 class AgentFault(Exception):  # noqa: N818 - a finding about an agent, counted, not an error of ours

@@ -29,8 +29,11 @@ _STANDS_MPS = 0.1
 
 
 class Replay:
-    """Drives as was recorded and never reacts. What it scores is the crash itself; at another ``pace``, after a while
-    in which it slows down or speeds up as drivers do, what comes of being so many times as fast."""
+    """Drives as was recorded and never reacts. What it scores is the crash itself.
+
+    At another ``pace``, after a while in which it slows down or speeds up as drivers do, what comes of being so many
+    times as fast.
+    """
 
     changes_mps2 = 3.4  # what most drivers find comfortable to brake with: AASHTO Green Book, stopping sight distance
 
@@ -178,12 +181,15 @@ class IdmLaneKeeper:
         return Motion(acceleration_mps2=acceleration)
 
     def _free(self, own: OwnState, at_m: float) -> float:
-        """The model's acceleration on a free road (m/s2); above the desired speed it brakes as is comfortable."""
+        """Return the model's acceleration on a free road (m/s2).
+
+        Above the desired speed it brakes as is comfortable.
+        """
         ratio = max(own.speed_mps, 0.0) / self._desired_mps(own, at_m)
         return max(self.acceleration_mps2 * (1 - ratio**4), -self.comfortable_braking_mps2)
 
     def _behind(self, own: OwnState, free_mps2: float, gap_m: float, leader_mps: float) -> float:
-        """The model's acceleration behind somebody (m/s2), full brakes at most."""
+        """Return the model's acceleration behind somebody (m/s2), full brakes at most."""
         speed = max(own.speed_mps, 0.0)
         root = 2 * math.sqrt(self.acceleration_mps2 * self.comfortable_braking_mps2)
         wanted_m = self.least_gap_m + max(0.0, speed * self.time_gap_s + speed * (speed - leader_mps) / root)
@@ -191,7 +197,7 @@ class IdmLaneKeeper:
         return max(free_mps2 - interaction, -GRAVITY_MPS2)
 
     def _desired_mps(self, own: OwnState, at_m: float) -> float:
-        """The lane's limit, less in bends; where the map has no limit, the speed it came with."""
+        """Return the lane's limit, less in bends; where the map has no limit, the speed it came with."""
         if self._limit_mps is None or abs(at_m - self._limit_at_m) > _LOOK_AGAIN_M:
             lane_map = self._scenario.lane_map
             match = lane_map.lane_at(own.x_m, own.y_m, own.heading_rad)
@@ -203,7 +209,7 @@ class IdmLaneKeeper:
         return max(min(self.share_of_limit * self._limit_mps, bend), 1.0)
 
     def _in_the_way(self, observation: Observation, at_m: float) -> list[tuple[float, float]]:
-        """Gap (m) and speed along the route (m/s) of everyone whose body is in the way ahead."""
+        """Return the gap (m) and speed along the route (m/s) of everyone whose body is in the way ahead."""
         return [
             (float(gap[0]), float(along[0]))
             for other in observation.others
@@ -214,8 +220,9 @@ class IdmLaneKeeper:
     def _encounter(
         self, other: RoadUser, times_s: FloatArray, at_m: float
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """At times from now, the other keeping its velocity: gap to it along the route (m), its speed along the route
-        (m/s), and whether its body is in the way ahead; each shape (n,)."""
+        """Return gap along the route (m), the other's speed along it (m/s) and whether its body is in the way, each
+        shape (n,), at times from now, the other keeping its velocity.
+        """
         velocity = np.array([other.velocity_x_mps, other.velocity_y_mps])
         s_m, offset_m, course = self._route.locate_many(np.array([other.x_m, other.y_m]) + times_s[:, None] * velocity)
         c, s = np.abs(np.cos(other.heading_rad - course)), np.abs(np.sin(other.heading_rad - course))
@@ -260,7 +267,9 @@ class CautiousLaneKeeper(IdmLaneKeeper):
 
 
 def time_to_collision_ahead_s(observation: Observation, scenario: Scenario) -> float:
-    """Least time to collision with anybody ahead if all keep velocity and heading, s; infinity if there is none.
+    """Return the least time to collision with anybody ahead if all keep velocity and heading, s.
+
+    Infinity if there is none.
 
     Whoever comes from behind is not looked at: braking would make that worse.
     """
@@ -278,5 +287,5 @@ def time_to_collision_ahead_s(observation: Observation, scenario: Scenario) -> f
 
 
 def points_of(path: Path) -> FloatArray:
-    """The points of a path, shape (n, 2), as a motion takes them."""
+    """Return the points of a path, shape (n, 2), as a motion takes them."""
     return np.column_stack([path.x_m, path.y_m])

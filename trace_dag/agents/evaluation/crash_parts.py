@@ -1,4 +1,4 @@
-"""Who began a conflict and who had to respond to it, by the report."""
+"""Parts in a conflict by the report: the vehicle that began it and the one that had to respond."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class CrashPart(StrEnum):
 
 
 def part_of(record: CrashRecord, number: int) -> CrashPart | None:
-    """A driver's part by the critical event of each vehicle (``P_CRASH2``), which says whose doing made the crash
-    imminent; who runs into someone ahead of it is the initiator.
+    """Return a driver's part by the critical event of each vehicle (``P_CRASH2``), which says whose doing made the
+    crash imminent; who runs into someone ahead of it is the initiator.
 
     Where that tells the drivers not apart, whoever alone was speeding or had been drinking is the initiator. None where
     nothing tells. Violations charged are not in the record.
@@ -44,7 +44,7 @@ def part_of(record: CrashRecord, number: int) -> CrashPart | None:
 
 
 def _own_doing(vehicle: VehicleRecord) -> int:
-    """How much the critical event is the vehicle's own doing: 3 for its own, 0 for another's."""
+    """Return how far the critical event is the vehicle's own doing: 3 for its own, 0 for another's."""
     code = vehicle.critical_event_code
     if code in _OWN_DOING:
         return 3

@@ -25,8 +25,7 @@ AFTER_CONTACT_S = 0.5
 
 @dataclass(frozen=True)
 class Conditions:
-    """How agents are evaluated: how often they act (20 to 100 Hz), how well they see, the seed of the noise, and how
-    everybody else moves.
+    """Conditions of an evaluation: rate of actions (20 to 100 Hz), sensing, seed of the noise, and traffic.
 
     Raises :class:`UserError` for a rate out of bounds.
     """
@@ -44,7 +43,7 @@ class Conditions:
 
     @property
     def suffix(self) -> str:
-        """What tells these conditions from the usual ones, as part of a file's name; empty for the usual ones."""
+        """Return the part of a file's name that stands for these conditions; empty for the usual ones."""
         usual, sensing = Conditions(), self.sensing
         parts = (
             (self.rate_hz != usual.rate_hz, f"{self.rate_hz:g}hz"),
@@ -60,9 +59,11 @@ class Conditions:
 @dataclass(frozen=True)
 class Evaluation:
     """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty.
+
     ``role``: of the two that collided first, ``striking`` closed in faster, the other is ``struck``; ``departing`` left
-    the road by itself. ``part`` is initiator or responder, None where the report does not tell.
-    ``drive``: everybody's places (:mod:`trace_dag.agents.evaluation.rejudging`)."""
+    the road by itself. ``part`` is initiator or responder, None where the report does not tell. ``drive``: everybody's
+    places (:mod:`trace_dag.agents.evaluation.rejudging`).
+    """
 
     case_id: str
     key: str
@@ -89,14 +90,14 @@ def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulat
 
 
 def faulty(case: Case, ego: int, fault: str) -> Evaluation:
-    """The result of an agent that broke its side of the interface."""
+    """Return the result of an agent that broke its side of the interface."""
     return Evaluation(
         case.case_id, case.key, ego, case.role(ego), DriveOutcome.FAULTY, fault=fault, part=case.parts.get(ego)
     )
 
 
 def others_of(case: Case, ego: int, traffic: Traffic, *, period_s: float, seed: int) -> dict[int, Driver]:
-    """Drivers for everybody but the agent who does not just do as recorded, by number."""
+    """Return drivers for everybody but the agent who does not just do as recorded, by number."""
     if traffic is Traffic.REACTIVE:
         return reactive_drivers(case, ego, period_s=period_s, seed=seed)
     return persistent_drivers(case, ego, period_s=period_s) if traffic is Traffic.PERSISTENT else {}
@@ -111,8 +112,10 @@ def run(
     *,
     after_contact_s: float | None = None,
 ) -> SimulationLog:
-    """The log of a case with an agent at the wheel; to rest, or so long after the first contact. Raises
-    :class:`AgentFault`."""
+    """Return the log of a case with an agent at the wheel; to rest, or so long after the first contact.
+
+    Raises :class:`AgentFault`.
+    """
     seed = zlib.crc32(f"{conditions.seed}:{case.case_id}:{ego}".encode())
     scenario = case.scenario(ego, period_s=1 / conditions.rate_hz, seed=seed)
     way = RecordedWay(case, ego)

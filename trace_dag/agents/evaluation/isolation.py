@@ -72,7 +72,7 @@ class Isolation:
     hidden: tuple[str, ...] = ()
 
     def command(self, command: Sequence[str]) -> list[str]:
-        """A command as it is run in namespaces of its own."""
+        """Return a command as it is run in namespaces of its own."""
         kinds = ("--user", "--map-root-user", "--mount", "--pid", "--net", "--ipc", "--uts", "--cgroup")
         return [
             *("unshare", *kinds, "--fork", "--kill-child=KILL"),
@@ -80,14 +80,17 @@ class Isolation:
         ]
 
     def environment(self, variables: Mapping[str, str]) -> dict[str, str]:
-        """The variables an isolated agent gets: none that can hold a key or a password."""
+        """Return the variables an isolated agent gets: none that can hold a key or a password."""
         kept = {name: value for name, value in variables.items() if name in _KEPT or name.startswith(_KEPT_BEGINNINGS)}
         return {**kept, "HOME": "/tmp", "TMPDIR": "/tmp", "PYTHONDONTWRITEBYTECODE": "1"}  # noqa: S108 - its own
 
 
 @cache
 def isolation(*hidden: str) -> Isolation:
-    """The isolation this machine offers, tried once. Raises :class:`UserError` that says what is missing."""
+    """Return the isolation this machine offers, tried once.
+
+    Raises :class:`UserError` that says what is missing.
+    """
     missing = [tool for tool in _TOOLS if shutil.which(tool) is None]
     if sys.platform != "linux" or missing:
         what = f"{' and '.join(missing)} of util-linux" if sys.platform == "linux" else "the namespaces of Linux"
@@ -106,7 +109,7 @@ def isolation(*hidden: str) -> Isolation:
 
 
 def _readable() -> list[str]:
-    """What an agent reads: the system's libraries, Python, what can be imported, and the folder it is started in."""
+    """Return what an agent may read: the system's libraries, Python, importable modules, and its working folder."""
     wanted = [*_SYSTEM, sys.base_prefix, sys.prefix, *(path for path in sys.path if path), str(Path.cwd()), *_DEVICES]
     there = [os.path.abspath(path) for path in wanted if Path(path).exists()]  # noqa: PTH100 - links stay as they are
     found: list[str] = []

@@ -1,4 +1,4 @@
-"""What one evaluation amounts to, measured from its log beside the recorded crash; and the one word for it."""
+"""Measures of one evaluation, from its log beside the recorded crash, and the outcome that sums them up."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SAME_REL = 0.1
 
 
 class DriveOutcome(StrEnum):
-    """What became of the crash, as studies of agents in reconstructed crashes have it (Scanlon et al., Waymo, 2021).
+    """Outcomes for the crash, as in studies of agents in reconstructed crashes (Scanlon et al., Waymo, 2021).
 
     A conflict is entered when two are at most :data:`ENTERED_TTC_S` from touching if they keep their velocities.
     """
@@ -92,7 +92,7 @@ class Metrics:
 
 
 def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
-    """The word for a run; ``departed`` in the place of who left the road by itself."""
+    """Return the word for a run; ``departed`` in the place of who left the road by itself."""
     if departed:
         return _of_departure(metrics)
     if not metrics.collided:
@@ -109,8 +109,10 @@ def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
 
 
 def _of_departure(metrics: Metrics) -> DriveOutcome:
-    """Avoided by who stays on it, strikes nothing and does not overturn. Overturning weighs more than the risk of a
-    contact; to leave the road without either mitigates the crash."""
+    """Return whether the agent that stays on the road, strikes nothing and does not overturn avoided the departure.
+
+    Overturning weighs more than the risk of a contact; to leave the road without either mitigates the crash.
+    """
     if not metrics.overturned and not metrics.collided:
         if metrics.off_road_s > OFF_ROAD_S:
             return DriveOutcome.MITIGATED
@@ -121,7 +123,7 @@ def _of_departure(metrics: Metrics) -> DriveOutcome:
 
 
 def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
-    """Measures of a run of a case with an agent at the wheel of participant ``ego``."""
+    """Return measures of a run of a case with an agent at the wheel of participant ``ego``."""
     contact, recorded = log.first_contact, case.contact
     until_s = log.duration_s if contact is None else contact.time_s
     own = log.vehicle_log(ego)
@@ -164,8 +166,10 @@ def driven_measures(case: Case, ego: int, own: VehicleLog, until_s: float) -> di
 
 
 def _as_recorded(case: Case, ego: int) -> tuple[float, float]:
-    """Return the highest speed of the recorded vehicle before the conflict, and how long it was off the road then; a
-    vehicle whose crash was to leave the road is allowed no time there."""
+    """Return the highest speed of the recorded vehicle before the conflict, and how long it was off the road then.
+
+    A vehicle whose crash was to leave the road is allowed no time there.
+    """
     recorded = case.recorded.vehicle_log(ego)
     before = recorded.time_s < case.impact_time_s
     highest_mps = float(np.abs(recorded.speed_mps[before]).max(initial=0.0))
@@ -191,8 +195,10 @@ def _own_delta_v_mps(contact: Contact | None, ego: int) -> float:
 def _nearest_miss(
     own: VehicleLog, others: list[VehicleLog], bodies: dict[int, Body]
 ) -> tuple[float | None, float | None]:
-    """Least time to contact and least post-encroachment time with anybody; None if never on a collision course, or
-    never in a place where another was."""
+    """Return the least time to contact and least post-encroachment time with anybody.
+
+    None if never on a collision course, or never in a place where another was.
+    """
     body = bodies[own.number]
     times = [_min_ttc_s(own, body, other, bodies[other.number]) for other in others]
     gaps = [post_encroachment_time_s(own, body, other, bodies[other.number]) for other in others]
@@ -203,7 +209,7 @@ def _nearest_miss(
 
 
 def _min_ttc_s(one: VehicleLog, body_1: Body, two: VehicleLog, body_2: Body) -> float:
-    """Least time to contact over a run; infinity if the two are never on a collision course."""
+    """Return the least time to contact over a run; infinity if the two are never on a collision course."""
     step_s = float(one.time_s[1] - one.time_s[0]) if len(one.time_s) > 1 else _TTC_STEP_S
     least_s = math.inf
     for k in range(0, len(one.time_s), max(1, round(_TTC_STEP_S / step_s))):
@@ -220,8 +226,9 @@ def _at(log: VehicleLog, body: Body, k: int) -> tuple[Outline, tuple[float, floa
 
 
 def _comfort(log: VehicleLog, until_s: float) -> dict[str, Any]:
-    """Hardest braking and cornering (m/s2) and sharpest change of acceleration along the body (m/s3), from means over
-    a fifth of a second."""
+    """Return the hardest braking and cornering (m/s2) and sharpest change of acceleration along the body (m/s3), from
+    means over a fifth of a second.
+    """
     count = int(np.searchsorted(log.time_s, until_s, side="right"))
     step_s = float(log.time_s[1] - log.time_s[0]) if len(log.time_s) > 1 else _SMOOTHED_S
     window = max(1, round(_SMOOTHED_S / step_s))

@@ -1,4 +1,4 @@
-"""What an agent sees of the true state: others in range, in sight, and with the noise of a sensor.
+"""Observations made from the true state: others in range and in sight, with a sensor's noise.
 
 Sight is blocked by vehicles only: maps hold no buildings and no plants.
 """
@@ -23,7 +23,7 @@ _HEADING_NOISE_RADPM = 0.04  # at half a metre of position noise a heading is kn
 
 @dataclass(frozen=True)
 class Sensing:
-    """How well an agent sees.
+    """Quality of an agent's sensing.
 
     ``range_m``: to the nearest part of another body's centre line. ``noise_m``: standard deviation of others'
     positions in x and y, m; their velocities get the same number in m/s, their headings 0.04 rad for each metre.
@@ -45,7 +45,7 @@ class Sensor:
         self._random = np.random.default_rng(seed)
 
     def observe(self, time_s: float, states: Mapping[int, BodyState]) -> Observation:
-        """What is seen now."""
+        """Return the observation now."""
         own = states[self._own]
         others = [state for number, state in sorted(states.items()) if party_of_body(number) != self._own]
         outlines = [self._outline(state) for state in others]
@@ -99,7 +99,7 @@ class Sensor:
 
 
 def in_sight(eye: BodyState, target: Outline, bodies: Sequence[Outline]) -> bool:
-    """Whether any corner or the centre of a body can be seen from another's centre, past some bodies."""
+    """Return whether any corner or the centre of a body can be seen from another's centre, past some bodies."""
     pose = Pose(target.x_m, target.y_m, target.heading_rad)
     corners = rectangle_corners(pose, 2 * target.half_length_m, 2 * target.half_width_m).tolist()
     points = [(target.x_m, target.y_m), *((x, y) for x, y in corners)]
@@ -107,7 +107,7 @@ def in_sight(eye: BodyState, target: Outline, bodies: Sequence[Outline]) -> bool
 
 
 def _crosses(x0: float, y0: float, x1: float, y1: float, box: Outline) -> bool:
-    """Whether a line of sight goes through a rectangle: the slab test in the rectangle's own axes."""
+    """Return whether a line of sight goes through a rectangle: the slab test in the rectangle's own axes."""
     c, s = math.cos(box.heading_rad), math.sin(box.heading_rad)
     low, high = 0.0, 1.0
     for ax, ay, half in ((c, s, box.half_length_m), (-s, c, box.half_width_m)):

@@ -52,7 +52,7 @@ class Approach(NamedTuple):
 
 
 def pace_to_meet(left_s: float, agent_left_s: float, most_per_s: float) -> float:
-    """The pace now of who needs ``left_s`` at its recorded pace and has to be there in ``agent_left_s``.
+    """Return the pace now of who needs ``left_s`` at its recorded pace and has to be there in ``agent_left_s``.
 
     It changes its pace evenly from now on, by ``most_per_s`` each second at most, and comes to the conflict at its
     recorded pace, or as near to it as can be.
@@ -66,7 +66,8 @@ def pace_to_meet(left_s: float, agent_left_s: float, most_per_s: float) -> float
 
 
 def pace_ahead(clock_s: float, agent: Approach) -> float:
-    """The pace of who drives ahead of the agent: the agent's own, so that the headway at each place is as recorded.
+    """Return the pace of who drives ahead of the agent: the agent's own, so that the headway at each place is as
+    recorded.
 
     >>> pace_ahead(3.0, Approach(recorded_s=3.0, pace=0.6, left_s=5.0))
     0.6
@@ -75,8 +76,8 @@ def pace_ahead(clock_s: float, agent: Approach) -> float:
 
 
 def pace_on_foot(left_s: float, agent_left_s: float) -> float:
-    """The pace of a person, who hurries where the agent is nearer in time than recorded, and slows down and waits where
-    it is farther off.
+    """Return the pace of a person, who hurries where the agent is nearer in time than recorded, and slows down and
+    waits where it is farther off.
 
     >>> pace_on_foot(2.0, 3.0), pace_on_foot(2.0, 2.25), pace_on_foot(2.0, 2.0), pace_on_foot(2.0, 1.6)
     (0.0, 0.5, 1.0, 1.25)
@@ -87,7 +88,7 @@ def pace_on_foot(left_s: float, agent_left_s: float) -> float:
 
 
 def pace_in_step(left_s: float, agent_left_s: float) -> float:
-    """The constant pace at which a person comes to the conflict with the agent, or as near to that as it can.
+    """Return the constant pace at which a person comes to the conflict with the agent, or as near to that as it can.
 
     >>> pace_in_step(2.0, 2.5), pace_in_step(2.0, 1.0)
     (0.8, 1.5)
@@ -96,8 +97,9 @@ def pace_in_step(left_s: float, agent_left_s: float) -> float:
 
 
 def last_moment_s(speed_mps: float, friction: float) -> float:
-    """The time before the conflict from which on an attentive human cannot stop short of it any more, s; before someone
-    ahead, at the closing speed, not slow down to its speed.
+    """Return the time before the conflict from which on an attentive human cannot stop short of it any more, s.
+
+    Before someone ahead, at the closing speed, not slow down to its speed.
 
     >>> round(last_moment_s(20.0, 0.8), 2)
     2.07
@@ -125,7 +127,7 @@ class KeptConflict:
         self._accelerates_mps2 = vehicle_model(body).max_acceleration_mps2 if is_driven else _CYCLISTS_MPS2
 
     def pace(self, time_s: float, states: Mapping[int, BodyState]) -> float:
-        """The pace of all others from now on; the same for all who ask at one time."""
+        """Return the pace of all others from now on; the same for all who ask at one time."""
         if self._other is not None and self._follower is not None and time_s > self._looked_s:
             at_m, _ = self._follower.locate(states[self._ego].x_m, states[self._ego].y_m)
             if self._recording.is_left(time_s, states):
@@ -184,8 +186,10 @@ class BoundDriver:
 
 
 def persistent_drivers(case: Case, ego: int, *, period_s: float) -> dict[int, Driver]:
-    """Drivers for everybody but the agent, by number, who keep its conflict. Who skids or loses control does so as
-    recorded."""
+    """Return drivers for everybody but the agent, by number, who keep its conflict.
+
+    Who skids or loses control does so as recorded.
+    """
     conflict = KeptConflict(case, ego)
     return {
         each.number: BoundDriver(conflict, period_s)
@@ -198,8 +202,10 @@ def persistent_drivers(case: Case, ego: int, *, period_s: float) -> dict[int, Dr
 
 
 def met_by(case: Case, number: int) -> int | None:
-    """The participant that another one first met in the recorded crash, of a near miss in the planned one; None for who
-    met nobody."""
+    """Return the participant that another one first met in the recorded crash, of a near miss in the planned one.
+
+    None for who met nobody.
+    """
     contact = contact_with(case, number)
     pair = (contact.number_1, contact.number_2) if contact is not None else case.pair
     other = next((each for each in pair if each != number), None) if number in pair else None
@@ -207,7 +213,7 @@ def met_by(case: Case, number: int) -> int | None:
 
 
 def _is_ahead(case: Case, ego: int, other: int, conflict_s: float) -> bool:
-    """Whether another goes the agent's way in front of it when they meet."""
+    """Return whether another goes the agent's way in front of it when they meet."""
     one, two = (
         (
             float(np.interp(conflict_s, plan.time_s, plan.x_m)),

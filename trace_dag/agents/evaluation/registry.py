@@ -25,12 +25,14 @@ _REFERENCE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
 def offered() -> dict[str, str]:
-    """The agents that installed packages offer: ``module:Class`` by name."""
+    """Return the agents that installed packages offer: ``module:Class`` by name."""
     return {name: plugin.reference for name, plugin in offered_plugins(PluginKind.AGENT).items()}
 
 
 def with_arguments(agent: str, arguments: Sequence[str]) -> str:
-    """The agent with arguments for its class, each ``NAME=VALUE``. Raises :class:`UserError` for what is none.
+    """Return the agent with arguments for its class, each ``NAME=VALUE``.
+
+    Raises :class:`UserError` for what is none.
 
     >>> with_arguments('my_stack:Agent', ['checkpoint=runs/a b.pt'])
     'my_stack:Agent?checkpoint=runs/a%20b.pt'
@@ -45,7 +47,9 @@ def with_arguments(agent: str, arguments: Sequence[str]) -> str:
 
 
 def resolve(agent: str) -> str:
-    """The ``module:Class`` of an agent given by name or as such, with its arguments. Nothing of it is imported.
+    """Return the ``module:Class`` of an agent given by name or as such, with its arguments.
+
+    Nothing of it is imported.
 
     Raises :class:`UserError` for a name nobody offers and a module that is not there.
 
@@ -64,7 +68,10 @@ def resolve(agent: str) -> str:
 
 
 def make_agent(reference: str) -> Agent:
-    """An instance of the class, with its arguments as text. Raises :class:`AgentFault` for whatever goes wrong."""
+    """Return an instance of the class, with its arguments as text.
+
+    Raises :class:`AgentFault` for whatever goes wrong.
+    """
     place, _, arguments = reference.partition("?")
     module_name, _, name = place.partition(":")
     try:
@@ -85,7 +92,7 @@ def make_agent(reference: str) -> Agent:
 
 
 def label(agent: str) -> str:
-    """The agent's name as part of a file's name and in tables.
+    """Return the agent's name as part of a file's name and in tables.
 
     >>> label('my_stack.agents:Careful'), label('my_stack:Agent?checkpoint=runs/a.pt')
     ('my_stack.agents.Careful', 'my_stack.Agent-checkpoint-runs-a.pt')

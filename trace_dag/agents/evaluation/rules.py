@@ -28,8 +28,10 @@ _HALT_MPS = 1.0  # the slowest of a halt as it is seen every fifth of a second
 
 @dataclass(frozen=True)
 class RuleMeasures:
-    """Times in s, speeds in m/s. ``over_limit_mps`` is the most it was above the limit of its lane, 0 if never;
-    ``over_traffic_mps`` above :data:`FASTEST_PACE` times the limit of any lane there or the recorded highest speed."""
+    """Times in s, speeds in m/s. ``over_limit_mps`` is the most it was above the limit of its lane, 0 if never.
+
+    ``over_traffic_mps`` above :data:`FASTEST_PACE` times the limit of any lane there or the recorded highest speed.
+    """
 
     off_road_s: float
     wrong_way_s: float

@@ -27,7 +27,7 @@ class ClusteredShare(NamedTuple):
 
 
 def wilson_interval(part: float, of: float) -> tuple[float, float]:
-    """The 95 % interval of a share that was seen in ``part`` of ``of`` cases (Wilson, JASA 22, 1927).
+    """Return the 95 % interval of a share that was seen in ``part`` of ``of`` cases (Wilson, JASA 22, 1927).
 
     >>> [round(bound, 3) for bound in wilson_interval(5, 10)]
     [0.237, 0.763]
@@ -41,7 +41,7 @@ def wilson_interval(part: float, of: float) -> tuple[float, float]:
 
 
 def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
-    """How many of some runs (rows of the table of evaluations) avoided the crash, the crash as the unit.
+    """Return the share of runs (rows of the table of evaluations) that avoided the crash, the crash as the unit.
 
     >>> share = share_avoided([{"key": "2023-1", "outcome": "conflict_avoided"}] * 2)
     >>> share.part, share.of, share.crashes, round(share.low, 2)  # one crash says as much as one, whoever drove in it
@@ -53,8 +53,9 @@ def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
 def clustered_share(
     found: Iterable[tuple[str, float]], weights: Mapping[str, float] = MappingProxyType({})
 ) -> ClusteredShare:
-    """The share of what holds, or the mean of probabilities, given with the crash of each; a crash weighs 1 unless
-    ``weights`` says otherwise.
+    """Return the share of what holds, or the mean of probabilities, given with the crash of each.
+
+    A crash weighs 1 unless ``weights`` says otherwise.
 
     The interval is Wilson's of as many crashes as they are worth: as if the drivers of a crash always fared alike, so
     that it is too wide, never too narrow, where they do not.
@@ -71,7 +72,7 @@ def clustered_share(
 
 
 def effective_number(weights: FloatArray) -> float:
-    """How many crashes of equal weight they are worth (Kish, Survey Sampling, 1965).
+    """Return the number of crashes of equal weight that the weights amount to (Kish, Survey Sampling, 1965).
 
     >>> round(effective_number(np.array([3.0, 1.0])), 6)
     1.6

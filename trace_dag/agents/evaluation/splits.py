@@ -1,4 +1,4 @@
-"""Which crashes are for training, which for choosing between what was trained, and which for testing.
+"""Splits of the crashes into training, validation and test.
 
 Split by place: crashes within :data:`SITE_M` of each other, directly or by way of others, are one site, and a site is
 in one part as a whole, so that no road is both trained and tested on. Which part is drawn from the site's first key
@@ -29,7 +29,7 @@ class Split(StrEnum):
 
 
 def splits_of(places: Mapping[str, tuple[float, float]]) -> dict[str, Split]:
-    """The part of each crash, by key, of crashes given by reported latitude and longitude (degrees).
+    """Return the part of each crash, by key, of crashes given by reported latitude and longitude (degrees).
 
     >>> splits_of({"2012-1": (35.0, -110.0), "2013-9": (35.001, -110.0)})  # 111 m apart: one site
     {'2012-1': <Split.TRAIN: 'train'>, '2013-9': <Split.TRAIN: 'train'>}

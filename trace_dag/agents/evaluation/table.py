@@ -93,7 +93,7 @@ def row(
     code_version: str,
     verdict_fingerprint: str,
 ) -> Row:
-    """One evaluation as a row of :data:`EVALUATIONS`."""
+    """Return one evaluation as a row of :data:`EVALUATIONS`."""
     sensing = conditions.sensing
     return {
         "agent": agent,
@@ -122,7 +122,7 @@ def row(
 
 
 def rows_to_parquet(rows: Iterable[Mapping[str, Any]], schema: TableSchema = EVALUATIONS) -> bytes:
-    """The rows as a Parquet file with the columns of a schema; the same rows give the same bytes."""
+    """Return the rows as a Parquet file with the columns of a schema; the same rows give the same bytes."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -132,7 +132,7 @@ def rows_to_parquet(rows: Iterable[Mapping[str, Any]], schema: TableSchema = EVA
 
 
 def rows_from_parquet(data: bytes) -> list[Row]:
-    """What :func:`rows_to_parquet` wrote."""
+    """Read rows written by :func:`rows_to_parquet`."""
 
     rows: list[Row] = table_from_parquet(data).to_pylist()
     return rows

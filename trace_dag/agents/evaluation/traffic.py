@@ -34,7 +34,7 @@ _CREEPS_MPS = 0.1
 
 
 class Traffic(StrEnum):
-    """How everybody but the agent moves."""
+    """Behaviour of everybody but the agent."""
 
     RECORDED = "recorded"
     REACTIVE = "reactive"
@@ -67,7 +67,7 @@ class ReactiveDriver:
 
 
 class Recording:
-    """Where the agent's vehicle was recorded, and whether it has left that."""
+    """The recorded course of the agent's vehicle, and whether the vehicle has left it."""
 
     def __init__(self, case: Case, ego: int) -> None:
         self._ego = ego
@@ -75,7 +75,7 @@ class Recording:
         self._left = False
 
     def is_left(self, time_s: float, states: Mapping[int, BodyState]) -> bool:
-        """Whether the vehicle is or was elsewhere than recorded."""
+        """Return whether the vehicle is or was elsewhere than recorded."""
         if not self._left:
             log, now = self._log, states[self._ego]
             x, y = (float(np.interp(time_s, log.time_s, values)) for values in (log.x_m, log.y_m))
@@ -84,7 +84,7 @@ class Recording:
 
 
 def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dict[int, Driver]:
-    """Drivers for everybody but the agent, by number, who react to it."""
+    """Return drivers for everybody but the agent, by number, who react to it."""
     watched = Recording(case, ego)
     drivers: dict[int, Driver] = {}
     for each in case.going_on:
@@ -100,7 +100,7 @@ def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dic
 
 
 def _course(participant: Participant) -> tuple[FloatArray, FloatArray] | None:
-    """Points of the course, shape (n, 2), and the speed recorded at each (m/s); None for who stands or backs."""
+    """Return points of the course, shape (n, 2), and the speed recorded at each (m/s); None for who stands or backs."""
     t = participant.trajectory
     points = np.column_stack([t.x_m, t.y_m])
     moved = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-3])

@@ -24,7 +24,7 @@ _MAP_REACH_M = 250.0  # beyond it a map may simply end
 
 
 class VariationKind(StrEnum):
-    """What a variation is."""
+    """Kinds of variations."""
 
     COLLISION = "collision"
     NEAR_MISS = "near_miss"
@@ -32,7 +32,7 @@ class VariationKind(StrEnum):
 
 @dataclass(frozen=True)
 class Criteria:
-    """What a variation has to meet to be kept.
+    """Criteria that a variation has to meet to be kept.
 
     * The bodies are apart at its beginning, and the simulation ends in good order.
     * A collision: the recorded pair touches first, within ``max_contact_shift_m`` of the recorded contact. A near miss:
@@ -61,7 +61,7 @@ class Variation:
 
 
 def variation_id(key: str, number: int) -> str:
-    """The id of a crash's variation: ``2023-510179-v001``.
+    """Return the id of a crash's variation: ``2023-510179-v001``.
 
     >>> variation_id('2023-510179', 1)
     '2023-510179-v001'
@@ -72,7 +72,8 @@ def variation_id(key: str, number: int) -> str:
 def family(
     case: Case, backend: Backend, *, count: int, seed: int, bounds: Bounds, criteria: Criteria
 ) -> tuple[list[Variation], int]:
-    """The first ``count`` variations that meet the criteria, and how many were drawn for them (at most twenty each).
+    """Return the first ``count`` variations that meet the criteria, and how many were drawn for them (at most twenty
+    each).
 
     A function of the case, the seed and the bounds alone.
     """
@@ -120,7 +121,10 @@ def _tried(
 def _judged(
     case: Case, participants: tuple[Participant, ...], log: SimulationLog, criteria: Criteria
 ) -> tuple[VariationKind, float] | None:
-    """What a simulated variation is, and the least gap between the pair; None if it does not meet the criteria."""
+    """Return the kind of a simulated variation, and the least gap between the pair.
+
+    None if it does not meet the criteria.
+    """
     if log.termination in (Termination.STARTED_IN_CONTACT, Termination.DIVERGED, Termination.BACKEND_ERROR):
         return None
     recorded, contact = case.contact, log.first_contact
@@ -143,7 +147,7 @@ def _judged(
 
 
 def _nearest(log: SimulationLog, pair: set[int]) -> tuple[float, float]:
-    """Least gap between two bodies over a log, m, and when it was."""
+    """Return the least gap between two bodies over a log, m, and when it was."""
     one, two = (vehicle for vehicle in log.vehicles if vehicle.number in pair)
     size_1, size_2 = (
         (log.bodies[each.number].length_m / 2, log.bodies[each.number].width_m / 2) for each in (one, two)
@@ -159,7 +163,10 @@ def _nearest(log: SimulationLog, pair: set[int]) -> tuple[float, float]:
 
 
 def _farthest_outside_m(case: Case, participant: Participant, least_m: float) -> float:
-    """How far outside the lanes a plan goes at most until it is past the impact, m; infinity where no lane is near."""
+    """Return the largest distance of a plan outside the lanes until it is past the impact, m.
+
+    Infinity where no lane is near.
+    """
     t = participant.trajectory
     step_s = float(np.median(np.diff(t.time_s))) if len(t.time_s) > 1 else _LOOKED_AT_S
     farthest_m = 0.0

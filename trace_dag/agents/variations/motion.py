@@ -28,8 +28,9 @@ _STANDS_M = 0.05
 def perturbed(
     participants: Sequence[Participant], perturbation: Perturbation, impact_time_s: float
 ) -> tuple[tuple[Participant, ...], float]:
-    """The participants as perturbed, and the time of the recorded impact on their clock, which begins when all are on
-    their recorded way."""
+    """Return the participants as perturbed, and the time of the recorded impact on their clock, which begins when all
+    are on their recorded way.
+    """
     by_number = {each.number: each for each in perturbation.vehicles}
     start_s = max((_earliest_s(each, by_number[each.number], impact_time_s) for each in participants), default=0.0)
     return (
@@ -39,12 +40,12 @@ def perturbed(
 
 
 def _recorded_time_s(time_s: FloatArray | float, change: VehiclePerturbation, impact_time_s: float) -> FloatArray:
-    """When the recorded motion was where the perturbed one is at a time, brakes apart."""
+    """Return the time at which the recorded motion was at the perturbed one's place, brakes apart."""
     return np.asarray(impact_time_s + change.speed_factor * (np.asarray(time_s) - change.delay_s - impact_time_s))
 
 
 def _earliest_s(participant: Participant, change: VehiclePerturbation, impact_time_s: float) -> float:
-    """When the perturbed motion is where the recorded one begins."""
+    """Return the time at which the perturbed motion is at the recorded one's beginning."""
     if _stands(participant.trajectory):
         return 0.0
     return max(0.0, impact_time_s - impact_time_s / change.speed_factor + change.delay_s)
@@ -95,7 +96,7 @@ def _moved(participant: Participant, change: VehiclePerturbation, impact_time_s:
 def _braking(
     trajectory: Trajectory, time_s: FloatArray, recorded_s: FloatArray, rate: FloatArray, from_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The same way with brakes from a time on: recorded times reached, and how fast they pass.
+    """Return the motion with brakes from a time on: recorded times reached, and how fast they pass.
 
     A vehicle that brakes moves through the recorded motion ever slower; how much follows from its speed there.
     """

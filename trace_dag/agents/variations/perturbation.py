@@ -1,4 +1,4 @@
-"""What is changed about a crash: each vehicle's speed, timing, lateral place and reaction, and the road's friction."""
+"""Changes to a crash: each vehicle's speed, timing, lateral place and reaction, and the road's friction."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Bounds:
-    """How far variations go from the crash; each is drawn evenly from within.
+    """Bounds of variations; each change is drawn evenly from within.
 
     ``speed_rel``: all speeds of a vehicle, share more or less. ``timing_s``: earlier or later. ``lateral_m``: to the
     left or right. ``friction_low``: least friction as a share of the crash's, which is the most. ``reaction_s``:
@@ -45,7 +45,8 @@ class Perturbation:
 
 
 def draw(key: str, numbers: Sequence[int], seed: int, index: int, bounds: Bounds) -> Perturbation:
-    """The ``index``-th draw for a crash: a function of these values alone, whoever draws it, in whatever order."""
+    """Return the ``index``-th draw for a crash: a function of these values alone, whoever draws it, in whatever
+    order."""
     digest = sha256(f"{seed}:{key}:{index}".encode()).digest()
     random = np.random.default_rng(int.from_bytes(digest[:16], "big"))
     friction = float(random.uniform(bounds.friction_low, 1.0))

@@ -42,7 +42,10 @@ VARIATIONS = TableSchema(
 def row(
     variation: Variation, recorded_xy_m: tuple[float, float], *, seed: int, code_version: str, verdict_fingerprint: str
 ) -> dict[str, Any]:
-    """One variation as a row of :data:`VARIATIONS`; ``recorded_xy_m`` is the place of the crash's first contact."""
+    """Return one variation as a row of :data:`VARIATIONS`.
+
+    ``recorded_xy_m`` is the place of the crash's first contact.
+    """
     contact = variation.case.contact
     x, y = recorded_xy_m
     shift_m = None if contact is None else ((contact.x_m - x) ** 2 + (contact.y_m - y) ** 2) ** 0.5

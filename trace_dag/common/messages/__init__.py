@@ -1,1 +1,1 @@
-"""What the program says to people: logs, progress, words and Markdown."""
+"""Messages to people: logs, progress, wording and Markdown."""

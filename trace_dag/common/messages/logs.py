@@ -1,4 +1,4 @@
-"""What is logged, and how: one line per message on standard error, as text or as JSON, naming the crash and stage.
+"""Logs: one line per message on standard error, as text or as JSON, naming the crash and stage.
 
 ``TRACE_DAG_LOG`` is the level of our own messages (default WARNING); of the libraries only warnings are logged, since
 below that they tell of migrations and requests. ``TRACE_DAG_LOG_FORMAT=json`` writes one JSON object per line with
@@ -36,7 +36,7 @@ _AT_WORK: ContextVar[tuple[str, str]] = ContextVar("at_work", default=("", ""))
 
 @contextmanager
 def at_work(crash: str, stage: str) -> Iterator[None]:
-    """Whatever is logged inside is of this crash and stage."""
+    """Name this crash and stage in every message logged inside."""
     token = _AT_WORK.set((crash, stage))
     try:
         yield
@@ -45,7 +45,7 @@ def at_work(crash: str, stage: str) -> Iterator[None]:
 
 
 def figures(**values: object) -> Mapping[str, object]:
-    """Figures of a message, for ``extra=``: members of their own in a JSON line, left out of a text."""
+    """Return figures of a message, for ``extra=``: members of their own in a JSON line, left out of a text."""
     return {"figures": values}
 
 
@@ -64,7 +64,9 @@ def configure_logging() -> None:
 
 
 def own_stderr() -> TextIO:
-    """Standard error through a descriptor of its own: it stays the terminal while Dagster sends 1 and 2 to a file."""
+    """Return the standard error through a descriptor of its own: it stays the terminal while Dagster sends 1 and 2 to a
+    file.
+    """
     try:
         return os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
     except (OSError, io.UnsupportedOperation):  # something that a program has put in its place
@@ -72,12 +74,12 @@ def own_stderr() -> TextIO:
 
 
 def writes_json() -> bool:
-    """Whether standard error is to hold JSON lines and nothing else."""
+    """Return whether standard error is to hold JSON lines and nothing else."""
     return os.environ.get(FORMAT_VARIABLE, "text").lower() == "json"
 
 
 def print_problem(line: str, *, level: int = logging.ERROR) -> None:
-    """A line of a command on standard error: as it stands, or as a message of the log where that is JSON."""
+    """Print a line of a command to standard error, as it stands or, where that is JSON, as a message of the log."""
     if writes_json():
         log.log(level, "%s", line)
     else:

@@ -17,7 +17,7 @@ _TICKS = re.compile("`+")
 
 
 def escaped(text: str) -> str:
-    """``text`` in one line, to stand in a paragraph or a table's cell.
+    """Return ``text`` in one line, to stand in a paragraph or a table's cell.
 
     >>> escaped('<b>MAIN</b> ST')
     '&lt;b&gt;MAIN&lt;/b&gt; ST'
@@ -28,7 +28,7 @@ def escaped(text: str) -> str:
 
 
 def code_span(text: str) -> str:
-    """``text`` as code within a line, whatever ticks it holds.
+    """Return ``text`` as code within a line, whatever ticks it holds.
 
     >>> code_span('a`b')
     '``a`b``'
@@ -40,7 +40,7 @@ def code_span(text: str) -> str:
 
 
 def code_block(text: str) -> str:
-    """``text`` as a block of code, line by line.
+    """Return ``text`` as a block of code, line by line.
 
     >>> print(code_block('trace-dag run'))
     ```
@@ -52,7 +52,7 @@ def code_block(text: str) -> str:
 
 
 def table(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Rows as a table; nothing for None.
+    """Return rows as a table; nothing for None.
 
     >>> print(table(["road", "lanes"], [["Main St", 4], ["Elder St", None]]))
     | road | lanes |

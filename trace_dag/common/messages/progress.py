@@ -1,4 +1,4 @@
-"""How work that takes its time says how far it is; who shows it is :mod:`trace_dag.cli.progress`'s."""
+"""Progress of long work, as calls; :mod:`trace_dag.cli.progress` shows it."""
 
 from __future__ import annotations
 
@@ -9,4 +9,4 @@ OnProgress = Callable[[int, int], None]
 
 
 def silent(_done: int, _total: int) -> None:
-    """The progress of work that nobody watches."""
+    """Ignore the progress of work that nobody watches."""

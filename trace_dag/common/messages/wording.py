@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def percent(share: float | None) -> str:
-    """A share of 1 as a percentage; empty where there is none.
+    """Return a share of 1 as a percentage; empty where there is none.
 
     >>> percent(0.125), percent(None)
     ('12.5 %', '')
@@ -13,7 +13,7 @@ def percent(share: float | None) -> str:
 
 
 def printable(text: str) -> str:
-    r"""A text without characters that move a terminal's cursor or tell it what to do; line ends and tabs stay.
+    r"""Return a text without characters that move a terminal's cursor or tell it what to do; line ends and tabs stay.
 
     >>> printable("no\x1b[2J plan\n")
     'no\ufffd[2J plan\n'
@@ -22,7 +22,7 @@ def printable(text: str) -> str:
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """How many of something, the noun in the singular where it is one.
+    """Return a number with its noun, in the singular for one.
 
     Args:
         plural: Of the noun; where empty, the noun with an s.
@@ -36,7 +36,7 @@ def counted(number: int, noun: str, plural: str = "") -> str:
 
 
 def beside_limit(value: float, limit: float, digits: int = 1) -> str:
-    """A measured number with as many digits as show on which side of a limit it lies.
+    """Return a measured number with as many digits as show on which side of a limit it lies.
 
     >>> beside_limit(2.04, 2.0), beside_limit(1.98, 2.0, 0), beside_limit(6.3, 5.0)
     ('2.04', '2', '6.3')

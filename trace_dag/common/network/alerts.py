@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 
 class AlertKind(StrEnum):
-    """What an alert is about."""
+    """Subjects of alerts."""
 
     FAILED = "failed"
     NO_LONGER_VERIFIED = "no_longer_verified"
@@ -48,7 +48,7 @@ class AlertedCrash:
 
 @dataclass(frozen=True)
 class Alert:
-    """What happened at which root, in a line, with the crashes it is about."""
+    """An event at a root, in a line, with its crashes."""
 
     kind: AlertKind
     root: str
@@ -57,7 +57,7 @@ class Alert:
 
     @classmethod
     def of_crashes(cls, kind: AlertKind, root: str, what: str, crashes: Sequence[AlertedCrash]) -> Alert:
-        """An alert about crashes, of which its line names the first.
+        """Return an alert about crashes, of which its line names the first.
 
         >>> gone = AlertedCrash("2023-1", "verdict", "wrong_impact", "Struck elsewhere.")
         >>> Alert.of_crashes(AlertKind.NO_LONGER_VERIFIED, "home", "no longer verified", [gone]).text
@@ -73,12 +73,12 @@ class Alert:
 
 
 def alerts_go_out(settings: AutomationSettings) -> bool:
-    """Whether anybody asked for alerts."""
+    """Return whether anybody asked for alerts."""
     return bool(settings.alert_command or os.environ.get(WEBHOOK_VARIABLE))
 
 
 def send(alert: Alert, settings: AutomationSettings) -> None:
-    """Deliver an alert wherever it was asked for."""
+    """Deliver an alert to every configured address."""
     document = asdict(alert)
     if settings.alert_command:
         _run(settings.alert_command, json.dumps(document))

@@ -60,7 +60,9 @@ Lasts = Callable[[bytes], bool]
 
 @dataclass(frozen=True)
 class HttpPolicy:
-    """How politely and how patiently to ask. Times in seconds.
+    """Pace and patience of requests.
+
+    Times in seconds.
 
     ``timeout_s`` bounds every wait for the service, ``total_s`` a whole answer, however slowly it drips. ``refresh``
     asks again for what is in the cache. A service that did not answer after all attempts is asked once per request
@@ -122,7 +124,10 @@ class HttpClient:
         check: Check | None = None,
         lasts: Lasts | None = None,
     ) -> bytes:
-        """The body of a GET. See :meth:`request`."""
+        """Return the body of a GET.
+
+        See :meth:`request`.
+        """
         return self.request("GET", url, params=params, check=check, lasts=lasts)
 
     def download(self, url: str, to: Path) -> None:
@@ -135,7 +140,10 @@ class HttpClient:
             part.unlink(missing_ok=True)
 
     def post(self, url: str, data: Mapping[str, str], *, check: Check | None = None) -> bytes:
-        """The body of a POST of a form. See :meth:`request`."""
+        """Return the body of a POST of a form.
+
+        See :meth:`request`.
+        """
         return self.request("POST", url, data=data, check=check)
 
     def request(
@@ -149,8 +157,9 @@ class HttpClient:
         lasts: Lasts | None = None,
         to: Path | None = None,
     ) -> bytes:
-        """The body of a right answer, from the cache if the same was asked before and the answer ``lasts``. With ``to``
-        it is written into that file instead, and neither returned nor kept.
+        """Return the body of a right answer, from the cache if the same was asked before and the answer ``lasts``.
+
+        With ``to`` it is written into that file instead, and neither returned nor kept.
 
         Raises:
             UnreachableError: there is no network, or no such host in it.
@@ -261,7 +270,7 @@ class HttpClient:
             into.write(chunk)
 
     def _retry_after_s(self, response: httpx.Response) -> float | None:
-        """Seconds the service asks to wait (RFC 9110, 10.2.3: seconds or a date).
+        """Return seconds the service asks to wait (RFC 9110, 10.2.3: seconds or a date).
 
         Raises TransientFailure at once if that is longer than a run should wait.
         """
@@ -315,7 +324,7 @@ class HttpClient:
 
 
 def send_json(url: str, document: Mapping[str, object], *, attempts: int = 3, timeout_s: float = 10.0) -> None:
-    """POST a document to a web hook. Raises :class:`Failure`, which names the host alone: the path may be a secret."""
+    """POST a document to a web hook. Raise :class:`Failure`, which names the host alone: the path may be a secret."""
     import httpx
 
     host = urlsplit(url).hostname or "the web hook"
@@ -346,7 +355,9 @@ def _status(response: httpx.Response) -> str:
 
 
 def damaged_answers(folder: Path) -> Iterator[Path]:
-    """Kept answers, of all services with a cache below a folder, that are not as they were kept, and what says so."""
+    """Yield the kept answers, of all services with a cache below a folder, that are not as they were kept, and what
+    says so.
+    """
     for body in sorted(folder.glob(f"*/??/*{_BODY}")):
         if _kept(body) is None:
             yield body
@@ -356,7 +367,7 @@ def damaged_answers(folder: Path) -> Iterator[Path]:
 
 
 def _kept(path: Path) -> bytes | None:
-    """An answer that was kept; None if there is none, or if it is not as it was kept."""
+    """Return an answer that was kept; None if there is none, or if it is not as it was kept."""
     try:
         body, about = path.read_bytes(), json.loads(path.with_suffix(".json").read_bytes())
         return body if about["sha256"] == hashlib.sha256(body).hexdigest() else None
@@ -382,7 +393,7 @@ def _store(path: Path, body: bytes, request: dict[str, object]) -> None:
 
 
 def _no_way_to(error: BaseException | None) -> str | None:
-    """What the system says where a name cannot be resolved or no route leads there; None for other errors."""
+    """Return the system's words where a name cannot be resolved or no route leads there; None for other errors."""
     while error is not None:
         if isinstance(error, socket.gaierror) or (isinstance(error, OSError) and error.errno in _NO_ROUTE):
             return str(error.strerror)

@@ -21,7 +21,7 @@ _LONGEST_QUEUE_S: Final = 600.0
 
 
 def take_turn(path: Path, earliest_s: float, gap_s: float) -> float:
-    """The turn that is free at ``earliest_s`` or after it; the next is at least ``gap_s`` later.
+    """Return the turn that is free at ``earliest_s`` or after it; the next is at least ``gap_s`` later.
 
     A turn further off than ten minutes was left by a machine that has been started again since, and does not count.
     """

@@ -18,7 +18,7 @@ _OLDER = "sha256"  # documents of the versions before had a SHA-256 of their byt
 
 
 def with_checksum(document: bytes) -> bytes:
-    """A JSON object with its checksum.
+    """Return a JSON object with its checksum.
 
     >>> list(json.loads(with_checksum(b'{"a": 1}')))
     ['a', 'checksum']
@@ -28,7 +28,9 @@ def with_checksum(document: bytes) -> bytes:
 
 
 def checked(data: bytes, *, name: str) -> dict[str, Any]:
-    """The fields of a document without its checksum. Raises :class:`DamagedFile` if it has none, or another.
+    """Return the fields of a document without its checksum.
+
+    Raises :class:`DamagedFile` if it has none, or another.
 
     >>> checked(with_checksum(b'{"a": 1}'), name="a.json")
     {'a': 1}

@@ -1,4 +1,4 @@
-"""What systems and libraries raise where a disk is full, broken or not ours, as one sentence with what helps.
+"""Errors of a full, broken or foreign disk, each as one sentence with its remedy.
 
 A command ends with it in a line, whichever of its libraries met the disk first: Python itself, SQLite below Dagster,
 DuckDB, Arrow. Does not belong here: files that can be read and are not as they were written
@@ -44,7 +44,7 @@ _SQLITE = {
 
 
 def remedy_of(error: OSError) -> str:
-    """What helps against an error of a disk.
+    """Return the remedy of an error of a disk.
 
     >>> remedy_of(OSError(errno.ENOSPC, "No space left on device"))
     'free some space and run again'
@@ -53,7 +53,7 @@ def remedy_of(error: OSError) -> str:
 
 
 def disk_failure(error: BaseException, database: str = "a database") -> Failure | None:
-    """The failure to tell of, if a disk is behind ``error`` or behind what caused it; else None.
+    """Return the failure to tell of, if a disk is behind ``error`` or behind what caused it; else None.
 
     ``database`` is what an SQLite file is called that is behind it, whose errors do not name it.
     """
@@ -75,7 +75,7 @@ def disk_failure(error: BaseException, database: str = "a database") -> Failure 
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Errors of a disk in it name the file, which those of writing to an open one do not."""
+    """Name the file in errors of a disk, which those of writing to an open one do not."""
     try:
         yield
     except OSError as error:

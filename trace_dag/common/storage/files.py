@@ -54,7 +54,7 @@ class StoredFile:
     sha256: str
 
     def matches(self, data: bytes) -> bool:
-        """Whether ``data`` is what was written."""
+        """Return whether ``data`` is what was written."""
         return len(data) == self.size and hashlib.sha256(data).hexdigest() == self.sha256
 
 
@@ -70,7 +70,7 @@ class Entry(NamedTuple):
 
 
 def check_name(name: str) -> str:
-    """``name`` itself if it is a plain relative path of letters, digits, ``._-`` and ``/``; else ``ValueError``.
+    """Return ``name`` itself if it is a plain relative path of letters, digits, ``._-`` and ``/``; else ``ValueError``.
 
     No part may begin with a dot or a dash, so no name leads out of the root, hides, or reads as an option.
 
@@ -101,8 +101,10 @@ class Storage:
 
     @property
     def local_folder(self) -> Path:
-        """Where what belongs to this root and must be local can lie: the root itself if it is local; else a folder for
-        this root below ``TRACE_DAG_LOCAL_FOLDER``, or below the user's own folder for data."""
+        """Return the local folder of this root: the root itself if it is local.
+
+        Else one below ``TRACE_DAG_LOCAL_FOLDER``, or below the user's own folder for data.
+        """
         if self.local_root is not None:
             return self.local_root
         if chosen := os.environ.get(LOCAL_FOLDER_VARIABLE):
@@ -113,7 +115,7 @@ class Storage:
 
     @classmethod
     def open(cls, root: str | os.PathLike[str], *, to_read: bool = False, output: bool = False) -> Storage:
-        """The storage at ``root``, made if need be, after a look at whether one can read and write there.
+        """Return the storage at ``root``, made if need be, after a look at whether one can read and write there.
 
         With ``to_read`` it has to be there, and need only be readable; ``output``: it is a folder for results, no root.
         Raises :class:`UserError` where it is not.
@@ -183,19 +185,22 @@ class Storage:
         return fsspec.core.url_to_fs(self.root, **options)[0]
 
     def path(self, name: str) -> str:
-        """Where a file lies, as a path or URL."""
+        """Return the path or URL of a file."""
         return f"{self.root}/{check_name(name)}"
 
     # --- one file --------------------------------------------------------------------------------------------
     def read(self, name: str) -> bytes:
-        """The whole file."""
+        """Return the whole file."""
         path = self.path(name)
         if self.local_root is not None:
             return _on_disk(lambda: _contents_of(path, name), path)
         return bytes(_remotely(lambda: self._filesystem.cat_file(path), path))
 
     def read_whole(self, file: StoredFile) -> bytes:
-        """The content of a file, if it is the one that was written. Raises :class:`DamagedFile`."""
+        """Return the content of a file, if it is the one that was written.
+
+        Raises :class:`DamagedFile`.
+        """
         found = ""
         for _ in range(2):  # what was cut short on its way is whole the second time
             try:
@@ -228,8 +233,10 @@ class Storage:
             return
 
     def move(self, name: str, to: str) -> None:
-        """Put a file under another name, replacing what was there; nothing happens if there is none. On this machine
-        also a folder that is in the file's place."""
+        """Put a file under another name, replacing what was there; nothing happens if there is none.
+
+        On this machine also a folder that is in the file's place.
+        """
         if self.local_root is not None:
             source, target = Path(self.path(name)), Path(self.path(to))
             if os.path.lexists(source):
@@ -243,16 +250,16 @@ class Storage:
         self.delete(name)
 
     def exists(self, name: str) -> bool:
-        """Whether there is such a file."""
+        """Return whether there is such a file."""
         return name in self.sizes([name])
 
     def is_folder(self, name: str) -> bool:
-        """Whether a folder is in a file's place; an object store has none."""
+        """Return whether a folder is in a file's place; an object store has none."""
         return self.local_root is not None and Path(self.path(name)).is_dir()
 
     # --- many files ------------------------------------------------------------------------------------------
     def list(self, folder: str, endings: tuple[str, ...] = ("",)) -> dict[str, Entry]:
-        """The files of one folder ("" is the root itself) by their names below the root, in one listing.
+        """Return the files of one folder ("" is the root itself) by their names below the root, in one listing.
 
         Only those whose name ends in one of ``endings``, where not all are wanted.
         """
@@ -272,7 +279,7 @@ class Storage:
         }
 
     def sizes(self, names: Collection[str]) -> dict[str, int]:
-        """Sizes in bytes of those of ``names`` that exist.
+        """Return sizes in bytes of those of ``names`` that exist.
 
         One stat each locally; elsewhere one listing per folder, or one request per file where they are few.
         """
@@ -311,7 +318,7 @@ class Storage:
     def read_many(
         self, names: Iterable[str], unreadable: Callable[[DamagedFile], None] | None = None
     ) -> dict[str, bytes]:
-        """Contents of those of ``names`` that exist, fetched concurrently from an object store.
+        """Return contents of those of ``names`` that exist, fetched concurrently from an object store.
 
         ``unreadable`` hears of local files that cannot be read, which are left out; without it they are raised.
         """
@@ -342,7 +349,10 @@ class Storage:
             return None
 
     def leftovers(self, folder: str = "") -> tuple[Path, ...]:
-        """Temporary files in a folder (in all, by default) whose writer is gone; an object store has none."""
+        """Return the temporary files in a folder (in all, by default) whose writer is gone.
+
+        An object store has none.
+        """
         if self.local_root is None:
             return ()
         pattern = f"{_TEMPORARY}*"
@@ -415,7 +425,9 @@ def _remote_version(row: Mapping[str, Any]) -> str:
 
 
 def _remote_md5(row: Mapping[str, Any]) -> str | None:
-    """The MD5 an S3-compatible store gives as the ETag of an object put in one piece, unless it encrypts with a key."""
+    """Return the MD5 an S3-compatible store gives as the ETag of an object put in one piece, unless it encrypts with a
+    key.
+    """
     etag = str(row.get("ETag", "")).strip('"')
     return etag if _MD5.fullmatch(etag) else None
 
@@ -453,7 +465,7 @@ def _remotely(action: Callable[[], T], path: str) -> T:
 
 
 def _may_answer_later(error: BaseException) -> bool:
-    """Whether an object store may answer if it is asked again.
+    """Return whether an object store may answer if it is asked again.
 
     Their clients raise errors of many kinds for that (OSError, TimeoutError, classes of their own).
     """

@@ -118,7 +118,7 @@ _RATED: Final = (MEDIUM_TRUCK, LARGE_TRUCK, HEAVY_TRUCK)
 
 @dataclass(frozen=True)
 class BodyEvidence:
-    """What a report says about one vehicle's body; None where it does not."""
+    """A report's statements about one vehicle's body; None where there are none."""
 
     body_type: int | None = None  # BODY_TYP
     model: int | None = None  # MODEL
@@ -131,7 +131,7 @@ class BodyEvidence:
 
 
 def body_of(evidence: BodyEvidence) -> tuple[ReportedBody, bool]:
-    """The body a vehicle is simulated with, and whether its kind is implied (not said by ``BODY_TYP``).
+    """Return the body a vehicle is simulated with, and whether its kind is implied (not said by ``BODY_TYP``).
 
     >>> body, implied = body_of(BodyEvidence(body_type=4))  # BODY_TYP 4: four-door sedan
     >>> body.vehicle_class.value, implied
@@ -160,7 +160,7 @@ def _implied_kind(evidence: BodyEvidence) -> ReportedBody:
 
 
 def _refined(body: ReportedBody, evidence: BodyEvidence) -> ReportedBody:
-    """The kind's typical body with what the VIN says about this one."""
+    """Return the kind's typical body with what the VIN says about this one."""
     if evidence.wheelbase_in is not None and body.wheelbase_ratio is not None:
         low, high = _PLAUSIBLE_WHEELBASE_IN
         if low <= evidence.wheelbase_in <= high:

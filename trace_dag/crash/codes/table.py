@@ -1,4 +1,4 @@
-"""What a table of FARS codes is: which codes an element may hold in which year, and what they mean in plain words.
+"""Tables of FARS codes: the codes that an element may hold in a year, and their plain meanings.
 
 ``codes.csv`` has them all: a row for each code of an element (``variable``), with a phrase of ours, the first and last
 case year of one that came or went (``since``, ``until``), and whether it says "not reported" or "unknown".
@@ -43,30 +43,30 @@ class CodeTable:
     years: Mapping[int, tuple[int, int]] = field(default_factory=dict)
 
     def holds(self, code: int, year: int) -> bool:
-        """Whether ``code`` is one of the element's in case year ``year``."""
+        """Return whether ``code`` is one of the element's in case year ``year``."""
         if code not in self.meanings:
             return False
         first, last = self.years.get(code, (FIRST_YEAR, LAST_YEAR))
         return first <= min(max(year, FIRST_YEAR), LAST_YEAR) <= last
 
     def check(self, code: int, year: int) -> int:
-        """``code`` itself; raises :class:`UnknownCodeError` if the element has no such code in that year."""
+        """Return ``code`` itself; raises :class:`UnknownCodeError` if the element has no such code in that year."""
         if not self.holds(code, year):
             expected = ranges(known for known in self.meanings if self.holds(known, year))
             raise UnknownCodeError(self.element, str(code), year, expected)
         return code
 
     def known(self, code: int | None) -> int | None:
-        """``code``, or None if it says that the value is not known."""
+        """Return ``code``, or None if it says that the value is not known."""
         return None if code is None or code in self.unknown else code
 
     def meaning(self, code: int | None) -> str:
-        """The code in plain words; "" for None and for codes that say "unknown"."""
+        """Return the code in plain words; "" for None and for codes that say "unknown"."""
         return "" if code is None or code in self.unknown else self.meanings.get(code, "")
 
 
 def code_table(element: str) -> CodeTable:
-    """The table of an element, from ``codes.csv``.
+    """Return the table of an element, from ``codes.csv``.
 
     >>> weather = code_table("WEATHER")  # FARS has no code 0 any more from 2020 on
     >>> weather.holds(0, 2019), weather.holds(0, 2020), weather.meaning(2), weather.meaning(99)
@@ -86,7 +86,7 @@ def code_table(element: str) -> CodeTable:
 
 
 def has_codes(element: str) -> bool:
-    """Whether an element has a table; counts, and elements whose codes are not interpreted here, have none.
+    """Return whether an element has a table; counts, and elements whose codes are not interpreted here, have none.
 
     >>> has_codes("WEATHER"), has_codes("DEATHS")
     (True, False)
@@ -104,7 +104,7 @@ def _rows() -> dict[str, list[dict[str, str]]]:
 
 
 def ranges(codes: Iterable[int]) -> str:
-    """Codes as "0-3, 5, 98-99".
+    """Return codes as "0-3, 5, 98-99".
 
     >>> ranges([98, 0, 1, 2, 3, 5, 99])
     '0-3, 5, 98-99'

@@ -1,4 +1,4 @@
-"""What vehicles pull in a reconstruction: typical dimensions, masses, and where they are coupled.
+"""Trailers in a reconstruction: typical dimensions, masses, and couplings.
 
 Which vehicles pull one is ``TOW_VEH``; of what kind follows from what pulls: a truck tractor (``BODY_TYP`` 66) a
 semitrailer on its fifth wheel, a truck or bus a trailer on a drawbar, a lighter vehicle a utility or travel trailer. Of
@@ -38,8 +38,8 @@ _HEAVY: Final = frozenset({VehicleClass.TRUCK, VehicleClass.LIGHT_TRUCK, Vehicle
 
 
 def trailer_of(body: ReportedBody, tow_code: int | None, gvwr_class: int | None = None) -> Trailer | None:
-    """What a vehicle pulls by its ``TOW_VEH`` and, from 2020 on, the trailer's weight rating (``TRLR1GVWR``, 11 to 18);
-    None where it pulls nothing.
+    """Return the trailer of a vehicle by its ``TOW_VEH`` and, from 2020 on, the trailer's weight rating (``TRLR1GVWR``,
+    11 to 18); None where it pulls nothing.
 
     >>> from trace_dag.crash.codes.bodies import PICKUP, TRACTOR_OF_TRAILER
     >>> trailer_of(PICKUP, 0)

@@ -36,7 +36,7 @@ class CrashApiClient:
     def list_cases(
         self, states: Iterable[int], years: Iterable[int], *, min_vehicles: int = 1, max_vehicles: int = 99
     ) -> list[CrashListing]:
-        """The cases of those states (``STATE`` codes) and years with that many motor vehicles, in order of keys.
+        """Return the cases of those states (``STATE`` codes) and years with that many motor vehicles, in order of keys.
 
         The service counts every motor vehicle, parked ones too, and lists neither place nor crash type: filters on
         those need the reports.
@@ -54,7 +54,9 @@ class CrashApiClient:
         return [found[key] for key in sorted(found)]
 
     def report(self, key: str) -> bytes:
-        """The report of a crash as served; where the service has no such report, its answer that says so (``Count`` 0).
+        """Return the report of a crash as served.
+
+        Where the service has no such report, its answer that says so (``Count`` 0).
 
         Raises UserError for a malformed key, TransientFailure or Failure as :class:`HttpClient` does.
         """
@@ -102,7 +104,7 @@ class CrashApiClient:
 
 
 def _wrong_report(body: bytes, key: str) -> str | None:
-    """What is wrong with an answer to ``GetCaseDetails``, None if nothing is."""
+    """Return the fault of an answer to ``GetCaseDetails``, None if there is none."""
     try:
         found = identify(body, name="the answer")
     except Rejection as rejection:
@@ -116,7 +118,7 @@ def _wrong_report(body: bytes, key: str) -> str | None:
 
 
 def _holds_case(body: bytes) -> bool:
-    """Whether an answer holds the case; one that is not released yet may be tomorrow."""
+    """Return whether an answer holds the case; one that is not released yet may be tomorrow."""
     found = identify(body, name="the answer")
     return found is not None and found[1]
 
@@ -131,7 +133,10 @@ def _wrong_list(body: bytes, state: int) -> str | None:
 
 
 def _cases(body: bytes) -> list[dict[str, Any]]:
-    """The cases of a ``GetCaseList`` answer, whose ``Results`` is a list in a list. Raises ValueError for others."""
+    """Return the cases of a ``GetCaseList`` answer, whose ``Results`` is a list in a list.
+
+    Raises ValueError for others.
+    """
     answer = json.loads(body)
     results = answer["Results"] if isinstance(answer, dict) else None
     if not isinstance(results, list):

@@ -56,18 +56,24 @@ class FarsCsvSource:
 
     @classmethod
     def open(cls, path: Path) -> FarsCsvSource:
-        """The releases in a folder (searched to the bottom) or zip. Raises UserError if there is none."""
+        """Return the releases in a folder (searched to the bottom) or zip.
+
+        Raises UserError if there is none.
+        """
         return cls(find_releases(Path(path)))
 
     def notes(self) -> list[str]:
-        """Which tables of each year are there, which are missing, and what that costs.
+        """Return the tables present and missing in each year, and the cost of the missing ones.
 
         Raises UserError for a year of which no crash could be reconstructed.
         """
         return [release.note() for release in self._releases]
 
     def listings(self) -> list[CrashListing]:
-        """One line per crash, in order of keys. A crash that several releases hold is listed from the first one."""
+        """Return one line per crash, in order of keys.
+
+        A crash that several releases hold is listed from the first one.
+        """
         found: dict[str, CrashListing] = {}
         for release in self._releases:
             for listing in release.listings():
@@ -75,7 +81,7 @@ class FarsCsvSource:
         return [found[key] for key in sorted(found)]
 
     def reports(self, keys: Iterable[str] | None = None) -> Iterator[tuple[str, bytes]]:
-        """Key and rows, as JSON, of the crashes asked for (None: all), once each; others are left out.
+        """Yield the key and rows, as JSON, of the crashes asked for (None: all), once each; others are left out.
 
         Raises UserError for a malformed key.
         """
@@ -110,7 +116,7 @@ class _SortedTable:
             self.cases, self.table = cases[order], table.take(order)
 
     def rows(self, first: int, last: int, columns: Sequence[str] | None = None) -> Iterator[tuple[int, Row]]:
-        """``ST_CASE`` and the values that are not blank of every row from case ``first`` to ``last``."""
+        """Yield ``ST_CASE`` and the values that are not blank of every row from case ``first`` to ``last``."""
         low, high = np.searchsorted(self.cases, [first, last + 1])
         part = self.table.slice(low, high - low)
         there = part.column_names  # made anew, of all columns, each time it is asked for
@@ -134,7 +140,7 @@ class _ReleaseTables:
 
     @cached_property
     def year(self) -> int:
-        """The case year: of ``accident.csv``, or of the path where that has no such column."""
+        """Return the case year: of ``accident.csv``, or of the path where that has no such column."""
         table = self._release.table("accident")
         column = next((name for name in ("YEAR", "CASEYEAR") if table is not None and name in table.column_names), None)
         if table is None or column is None:
@@ -169,7 +175,7 @@ class _ReleaseTables:
 
     @cached_property
     def state_cases(self) -> list[int]:
-        """``ST_CASE`` of every crash, in order: of ``accident.csv``, else of the tables of events."""
+        """Return ``ST_CASE`` of every crash, in order: of ``accident.csv``, else of the tables of events."""
         year, accidents = self.year, self._table("accident")  # the year first: stacked ones have each case twice
         if accidents is None:
             events = [table.cases for name in _SEQUENCES if (table := self._table(name)) is not None]
@@ -187,7 +193,7 @@ class _ReleaseTables:
         return [int(case) for case in cases]
 
     def listings(self) -> Iterator[CrashListing]:
-        """One line per crash."""
+        """Yield one line per crash."""
         if not self.state_cases:
             return
         collided = self._colliding_numbers()
@@ -223,7 +229,7 @@ class _ReleaseTables:
             )
 
     def reports(self, cases: Sequence[int]) -> Iterator[tuple[str, bytes]]:
-        """Key and rows, as JSON, of the crashes of those cases, which are in order."""
+        """Yield the key and rows, as JSON, of the crashes of those cases, which are in order."""
         for start in range(0, len(cases), _BATCH):
             batch = cases[start : start + _BATCH]
             tables = {name: self._rows(name, batch) for name in self._release.files}
@@ -242,13 +248,13 @@ class _ReleaseTables:
         return rows
 
     def _all_rows(self, name: str, columns: Sequence[str]) -> Iterator[tuple[int, Row]]:
-        """Every row of a table; none if the release has no such table."""
+        """Yield every row of a table; none if the release has no such table."""
         table = self._table(name)
         if table is not None and self.state_cases:
             yield from table.rows(self.state_cases[0], self.state_cases[-1], columns)
 
     def _moving_vehicles(self) -> dict[int, set[int]]:
-        """The vehicles that have events and were neither parked nor at work, of each crash."""
+        """Return the vehicles that have events and were neither parked nor at work, of each crash."""
         standing = {(case, integer(row, "VEH_NO")) for case, row in self._all_rows("parkwork", ("VEH_NO",))}
         found: dict[int, set[int]] = {}
         for name in _OF_VEHICLES:
@@ -258,7 +264,7 @@ class _ReleaseTables:
         return found
 
     def _colliding_numbers(self) -> dict[int, set[int]]:
-        """The vehicles of each crash's first collision between vehicles in transport."""
+        """Return the vehicles of each crash's first collision between vehicles in transport."""
         columns = ("EVENTNUM", "SOE", "VNUMBER1", "VNUMBER2")
         found: dict[int, tuple[int, set[int]]] = {}
         for case, row in self._all_rows("cevent", columns):
@@ -269,7 +275,7 @@ class _ReleaseTables:
         return {case: pair for case, (_, pair) in found.items()}
 
     def _event_codes(self) -> dict[int, list[int]]:
-        """``SOE`` of each crash's events, in order where the release has them as the crash's."""
+        """Return ``SOE`` of each crash's events, in order where the release has them as the crash's."""
         name = next((name for name in _SEQUENCES if name in self._release.files), _SEQUENCES[0])
         numbered: dict[int, list[tuple[int, int]]] = {}
         for case, row in self._all_rows(name, ("EVENTNUM", "SOE")):

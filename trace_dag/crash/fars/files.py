@@ -47,17 +47,20 @@ class CsvFile:
 
     @property
     def label(self) -> str:
-        """What to call it in messages."""
+        """Return its label for messages."""
         return f"{self.path}:{self.member}" if self.member else str(self.path)
 
     @property
     def folder(self) -> str:
-        """The folder it lies in, which all tables of one release share."""
+        """Return the folder it lies in, which all tables of one release share."""
         inside = str(PurePosixPath(self.member).parent) if self.member else ""
         return f"{self.path if self.member else self.path.parent}:{inside}"
 
     def read(self) -> bytes:
-        """The bytes. Raises UserError if they cannot be read or are too many."""
+        """Return the bytes.
+
+        Raises UserError if they cannot be read or are too many.
+        """
         try:
             if self.member is None:
                 _check_size(self.label, self.path.stat().st_size)
@@ -77,7 +80,7 @@ class FarsRelease:
 
     @property
     def label(self) -> str:
-        """What to call it in messages."""
+        """Return its label for messages."""
         return self._leading.label
 
     @property
@@ -86,19 +89,20 @@ class FarsRelease:
 
     @property
     def year_in_path(self) -> int | None:
-        """The year in the names of file, folder or zip, last one first."""
+        """Return the year in the names of file, folder or zip, last one first."""
         file = self._leading
         years = _YEAR_IN_NAME.findall(str(PurePosixPath(file.path.as_posix()) / (file.member or "")))
         return int(years[-1]) if years else None
 
     def table(self, name: str) -> pa.Table | None:
-        """A table with upper-case column names and every value as text, None if the release has no such file."""
+        """Return a table with upper-case column names and every value as text, None if the release has no such file."""
         file = self.files.get(name)
         return None if file is None else _read_table(file)
 
 
 def find_releases(path: Path) -> tuple[FarsRelease, ...]:
-    """Every release at a path: a folder (searched to the bottom, zips included), a zip, or one CSV file's folder.
+    """Return every release at a path: a folder (searched to the bottom, zips included), a zip, or one CSV file's
+    folder.
 
     A release may lack tables. Raises UserError if there is none that tells of every crash.
 
@@ -122,7 +126,10 @@ def find_releases(path: Path) -> tuple[FarsRelease, ...]:
 
 
 def _read_table(file: CsvFile) -> pa.Table:
-    """A CSV file as text columns with upper-case names. Raises UserError with the file and what is wrong in it."""
+    """Return a CSV file as text columns with upper-case names.
+
+    Raises UserError with the file and what is wrong in it.
+    """
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 

@@ -43,7 +43,7 @@ _INTEGER: Final = re.compile(r"[0-9]{1,9}(?:\.0*)?")
 
 @dataclass(frozen=True)
 class FarsRows:
-    """What a release says of one crash: the rows of each table by its name in lower case.
+    """Rows of a release about one crash, by table name in lower case.
 
     >>> FarsRows(2015, 40036, {"accident": [{"ST_CASE": "40036", "FATALS": "1"}]}).element().findtext("FATALS")
     '1'
@@ -54,7 +54,7 @@ class FarsRows:
     tables: Mapping[str, list[Row]]
 
     def element(self) -> etree._Element:
-        """The ``CrashResultSet`` that CrashAPI would serve of this crash.
+        """Return the ``CrashResultSet`` that CrashAPI would serve of this crash.
 
         Raises ValueError for a column whose name no element can have, and for a number of no state's.
         """
@@ -82,7 +82,7 @@ class FarsRows:
         return self.tables.get(table, [])
 
     def _add_vehicle(self, parent: etree._Element, name: str, row: Row, lists: Mapping[str, tuple[str, str]]) -> None:
-        """One vehicle with what the tables that ``lists`` names tell of it."""
+        """Add one vehicle with its facts from the tables that ``lists`` names."""
         vehicle = etree.SubElement(parent, name)
         _scalars(vehicle, row)
         number = integer(row, "VEH_NO")
@@ -91,7 +91,7 @@ class FarsRows:
             _list(vehicle, members, member, own)
 
     def _vehicles(self) -> list[Row]:
-        """The rows of the vehicles in transport, and a bare number for those that only other tables tell of.
+        """Return the rows of the vehicles in transport, and a bare number for those that only other tables tell of.
 
         Whether such a vehicle was moving or parked is decided where reports are read.
         """
@@ -102,7 +102,7 @@ class FarsRows:
 
 
 def integer(row: Row, name: str) -> int | None:
-    """A column's whole number (``7``, or pandas' ``7.0``), None for anything else.
+    """Return a column's whole number (``7``, or pandas' ``7.0``), None for anything else.
 
     >>> integer({"VEH_NO": "2.0"}, "VEH_NO")
     2

@@ -1,4 +1,4 @@
-"""What of a register's table would be read, before anything is registered: for whoever writes its mapping."""
+"""The check of a register's table before anything is registered, for the author of its mapping."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ class Table(Protocol):
     """A table or folder whose crashes can be looked at before they are registered."""
 
     def notes(self) -> Sequence[str]:
-        """How much is read, and what is not."""
+        """Return how much is read, and what is not."""
         ...
 
     def records(self) -> Iterable[CrashRecord]:
-        """Every crash as read."""
+        """Return every crash as read."""
         ...
 
 
 def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
-    """The notes of a table; then, for each kind of crash, how many there are, how many say enough to be reconstructed,
-    and what the others lack; then in how many crashes each field is reported."""
+    """Yield the notes of a table.
+
+    Then, for each kind of crash, how many there are, how many say enough to be reconstructed, and what the others lack;
+    then in how many crashes each field is reported.
+    """
     total: Counter[str] = Counter()
     lacking: dict[str, Counter[str]] = {}
     reported: Counter[str] = Counter()

@@ -1,4 +1,4 @@
-"""What a mapping of a register can say: which columns of its table are which fields, and what their values mean.
+"""Mappings of registers: the columns of a table for each field, and the meanings of their values.
 
 Columns are named after the FARS elements whose codes they are translated into (``MAN_COLL``, ``P_CRASH1``): any element
 that a record has of a crash, a vehicle or a person, so that no field needs code of its own. There is no expression
@@ -105,8 +105,10 @@ class HeadingColumn(DirectionColumn):
 
 
 class FromCrossingColumns(_Part):
-    """How far, and in which direction, a crash was on ``trafficway_1`` from where ``trafficway_2`` crosses it. Blank or
-    zero distances stand for the crossing itself."""
+    """The distance and direction of a crash on ``trafficway_1`` from the crossing with ``trafficway_2``.
+
+    Blank or zero distances stand for the crossing itself.
+    """
 
     distance: NumberColumn
     direction: DirectionColumn
@@ -119,13 +121,15 @@ class _Columns(BaseModel):
 
     @cached_property
     def coded(self) -> dict[str, CodedColumn]:
-        """The columns of FARS elements, by element."""
+        """Return the columns of FARS elements, by element."""
         return {name: CodedColumn.model_validate(value) for name, value in (self.model_extra or {}).items()}
 
 
 class CrashColumns(_Columns):
-    """What is of the crash as a whole: the same in all rows of one crash. Where it was is said by a point, or by
-    ``from_crossing``, which is looked up for crashes without a point."""
+    """Columns of the crash as a whole, the same in all rows of one crash.
+
+    Its place is a point, or ``from_crossing``, which is looked up for crashes without a point.
+    """
 
     id: str
     time: TimeColumn
@@ -140,8 +144,11 @@ class CrashColumns(_Columns):
 
 
 class UnitColumns(_Columns):
-    """What is of one unit, a vehicle or a person outside vehicles. ``{unit}`` in the name of a column stands for the
-    unit where one row has several. ``AGE``, ``INJ_SEV`` and ``REST_USE`` are the driver's or the person's."""
+    """Columns of one unit, a vehicle or a person outside vehicles.
+
+    ``{unit}`` in the name of a column stands for the unit where one row has several. ``AGE``, ``INJ_SEV`` and
+    ``REST_USE`` are the driver's or the person's.
+    """
 
     kind: CodedColumn | None = None  # vehicle, parked, none, or a PER_TYP; a vehicle where there is no such column
     heading: HeadingColumn | None = None
@@ -196,17 +203,17 @@ class RegisterMapping(_Part):
 
     @property
     def credit(self) -> str:
-        """Whom its reports are to be attributed to, and their licence."""
+        """Return the whom its reports are to be attributed to, and their licence."""
         return f"{self.attribution}: {self.name} ({self.source}); licence: {self.licence}"
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """The fields of vehicles that decide how a crash is judged and that no column says."""
+        """Return the fields of vehicles that decide how a crash is judged and that no column says."""
         asked = {"impact": "IMPACT1", "crash_type_code": "ACC_TYPE"}
         return tuple(field for field, element in asked.items() if element not in self.unit.coded)
 
     def columns(self) -> Iterator[str]:
-        """Every column of the table that is read."""
+        """Yield every column of the table that is read."""
         crash, unit = self.crash, self.unit
         yield from (crash.id, crash.time.column)
         texts = ("latitude_deg", "longitude_deg", *_TEXTS, "narrative")
@@ -222,12 +229,12 @@ class RegisterMapping(_Part):
                 yield from (self.column_of(name, each) for each in self.units or ("",))
 
     def column_of(self, name: str, unit: str) -> str:
-        """A column of a unit."""
+        """Return a column of a unit."""
         return name.replace("{unit}", unit)
 
 
 def shipped() -> list[str]:
-    """Names of the registers whose mappings are part of the package.
+    """Return names of the registers whose mappings are part of the package.
 
     >>> shipped()
     ['montgomery', 'tempe']
@@ -237,7 +244,9 @@ def shipped() -> list[str]:
 
 
 def read_mapping(name: str) -> RegisterMapping:
-    """The mapping of a register: one of the package by its name, or a file. Raises UserError with what is wrong in it.
+    """Return the mapping of a register: one of the package by its name, or a file.
+
+    Raises UserError with what is wrong in it.
 
     >>> read_mapping("tempe").crash.id
     'Incidentid'
@@ -263,7 +272,7 @@ def read_mapping(name: str) -> RegisterMapping:
 
 
 def _of_elements(columns: Iterable[Column]) -> dict[str, Column]:
-    """The columns of records that hold a code, a count or a yes of a FARS element, by element."""
+    """Return the columns of records that hold a code, a count or a yes of a FARS element, by element."""
     coded = [each for each in columns if each.type in (ColumnType.INTEGER, ColumnType.BOOLEAN)]
     return {
         element: each for each in coded for element in each.source.split(", ") if element and element not in _NOT_MAPPED

@@ -38,12 +38,12 @@ class RegisterRows:
 
     @cached_property
     def columns(self) -> list[str]:
-        """All columns of the table."""
+        """Return all columns of the table."""
         return list(next(self._frames(nrows=0)).columns)
 
     @cached_property
     def wanted(self) -> list[str]:
-        """The columns that are read, the id of the crash first."""
+        """Return the columns that are read, the id of the crash first."""
         wanted = list(dict.fromkeys((self._mapping.crash.id, *self._mapping.columns())))
         if missing := [name for name in wanted if name not in self.columns]:
             raise UserError(
@@ -57,7 +57,7 @@ class RegisterRows:
         return int(count)
 
     def crashes(self) -> Iterator[tuple[str, Iterator[Row]]]:
-        """The id and the rows of each crash, in the order of the table by its first row."""
+        """Return the id and the rows of each crash, in the order of the table by its first row."""
         names = [*self.wanted, TIME]
         found = self._database.cursor().execute(_IN_ORDER)
         rows = itertools.chain.from_iterable(iter(lambda: found.fetchmany(_AT_ONCE), []))

@@ -72,12 +72,16 @@ class RegisterTable:
 
     @classmethod
     def open(cls, register: str, path: Path, find: PlaceFinder | None = None) -> RegisterTable:
-        """A table read by the mapping of that name, or in that file; ``find`` looks crossings of streets up where the
-        table has no points. Raises UserError for what cannot be read."""
+        """Return a table read by the mapping of that name, or in that file.
+
+        ``find`` looks crossings of streets up where the table has no points.
+
+        Raises UserError for what cannot be read.
+        """
         return cls(read_mapping(register), path, find)
 
     def notes(self) -> list[str]:
-        """How much of the table is read, and what is not."""
+        """Return how much of the table is read, and what is not."""
         reader = self._whole
         notes = [
             f"{self.mapping.attribution}, {self.mapping.name}: {counted(reader.made, 'crash', 'crashes')} in "
@@ -93,7 +97,8 @@ class RegisterTable:
         return notes
 
     def records(self, keys: Collection[str] | None = None) -> Iterator[CrashRecord]:
-        """Every crash as read, or those asked for, in the table's order: one at a time, for they may be millions."""
+        """Yield every crash as read, or those asked for, in the table's order: one at a time, for they may be
+        millions."""
         reader = RowReader(self.mapping)
         most = 1 if self.mapping.rows == "crash" else _MOST_ROWS
         for crash_id, group in self._rows.crashes():
@@ -128,7 +133,7 @@ class RegisterTable:
 
     @cached_property
     def _found(self) -> PlaceFinder | None:
-        """Finds what was found of all places in words together, since a map is read for all at once."""
+        """Return finds what was found of all places in words together, since a map is read for all at once."""
         if self._find is None:
             return None
         reader = RowReader(self.mapping)
@@ -138,15 +143,15 @@ class RegisterTable:
         return lambda wanted: {each: found.get(each, ()) for each in wanted}
 
     def listings(self) -> Iterator[CrashListing]:
-        """One line per crash."""
+        """Return one line per crash."""
         return map(list_record, self.records())
 
     def reports(self, keys: Collection[str]) -> Iterator[tuple[str, bytes]]:
-        """Key and record, as JSON, of the crashes asked for."""
+        """Return the key and record, as JSON, of the crashes asked for."""
         return ((record.key, report_to_json(record)) for record in self.records(keys))
 
     def narratives(self) -> dict[str, str]:
-        """What happened, in words, by key, where the register has a column of that."""
+        """Return the narratives by key, where the register has a column of them."""
         return self._whole.narratives
 
 
@@ -166,11 +171,11 @@ class RowReader:
     left_out: Counter[str] = field(default_factory=Counter)
 
     def lacks_point(self, row: Row) -> bool:
-        """Whether a crash has to be looked up by its streets."""
+        """Return whether a crash has to be looked up by its streets."""
         return self.mapping.crash.from_crossing is not None and self._point(row) is None
 
     def place_in_words(self, row: Row) -> FromCrossing | None:
-        """Where a crash was by its streets; None where the table does not say that."""
+        """Return the place of a crash by its streets; None where the table does not have them."""
         crash = self.mapping.crash
         assert crash.from_crossing is not None
         distance, direction = crash.from_crossing.distance, crash.from_crossing.direction
@@ -192,7 +197,7 @@ class RowReader:
             return None
 
     def key_of(self, crash_id: str) -> str | None:
-        """The key of a crash; None, and counted, for an id that makes none."""
+        """Return the key of a crash; None, and counted, for an id that makes none."""
         try:
             return register_key(self.mapping.register_name, crash_id)
         except ValueError:
@@ -200,7 +205,10 @@ class RowReader:
             return None
 
     def record(self, key: str, rows: Sequence[Row], found: Place | None = None) -> CrashRecord | None:
-        """The record of one crash, None where it is left out; ``found``: where it was, if the table has no point."""
+        """Return the record of one crash, None where it is left out.
+
+        ``found``: where it was, if the table has no point.
+        """
         mapping, row = self.mapping, rows[0]
         moment = row[TIME]
         place = found or self._point(row)
@@ -261,7 +269,7 @@ class RowReader:
         return vehicles, persons
 
     def _kind(self, row: Row, unit: str) -> int | str:
-        """``vehicle``, ``parked``, ``none`` or a ``PER_TYP``; a blank beside other units of the row is none."""
+        """Return ``vehicle``, ``parked``, ``none`` or a ``PER_TYP``; a blank beside other units of the row is none."""
         column = self.mapping.unit.kind
         if column is None:
             return "vehicle"
@@ -324,7 +332,7 @@ class RowReader:
         return None if octant is None else Heading(octant, column.turning if turns else Moment.BEFORE)
 
     def _code(self, row: Row, element: str, column: CodedColumn, unit: str = "") -> Any:
-        """A code, None where it is not known; a number as it stands where the mapping lists no values."""
+        """Return a code, None where it is not known; a number as it stands where the mapping lists no values."""
         name = self.mapping.column_of(column.column, unit)
         value, label = row[name], f"{name} as {element}"
         if column.values:
@@ -383,7 +391,7 @@ _CODED: Final = frozenset(filter(has_codes, (*CRASH_FIELDS, *VEHICLE_FIELDS, *PE
 
 
 def _fields(columns: Mapping[str, Column], coded: Mapping[str, Any]) -> dict[str, Any]:
-    """Codes by element as fields of a record: several elements of one field give it the first that is known."""
+    """Return codes by element as fields of a record: several elements of one field give it the first that is known."""
     found: dict[str, Any] = {}
     for element, code in coded.items():
         if code is None or element not in columns:
@@ -404,7 +412,8 @@ def _number(text: str) -> float | None:
 
 # --- what the units and the manner of collision say of the first harmful event ---------------------------------------
 def _with_first_event(record: CrashRecord) -> CrashRecord:
-    """The record with the event that it implies, if the register does not say what the first harmful event was."""
+    """Return the record with the event that it implies, if the register does not say what the first harmful event
+    was."""
     moving = [vehicle.number for vehicle in record.vehicles if vehicle.in_transport]
     standing = [vehicle.number for vehicle in record.vehicles if not vehicle.in_transport]
     of_two = record.manner_of_collision_code in _OF_TWO_VEHICLES

@@ -74,7 +74,7 @@ class CommonRoad:
     """
 
     def __init__(self, keys: Sequence[str]) -> None:
-        """Nothing to prepare."""
+        """Prepare nothing."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
@@ -95,12 +95,12 @@ class CommonRoad:
         }
 
     def beside(self) -> Mapping[str, bytes]:
-        """Each file explains itself."""
+        """Return each file explains itself."""
         return {}
 
 
 def road_scenario(network: RoadNetwork) -> bytes:
-    """A road map without traffic, as a scenario that has lanelets alone."""
+    """Return a road map without traffic, as a scenario that has lanelets alone."""
     root = _root(f"{_COUNTRY}_Map-1_1_T-1", f"trace-dag {__version__}, {network.attribution}", date.today())
     _add_location(root, network.frame.latitude_deg, network.frame.longitude_deg)
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "urban")
@@ -162,7 +162,7 @@ class _Lanelets:
                 yield _Post(signal, tuple(passed))
 
     def _limits_of(self, signs: Mapping[tuple[LaneRef, ...], Signal]) -> list[_Limit]:
-        """The limits of each road and direction; a sign that stands on the road is the one that says so."""
+        """Return the limits of each road and direction; a sign that stands on the road is the one that says so."""
         by_limit: dict[tuple[str, int, float], list[LaneRef]] = defaultdict(list)
         for shape in self._shapes:
             if shape.speed_mps is not None:
@@ -229,7 +229,7 @@ class _Lanelets:
 
 
 def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | None, value: str = "") -> None:
-    """A sign; without a place it is one that nobody has put up: the limit holds all the same."""
+    """Add a sign; without a place it stands for a limit that holds unsigned."""
     element = etree.SubElement(root, "trafficSign", id=str(number))
     about = etree.SubElement(element, "trafficSignElement")
     _add(about, "trafficSignID", sign)
@@ -241,7 +241,7 @@ def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | 
 
 
 def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
-    """A light; what it shows when is not known, so it is one that is off."""
+    """Add a light; its phases are unknown, so it is off."""
     light = etree.SubElement(root, "trafficLight", id=str(number))
     shows = etree.SubElement(etree.SubElement(light, "cycle"), "cycleElement")
     _add(shows, "duration", "1")

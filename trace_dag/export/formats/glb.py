@@ -12,12 +12,12 @@ class Glb:
     """``<key>.glb`` of each crash: the road, everybody in it, and their motion on the log's clock."""
 
     def __init__(self, keys: Sequence[str]) -> None:
-        """Nothing to prepare."""
+        """Prepare nothing."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         return {f"{crash.key}.glb": replay(crash, "glb")}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Each file explains itself."""
+        """Return each file explains itself."""
         return {}

@@ -102,7 +102,7 @@ class OpenLabel:
     """``<key>.json`` for each crash."""
 
     def __init__(self, keys: Sequence[str]) -> None:
-        """Nothing to prepare."""
+        """Prepare nothing."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
@@ -133,7 +133,7 @@ class OpenLabel:
         return {f"{crash.key}.json": (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Each file explains itself."""
+        """Return each file explains itself."""
         return {}
 
 

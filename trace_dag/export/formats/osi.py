@@ -101,12 +101,12 @@ class Osi:
         return {f"{crash.key}_gt.osi": trace(crash.load(ROAD_MAP), log, crash.load(RECORD))}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Each trace explains itself."""
+        """Return each trace explains itself."""
         return {}
 
 
 def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> bytes:
-    """The whole of a log as a trace of ``GroundTruth`` messages, one every :data:`STEP_S`."""
+    """Return the whole of a log as a trace of ``GroundTruth`` messages, one every :data:`STEP_S`."""
     from osi3.osi_groundtruth_pb2 import GroundTruth
 
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
@@ -131,7 +131,9 @@ def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> byte
 
 
 def _states(moved: VehicleLog, times: FloatArray) -> FloatArray:
-    """Place of the middle, velocity, yaw, pitch, roll, yaw rate and acceleration at some times, shape (n, 11)."""
+    """Return the place of the middle, velocity, yaw, pitch, roll, yaw rate and acceleration at some times, shape (n,
+    11).
+    """
     columns = (moved.x_m, moved.y_m, moved.z_m + moved.above_road_m, moved.velocity_x_mps, moved.velocity_y_mps)
     angles = [np.unwrap(each) for each in (moved.heading_rad, moved.pitch_rad, moved.roll_rad)]
     velocities = (moved.velocity_x_mps, moved.velocity_y_mps)
@@ -214,8 +216,10 @@ def _add_road(message: GroundTruth, network: RoadNetwork) -> None:
 
 
 def _mark(network: RoadNetwork, ref: LaneRef, *, left: bool) -> tuple[str, str] | None:
-    """Return the kind and colour of the line on the lane's own side of one of its borders, as the law paints it; None
-    where there is none."""
+    """Return the kind and colour of the line on the lane's own side of one of its borders, as the law paints it.
+
+    None where there is none.
+    """
     road = network.road_by_id[ref.road_id]
     outer = left == road.left_hand
     outward = 1 if ref.lane_id > 0 else -1
@@ -318,7 +322,7 @@ def _add_conditions(message: GroundTruth, record: CrashRecord) -> None:
 def _pairs(
     before: Sequence[LaneRef], after: Sequence[LaneRef], ids: Mapping[LaneRef, int]
 ) -> list[tuple[int | None, int | None]]:
-    """Every way through a lane: from each lane before it to each after it."""
+    """Return every way through a lane: from each lane before it to each after it."""
     known_before: list[int | None] = [ids[ref] for ref in before if ref in ids]
     known_after: list[int | None] = [ids[ref] for ref in after if ref in ids]
     return [(one, other) for one in known_before or [None] for other in known_after or [None]]

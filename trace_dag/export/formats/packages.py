@@ -12,12 +12,12 @@ class Packages:
     """A folder per crash with everything about it; see :mod:`trace_dag.export.package`."""
 
     def __init__(self, keys: Sequence[str]) -> None:
-        """Nothing to prepare."""
+        """Prepare nothing."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         return {f"{crash.key}/{name}": data for name, data in package_of(crash).items()}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Each package explains itself."""
+        """Return each package explains itself."""
         return {}

@@ -1,4 +1,4 @@
-"""Where the crashes were reported, as points: GeoParquet 1.1 and GPX 1.1, WGS84."""
+"""Reported places of the crashes as points: GeoParquet 1.1 and GPX 1.1, WGS84."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class CrashPoints:
         self._rows: list[dict[str, Any]] = []
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """Nothing of its own; the crash is a row of the files beside."""
+        """Return nothing: the crash is a row of the files beside."""
         record = crash.load(RECORD)
         row = {name: getattr(record, name) for name in _COLUMNS}
         row |= {

@@ -27,7 +27,7 @@ _DIGITS: Final = 7  # of a degree: a centimetre
 
 
 def lanes_geojson(network: RoadNetwork) -> bytes:
-    """A feature per lane: its surface as a polygon with heights, and its road, type, name, limit and neighbours.
+    """Return a feature per lane: its surface as a polygon with heights, and its road, type, name, limit and neighbours.
 
     >>> found = json.loads(lanes_geojson(network))
     >>> found["features"][0]["geometry"]["type"], len(found["features"]) == len(network.lanes())
@@ -43,7 +43,7 @@ def lanes_geojson(network: RoadNetwork) -> bytes:
 
 
 def lanes_geoparquet(network: RoadNetwork) -> bytes:
-    """The rows of :func:`lanes_geojson` as GeoParquet 1.1.
+    """Return the rows of :func:`lanes_geojson` as GeoParquet 1.1.
 
     >>> lanes_geoparquet(network)[:4]
     b'PAR1'

@@ -75,12 +75,13 @@ class ScenarioNet:
         return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL)}
 
     def beside(self) -> Mapping[str, bytes]:
-        """What is in the folder: each file's metadata, and that all lie in the folder itself."""
+        """Return the metadata of the folder: each file's, and that all lie in the folder itself."""
         return _about(self._summaries)
 
 
 def road_description(network: RoadNetwork) -> dict[str, bytes]:
-    """A road map as a data set of one scenario: a car drives from near the middle along the lanes, at their limits.
+    """Return a road map as a data set of one scenario: a car drives from near the middle along the lanes, at their
+    limits.
 
     Raises :class:`UserError` where the map has no lane of some length to drive in.
     """
@@ -91,7 +92,7 @@ def road_description(network: RoadNetwork) -> dict[str, bytes]:
 def _scenario(
     key: str, source: str, network: RoadNetwork, tracks: Mapping[str, Any], ego: str
 ) -> tuple[str, dict[str, Any]]:
-    """The name of a scenario's file, and the scenario."""
+    """Return the name of a scenario's file, and the scenario."""
     length = len(tracks[ego]["state"]["valid"])
     metadata = {
         "dataset": _DATASET,
@@ -118,7 +119,7 @@ def _scenario(
 
 
 def _about(summaries: Mapping[str, dict[str, Any]]) -> dict[str, bytes]:
-    """The two files that make a folder a data set."""
+    """Return the two files that make a folder a data set."""
     ordered = dict(sorted(summaries.items()))
     return {
         "dataset_summary.pkl": pickle.dumps(ordered, _PICKLE_PROTOCOL),
@@ -127,7 +128,7 @@ def _about(summaries: Mapping[str, dict[str, Any]]) -> dict[str, bytes]:
 
 
 def _ego(case: Case, drives: Sequence[Drive]) -> int:
-    """The striking driver; of who struck an object or overturned, the first one."""
+    """Return the striking driver; of who struck an object or overturned, the first one."""
     contact = case.contact
     if contact is not None and {contact.number_1, contact.number_2} <= {each.number for each in drives}:
         return number_of(case, AgentRole.STRIKING)
@@ -135,7 +136,7 @@ def _ego(case: Case, drives: Sequence[Drive]) -> int:
 
 
 def _car(network: RoadNetwork) -> dict[str, Any]:
-    """A car on the way that leads farthest of the lanes near the middle, x and y of the frame being 0 there."""
+    """Return a car on the way that leads farthest of the lanes near the middle, x and y of the frame being 0 there."""
     near = [match.lane for match in network.nearest_lanes(0.0, 0.0, _NEAR_M)]
     starts = [each for each in near or network.drivable_lanes() if network.road_by_id[each.road_id].junction_id is None]
     ways = [
@@ -165,7 +166,7 @@ def _track(drive: Drive) -> dict[str, Any]:
 def _track_of(
     name: str, kind: str, course: FloatArray, size_m: tuple[float, float, float], vehicle_class: VehicleClass
 ) -> dict[str, Any]:
-    """``course``: x, y, z, heading, speed every step, shape (n, 5); ``size_m``: length, width, height."""
+    """Return ``course``: x, y, z, heading, speed every step, shape (n, 5); ``size_m``: length, width, height."""
     heading, speed, length = course[:, 3], course[:, 4], len(course)
 
     def always(value: float) -> FloatArray:
@@ -201,7 +202,7 @@ def _summary(name: str, track: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _numbers(scenario: Mapping[str, Any]) -> dict[str, Any]:
-    """The counts by which ScenarioNet filters."""
+    """Return the counts by which ScenarioNet filters."""
     objects = scenario["metadata"]["object_summary"].values()
     moving = [each for each in objects if each["moving_distance"] > _MOVES_M]
     heights = np.concatenate([np.asarray(each["polyline"])[:, 2] for each in scenario["map_features"].values()])
@@ -246,7 +247,7 @@ def _lane(shape: LaneShape, known: set[LaneRef]) -> dict[str, Any]:
 
 
 def _lines(network: RoadNetwork, shape: LaneShape) -> dict[str, dict[str, Any]]:
-    """What is painted on the borders of a lane, and where the carriageway ends; nothing within junctions."""
+    """Return the lines painted on the borders of a lane, and the edges of the carriageway; none within junctions."""
     if shape.junction_id is not None:
         return {}
     section = network.road_by_id[shape.ref.road_id].lane_sections[shape.ref.section]

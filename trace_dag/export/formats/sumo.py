@@ -61,12 +61,15 @@ class Sumo:
         }
 
     def beside(self) -> Mapping[str, bytes]:
-        """Nothing: a network and a trace belong together by their names."""
+        """Return nothing: a network and a trace belong together by their names."""
         return {}
 
 
 def netconvert() -> str:
-    """SUMO's netconvert: of the extra ``sumo``, of ``SUMO_HOME``, or on the path. Raises :class:`UserError`."""
+    """Return sUMO's netconvert: of the extra ``sumo``, of ``SUMO_HOME``, or on the path.
+
+    Raises :class:`UserError`.
+    """
     package = find_spec("sumo")
     homes = [Path(each) for each in (package.submodule_search_locations or [])] if package else []
     if "SUMO_HOME" in os.environ:
@@ -79,7 +82,7 @@ def netconvert() -> str:
 
 
 def floating_car_data(log: SimulationLog) -> bytes:
-    """The motion of a log as SUMO's floating-car data (``fcd_file.xsd``)."""
+    """Return the motion of a log as SUMO's floating-car data (``fcd_file.xsd``)."""
     root = etree.Element("fcd-export")
     steps = {each.number: _rows(each, log.bodies[each.number]) for each in log.vehicles}
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
@@ -105,7 +108,8 @@ def _type(body: Body) -> str:
 
 
 def _rows(moved: VehicleLog, body: Body) -> FloatArray:
-    """x, y, z of the middle of the front (m), angle (degrees clockwise from north) and speed (m/s) every step."""
+    """Return x, y, z of the middle of the front (m), angle (degrees clockwise from north) and speed (m/s) every
+    step."""
     last_s = float(moved.time_s[-1])
     times = np.arange(0.0, last_s + STEP_S / 2, STEP_S)
     heading = np.interp(times, moved.time_s, np.unwrap(moved.heading_rad))
@@ -157,8 +161,9 @@ def edge_patch(network: RoadNetwork, read: etree._Element) -> bytes:
 
 
 def _converted(program: str, key: str, folder: str, *options: str) -> etree._Element:
-    """Run netconvert on ``map.xodr`` of a folder. It begins its file with the time and its command: without them the
-    same map gives the same bytes.
+    """Run netconvert on ``map.xodr`` of a folder.
+
+    It begins its file with the time and its command: without them the same map gives the same bytes.
     """
     command = [program, "--opendrive-files", "map.xodr", "--output-file", "map.net.xml", *options]
     command += ["--offset.disable-normalization", "true", "--no-warnings", "true"]

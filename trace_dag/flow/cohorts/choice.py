@@ -1,4 +1,4 @@
-"""Which of the crashes that the sources offer are registered: a filter, certain cases, a sample.
+"""The choice of crashes to register among those that the sources offer: a filter, certain cases, a sample.
 
 The rules of choosing are :mod:`trace_dag.crash.cohorts`'; here they are put together and put into words, so that a
 cohort can say how its crashes were chosen.
@@ -39,12 +39,12 @@ class Choice:
 
     @property
     def takes_all(self) -> bool:
-        """Whether every crash is chosen, so that nothing needs to be known of any."""
+        """Return whether every crash is chosen, so that nothing needs to be known of any."""
         return self == Choice(seed=self.seed)
 
     @property
     def reads_reports(self) -> bool:
-        """Whether choosing takes more than a list of cases says (state, year, county by name, vehicles)."""
+        """Return whether choosing takes more than a list of cases says (state, year, county by name, vehicles)."""
         wanted = self.wanted
         return bool(
             self.stratified is not None
@@ -60,11 +60,11 @@ class Choice:
         )
 
     def admitted(self, crashes: Iterable[CrashListing]) -> list[CrashListing]:
-        """The crashes that the filter and the list of cases admit, in order of keys."""
+        """Return the crashes that the filter and the list of cases admit, in order of keys."""
         return select((crash for crash in crashes if not self.cases or crash.key in self.cases), self.wanted)
 
     def sampled(self, crashes: Iterable[CrashListing]) -> list[CrashListing]:
-        """The sample of admitted crashes; all of them if none is asked for."""
+        """Return the sample of admitted crashes; all of them if none is asked for."""
         if self.sample is not None:
             return sample(crashes, self.sample, seed=self.seed)
         if self.stratified is not None:
@@ -72,7 +72,7 @@ class Choice:
         return list(crashes)
 
     def in_words(self) -> str:
-        """The choice as a cohort notes it: ``VA; 2023; 2 vehicles; sample of 100, seed 1``."""
+        """Return the choice as a cohort notes it: ``VA; 2023; 2 vehicles; sample of 100, seed 1``."""
         wanted = self.wanted
         groups: list[Iterable[str]] = [
             sorted(wanted.kinds),

@@ -32,7 +32,7 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9._-]")
 
 @dataclass(frozen=True)
 class IngestReport:
-    """What was registered and what was left aside.
+    """The registered crashes and those left aside.
 
     ``offered`` counts the crashes that the sources hold and the filter admits, ``maps`` the map files given. ``notes``
     say what tables lack.
@@ -105,7 +105,7 @@ def ingest(
 
 
 def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tuple[int, dict[str, ReportSource]]:
-    """How many crashes are offered, and the reports of those chosen."""
+    """Return the number of crashes offered, and the reports of those chosen."""
     if not sources:
         return 0, {}
     offers: dict[str, tuple[CrashListing, Source]] = {}

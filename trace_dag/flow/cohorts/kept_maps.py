@@ -10,7 +10,7 @@ from trace_dag.flow.cohorts.services import map_copies
 
 
 def unused_map_copies(storage: Storage) -> list[Path]:
-    """The files."""
+    """Return the files."""
     copies = map_copies(storage)
     wanted = {
         copies / file.location for cohort in Registry(storage).cohorts().values() for file in cohort.maps if file.stored

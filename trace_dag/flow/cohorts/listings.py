@@ -1,4 +1,4 @@
-"""What the reports of crashes say before they have been run: enough to see which classes they belong to.
+"""Listings of reports before their crashes have been run: enough to show their classes.
 
 A look at a report takes some milliseconds, so what was seen is kept in ``ROOT/listings.json`` by the report's digest;
 the file is a cache and can be deleted. Reports of the CrashAPI are not here until the crash is run.
@@ -39,7 +39,7 @@ _CACHE = TypeAdapter(dict[str, _Seen])
 
 
 def listings_of(storage: Storage, reports: Mapping[str, ReportSource]) -> dict[str, CrashListing]:
-    """The listings of those of some crashes (by key) whose reports are at hand and can be read."""
+    """Return the listings of those of some crashes (by key) whose reports are at hand and can be read."""
     before = _cached(storage)
     seen: dict[str, _Seen] = {}
     for number, (key, report) in enumerate(reports.items()):
@@ -61,8 +61,10 @@ def remember(storage: Storage, reports: Mapping[str, ReportSource], listings: Ma
 
 
 def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[str]:
-    """How many of some crashes (by key) are of each kind, the most frequent first; ``not_known`` of those whose report
-    is not at hand or does not say."""
+    """Count crashes (by key) of each kind, the most frequent first.
+
+    ``not_known`` counts those whose report is missing or does not say.
+    """
     listings = listings_of(storage, reports)
     kinds = Counter(
         str(listing.kind) if (listing := listings.get(key)) and listing.kind else "not_known" for key in reports

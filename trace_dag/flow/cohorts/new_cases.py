@@ -30,7 +30,7 @@ class NewCases:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """All crashes whose report is to be asked for."""
+        """Return all crashes whose report is to be asked for."""
         return tuple(in_order((*self.added, *self.awaited)))
 
 

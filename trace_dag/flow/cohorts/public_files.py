@@ -33,11 +33,11 @@ class PublicFile:
 
     @property
     def name(self) -> str:
-        """Its name as it is published."""
+        """Return its name as it is published."""
         return self.url.rpartition("/")[2]
 
     def found(self, folders: Iterable[Path]) -> Path | None:
-        """The newest file of such a name in the first folder that has one."""
+        """Return the newest file of such a name in the first folder that has one."""
         for folder in folders:
             files = [path for pattern in self.patterns for path in _matching(folder, pattern)]
             if files:
@@ -51,7 +51,7 @@ def _matching(folder: Path, pattern: str) -> Iterator[Path]:
 
 
 def tables_of(year: int) -> PublicFile:
-    """The national tables of a year.
+    """Return the national tables of a year.
 
     >>> tables_of(2023).name
     'FARS2023NationalCSV.zip'
@@ -61,7 +61,7 @@ def tables_of(year: int) -> PublicFile:
 
 
 def map_of(state: int) -> PublicFile:
-    """The map of a state, by its code.
+    """Return the map of a state, by its code.
 
     >>> map_of(51).name
     'virginia-latest.osm.pbf'
@@ -71,7 +71,9 @@ def map_of(state: int) -> PublicFile:
 
 
 def files_of(choice: Choice) -> list[PublicFile]:
-    """What the states and years of a choice need, or the cases that it names. Raises UserError where it names neither.
+    """Return the files that the states and years of a choice, or its named cases, need.
+
+    Raise UserError where it names neither.
 
     >>> from trace_dag.flow.cohorts.choice import Choice
     >>> [each.name for each in files_of(Choice(cases=frozenset({"2023-510179"})))]
@@ -89,12 +91,12 @@ def files_of(choice: Choice) -> list[PublicFile]:
 
 
 def folders_to_look_in() -> list[Path]:
-    """The working folder and that of the browser's downloads."""
+    """Return the working folder and that of the browser's downloads."""
     return [each for each in (Path.cwd(), Path.home() / "Downloads") if each.is_dir()]
 
 
 def name_of(choice: Choice) -> str:
-    """What to call the cohort of a choice that names states and years, or cases.
+    """Return the cohort's name for a choice of states and years, or cases.
 
     >>> from trace_dag.flow.cohorts.choice import Choice
     >>> name_of(Choice(cases=frozenset({"2023-510179"})))

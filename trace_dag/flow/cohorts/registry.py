@@ -1,4 +1,4 @@
-"""Which crashes there are: cohorts, each with its reports and its maps.
+"""Cohorts: crashes, each with its report and its maps.
 
 One file per cohort, ``ROOT/cohorts/<name>.json``. A crash belongs to the cohort that registered it first, so that
 every crash is counted once. Registering again is harmless: what is known stays, what is new is added, a report that
@@ -32,7 +32,7 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 
 @dataclass(frozen=True)
 class ReportSource:
-    """Where a crash's report comes from.
+    """The origin of a crash's report.
 
     ``file``: ``location`` is a path. ``stored``: a name below the storage root. ``crashapi``: the service, asked for
     this crash (``location`` is empty). ``sha256`` of the content where it is known beforehand.
@@ -65,7 +65,7 @@ class CrashSource:
 
     @property
     def maps_digest(self) -> str:
-        """One SHA-256 for all map files and the service beside them."""
+        """Return one SHA-256 for all map files and the service beside them."""
         if self.lost_maps is not None and not self.maps:
             return self.lost_maps
         return _maps_digest(self.maps, self.map_service)
@@ -73,7 +73,7 @@ class CrashSource:
 
 @lru_cache(maxsize=64)
 def _maps_digest(maps: tuple[RegisteredMap, ...], map_service: str | None) -> str:
-    """Thousands of crashes share their maps."""
+    """Return thousands of crashes share their maps."""
     files = {file.sha256: Path(file.location).name for file in maps}
     return combined_digest(files | ({"service": map_service} if map_service else {}))
 
@@ -100,7 +100,7 @@ class Cohort:
 
     @property
     def keys(self) -> list[str]:
-        """The crashes, in order."""
+        """Return the crashes, in order."""
         return in_order(self.reports)
 
 
@@ -119,8 +119,9 @@ _COHORTS = TypeAdapter(Cohort)
 
 
 def in_order(keys: Iterable[str]) -> list[str]:
-    """Keys of FARS by year, then by state case as a number, then each other register's; each once: the order in which
-    they are registered.
+    """Return keys of FARS by year, then by state case as a number, then each other register's.
+
+    Each once: the order in which they are registered.
 
     >>> in_order(["2023-510010", "tempe-7", "2023-40002", "2015-390503", "2023-510010"])
     ['2015-390503', '2023-40002', '2023-510010', 'tempe-7']
@@ -136,7 +137,7 @@ class Registry:
         self._known: dict[str, tuple[bytes, Cohort]] = {}
 
     def cohorts(self) -> dict[str, Cohort]:
-        """All cohorts by name; :class:`DamagedFile` for one that is lost or not as it was written."""
+        """Return all cohorts by name; :class:`DamagedFile` for one that is lost or not as it was written."""
         names = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")}
         for name in sorted(self._copied() - names):
             raise DamagedFile(name, "it is not there", _REMEDY)
@@ -149,7 +150,7 @@ class Registry:
         return found
 
     def damage(self) -> list[DamagedFile]:
-        """The files of cohorts, and their copies, that are lost or not as they were written."""
+        """Return the files of cohorts, and their copies, that are lost or not as they were written."""
         there = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")} | self._copied()
         found = []
         for name in sorted(there):
@@ -182,24 +183,26 @@ class Registry:
             self._storage.write(name, data)
 
     def listed(self) -> str:
-        """A digest (SHA-256, hexadecimal) of how the files of the cohorts are listed: another once one has changed."""
+        """Return a digest (SHA-256, hexadecimal) of how the files of the cohorts are listed: another once one has
+        changed.
+        """
         return hashlib.sha256(repr(sorted(self._storage.list(_FOLDER).items())).encode()).hexdigest()
 
     def cohort(self, name: str) -> Cohort:
-        """One cohort; :class:`UserError` if it is not there."""
+        """Return one cohort; :class:`UserError` if it is not there."""
         cohorts = self.cohorts()
         if name not in cohorts:
             raise UserError(f"cohort {name!r} is not registered; there is {', '.join(cohorts) or 'none yet'}")
         return cohorts[name]
 
     def keys(self, cohort: str | None = None) -> list[str]:
-        """The crashes of one cohort or of all, in order; :class:`UserError` for a cohort that is not there."""
+        """Return the crashes of one cohort or of all, in order; :class:`UserError` for a cohort that is not there."""
         if cohort is not None:
             return self.cohort(cohort).keys
         return in_order(key for each in self.cohorts().values() for key in each.reports)
 
     def sources(self, keys: Iterable[str]) -> dict[str, CrashSource]:
-        """Where some crashes come from; :class:`UserError` for a key that is not registered."""
+        """Return the origins of some crashes; :class:`UserError` for a key that is not registered."""
         cohorts = self.cohorts().values()
         found = {}
         for key in keys:
@@ -280,7 +283,7 @@ class Registry:
         return {name: tuple(file.location for file in found.values()) for name, found in gone.items() if found}
 
     def leaving(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
-        """The crashes that :meth:`remove` would take away, in order.
+        """Return the crashes that :meth:`remove` would take away, in order.
 
         Raises :class:`UserError` for a cohort or a crash that is not there.
         """
@@ -325,7 +328,7 @@ def _cohort(name: str, data: bytes) -> Cohort:
 
 
 def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:
-    """The map file of a cohort with this path or name; None if there is no such file."""
+    """Return the map file of a cohort with this path or name; None if there is no such file."""
     exact = [each for each in cohort.maps if each.location in (file, str(Path(file).absolute()))]
     named = exact or [each for each in cohort.maps if Path(each.location).name == Path(file).name]
     if len(named) > 1:
@@ -334,7 +337,7 @@ def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:
 
 
 def map_file(path: Path) -> RegisteredMap:
-    """A local map file with its digest."""
+    """Return a local map file with its digest."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(1 << 20):

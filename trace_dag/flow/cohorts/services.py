@@ -41,13 +41,13 @@ _WITHOUT_NETWORK = {
 
 
 def map_copies(storage: Storage) -> Path:
-    """The folder of this machine with copies of map files that are kept on an object store."""
+    """Return the folder of this machine with copies of map files that are kept on an object store."""
     return storage.local_folder / CACHE_FOLDER / "map-copies"
 
 
 @dataclass(frozen=True)
 class Services:
-    """What a stage may ask of the world outside, in a run ("" where crashes are only looked at).
+    """The outside world for a stage in a run ("" where crashes are only looked at).
 
     None of it changes what comes out: how it is stored and fetched is in no fingerprint.
     """
@@ -57,15 +57,15 @@ class Services:
     run_id: str = ""
 
     def crash_api(self) -> CrashApiClient:
-        """The CrashAPI."""
+        """Return the CrashAPI."""
         return crash_api(self.settings, self.storage)
 
     def map_source(self, name: str) -> MapSource:
-        """A service that maps come from."""
+        """Return a service that maps come from."""
         return _map_source(name, self.settings, self.storage)
 
     def map_file(self, file: RegisteredMap) -> Path:
-        """A map file where it can be read from disk; one kept in storage is fetched once per machine."""
+        """Return a map file where it can be read from disk; one kept in storage is fetched once per machine."""
         if not file.stored:
             path = Path(file.location)
             leave_out = f"leave it out: trace-dag cohort maps --drop {shlex.quote(str(path))}"
@@ -87,13 +87,19 @@ class Services:
         return copy
 
     def estimator(self, settings: StateSettings) -> Estimator:
-        """The estimator the settings name; what it asks, its budget and rate are kept where all workers find them."""
+        """Return the estimator the settings name.
+
+        What it asks, its budget and rate are kept where all workers find them.
+        """
         return _estimator(settings, self.storage, self.run_id or "run")
 
 
 @lru_cache(maxsize=8)
 def crash_api(settings: ServiceSettings, storage: Storage, *, refresh: bool = False) -> CrashApiClient:
-    """The CrashAPI. With ``refresh``, what it answered before is asked for again."""
+    """Return the CrashAPI.
+
+    With ``refresh``, what it answered before is asked for again.
+    """
     from trace_dag.crash.fars.crashapi import BASE_URL, CrashApiClient
 
     http = _http("crashapi", settings, storage, refresh=refresh)
@@ -101,7 +107,7 @@ def crash_api(settings: ServiceSettings, storage: Storage, *, refresh: bool = Fa
 
 
 def downloader(settings: ServiceSettings, storage: Storage) -> HttpClient:
-    """Fetches whole files, as large and as long as those of a state are."""
+    """Return fetches whole files, as large and as long as those of a state are."""
     return _http("downloads", settings, storage, max_bytes=8 * 1024**3, total_s=6 * 3600.0)
 
 

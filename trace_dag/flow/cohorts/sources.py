@@ -1,4 +1,4 @@
-"""Where crashes come from, each as offers to choose from and reports to register: folders, FARS CSV, the CrashAPI.
+"""Sources of crashes, each as offers to choose from and reports to register: folders, FARS CSV, the CrashAPI.
 
 Belongs here: what each source offers under a choice, and how a chosen crash's report is found again by the first
 stage. Does not belong here: reading reports (:mod:`trace_dag.crash`) and storing cohorts (the registry).
@@ -32,18 +32,19 @@ class Source(Protocol):
 
     @property
     def name(self) -> str:
-        """How a cohort notes where its crashes came from."""
+        """Return the cohort's note on the origin of its crashes."""
         ...
 
     def offers(self, choice: Choice) -> list[CrashListing]:
-        """The crashes that the choice admits, before any sample is taken, with what the choice needs to know of them.
+        """Return the crashes that the choice admits, before any sample is taken, with what the choice needs to know of
+        them.
 
         Raises UserError for a source that cannot be read.
         """
         ...
 
     def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
-        """Where the reports of some offered crashes are found from now on."""
+        """Return where the reports of some offered crashes are found from now on."""
         ...
 
 
@@ -75,19 +76,22 @@ class FolderSource:
 
 
 class ReportTables(Protocol):
-    """What a package offers as a source of reports, opened at a location (entry points of the group
-    ``trace_dag.report_sources``: a class with ``open(location)``)."""
+    """A package's source of reports, opened at a location (entry points of the group ``trace_dag.report_sources``: a
+    class with ``open(location)``).
+    """
 
     def notes(self) -> Sequence[str]:
-        """What is there and what is missing, in sentences. Raises UserError where that leaves nothing to do."""
+        """Return the files present and missing, in sentences. Raise UserError where that leaves nothing to do."""
         ...
 
     def listings(self) -> Iterable[CrashListing]:
-        """One line per crash there."""
+        """Return one line per crash there."""
         ...
 
     def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes]]:
-        """Key and report of the crashes asked for, in a form that :func:`trace_dag.crash.parse.read_report` reads."""
+        """Return the key and report of the crashes asked for, in a form that :func:`trace_dag.crash.parse.read_report`
+        reads.
+        """
         ...
 
 
@@ -102,7 +106,7 @@ class TableSource:
 
     @classmethod
     def of_plugin(cls, plugin: str, location: str) -> TableSource:
-        """The source that a package offers under a name, opened at a location."""
+        """Return the source that a package offers under a name, opened at a location."""
         return cls(f"{plugin} {Path(location).name}", load(PluginKind.REPORT_SOURCE, plugin).open(location))
 
     def offers(self, choice: Choice) -> list[CrashListing]:

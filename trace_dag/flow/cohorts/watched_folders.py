@@ -42,12 +42,15 @@ class Arrivals:
 
     @property
     def seen(self) -> str:
-        """What the next look takes to tell whether anything has changed since."""
+        """Return the state that the next look compares with."""
         return f"{self.state} {self.unread}"
 
 
 def register_arrivals(storage: Storage, seen: str = "") -> Arrivals:
-    """Look at the folders of all cohorts and register what is new; nothing is read where they are as ``seen``."""
+    """Return the look at the folders of all cohorts and register what is new.
+
+    Nothing is read where they are as ``seen``.
+    """
     watched = {name: cohort.watched for name, cohort in Registry(storage).cohorts().items() if cohort.watched}
     files = {name: _settled(map(Path, folders)) for name, folders in watched.items()}
     listing = {name: [(str(path), *about) for path, about in found.items()] for name, found in files.items()}
@@ -80,7 +83,10 @@ def _named(unread: Sequence[Unrecognised]) -> str:
 
 
 def _settled(folders: Iterable[Path]) -> dict[Path, tuple[int, int]]:
-    """The files below some folders with size and time of change, in order; those just written to are left out."""
+    """Return the files below some folders with size and time of change, in order.
+
+    Those just written to are left out.
+    """
     now_s = time.time()
     found: dict[Path, tuple[int, int]] = {}
     for folder in folders:

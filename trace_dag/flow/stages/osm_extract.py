@@ -28,7 +28,10 @@ def osm_extract(
     services: Services,
     settings: OsmSettings,
 ) -> Mapping[str, StageProduct | Rejection | Failure]:
-    """The roads around each crash, from one reading of each map file; where none has it, from the cohort's service."""
+    """Return the roads around each crash, from one reading of each map file.
+
+    Where none has it, from the cohort's service.
+    """
     answers: dict[str, StageProduct | Rejection | Failure] = {}
     by_maps: dict[tuple[tuple[RegisteredMap, ...], str | None], list[Site]] = {}
     for key, of_crash in record.items():
@@ -61,7 +64,7 @@ def _product(extract: OsmExtract) -> StageProduct:
 def _ask(
     source: MapSource, sites: Sequence[Site], settings: OsmSettings
 ) -> dict[str, OsmExtract | Rejection | Failure]:
-    """Extracts from a public service, one by one: a site without an answer does not affect the others."""
+    """Return extracts from a public service, one by one: a site without an answer does not affect the others."""
     answers: dict[str, OsmExtract | Rejection | Failure] = {}
     for site in sites:
         try:
@@ -72,7 +75,7 @@ def _ask(
 
 
 def catalog_of(maps: tuple[RegisteredMap, ...], services: Services) -> MapCatalog:
-    """The map files of a cohort; opened once per process."""
+    """Return the map files of a cohort; opened once per process."""
     files: list[Path | Failure] = []
     for file in maps:
         try:

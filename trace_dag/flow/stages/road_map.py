@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def road_map(record: CrashRecord, extract: OsmExtract, settings: RoadSettings) -> StageProduct:
-    """The OpenDRIVE road map, with the crash's place on it, its gates and its agreement with the report.
+    """Return the OpenDRIVE road map, with the crash's place on it, its gates and its agreement with the report.
 
     A map that its crash is rejected for is kept under other names: to look at, not to be built upon.
     """

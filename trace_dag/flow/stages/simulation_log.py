@@ -31,7 +31,7 @@ def simulation_log(
     estimate: StateEstimate,
     settings: SimSettings,
 ) -> StageProduct:
-    """All hypotheses simulated; a crash none of which collides is rejected, its logs kept."""
+    """Return all hypotheses simulated; a crash none of which collides is rejected, its logs kept."""
     logs = simulate(backend(settings), road_map, xodr, estimate, settings, record=record)
     steps, summary = logs_to_files(logs)
     files = {"parquet": steps, "json": summary}

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def state_estimate(
     record: CrashRecord, road_map: RoadNetwork, map_report: MapReport, settings: StateSettings, services: Services
 ) -> StageProduct:
-    """Where the vehicles came from and how fast: hypotheses, best first."""
+    """Estimate the states of a crash: hypotheses, best first."""
     try:
         made = services.estimator(settings).estimate(record, road_map, map_report)
     except UnusableAnswers as unusable:

@@ -28,7 +28,7 @@ def verdict(
     logs: tuple[SimulationLog, ...],
     settings: VerdictSettings,
 ) -> StageProduct:
-    """Every criterion with its value and threshold, and whether they hold together."""
+    """Return every criterion with its value and threshold, and whether they hold together."""
     found = judge(record, road_map, map_report, estimate, logs, settings)
     figures: dict[str, Figure] = {
         "rule_set": found.rule_set,

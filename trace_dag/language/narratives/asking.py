@@ -29,15 +29,15 @@ _MOST_COMPLAINTS: Final = 10
 
 
 class Model(Protocol):
-    """Who is asked; :class:`trace_dag.language.client.LlmClient` is one."""
+    """A model that can be asked; :class:`trace_dag.language.client.LlmClient` is one."""
 
     def ask(self, messages: list[Message], *, prompt: str, schema: Mapping[str, Any]) -> StoredAnswer:
-        """The answer to a question; ``prompt`` is its version."""
+        """Return the answer to a question; ``prompt`` is its version."""
         ...
 
 
 def read_narrative(narrative: str, known: Vocabulary, model: Model, *, attempts: int) -> Reading:
-    """What a narrative says, as far as its words support it.
+    """Read a narrative, as far as its words support it.
 
     A wrong answer is asked again with what is wrong with it, up to ``attempts`` answers; of the last one what stands is
     taken. Raises :class:`WrongAnswer` where no answer can be read, and as the model does.
@@ -58,7 +58,7 @@ def read_narrative(narrative: str, known: Vocabulary, model: Model, *, attempts:
 
 
 def _said(narrative: str, known: Vocabulary, model: Model, attempts: int) -> tuple[list[Fact | Happening], list[str]]:
-    """What a model reads, and in sentences what of its last answer cannot be taken."""
+    """Return a model's reading, and in sentences what of its last answer cannot be taken."""
     last: tuple[list[Fact | Happening], list[str]] = ([], [])
 
     def taken(text: str) -> tuple[list[Fact | Happening], list[str]]:
@@ -82,7 +82,7 @@ def _said(narrative: str, known: Vocabulary, model: Model, attempts: int) -> tup
 
 
 def _supported(narrative: str, said: list[Fact | Happening], model: Model, attempts: int) -> set[int]:
-    """The numbers of the statements that their words support, as the model sees it on a second look."""
+    """Return the numbers of the statements that their words support, as the model sees it on a second look."""
     statements = [{"number": n, "statement": each.claim, "words": each.words} for n, each in enumerate(said, 1)]
     values = {
         "statements": fenced(statements, longest=_LONGEST_NARRATIVE),
@@ -103,7 +103,7 @@ def _asked(
     taken: Callable[[str], T],
     attempts: int,
 ) -> T:
-    """What ``taken`` makes of the first answer that it can take. Raises :class:`WrongAnswer` of the last one."""
+    """Return what ``taken`` makes of the first answer that it can take. Raise :class:`WrongAnswer` of the last one."""
     text = resources.files("trace_dag.language.narratives").joinpath(f"{question}.md").read_text(encoding="utf-8")
     system, user = text.removeprefix("# system\n").split("\n# user\n")
     messages = [
@@ -123,7 +123,7 @@ def _asked(
 
 
 def _in_words(known: Vocabulary) -> str:
-    """The vocabulary as lines of a prompt."""
+    """Return the vocabulary as lines of a prompt."""
 
     def lines(fields: Mapping[str, Field]) -> str:
         return "\n".join(f"- {json.dumps(field.label)}: {_values(field)}" for field in fields.values())

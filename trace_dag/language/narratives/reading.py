@@ -27,7 +27,7 @@ class Fact(_Form):
 
     @property
     def claim(self) -> str:
-        """The fact as a statement."""
+        """Return the fact as a statement."""
         return f"{_unit(self.unit)}: {self.field}: {self.value}"
 
 
@@ -43,7 +43,7 @@ class Happening(_Form):
 
     @property
     def claim(self) -> str:
-        """The event as a statement."""
+        """Return the event as a statement."""
         whom = "" if self.other_unit is None else f", with unit {self.other_unit}"
         areas = [f"struck on the {area}" for area in (self.area,) if area]
         areas += [f"unit {self.other_unit} struck on the {area}" for area in (self.other_area,) if area]
@@ -65,7 +65,7 @@ class Support(_Form):
 
 @dataclass(frozen=True)
 class Reading:
-    """What a narrative says, as far as it stands.
+    """The supported facts of a narrative.
 
     ``contradictions`` name fields that the narrative gives two values, of which none is taken; ``not_taken`` what the
     model said without words that support it. Both are sentences.
@@ -77,13 +77,14 @@ class Reading:
     not_taken: tuple[str, ...] = ()
 
     def value(self, unit: int, label: str) -> str:
-        """The value of a field; "" where the narrative does not say it."""
+        """Return the value of a field; "" where the narrative does not say it."""
         return next((fact.value for fact in self.facts if (fact.unit, fact.field) == (unit, label)), "")
 
 
 def complaint_about(said: Fact | Happening, narrative: str, known: Vocabulary) -> str | None:
-    """What is wrong with a fact or an event, as a sentence; None if it is in the vocabulary and its words stand in the
-    narrative.
+    """Return the fault of a fact or an event, as a sentence.
+
+    None if it is in the vocabulary and its words stand in the narrative.
 
     >>> from trace_dag.language.narratives.vocabulary import vocabulary
     >>> fact = Fact(unit=1, field="movement", value="turning left", words="turned left")
@@ -119,7 +120,7 @@ def _unit(number: int) -> str:
 
 
 def without_contradictions(reading: Reading) -> Reading:
-    """The reading without fields that it gives two values, which are named.
+    """Return the reading without fields that it gives two values, which are named.
 
     >>> facts = [Fact(unit=1, field="movement", value=each, words=each) for each in ("backing", "stopped")]
     >>> without_contradictions(Reading(tuple(facts))).contradictions

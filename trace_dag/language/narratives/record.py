@@ -1,4 +1,4 @@
-"""What stands of a narrative as a crash record, each field with the words it was read from."""
+"""Crash records of the supported facts of a narrative, each field with the words it was read from."""
 
 from __future__ import annotations
 
@@ -43,7 +43,10 @@ class Narrative:
 
 
 def record_of(narrative: Narrative, found: Place | None, reading: Reading, known: Vocabulary) -> CrashRecord | str:
-    """The record of a crash, or why there is none, in words. ``found``: where it was, if that is not said beside it."""
+    """Return the record of a crash, or why there is none, in words.
+
+    ``found``: where it was, if that is not said beside it.
+    """
     import pandas as pd
 
     time = _TIME.fullmatch(narrative.time.strip())
@@ -82,8 +85,9 @@ def record_of(narrative: Narrative, found: Place | None, reading: Reading, known
 
 
 def _without_gaps(reading: Reading) -> tuple[Reading, int]:
-    """The reading with its units numbered from 1 in their order, and how many there are: units of which nothing is left
-    are none."""
+    """Return the reading with its units numbered from 1 in their order, and how many there are: units of which nothing
+    is left are none.
+    """
     found = {each.unit for each in reading.facts if each.unit != CRASH} | {each.unit for each in reading.events}
     found |= {each.other_unit for each in reading.events if each.other_unit is not None}
     number: dict[int | None, int | None] = {CRASH: CRASH, None: None}
@@ -102,7 +106,7 @@ def _cell(fact: Fact, known: Vocabulary) -> str:
 
 
 def _with_events(record: CrashRecord, happened: tuple[Happening, ...], known: Vocabulary) -> CrashRecord:
-    """The record with the sequence of the narrative in place of the one event that its units imply."""
+    """Return the record with the sequence of the narrative in place of the one event that its units imply."""
     if not happened:
         return record
     moving = {vehicle.number for vehicle in record.vehicles if vehicle.in_transport}
@@ -154,8 +158,10 @@ _ELSEWHERE: Final = {
 
 
 def merged(coded: CrashRecord, narrated: CrashRecord) -> CrashRecord:
-    """A register's record with what only its narrative says. Where both say something else, the register's value
-    stands and the contradiction is named."""
+    """Return a register's record with what only its narrative says.
+
+    Where both say something else, the register's value stands and the contradiction is named.
+    """
     merger = _Merger(narrated)
     record = merger.taken(coded, narrated, "crash")
     by_number = {each.number: each for each in narrated.vehicles}
@@ -200,7 +206,7 @@ class _Merger:
         self.contradictions: list[str] = []
 
     def taken(self, coded: P, narrated: P, of: str) -> P:
-        """A part with the fields that only the narrative has."""
+        """Return a part with the fields that only the narrative has."""
         said, found = origins(coded), {}
         for quotation in self._quoted:
             name = quotation.field

@@ -34,8 +34,10 @@ _HEADER: Final = re.compile(r"(?P<name>time|latitude|longitude): *(?P<value>.*)"
 
 
 class Reader:
-    """Reads narratives by a language model, of that name. ``attempts``: answers to one question; ``find``: looks up
-    where streets cross."""
+    """Reads narratives by a language model, of that name. ``attempts``: answers to one question.
+
+    ``find``: looks up where streets cross.
+    """
 
     def __init__(
         self,
@@ -50,7 +52,7 @@ class Reader:
         self._model, self._attempts, self._on_progress = model, attempts, on_progress
 
     def readings(self, texts: Mapping[str, str]) -> tuple[dict[str, Reading], dict[str, str]]:
-        """What each narrative says; and of those that no answer could be had for, why.
+        """Return the reading of each narrative, and the reason where no answer could be had.
 
         Raises as the model does; what was answered before is stored, so that reading again goes on from there.
         """
@@ -70,26 +72,30 @@ class _Source(ABC):
     """A source of reports (:class:`trace_dag.flow.cohorts.sources.ReportTables`)."""
 
     def records(self) -> list[CrashRecord]:
-        """Every crash, in the order of the files' names or of the table; they are read when they are first asked for.
-        Raises as the model does."""
+        """Return every crash, in the order of the files' names or of the table.
+
+        They are read when they are first asked for.
+
+        Raises as the model does.
+        """
         return self._read[0]
 
     def listings(self) -> list[CrashListing]:
-        """One line per crash."""
+        """Return one line per crash."""
         return [list_record(record) for record in self.records()]
 
     def reports(self, keys: Collection[str]) -> Iterator[tuple[str, bytes]]:
-        """Key and record, as JSON, of the crashes asked for."""
+        """Return the key and record, as JSON, of the crashes asked for."""
         return ((record.key, report_to_json(record)) for record in self.records() if record.key in keys)
 
     @cached_property
     def _read(self) -> tuple[list[CrashRecord], dict[str, str]]:
-        """The crashes, and of the narratives without one why."""
+        """Return the crashes, and of the narratives without one why."""
         return self._read_all()
 
     @abstractmethod
     def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
-        """Those, read."""
+        """Read all of those."""
 
 
 class NarrativeFolder(_Source):
@@ -100,7 +106,9 @@ class NarrativeFolder(_Source):
         self._narratives = narratives_in(folder)
 
     def notes(self) -> list[str]:
-        """How many narratives became crashes, what is left out and why, and what of the others does not stand."""
+        """Return how many narratives became crashes, which are left out and why, and which facts of the others have no
+        support.
+        """
         records, left_out = self._read
         notes = [
             f"{counted(len(self._narratives), 'narrative')} in {self._folder}: {len(records)} with a place and time"
@@ -133,7 +141,7 @@ class NarratedTable(_Source):
         self._table, self._reader = table, reader
 
     def notes(self) -> list[str]:
-        """Those of the table, and what of the narratives does not stand."""
+        """Return those of the table, and what of the narratives does not stand."""
         records, unread = self._read
         notes = [*self._table.notes(), f"{counted(len(self._table.narratives()), 'narrative')} read"]
         return [*notes, *(f"not read: {name}: {why}" for name, why in unread.items()), *_remarks(records)]
@@ -154,7 +162,10 @@ class NarratedTable(_Source):
 
 
 def narratives_in(folder: Path) -> list[Narrative]:
-    """The text files of a folder, in the order of their names. Raises :class:`UserError` where there are none."""
+    """Return the text files of a folder, in the order of their names.
+
+    Raises :class:`UserError` where there are none.
+    """
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder; expected one with narratives, a text file (.txt) for each crash")
     files = sorted(folder.glob("*.txt"))
@@ -187,7 +198,7 @@ def _place_in_words(reading: Reading) -> FromCrossing | None:
 
 
 def _remarks(records: Sequence[CrashRecord]) -> list[str]:
-    """What of the readings contradicts itself or was not taken, some of it by name."""
+    """Return the readings that contradict themselves or were not taken, some by name."""
     remarks = []
     for what, sentences in (
         ("contradictions", [(each.key, said) for each in records for said in each.contradictions]),

@@ -1,4 +1,4 @@
-"""What can be read from a narrative: fields of the crash, its units and its events, and the words for their values.
+"""The vocabulary of narratives: fields of the crash, its units and its events, and the words for their values.
 
 ``words.toml`` has them, in the form of a register's mapping: its columns are the fields a model is asked for.
 """
@@ -33,8 +33,10 @@ _NUMBER: Final = re.compile(r"\d+")
 
 @dataclass(frozen=True)
 class Field:
-    """A field that can be read. ``values`` are the words of one that is coded; ``units`` of one that is measured;
-    neither: a text, or with ``counts`` a number. ``name`` is what it is called in the record."""
+    """A field that can be read. ``values`` are the words of one that is coded; ``units`` of one that is measured.
+
+    Neither: a text, or with ``counts`` a number. ``name`` is what it is called in the record.
+    """
 
     label: str
     name: str
@@ -43,7 +45,7 @@ class Field:
     counts: bool = False
 
     def complaint(self, value: str) -> str | None:
-        """What is wrong with a value, as a sentence; None if it is one.
+        """Return the fault of a value, as a sentence; None if it is one of the vocabulary.
 
         >>> Field("speed", "travel_speed_mps", units=SPEED_UNITS).complaint("fast")
         "'fast' is no value of speed: expected a number with its unit, mph, km/h or m/s"
@@ -61,7 +63,7 @@ class Field:
 
 
 def measured(value: str) -> float:
-    """A value with its unit, in metres or m/s.
+    """Return a value with its unit, in metres or m/s.
 
     >>> round(measured("45 mph"), 2), measured("120 ft")
     (20.12, 36.576)
@@ -81,7 +83,7 @@ class Vocabulary:
 
     @cached_property
     def of_crash(self) -> dict[str, Field]:
-        """Fields of the crash, by label."""
+        """Return fields of the crash, by label."""
         crash = self.mapping.crash
         found = [Field(str(getattr(crash, name)), name) for name in ("trafficway_1", "trafficway_2")]
         if crash.from_crossing is not None:
@@ -93,7 +95,7 @@ class Vocabulary:
 
     @cached_property
     def of_unit(self) -> dict[str, Field]:
-        """Fields of a unit, by label."""
+        """Return fields of a unit, by label."""
         unit = self.mapping.unit
         found = [Field(str(unit.make), "make_model"), Field(str(unit.model), "make_model")]
         found.append(Field(str(unit.MOD_YEAR), "model_year", counts=True))
@@ -109,16 +111,16 @@ class Vocabulary:
 
     @cached_property
     def areas(self) -> Mapping[str, Any]:
-        """Codes of the parts of a vehicle that an event can name."""
+        """Return codes of the parts of a vehicle that an event can name."""
         return self.mapping.unit.coded["IMPACT1"].values
 
     def field(self, unit: int, label: str) -> Field | None:
-        """The field of the crash or of a unit; None if there is none of that label."""
+        """Return the field of the crash or of a unit; None if there is none of that label."""
         return (self.of_crash if unit == CRASH else self.of_unit).get(label)
 
     @cached_property
     def schema(self) -> dict[str, Any]:
-        """The JSON schema of a model's answer."""
+        """Return the JSON schema of a model's answer."""
         facts = [_fact(field, of_crash=True) for field in self.of_crash.values()]
         facts += [_fact(field, of_crash=False) for field in self.of_unit.values()]
         unit = {"type": "integer", "minimum": 1}
@@ -162,7 +164,7 @@ def _object(**properties: Any) -> dict[str, Any]:
 
 @cache
 def vocabulary() -> Vocabulary:
-    """What can be read.
+    """Return the vocabulary.
 
     >>> vocabulary().of_unit["movement"].values[:2]
     ('going straight', 'slowing down')

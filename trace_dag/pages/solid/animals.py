@@ -24,14 +24,14 @@ _EAR: Final = 0.9  # of the head's radius
 
 
 def animal_places(log: VehicleLog) -> dict[str, FloatArray]:
-    """The points of an animal in the local frame by name, each of shape (n, 3)."""
+    """Return the points of an animal in the local frame by name, each of shape (n, 3)."""
     place = np.column_stack([log.x_m, log.y_m, log.z_m])
     points = log.landmarks_m.reshape(len(log.time_s), -1, 3)
     return {name: place + points[:, k] for k, name in enumerate(LANDMARKS)}
 
 
 def animal_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
-    """The segments of an animal whose coat has a colour, each a node that moves by itself.
+    """Return the segments of an animal whose coat has a colour, each a node that moves by itself.
 
     >>> from dataclasses import replace
     >>> from trace_dag.crash.record import VehicleClass
@@ -69,7 +69,7 @@ def animal_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[No
 
 
 def _trunk(spine_m: float, radius_m: float, coat: Material) -> Parts:
-    """Along z from the rump to the withers, about its middle; rounded at both ends."""
+    """Build the trunk along z from the rump to the withers, about its middle; rounded at both ends."""
     half = spine_m / 2
     heights = np.array([-half - radius_m, -half - 0.6 * radius_m, -half, 0.0, half, half + 0.6 * radius_m])
     radii = np.array([0.25, 0.80, 0.98, 0.94, 1.0, 0.72]) * radius_m
@@ -77,14 +77,14 @@ def _trunk(spine_m: float, radius_m: float, coat: Material) -> Parts:
 
 
 def _tapered(length_m: float, thick_m: float, thin_m: float, coat: Material) -> Parts:
-    """Along z about its middle, thick where it begins."""
+    """Build a part along z about its middle, thick where it begins."""
     half = length_m / 2
     middle_m = (thick_m + thin_m) / 2
     return [(coat, turned_body(np.array([-half, 0.0, half]), np.array([thick_m, middle_m, thin_m]), 8))]
 
 
 def _head(length_m: float, radius_m: float, coat: Material) -> Parts:
-    """Along z from the poll to the nose, with ears and a dark muzzle."""
+    """Build the head along z from the poll to the nose, with ears and a dark muzzle."""
     half = length_m / 2
     skull = turned_body(
         np.array([-half - 0.5 * radius_m, -half, 0.0, half]), np.array([0.5, 1.0, 0.8, 0.5]) * radius_m, 8

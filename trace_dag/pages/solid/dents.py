@@ -1,4 +1,4 @@
-"""What a contact pressed in: how far the points of a vehicle move, from the depth that the log has.
+"""Dents of contacts: the movement of a vehicle's points, from the depth in the log.
 
 The depth and the direction are the log's; the shape is for the eye: a flat face across the push, fading out beside it.
 """
@@ -22,7 +22,7 @@ _LEAST_S: Final = 0.05
 
 
 def crush_of(contact: Contact, number: int) -> float:
-    """How deep a contact pressed a participant in (m); 0 of those it does not concern.
+    """Return how deep a contact pressed a participant in (m); 0 for one that has no part in it.
 
     >>> crush_of(log.first_contact, 1) == log.first_contact.crush_1_m, crush_of(log.first_contact, 7)
     (True, 0.0)
@@ -32,7 +32,7 @@ def crush_of(contact: Contact, number: int) -> float:
 
 
 def dent(contact: Contact, number: int, parts: Parts) -> list[FloatArray]:
-    """Offsets of the points of each part, shape (n, 3), in the vehicle's axes.
+    """Return offsets of the points of each part, shape (n, 3), in the vehicle's axes.
 
     >>> from trace_dag.pages.solid.shapes import Mesh
     >>> contact, no_triangles = log.first_contact, np.zeros((0, 3), int)
@@ -64,7 +64,7 @@ def dent(contact: Contact, number: int, parts: Parts) -> list[FloatArray]:
 
 
 def dent_keys(contacts: list[Contact]) -> Keys:
-    """How much of each dent there is over time: none before its contact, all at the end of it.
+    """Return the share of each dent over time: none before its contact, all at the end of it.
 
     >>> dent_keys([log.first_contact]).values[[0, -1]].tolist()  # none at first, all at last
     [[0.0], [1.0]]

@@ -38,7 +38,7 @@ _JSON, _BINARY = 0x4E4F534A, 0x004E4942  # chunk types
 
 @dataclass(frozen=True)
 class Material:
-    """How a surface looks: ``colour`` as ``#RRGGBB``, opacity from 0 to 1; one that glows is as bright in the dark.
+    """The look of a surface: ``colour`` as ``#RRGGBB``, opacity from 0 to 1; one that glows is as bright in the dark.
 
     ``layer`` says what is painted on what, from 0 up: a viewer can keep apart what lies in one plane.
     """
@@ -53,8 +53,11 @@ class Material:
 
 @dataclass(eq=False)
 class Node:
-    """A thing with a place: its parts by material, its children, and how it moves. ``rotation`` is a unit quaternion x,
-    y, z, w; ``extras`` is for whoever reads the file. ``dents`` are where the vertices of each part go, as offsets."""
+    """A thing with a place: its parts by material, its children, and how it moves.
+
+    ``rotation`` is a unit quaternion x, y, z, w; ``extras`` is for whoever reads the file. ``dents`` are where the
+    vertices of each part go, as offsets.
+    """
 
     name: str
     parts: Sequence[tuple[Material, Mesh]] = ()
@@ -69,8 +72,10 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Keys:
-    """Key frames: times (s), shape (n,), and values, shape (n, k); between two of them the values change evenly, or
-    stay as they are with ``step``."""
+    """Key frames: times (s), shape (n,), and values, shape (n, k).
+
+    Between two of them the values change evenly, or stay as they are with ``step``.
+    """
 
     time_s: FloatArray
     values: FloatArray
@@ -78,7 +83,9 @@ class Keys:
 
 
 def write_glb(nodes: Sequence[Node], *, title: str, copyright_notice: str) -> bytes:
-    """The nodes as a file, in a scene of that title. The same input gives the same bytes.
+    """Return the nodes as a file, in a scene of that title.
+
+    The same input gives the same bytes.
 
     >>> write_glb([], title="a crash", copyright_notice="CC0")[:4]
     b'glTF'
@@ -177,7 +184,7 @@ class _Writer:
     def _accessor(
         self, values: NDArray[Any], component: int, width: int, target: int | None = None, *, bounded: bool = False
     ) -> int:
-        """What is stored before is stored once."""
+        """Store an array once, and return its accessor."""
         data = values.tobytes()
         known = (data, target if target else width)
         if known in self._known:
@@ -221,7 +228,7 @@ def _material(material: Material) -> dict[str, Any]:
 
 
 def _linear(value: float) -> float:
-    """A part of a colour from sRGB (IEC 61966-2-1), which glTF wants linear; 0 to 1."""
+    """Return a part of a colour from sRGB (IEC 61966-2-1), which glTF wants linear; 0 to 1."""
     return round(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4, 5)
 
 

@@ -48,9 +48,11 @@ _TURN_STROKE_M: Final = 0.18
 
 
 class Heights:
-    """Heights of a surface by known points, shape (n, 3): a mean of the nearest ones, weighted by nearness; 0 without
-    any. Along a ``way``, the points where bodies went beside roads, it has the heights of these points; beside
-    ``sides`` it falls as these do."""
+    """Heights of a surface by known points, shape (n, 3): a mean of the nearest ones, weighted by nearness.
+
+    0 without any. Along a ``way``, the points where bodies went beside roads, it has the heights of these points;
+    beside ``sides`` it falls as these do.
+    """
 
     def __init__(
         self, points_m: FloatArray, way_m: FloatArray | None = None, sides: RoadsideTerrain | None = None
@@ -64,11 +66,11 @@ class Heights:
 
     @property
     def level(self) -> bool:
-        """Whether every height is the same."""
+        """Return whether every height is the same."""
         return self._tree is None and self._sides is None
 
     def at(self, places_m: FloatArray) -> FloatArray:
-        """Heights at some places, shape (n, 2)."""
+        """Return heights at some places, shape (n, 2)."""
         if self._sides is not None:
             fallen = [self._sides.at(x, y).height_m for x, y in places_m.tolist()]
             return np.asarray(self._of_roads(places_m) + np.array(fallen))
@@ -86,16 +88,18 @@ class Heights:
         return z
 
     def on(self, mesh: Mesh, above_m: float = 0.0) -> Mesh:
-        """A flat shape laid on the surface."""
+        """Return a flat shape laid on the surface."""
         return Mesh(np.column_stack([mesh.points_m[:, :2], self.at(mesh.points_m[:, :2]) + above_m]), mesh.triangles)
 
 
 class Terrain:
-    """The roads in a window (m) as surfaces, by material, and ``heights`` of the ground. ``areas`` are what else the
-    ground is made of, each with its material, the later above the earlier; ``ways``, each of shape (n, 3), m, are where
-    bodies went: beside roads the ground is as high there as they had it. ``sides`` gives the ground beyond the edges of
-    roads, which slopes if bodies were as high as that; it is asked only where they were not as high as the roads. The
-    ``dug`` bring their own ground."""
+    """The roads in a window (m) as surfaces, by material, and ``heights`` of the ground.
+
+    ``areas`` are what else the ground is made of, each with its material, the later above the earlier; ``ways``, each
+    of shape (n, 3), m, are where bodies went: beside roads the ground is as high there as they had it. ``sides`` gives
+    the ground beyond the edges of roads, which slopes if bodies were as high as that; it is asked only where they were
+    not as high as the roads. The ``dug`` bring their own ground.
+    """
 
     def __init__(
         self,
@@ -129,7 +133,7 @@ class Terrain:
 
     @property
     def parts(self) -> list[tuple[Material, Mesh]]:
-        """Surfaces by material."""
+        """Return surfaces by material."""
         return by_material(self._parts)
 
     def _pave(
@@ -188,7 +192,7 @@ class Terrain:
 
 
 def _levels(scene: MapScene) -> tuple[list[list[SeenSection]], list[list[SeenSection]]]:
-    """The sections of each level that lie on the ground, from below, and of each that are above it.
+    """Return the sections of each level that lie on the ground, from below, and of each that are above it.
 
     A bridge of a map without heights is on the ground as well.
     """
@@ -210,13 +214,13 @@ def _rises(section: SeenSection, ground: Heights) -> bool:
 
 
 def _points(sections: Iterable[SeenSection]) -> FloatArray:
-    """The borders of the lanes of some sections, shape (n, 3)."""
+    """Return the borders of the lanes of some sections, shape (n, 3)."""
     lines = [line for section in sections for lane in section.lanes for line in (lane.inner_m, lane.outer_m)]
     return np.concatenate([np.zeros((0, 3)), *lines])
 
 
 def _beside(ways: Sequence[FloatArray], paved: shapely.Geometry) -> tuple[FloatArray, shapely.Geometry]:
-    """The points of ways that lie on no road, shape (n, 3), and the ground around these."""
+    """Return the points of ways that lie on no road, shape (n, 3), and the ground around these."""
     points = np.concatenate([np.zeros((0, 3)), *ways])
     shapely.prepare(paved)
     off_road = points[~shapely.intersects_xy(paved, points[:, 0], points[:, 1])]
@@ -224,12 +228,12 @@ def _beside(ways: Sequence[FloatArray], paved: shapely.Geometry) -> tuple[FloatA
 
 
 def _off_m(heights: Heights, points_m: FloatArray) -> float:
-    """How far points, shape (n, 3), are from the ground, all of them together."""
+    """Return how far points, shape (n, 3), are from the ground, all of them together."""
     return float(np.abs(heights.at(points_m[:, :2]) - points_m[:, 2]).sum())
 
 
 def by_material(made: Mapping[Material, Sequence[Mesh]]) -> list[tuple[Material, Mesh]]:
-    """One shape of each material that there is something of, its points on a grid of 4 mm.
+    """Return one shape of each material that there is something of, its points on a grid of 4 mm.
 
     >>> from trace_dag.pages.solid.shapes import box
     >>> post, none_of = Material("#7C8084"), Material("#C1272D")
@@ -250,7 +254,10 @@ def _paint(colour: str) -> Material:
 
 
 def _strokes(lines: Sequence[FloatArray], heights: Heights, width_m: float) -> Mesh:
-    """Painted lines, shape (n, 2) each; where the road bends their points are as dense as the lines have them."""
+    """Return the painted lines, shape (n, 2) each.
+
+    Where the road bends their points are as dense as the lines have them.
+    """
     painted = [line for line in lines if len(line) > 1]
     if not painted:
         return joined([])
@@ -262,7 +269,7 @@ def _strokes(lines: Sequence[FloatArray], heights: Heights, width_m: float) -> M
 
 
 def _areas(scene: MapScene, sections: list[SeenSection]) -> Iterator[tuple[LaneType, shapely.Geometry]]:
-    """What is paved on one level by the type of its lanes, what covers the others first: what traffic drives on."""
+    """Return the paved areas of one level by the type of their lanes, uppermost first: the lanes of traffic."""
     lanes: dict[LaneType, list[SeenLane]] = defaultdict(list)
     for section in sections:
         for lane in section.lanes:
@@ -277,7 +284,7 @@ def _areas(scene: MapScene, sections: list[SeenSection]) -> Iterator[tuple[LaneT
 
 
 def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
-    """The pavement between the lanes of junctions."""
+    """Yield the pavement between the lanes of junctions."""
     inside = [lane for lane in lanes if lane.road.junction_id is not None]
     through: dict[str | None, list[int]] = defaultdict(list)
     for number, lane in enumerate(inside):
@@ -287,14 +294,15 @@ def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
 
 
 def _clean(area: shapely.Geometry) -> shapely.MultiPolygon:
-    """The polygons of a geometry, without slivers, and without the lines that are left where two surfaces meet in all
-    but the last digit: GEOS cannot cut a collection of polygons and lines everywhere."""
+    """Return the polygons of a geometry, without slivers, and without the lines that are left where two surfaces meet
+    in all but the last digit: GEOS cannot cut a collection of polygons and lines everywhere.
+    """
     polygons = [part for part in shapely.get_parts(area) if isinstance(part, shapely.Polygon) and part.area > 0.02]
     return shapely.MultiPolygon(polygons)
 
 
 def _walls(area: shapely.Geometry, heights: Heights, low_m: float, high_m: float) -> Iterator[Mesh]:
-    """Upright walls around an area, facing away from it."""
+    """Yield the upright walls around an area, facing away from it."""
     for polygon in shapely.get_parts(area):
         for k, ring in enumerate((polygon.exterior, *polygon.interiors)):
             corners = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(ring)))[:-1]

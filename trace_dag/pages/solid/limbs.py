@@ -12,7 +12,7 @@ from trace_dag.pages.solid.vehicle_shapes import Parts
 
 
 def moved(name: str, parts: Parts, time_s: FloatArray, places: FloatArray, turns: Rotation) -> Node:
-    """A node at places, turned so, at each time; shapes (n,), (n, 3) and n turns.
+    """Return a node at places, turned so, at each time; shapes (n,), (n, 3) and n turns.
 
     >>> turns = Rotation.identity(2)
     >>> moved("arm", [], np.array([0.0, 1.0]), np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), turns).translation
@@ -24,7 +24,9 @@ def moved(name: str, parts: Parts, time_s: FloatArray, places: FloatArray, turns
 
 
 def frames(up: FloatArray, left: FloatArray) -> Rotation:
-    """Turns whose z axis is along ``up`` and whose y axis is as near to ``left`` as it can be; both of shape (n, 3).
+    """Return turns whose z axis is along ``up`` and whose y axis is as near to ``left`` as it can be.
+
+    Both of shape (n, 3).
 
     >>> up, left = np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 1.0, 0.0]])
     >>> frames(up, left).magnitude().tolist()  # as it stands: not turned at all
@@ -37,7 +39,7 @@ def frames(up: FloatArray, left: FloatArray) -> Rotation:
 
 
 def frames_ahead(ahead: FloatArray, up: FloatArray) -> Rotation:
-    """Turns whose x axis is along ``ahead`` and whose z axis is as near to ``up`` as it can be.
+    """Return turns whose x axis is along ``ahead`` and whose z axis is as near to ``up`` as it can be.
 
     >>> ahead, up = np.array([[0.0, 3.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
     >>> frames_ahead(ahead, up).magnitude().round(4).tolist()  # a quarter turn to the left, rad
@@ -54,7 +56,7 @@ def _unit(vectors: FloatArray, otherwise: FloatArray) -> FloatArray:
 
 
 def length(one: FloatArray, two: FloatArray) -> float:
-    """The mean distance of two points over time (m).
+    """Return the mean distance of two points over time (m).
 
     >>> length(np.zeros((2, 3)), np.array([[3.0, 4.0, 0.0], [0.0, 3.0, 4.0]]))
     5.0

@@ -30,7 +30,8 @@ _HIP, _KNEE, _NECK, _SHOULDER, _ARM, _SOLE = 0.530, 0.285, 0.825, 0.800, 0.36, 0
 
 
 def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
-    """The segments of a person, dressed in a colour, and what the person rides, each a node that moves by itself.
+    """Return the segments of a person, dressed in a colour, and what the person rides, each a node that moves by
+    itself.
 
     >>> from trace_dag.simulation.anthropometry import person_body
     >>> nodes = person_nodes(log.vehicles[0], person_body(BodyKind.PEDESTRIAN, 40), "P1", "#009E73")
@@ -64,7 +65,7 @@ def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[No
 
 
 def landmarks(log: VehicleLog, body: Body) -> dict[str, FloatArray]:
-    """The points of a person in the local frame by name, each of shape (n, 3)."""
+    """Return the points of a person in the local frame by name, each of shape (n, 3)."""
     place = np.column_stack([log.x_m, log.y_m, log.z_m])
     if log.landmarks_m.shape[1]:
         points = log.landmarks_m.reshape(len(log.time_s), -1, 3)
@@ -86,12 +87,12 @@ def landmarks(log: VehicleLog, body: Body) -> dict[str, FloatArray]:
 
 
 def _upright(body: Body, posture: Posture) -> dict[str, tuple[float, float, float]]:
-    """Points of a figure in a posture about the place on the road below it: ahead, left, up."""
+    """Return points of a figure in a posture about the place on the road below it: ahead, left, up."""
     h = body.height_m
     root = root_height(body, posture)
 
     def along(length: float, angle: float) -> tuple[float, float]:
-        """A point at some height above a joint, leaning forward by an angle."""
+        """Return a point at some height above a joint, leaning forward by an angle."""
         return length * h * math.sin(angle), length * h * math.cos(angle)
 
     back = posture.pelvis + posture.lumbar / 2
@@ -145,7 +146,7 @@ def _ridden(log: VehicleLog, body: Body, name: str, places: dict[str, FloatArray
 
 
 def _torso(h: float, clothes: Material) -> Parts:
-    """From the hips up, about the hips; broader than deep."""
+    """Build the torso from the hips up, about the hips; broader than deep."""
     heights = np.array([-0.05, 0.0, 0.06, 0.16, 0.235, 0.275, 0.30]) * h
     trunk = turned_body(heights, np.array([0.055, 0.085, 0.078, 0.095, 0.105, 0.075, 0.03]) * h, 10)
     flattened = trunk.turned(np.diag([0.72, 1.0, 1.0]))
@@ -170,7 +171,7 @@ def _thigh(length: float, h: float) -> Parts:
 
 
 def _shank(length: float, h: float) -> Parts:
-    """Along z from the knee to the sole; toes point to -x, which is ahead of a leg that hangs down."""
+    """Build the shank along z from the knee to the sole; toes point to -x, which is ahead of a leg that hangs down."""
     leg = turned_body(np.array([-0.54, -0.2, 0.45]) * length, np.array([0.036, 0.036, 0.024]) * h)
     low = 0.5 * length
     shoe = box((-0.11 * h, -0.026 * h, low - 0.03 * h), (0.04 * h, 0.026 * h, low + 0.03 * h))

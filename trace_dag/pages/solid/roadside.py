@@ -40,7 +40,7 @@ _MOST_TREES: Final = 400
 
 
 def signs(scene: MapScene, heights: Heights, window: Window) -> Parts:
-    """Signals and signs in a window, each on its post and facing the traffic it is for."""
+    """Return signals and signs in a window, each on its post and facing the traffic it is for."""
     west, south, east, north = window
     made: dict[Material, list[Mesh]] = defaultdict(list)
     for each in placed_signs(scene):
@@ -54,7 +54,7 @@ def signs(scene: MapScene, heights: Heights, window: Window) -> Parts:
 
 
 def _sign(each: PlacedSign) -> Iterator[tuple[Material, Mesh]]:
-    """A sign or signal on its post, its face to +x."""
+    """Yield a sign or signal on its post, its face to +x."""
     signal = each.signal
     top = signal.z_offset_m + max(signal.height_m, 0.6)
     if signal.type == LIGHT:
@@ -81,14 +81,14 @@ def _sign(each: PlacedSign) -> Iterator[tuple[Material, Mesh]]:
 
 
 def _polygon(corners: int, radius: float) -> FloatArray:
-    """A regular polygon, standing on a side, or of three corners on one of them."""
+    """Return a regular polygon, standing on a side, or of three corners on one of them."""
     turn = -math.pi / 2 if corners == 3 else math.pi / corners
     angles = turn + np.arange(corners) * math.tau / corners
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def _plate(outline: FloatArray, middle_m: float, ahead_m: float) -> Mesh:
-    """An upright plate; its outline is given as (to its own left, up)."""
+    """Return an upright plate; its outline is given as (to its own left, up)."""
     face = flat(shapely.Polygon(outline))
     y, z = face.points_m[:, 0], face.points_m[:, 1]
     front = Mesh(np.column_stack([np.full(len(y), ahead_m), y, z + middle_m]), face.triangles)
@@ -98,7 +98,7 @@ def _plate(outline: FloatArray, middle_m: float, ahead_m: float) -> Mesh:
 
 @cache
 def _lettering(text: str, height_m: float, middle_m: float) -> Mesh:
-    """Letters on a sign, upright and to be read from +x."""
+    """Return letters on a sign, upright and to be read from +x."""
     lines = [
         shapely.LineString([((x + _LETTER_STEP * place) * height_m, y * height_m) for x, y in stroke])
         for place, letter in enumerate(text)
@@ -144,7 +144,7 @@ _LETTER_STEP, _STROKE = 0.85, 0.07
 def areas_of(
     features: Sequence[OsmFeature], frame: LocalFrame, window: Window
 ) -> list[tuple[Material, shapely.Geometry]]:
-    """The areas that the ground in a window is made of, the later above the earlier: water, woods, parking.
+    """Return the areas that the ground in a window is made of, the later above the earlier: water, woods, parking.
 
     >>> areas_of([], network.frame, (-60.0, -60.0, 60.0, 60.0))  # nothing but grass
     []
@@ -164,7 +164,7 @@ def areas_of(
 
 
 def beside_roads(features: Sequence[OsmFeature], frame: LocalFrame, heights: Heights, window: Window) -> Parts:
-    """The buildings and trees of the map in a window."""
+    """Return the buildings and trees of the map in a window."""
     border = shapely.box(*window)
     made: dict[Material, list[Mesh]] = defaultdict(list)
     trees: list[FloatArray] = []
@@ -191,12 +191,12 @@ def beside_roads(features: Sequence[OsmFeature], frame: LocalFrame, heights: Hei
 
 
 def _planted(colour: str) -> str:
-    """The colour of an area on a map as it is in the open: darker."""
+    """Return the colour of an area on a map as it is in the open: darker."""
     return "#" + "".join(f"{int(int(colour[k : k + 2], 16) * 0.78):02X}" for k in (1, 3, 5))
 
 
 def _height_m(feature: OsmFeature) -> float:
-    """The height of a building as OpenStreetMap tags it, in metres or feet, or by its storeys."""
+    """Return the height of a building as OpenStreetMap tags it, in metres or feet, or by its storeys."""
     found = re.match(r"\s*([\d.]+)\s*(m|ft|')?", feature.tags.get("height", ""))
     try:
         if found:
@@ -215,7 +215,7 @@ def _building(
 
 
 def tree_parts(trunk_m: float, height_m: float) -> Parts:
-    """A tree with a trunk of a given thickness (m), from half a metre below the ground up.
+    """Return a tree with a trunk of a given thickness (m), from half a metre below the ground up.
 
     >>> min(float(mesh.points_m[:, 2].min()) for _, mesh in tree_parts(0.3, 10.0))
     -0.5

@@ -56,7 +56,7 @@ def crash_glb(
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
-    """The crash as one GLB file: the log's bodies in their poses, dented as deep as the log says, on the road.
+    """Return the crash as one GLB file: the log's bodies in their poses, dented as deep as the log says, on the road.
 
     Where an agent drives, the recorded vehicle is there too, to be seen through. The same input gives the same bytes.
 
@@ -80,7 +80,7 @@ def crash_glb(
 
 
 def place_glb(network: RoadNetwork, *, surroundings: Sequence[OsmFeature] = ()) -> bytes:
-    """A road map without a crash as one GLB file.
+    """Return a road map without a crash as one GLB file.
 
     >>> place_glb(network)[:4]
     b'glTF'
@@ -124,7 +124,7 @@ def _extras(kind: str, **said: Any) -> dict[str, Any]:
 
 
 def _vehicle(log: SimulationLog, vehicle: VehicleLog, body: Body, colour: str) -> Node:
-    """A vehicle: a node with the log's pose of the body's middle, its shape, brake lamps and wheels below it."""
+    """Return a vehicle: a node with the log's pose of the body's middle, its shape, brake lamps and wheels below it."""
     rides = body.vehicle_class is VehicleClass.MOTORCYCLE
     shape = motorcycle_shape(body, colour) if rides else vehicle_shape(body, colour)
     name, down = party_label(vehicle.number), (0.0, 0.0, -body.height_m / 2)
@@ -152,7 +152,7 @@ def _vehicle(log: SimulationLog, vehicle: VehicleLog, body: Body, colour: str) -
 
 
 def _ghost(drive: AgentDrive) -> Node:
-    """The recorded vehicle in the place of which an agent drove: its shape, to be seen through."""
+    """Return the recorded vehicle in the place of which an agent drove: its shape, to be seen through."""
     index, vehicle = next((k, v) for k, v in enumerate(drive.recorded.vehicles) if v.number == drive.number)
     rides = drive.body.vehicle_class is VehicleClass.MOTORCYCLE
     shape = (motorcycle_shape if rides else vehicle_shape)(drive.body, vehicle_colour(index))
@@ -164,7 +164,7 @@ def _ghost(drive: AgentDrive) -> Node:
 
 
 def _above(point_m: tuple[float, float, float], body: Body) -> list[float]:
-    """A point given from the road, from the body's middle instead."""
+    """Return a point given from the road, from the body's middle instead."""
     return [round(float(value), 4) for value in (*point_m[:2], point_m[2] - body.height_m / 2)]
 
 
@@ -176,7 +176,7 @@ def _moving(name: str, vehicle: VehicleLog, extras: dict[str, Any]) -> Node:
 
 
 def _person(vehicle: VehicleLog, body: Body, colour: str) -> Node:
-    """A person or an animal: a node with the log's pose, and one for each segment, in the local frame."""
+    """Return a person or an animal: a node with the log's pose, and one for each segment, in the local frame."""
     name = party_label(vehicle.number)
     where = _moving(f"{name} middle", vehicle, {})
     animal = body.kind is BodyKind.ANIMAL
@@ -195,7 +195,7 @@ def _object(item: FixedObject) -> Node:
 
 
 def _contact(contact: Contact, k: int, log: SimulationLog) -> Node:
-    """A mark where two first touched, from then on."""
+    """Return a mark where two first touched, from then on."""
     end = max(float(log.vehicles[0].time_s[-1]), contact.time_s + 0.1)
     times: FloatArray = np.array([0.0, contact.time_s, end])
     node = Node(

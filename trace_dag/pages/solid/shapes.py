@@ -24,16 +24,16 @@ class Mesh(NamedTuple):
     triangles: NDArray[np.int64]
 
     def moved(self, by_m: Sequence[float]) -> Mesh:
-        """The same shape somewhere else."""
+        """Return the same shape somewhere else."""
         return Mesh(self.points_m + np.asarray(by_m), self.triangles)
 
     def turned(self, matrix: FloatArray) -> Mesh:
-        """The same shape turned by a matrix, shape (3, 3)."""
+        """Return the same shape turned by a matrix, shape (3, 3)."""
         return Mesh(self.points_m @ matrix.T, self.triangles)
 
 
 def joined(meshes: Iterable[Mesh]) -> Mesh:
-    """Several shapes as one.
+    """Return several shapes as one.
 
     >>> tile = flat(shapely.box(0.0, 0.0, 1.0, 1.0))
     >>> len(joined([tile, tile]).points_m)
@@ -50,7 +50,7 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
 
 
 def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
-    """A box from its lowest to its highest corner.
+    """Return a box from its lowest to its highest corner.
 
     >>> box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0)).points_m.max(axis=0).tolist()
     [2.0, 1.0, 1.0]
@@ -61,8 +61,8 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 
 def loft(stations: FloatArray, rings: FloatArray) -> Mesh:
-    """A body along x with closed ends: rings, shape (n, k, 2), of (y, z) at stations, shape (n,), from rear to front,
-    each counter-clockwise seen from the front.
+    """Return a body along x with closed ends: rings, shape (n, k, 2), of (y, z) at stations, shape (n,), from rear to
+    front, each counter-clockwise seen from the front.
 
     >>> ring = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
     >>> len(loft(np.array([0.0, 1.0]), np.stack([ring, ring])).triangles)  # three sides of two each, two ends
@@ -84,7 +84,7 @@ def loft(stations: FloatArray, rings: FloatArray) -> Mesh:
 
 
 def cylinder(radius_m: float, low_m: float, high_m: float, sides: int = 10, top_m: float | None = None) -> Mesh:
-    """An upright cylinder from one height to another; with a radius of its own at the top a cone.
+    """Return an upright cylinder from one height to another; with a radius of its own at the top a cone.
 
     >>> mesh = cylinder(2.0, 0.0, 5.0, sides=4)
     >>> mesh.points_m.min(axis=0).round(6).tolist(), mesh.points_m.max(axis=0).round(6).tolist()
@@ -98,7 +98,7 @@ def cylinder(radius_m: float, low_m: float, high_m: float, sides: int = 10, top_
 
 
 def across(mesh: Mesh) -> Mesh:
-    """An upright shape laid on its side: what was up points left.
+    """Return an upright shape laid on its side: what was up points left.
 
     >>> across(Mesh(np.array([[0.0, 0.0, 1.0]]), np.zeros((0, 3), np.int64))).points_m.tolist()
     [[0.0, 1.0, 0.0]]
@@ -107,7 +107,7 @@ def across(mesh: Mesh) -> Mesh:
 
 
 def ball(radius_m: float, stretch: float = 1.0, rings: int = 5, sides: int = 9) -> Mesh:
-    """A ball around the origin, stretched along z.
+    """Return a ball around the origin, stretched along z.
 
     >>> [float(each.points_m[:, 2].max()) for each in (ball(2.0), ball(2.0, stretch=1.5))]
     [2.0, 3.0]
@@ -119,7 +119,7 @@ def ball(radius_m: float, stretch: float = 1.0, rings: int = 5, sides: int = 9) 
 
 
 def turned_body(heights_m: FloatArray, radii_m: FloatArray, sides: int = 8) -> Mesh:
-    """A body around the z axis: its radius at some heights, from below.
+    """Return a body around the z axis: its radius at some heights, from below.
 
     >>> post = turned_body(np.array([0.0, 3.0]), np.array([0.1, 0.1]))
     >>> float(post.points_m[:, 2].max())
@@ -132,7 +132,7 @@ def turned_body(heights_m: FloatArray, radii_m: FloatArray, sides: int = 8) -> M
 
 
 def bar(start: Sequence[float], end: Sequence[float], radius_m: float, sides: int = 6) -> Mesh:
-    """A round bar from one point to another.
+    """Return a round bar from one point to another.
 
     >>> points = bar((0.0, 0.0, 1.0), (0.0, 4.0, 1.0), 0.5).points_m
     >>> [float(each.round(6)) for each in (points[:, 1].min(), points[:, 1].max())]
@@ -144,7 +144,7 @@ def bar(start: Sequence[float], end: Sequence[float], radius_m: float, sides: in
 
 
 def _turned_to(up: FloatArray) -> FloatArray:
-    """A rotation that turns the z axis to a direction, shape (3, 3)."""
+    """Return a rotation that turns the z axis to a direction, shape (3, 3)."""
     side = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
     x = np.cross(side, up)
     x /= np.linalg.norm(x)
@@ -152,7 +152,7 @@ def _turned_to(up: FloatArray) -> FloatArray:
 
 
 def about_z(heading_rad: float) -> FloatArray:
-    """The rotation to a heading, shape (3, 3).
+    """Return the rotation to a heading, shape (3, 3).
 
     >>> (about_z(math.pi / 2) @ (1.0, 0.0, 0.0)).round(6).tolist()  # ahead becomes left
     [0.0, 1.0, 0.0]
@@ -162,7 +162,7 @@ def about_z(heading_rad: float) -> FloatArray:
 
 
 def flat(area: shapely.Geometry, z_m: float = 0.0) -> Mesh:
-    """An area seen from above as triangles that face up.
+    """Return an area seen from above as triangles that face up.
 
     >>> len(flat(shapely.box(0.0, 0.0, 1.0, 1.0)).triangles)
     2
@@ -186,7 +186,7 @@ def flat(area: shapely.Geometry, z_m: float = 0.0) -> Mesh:
 
 
 def _in_order(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The same triangles, each from its lowest number on, by that number."""
+    """Return the same triangles, each from its lowest number on, by that number."""
     turns = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
     turned = np.take_along_axis(triangles, turns, axis=1)
     ordered: NDArray[np.int64] = turned[np.lexsort(turned.T[::-1])]
@@ -194,7 +194,7 @@ def _in_order(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def prism(outline: FloatArray, low_m: FloatArray | float, high_m: FloatArray | float) -> Mesh:
-    """Upright walls on an outline, shape (n, 2), without floor and roof; heights of each corner or of all.
+    """Return the upright walls on an outline, shape (n, 2), without floor and roof; heights of each corner or of all.
 
     >>> len(prism(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), 0.0, 2.0).triangles)  # three walls of two each
     6
@@ -209,7 +209,7 @@ def prism(outline: FloatArray, low_m: FloatArray | float, high_m: FloatArray | f
 
 
 def ribbons(lines: Sequence[FloatArray], width_m: float) -> Mesh:
-    """Strips along lines of points, shape (n, 3) each, level across and facing up.
+    """Return strips along lines of points, shape (n, 3) each, level across and facing up.
 
     >>> line = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
     >>> strips = ribbons([line, line + 5.0], 0.2)

@@ -24,7 +24,7 @@ _LARGEST_TURN_RAD: Final = 1.5  # from key to key: a quaternion knows no more th
 
 
 def place_keys(time_s: FloatArray, places_m: FloatArray) -> Keys:
-    """Key frames of a way, shape (n, 3).
+    """Return the key frames of a way, shape (n, 3).
 
     >>> time_s = np.array([0.0, 1.0, 2.0])
     >>> place_keys(time_s, np.column_stack([time_s, 0 * time_s, 0 * time_s])).time_s.tolist()  # straight at one speed
@@ -35,7 +35,9 @@ def place_keys(time_s: FloatArray, places_m: FloatArray) -> Keys:
 
 
 def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
-    """Key frames of how something is turned at each time; it turns less than half a turn from one to the next.
+    """Return the key frames of how something is turned at each time.
+
+    It turns less than half a turn from one to the next.
 
     >>> turn_keys(np.array([0.0, 1.0, 2.0]), Rotation.identity(3)).time_s.tolist()  # it does not turn
     [0.0, 2.0]
@@ -48,7 +50,7 @@ def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
 
 
 def size_keys(time_s: FloatArray, sizes: FloatArray) -> Keys:
-    """Key frames of something that shows (1) or does not (0), shape (n,).
+    """Return the key frames of something that shows (1) or does not (0), shape (n,).
 
     >>> size_keys(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0])).time_s.tolist()  # shows from 1 s on
     [0.0, 1.0]
@@ -58,7 +60,7 @@ def size_keys(time_s: FloatArray, sizes: FloatArray) -> Keys:
 
 
 def rolling_keys(time_s: FloatArray, angles_rad: FloatArray) -> Keys:
-    """Key frames of a wheel that has turned by some angles about the axis to its left.
+    """Return the key frames of a wheel that has turned by some angles about the axis to its left.
 
     >>> rolling_keys(np.array([0.0, 1.0]), np.zeros(2)).time_s.tolist()  # it stands
     [0.0]
@@ -73,11 +75,11 @@ def rolling_keys(time_s: FloatArray, angles_rad: FloatArray) -> Keys:
 
 
 def body_places(log: VehicleLog) -> FloatArray:
-    """Where the middle of a body is, shape (n, 3)."""
+    """Return the positions of a body's middle, shape (n, 3)."""
     return np.column_stack([log.x_m, log.y_m, log.z_m + log.above_road_m])
 
 
 def body_turns(log: VehicleLog) -> Rotation:
-    """How a body is turned: heading, pitch and roll in this order about its own axes up, left and ahead."""
+    """Return the rotation of a body: heading, pitch and roll in this order about its own axes up, left and ahead."""
     angles = np.column_stack([log.heading_rad, log.pitch_rad, log.roll_rad])
     return Rotation.from_euler("ZYX", angles)

@@ -25,7 +25,7 @@ _DENIM: Final = Material("#39465C")
 
 @lru_cache(maxsize=64)  # crashes have the same few vehicles
 def motorcycle_shape(body: Body, colour: str) -> VehicleShape:
-    """A motorcycle and its rider; the rider stays on it, as in the log, which has one body of both.
+    """Return a motorcycle and its rider; the rider stays on it, as in the log, which has one body of both.
 
     >>> len(motorcycle_shape(log.bodies[2], "#56B4E9").wheels)
     2
@@ -63,8 +63,9 @@ def _sized(mesh: Mesh, size: float) -> Mesh:
 
 
 def bicycle_parts(hubs_m: float, top_m: tuple[float, float]) -> tuple[Parts, float]:
-    """A bicycle without its wheels, and the radius of those. ``hubs_m`` is from hub to hub; ``top_m`` the middle of the
-    handlebar, ahead of and above the middle between them.
+    """Return a bicycle without its wheels, and the radius of those.
+
+    ``hubs_m`` is from hub to hub; ``top_m`` the middle of the handlebar, ahead of and above the middle between them.
 
     >>> parts, wheel_m = bicycle_parts(1.04, (0.35, 0.65))
     >>> wheel_m  # 28 inches across
@@ -85,7 +86,7 @@ def bicycle_parts(hubs_m: float, top_m: tuple[float, float]) -> tuple[Parts, flo
 
 
 def bicycle_wheel_parts(radius_m: float) -> Parts:
-    """A wheel of a bicycle: a thin ring and some spokes.
+    """Return a wheel of a bicycle: a thin ring and some spokes.
 
     >>> round(max(float(mesh.points_m[:, 2].max()) for _, mesh in bicycle_wheel_parts(0.34)), 2)
     0.34
@@ -98,7 +99,7 @@ def bicycle_wheel_parts(radius_m: float) -> Parts:
 
 
 def conveyance_parts(length_m: float) -> Parts:
-    """A deck on small wheels, about the middle of the deck.
+    """Return a deck on small wheels, about the middle of the deck.
 
     >>> deck = conveyance_parts(0.8)[0][1]
     >>> float(np.ptp(deck.points_m[:, 0]))

@@ -46,8 +46,10 @@ class Wheel:
 
 @dataclass(frozen=True, eq=False)
 class VehicleShape:
-    """A vehicle: what keeps its shape or is dented, its brake lamps when they are on, and its wheels. ``eye_m`` is
-    where the driver's eyes are."""
+    """A vehicle: what keeps its shape or is dented, its brake lamps when they are on, and its wheels.
+
+    ``eye_m`` is where the driver's eyes are.
+    """
 
     parts: Parts
     brake_lamps: Mesh
@@ -82,8 +84,9 @@ _PLANS: Final = {
 
 @lru_cache(maxsize=64)  # crashes have the same few vehicles
 def vehicle_shape(body: Body, colour: str) -> VehicleShape:
-    """A vehicle of that class and size, painted in a colour; motorcycles are
-    :func:`trace_dag.pages.solid.two_wheelers.motorcycle_shape`'s.
+    """Return a vehicle of that class and size, painted in a colour.
+
+    Motorcycles are :func:`trace_dag.pages.solid.two_wheelers.motorcycle_shape`'s.
 
     >>> len(vehicle_shape(log.bodies[1], "#E69F00").wheels)
     4
@@ -126,7 +129,7 @@ def vehicle_shape(body: Body, colour: str) -> VehicleShape:
 
 
 def _trailer_shape(body: Body, colour: str) -> VehicleShape:
-    """A box on wheels: with landing gear if it is as high as a semitrailer, else with a drawbar."""
+    """Return a box on wheels: with landing gear if it is as high as a semitrailer, else with a drawbar."""
     length, half, top = body.length_m, body.width_m / 2, body.height_m
     nose, tail = length / 2, -length / 2
     semi = length > _SEMITRAILER_FROM_M
@@ -164,7 +167,7 @@ def _wheels(body: Body, plan: _Plan, *, steered: bool = True) -> tuple[Wheel, ..
 
 @lru_cache(maxsize=64)  # crashes have the same few vehicles
 def wheel_parts(radius_m: float, width_m: float) -> Parts:
-    """A wheel about the axis to its left: tyre, and a rim with spokes, so that it is seen to turn.
+    """Return a wheel about the axis to its left: tyre, and a rim with spokes, so that it is seen to turn.
 
     >>> tyre = wheel_parts(0.3, 0.2)[0][1]
     >>> np.ptp(tyre.points_m, axis=0).round(6).tolist()  # as long and high as twice the radius
@@ -181,8 +184,9 @@ def wheel_parts(radius_m: float, width_m: float) -> Parts:
 
 
 def _tub(side: FloatArray, low: float, half: float) -> Mesh:
-    """The lower body below a side view, shape (n, 2) of (x, top): rounded at its edges, and at both ends seen from
-    above."""
+    """Return the lower body below a side view, shape (n, 2) of (x, top): rounded at its edges, and at both ends seen
+    from above.
+    """
     tail, nose = side[0, 0], side[-1, 0]
     stations = np.unique(np.concatenate([np.arange(tail, nose, _STATION_M), side[:, 0]]).round(4))
     top = np.interp(stations, side[:, 0], side[:, 1])
@@ -192,7 +196,7 @@ def _tub(side: FloatArray, low: float, half: float) -> Mesh:
 
 
 def _ring(half: float, low: float, top: float) -> FloatArray:
-    """A section seen from the front, y to its left, counter-clockwise from the front: flanks bulge a little."""
+    """Return a section seen from the front, y to its left, counter-clockwise from the front: flanks bulge a little."""
     z = np.array([0.0, 0.12, 0.45, 0.72, 0.93, 1.0]) * (top - low) + low
     y = np.array([0.90, 0.97, 1.0, 1.0, 0.97, 0.90]) * half
     middle = np.linspace(-0.9, 0.9, 5)[1:-1] * half  # so that ends and hoods can be dented in their middle
@@ -204,7 +208,7 @@ def _ring(half: float, low: float, top: float) -> FloatArray:
 
 
 def _cabin(rear: float, roof_from: float, roof_to: float, front: float, belt: float, roof: float, half: float) -> Mesh:
-    """Glass from the belt up, narrower at the roof."""
+    """Return the glass from the belt up, narrower at the roof."""
     roof_from = min(roof_from, roof_to - 0.2)
     stations = np.unique(np.concatenate([np.linspace(rear, front, 12), [roof_from, roof_to]]).clip(rear, front))
     xs, zs = [rear, roof_from, roof_to, front], [belt, roof, roof, belt]
@@ -221,7 +225,7 @@ def _cabin(rear: float, roof_from: float, roof_to: float, front: float, belt: fl
 
 
 def _roof(begin: float, end: float, top: float, half: float, rear: float, front: float, belt: float) -> Mesh:
-    """The roof and the pillars that carry it."""
+    """Return the roof and the pillars that carry it."""
     begin = min(begin, end - 0.2)
     y, low_y = 0.775 * half, 0.94 * half
     stations = np.linspace(begin - 0.03, end + 0.03, 6)
@@ -242,7 +246,7 @@ def _roof(begin: float, end: float, top: float, half: float, rear: float, front:
 
 
 def _post(low: Sequence[float], high: Sequence[float]) -> Mesh:
-    """A pillar: a leaning bar of rectangular section."""
+    """Return a pillar: a leaning bar of rectangular section."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     a, b = 0.05, 0.025
     bottom = [(x0 - a, y0 - b, z0), (x0 + a, y0 - b, z0), (x0 + a, y0 + b, z0), (x0 - a, y0 + b, z0)]
@@ -253,7 +257,7 @@ def _post(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 
 def _lamps(body: Body, nose: float, tail: float, bumper: float, deck: float, half: float) -> tuple[Parts, Mesh]:
-    """Head and tail lamps, and what is dark: bumpers and number plates."""
+    """Return the head and tail lamps, and what is dark: bumpers and number plates."""
 
     def pair(x0: float, x1: float, z0: float, z1: float, width: float) -> Mesh:
         return joined(box((x0, s * 0.70 * half - width, z0), (x1, s * 0.70 * half + width, z1)) for s in (-1, 1))
@@ -270,7 +274,7 @@ def _lamps(body: Body, nose: float, tail: float, bumper: float, deck: float, hal
 
 
 def _subdivided(mesh: Mesh, longest_m: float = 0.6) -> Mesh:
-    """Triangles halved along their longest edges until none is longer: so that large faces can be dented."""
+    """Return triangles halved along their longest edges until none is longer: so that large faces can be dented."""
     points, triangles = mesh
     for _ in range(12):
         corners = points[triangles]

@@ -33,8 +33,11 @@ _PATHS_BEND = 1.01  # margin, as a path's points can be nearer to each other tha
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Rectangles over time: poses of any shape, length and width (m); and the middle and length of the body that clock
-    positions are counted on, of a combination vehicle in line with this part of it."""
+    """Rectangles over time: poses of any shape, length and width (m).
+
+    And the middle and length of the body that clock positions are counted on, of a combination vehicle in line with
+    this part of it.
+    """
 
     poses: Poses
     size_m: tuple[float, float]
@@ -45,7 +48,7 @@ class Shape:
 def shapes(
     poses: Poses, size_m: tuple[float, float], trailer: Trailer | None, trailer_heading_rad: FloatArray | None
 ) -> tuple[Shape, ...]:
-    """The rectangles of a vehicle: itself, and its trailer.
+    """Return the rectangles of a vehicle: itself, and its trailer.
 
     >>> (alone,) = shapes((np.zeros(1), np.zeros(1), np.zeros(1)), (4.8, 1.8), None, None)
     >>> alone.size_m
@@ -61,7 +64,7 @@ def shapes(
 
 
 def shape_gaps_m(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> FloatArray:
-    """Least gaps between any rectangles of two vehicles, as :func:`trace_dag.common.geometry.gaps_m`.
+    """Return the least gaps between any rectangles of two vehicles, as :func:`trace_dag.common.geometry.gaps_m`.
 
     >>> here, there = ((np.array([x]), np.zeros(1), np.zeros(1)) for x in (0.0, 10.0))
     >>> one, two = (shapes(poses, (4.0, 2.0), None, None) for poses in (here, there))
@@ -92,22 +95,22 @@ class Mover:
 
     @classmethod
     def of(cls, vehicle: VehicleRecord, path: Path, station_m: float, speed_mps: float, *, backing: bool) -> Mover:
-        """A vehicle of a report, with what it pulls."""
+        """Return a vehicle of a report, with what it pulls."""
         return cls(path, station_m, speed_mps, vehicle.length_m, vehicle.width_m, backing, vehicle.trailer)
 
     @property
     def reach_m(self) -> float:
-        """Distance from the centre to the farthest corner."""
+        """Return the distance from the centre to the farthest corner."""
         behind_m = 0.0 if self.trailer is None else self.trailer.combination_length_m - self.length_m
         return math.hypot(self.length_m / 2 + behind_m, self.width_m / 2)
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y and heading of the body at times of any shape."""
+        """Return x, y and heading of the body at times of any shape."""
         x, y, heading = self.path.plan(self.station_m + self.speed_mps * np.asarray(time_s, float))
         return x, y, heading + math.pi if self.backing else heading
 
     def shapes_at(self, time_s: FloatArray) -> tuple[Shape, ...]:
-        """Its rectangles at times of any shape."""
+        """Return its rectangles at times of any shape."""
         poses, size_m = self.at(time_s), (self.length_m, self.width_m)
         if self.trailer is None:
             return shapes(poses, size_m, None, None)
@@ -143,8 +146,8 @@ class Contacts:
 
 
 def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0) -> Contacts:
-    """First contacts for ``timings`` timings, spread around the one at which both reach their stations at the same
-    time.
+    """Return the first contacts for ``timings`` timings, spread around the one at which both reach their stations at
+    the same time.
 
     With ``timings`` 1 exactly that timing is examined. Timings without a contact are left out, and those where the
     bodies touch from the beginning. The time span examined is what the bodies take to pass each other, at least
@@ -183,7 +186,8 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
 def _first_touching(
     one: Mover, two: Mover, time_s: FloatArray, ahead_s: FloatArray
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The timings at which the bodies touch or overlap, and for each the index into ``time_s`` where they first do.
+    """Return the timings at which the bodies touch or overlap, and for each the index into ``time_s`` where they first
+    do.
 
     Each mover gets half of the timing, so that both stay near their stations. Every few steps only the distance of the
     centres is looked at; the bodies themselves are tested where they are near enough to touch within these steps.
@@ -217,8 +221,9 @@ def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) ->
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """Where pairs of rectangles touch, arrays of equal length n: the point, its direction on each body as in
-    :func:`trace_dag.common.geometry.body_bearing_rad`, and whether there is one."""
+    """Contacts of pairs of rectangles, arrays of equal length n: the point, its direction on each body as in
+    :func:`trace_dag.common.geometry.body_bearing_rad`, and whether there is one.
+    """
 
     x_m: FloatArray
     y_m: FloatArray
@@ -228,8 +233,7 @@ class Touching:
 
 
 def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size_2_m: tuple[float, float]) -> Touching:
-    """Where bodies touch that have just come into contact: the mean of those corners of each that lie against the
-    other.
+    """Find the contact of bodies that have just met: the mean of those corners of each that lie against the other.
 
     Args:
         state_1: x, y and heading of the first bodies, each of shape (n,).
@@ -255,8 +259,11 @@ def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size
 
 
 def _touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> Touching:
-    """The same of vehicles that may pull trailers: of each two that have just come to touch, where the parts do that
-    are nearest to each other. Poses of shape (n,)."""
+    """Return the same of vehicles that may pull trailers: of each two that have just come to touch, where the parts do
+    that are nearest to each other.
+
+    Poses of shape (n,).
+    """
     pairs = list(product(one, two))
     nearest = np.argmin([gaps_m(a.poses, a.size_m, b.poses, b.size_m) for a, b in pairs], axis=0)
     found = [_touching_parts(a, b) for a, b in pairs]

@@ -62,7 +62,7 @@ class Option:
 
     @property
     def name(self) -> str:
-        """A name that tells this option from the others of its vehicle."""
+        """Return a name that tells this option from the others of its vehicle."""
         how = f" at {math.degrees(math.atan(self.shift.slope)):.1f} deg" if self.shift is not None else ""
         if self.constant_m:
             how += f" {abs(self.constant_m):.1f} m {'left' if self.constant_m > 0 else 'right'} of the lane's centre"
@@ -71,7 +71,7 @@ class Option:
         return f"{self.manoeuvre}{how} on {self.approach.name}"
 
     def path(self, slide_m: float = 0.0) -> Path:
-        """The path, its manoeuvre moved ``slide_m`` along the approach."""
+        """Return the path, its manoeuvre moved ``slide_m`` along the approach."""
         base = self.approach.path
         if self.turn is not None:
             return turned(base, self.turn, start_s_m=self.turn_start_m + slide_m, tail_m=_TAIL_M)
@@ -80,14 +80,16 @@ class Option:
         return shifted(base, self.shift, anchor_s_m=self.station_m + slide_m, constant_m=self.constant_m)
 
     def nominal_pose(self, slide_m: float) -> Pose:
-        """The vehicle's pose at its nominal place at the crash."""
+        """Return the vehicle's pose at its nominal place at the crash."""
         return self.approach.path.pose(self.station_m + slide_m)
 
 
 def keep_lane(
     approach: Approach, vehicle: VehicleRecord, speed_mps: float, *, offset_m: float = 0.0, turn: Turn | None = None
 ) -> Option:
-    """Along the lane, ``offset_m`` left of its centre. What the manoeuvre is called depends on the record and the road.
+    """Keep along the lane, ``offset_m`` left of its centre.
+
+    What the manoeuvre is called depends on the record and the road.
 
     ``turn``: the turn that the lane itself makes, if the record calls it a turn.
 
@@ -117,13 +119,13 @@ def keep_lane(
 
 
 def back_up(approach: Approach, speed_mps: float) -> Option:
-    """Backward along the approach: the path is the lane reversed, the body faces along the lane."""
+    """Return the backward along the approach: the path is the lane reversed, the body faces along the lane."""
     approach = approach.fitted(speed_mps)
     return Option(approach, Manoeuvre.BACKING, approach.station_m, True, speed_mps, backing=True)
 
 
 def steepest_slope(total_m: float, speed_mps: float, lateral_mps2: float) -> float:
-    """Steepest slope of a shift by ``total_m`` within the lateral acceleration, at most 40 degrees.
+    """Return the steepest slope of a shift by ``total_m`` within the lateral acceleration, at most 40 degrees.
 
     Each ramp is as long as slope and acceleration demand, and both ramps fit into the shift.
 
@@ -137,7 +139,7 @@ def steepest_slope(total_m: float, speed_mps: float, lateral_mps2: float) -> flo
 def lateral_shift(
     total_m: float, speed_mps: float, slope: float, lateral_mps2: float, *, beyond_m: float = 0.0
 ) -> LateralShift:
-    """A shift by ``total_m`` and ``beyond_m`` more, with ramps within the lateral acceleration.
+    """Return a shift by ``total_m`` and ``beyond_m`` more, with ramps within the lateral acceleration.
 
     It is anchored where bodies on the two lines begin to overlap.
 
@@ -153,7 +155,7 @@ def lateral_shift(
 def move_sideways(
     approach: Approach, speed_mps: float, total_m: float, manoeuvre: Manoeuvre, *, from_offset_m: float = 0.0
 ) -> list[Option]:
-    """Leaving the lane by ``total_m`` to the left (negative: right), gently and hard."""
+    """Return the manoeuvres that leave the lane by ``total_m`` to the left (negative: right), gently and hard."""
     options: list[Option] = []
     approach = approach.fitted(speed_mps)
     shape_speed_mps = max(speed_mps, _LEAST_SHAPE_SPEED_MPS)  # a vehicle that stands there came at some speed
@@ -180,7 +182,9 @@ def move_sideways(
 
 
 def follows_turn(approach: Approach, turn: Turn | None) -> bool:
-    """Whether the approach's own lanes make the turn: the corner of an L, or a bend that the record calls a turn."""
+    """Return whether the approach's own lanes make the turn: the corner of an L, or a bend that the record calls a
+    turn.
+    """
     if turn is None or approach.turn is not None:
         return False
     wanted = _turn_angle_rad(approach, turn)
@@ -188,12 +192,12 @@ def follows_turn(approach: Approach, turn: Turn | None) -> bool:
 
 
 def _turn_angle_rad(approach: Approach, turn: Turn) -> float:
-    """How far a turn at a right-angled corner, or back, turns a vehicle; counter-clockwise."""
+    """Return the angle of a turn at a right-angled corner, or back; counter-clockwise."""
     return -approach.kerb_sign * math.pi if turn is Turn.U_TURN else _TURN_ANGLE_RAD[turn]
 
 
 def _turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: float) -> TurnShape:
-    """The turn that a vehicle can make at this speed: as tight as usual, wider if the speed demands it."""
+    """Return the turn that a vehicle can make at this speed: as tight as usual, wider if the speed demands it."""
     radius = max(
         min(_TURN_RADIUS_M[turn], _CREEPING_RADIUS_M + _RADIUS_TIME_S * speed_mps),
         least_turn_radius_m(vehicle.vehicle_class, vehicle.length_m),
@@ -208,7 +212,7 @@ def _turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps:
 def make_turn(
     approach: Approach, vehicle: VehicleRecord, speed_mps: float, turn: Turn, *, slides: bool
 ) -> list[Option]:
-    """Turning off the approach: to where its lanes lead, else at a right angle at the place of the crash.
+    """Return the turns off the approach: to where its lanes lead, else at a right angle at the place of the crash.
 
     Turns that begin earlier or later than the lanes' own are further options, at a cost.
 

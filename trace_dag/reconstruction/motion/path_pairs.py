@@ -32,7 +32,7 @@ class PathPair:
 
 
 def ways(party: Party, approach: Approach, speed: TravelSpeed, *, slides: bool = False) -> list[Option]:
-    """What a vehicle that keeps to its path can do: go along, turn, back up.
+    """Return the ways of a vehicle that keeps to its path: go along, turn, back up.
 
     ``slides``: where it turned may follow from where the crash was, at a price; else it turned where the lanes do.
 
@@ -51,7 +51,7 @@ def ways(party: Party, approach: Approach, speed: TravelSpeed, *, slides: bool =
 
 
 def along(party: Party, approach: Approach, speed: TravelSpeed) -> Option:
-    """Keeping to the lane.
+    """Return the ways that keep to the lane.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> rider, street = party(record, record.vehicles[1]), scene.through[0]
@@ -62,7 +62,7 @@ def along(party: Party, approach: Approach, speed: TravelSpeed) -> Option:
 
 
 def speed_of(party: Party, approach: Approach, *, crossing: bool = False) -> TravelSpeed:
-    """The vehicle's travel speed on this approach, reported or inferred.
+    """Return the vehicle's travel speed on this approach, reported or inferred.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> round(speed_of(party(record, record.vehicles[1]), scene.through[0]).speed_mps / 0.44704)  # 30 mph in the report
@@ -72,7 +72,7 @@ def speed_of(party: Party, approach: Approach, *, crossing: bool = False) -> Tra
 
 
 def apart(one: Approach, two: Approach) -> float:
-    """Angle between two directions of travel along one road (rad): at the crash, before a turn.
+    """Return the angle between two directions of travel along one road (rad): at the crash, before a turn.
 
     >>> apart(scene.through[0], scene.through[0])
     0.0
@@ -82,7 +82,7 @@ def apart(one: Approach, two: Approach) -> float:
 
 
 def gap_between(one: Approach, two: Approach) -> float:
-    """How far left of ``one`` the path of ``two`` is at the crash (metres).
+    """Return how far left of ``one`` the path of ``two`` is at the crash (metres).
 
     >>> abs(round(gap_between(scene.through[0], scene.through[0]), 6))
     0.0
@@ -92,7 +92,7 @@ def gap_between(one: Approach, two: Approach) -> float:
 
 
 def left_of(one: Approach, two: Approach, side: Side) -> float:
-    """How far ``one`` is to the given side of ``two`` at the crash (metres).
+    """Return how far ``one`` is to the given side of ``two`` at the crash (metres).
 
     >>> one, two = (next(each for each in scene.through if each.name == name) for name in ("7:2>6:2", "7:1>6:1"))
     >>> round(left_of(one, two, Side.RIGHT), 1)  # the next lane to the right
@@ -103,8 +103,8 @@ def left_of(one: Approach, two: Approach, side: Side) -> float:
 
 
 def turning_approaches(approaches: Iterable[Approach], turn: Turn) -> list[Approach]:
-    """Streams on which the turn can be made: those whose lanes lead there, and the shared lane in the middle beside
-    them.
+    """Return streams on which the turn can be made: those whose lanes lead there, and the shared lane in the middle
+    beside them.
 
     >>> {approach.turn.value for approach in turning_approaches(scene.approaches, Turn.RIGHT)}
     {'right'}
@@ -116,7 +116,7 @@ def turning_approaches(approaches: Iterable[Approach], turn: Turn) -> list[Appro
 
 
 def _turning_from_centre(centre: Approach, by_lanes: list[Approach]) -> Approach:
-    """The shared lane with the exit of the turning lane beside it, if there is one."""
+    """Return the shared lane with the exit of the turning lane beside it, if there is one."""
     beside = [approach for approach in by_lanes if apart(centre, approach) <= SAME_HEADING_RAD]
     if not beside:
         return centre

@@ -48,7 +48,7 @@ CLOSING_MPS = 6.0  # least difference if one of two unreported speeds must have 
 
 
 def same_lane(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
-    """Rear-end: the mover runs into the other from behind."""
+    """Yield the rear-end: the mover runs into the other from behind."""
     mover, other = scenario.mover, scenario.other
     offsets = [0.0]
     if _off_centre(mover) or _off_centre(other):
@@ -67,12 +67,12 @@ def same_lane(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
 
 
 def _both_turn(scenario: PreCrashScenario) -> bool:
-    """Whether both make the same turn, one behind or beside the other."""
+    """Return whether both make the same turn, one behind or beside the other."""
     return scenario.mover.turn is not None and scenario.mover.turn is scenario.other.turn
 
 
 def _lanes_of_both(scene: Scene, scenario: PreCrashScenario) -> list[Approach]:
-    """The lanes that two on one road can have been in: those of a turn that both make, where the map has any."""
+    """Return the lanes that two on one road can have been in: those of a turn that both make, where the map has any."""
     turn = scenario.other.turn
     turning = turning_approaches(scene.approaches, turn) if turn is not None and _both_turn(scenario) else []
     return scene.on_road(turning) or scene.on_road(scene.through)
@@ -81,7 +81,7 @@ def _lanes_of_both(scene: Scene, scenario: PreCrashScenario) -> list[Approach]:
 def _slowed(
     mover: Party, behind: TravelSpeed, other: Party, ahead: TravelSpeed
 ) -> tuple[SpeedProfile | None, dict[str, float]]:
-    """A leader that is reported to be no slower than its follower must have slowed down, no more than needed."""
+    """Return a leader that is reported to be no slower than its follower must have slowed down, no more than needed."""
     follower, leader = (speed_profile(party, speed.speed_mps) for party, speed in ((mover, behind), (other, ahead)))
     if leader.impact_mps <= follower.impact_mps - LEAST_CLOSING_MPS:
         return None, {}
@@ -91,7 +91,7 @@ def _slowed(
 
 
 def same_direction(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
-    """Adjacent paths: the mover comes over to the other's, or turns across it.
+    """Yield the adjacent paths: the mover comes over to the other's, or turns across it.
 
     >>> pairs = list(same_direction(scene, solution.candidate.scenario))  # were they side by side
     >>> {pair.other.manoeuvre.value for pair in pairs}  # the other keeps to its lane
@@ -119,8 +119,9 @@ def same_direction(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPai
 
 
 def _moving_out(approach: Approach, away_m: float, speed_mps: float) -> Approach:
-    """The approach of a vehicle that moved out to pass a little before: at first in its lane, beside it at the
-    crash."""
+    """Return the approach of a vehicle that moved out to pass a little before: at first in its lane, beside it at the
+    crash.
+    """
     speed_mps = max(speed_mps, _LEAST_PASSING_MPS)
     lateral_mps2 = _PASSING_LATERAL_G * GRAVITY_MPS2
     shift = lateral_shift(away_m, speed_mps, steepest_slope(away_m, speed_mps, lateral_mps2), lateral_mps2)
@@ -150,7 +151,8 @@ def _coming_over(
 
 
 def opposite(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
-    """Oncoming: the mover crosses the centre line or the median, drives the wrong way, or turns across.
+    """Yield pairs of oncoming vehicles: the mover crosses the centre line or the median, drives the wrong way, or turns
+    across.
 
     >>> pairs = list(opposite(scene, solution.candidate.scenario))
     >>> {(pair.mover.manoeuvre.value, pair.other.manoeuvre.value) for pair in pairs}  # vehicle 1 turns across the other
@@ -207,13 +209,13 @@ def _median_terms(mover: Party, gap_m: float) -> dict[str, float]:
 
 
 def _faster(behind: TravelSpeed, ahead: TravelSpeed) -> TravelSpeed:
-    """An unreported speed of a vehicle that ran into another ahead is higher than the other's."""
+    """Return an unreported speed of a vehicle that ran into another ahead, raised above the other's."""
     if behind.source is SpeedSource.REPORTED or behind.speed_mps >= ahead.speed_mps + CLOSING_MPS:
         return behind
     return replace(behind, speed_mps=ahead.speed_mps + CLOSING_MPS)
 
 
 def _off_centre(party: Party) -> bool:
-    """Whether it was struck anywhere but in the middle of its front or rear."""
+    """Return whether it was struck anywhere but in the middle of its front or rear."""
     impact = party.vehicle.impact
     return impact is not None and abs(math.sin(impact.centre_rad)) > 0.2

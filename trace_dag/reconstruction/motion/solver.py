@@ -61,7 +61,7 @@ class Solution:
 
     @property
     def name(self) -> str:
-        """Names both vehicles' manoeuvres and approaches; unique among the candidates of one crash."""
+        """Return names both vehicles' manoeuvres and approaches; unique among the candidates of one crash."""
         scenario = self.candidate.scenario
         return "; ".join(
             f"vehicle {party.vehicle.number}: {placed.option.name}"
@@ -72,7 +72,7 @@ class Solution:
 
 
 def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> Solution | None:
-    """The best first contact of a candidate near a place; None if the two never meet."""
+    """Return the best first contact of a candidate near a place; None if the two never meet."""
     scenario = candidate.scenario
     slide = [0.0, 0.0]
     best: tuple[Contacts, int, Mover, Mover] | None = None
@@ -109,7 +109,7 @@ def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> 
 
 
 def _span_s(candidate: Candidate) -> float:
-    """How long two vehicles side by side take to come together, as one of them moves over slowly (seconds)."""
+    """Return the time for two vehicles side by side to come together, as one of them moves over slowly (seconds)."""
     shift = candidate.mover.shift
     if shift is None or candidate.scenario.relation is not Relation.SAME_DIRECTION:
         return 0.0
@@ -147,7 +147,10 @@ def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) ->
 
 
 def _conflict(one: Path, two: Path, x_m: float, y_m: float) -> tuple[float, float] | None:
-    """Stations where two paths come closest to each other near a place; None if they stay more than 6 m apart."""
+    """Return stations where two paths come closest to each other near a place.
+
+    None if they stay more than 6 m apart.
+    """
     spans = []
     for path in (one, two):
         near = np.flatnonzero(np.hypot(path.x_m - x_m, path.y_m - y_m) < 40.0)
@@ -167,7 +170,7 @@ def _conflict(one: Path, two: Path, x_m: float, y_m: float) -> tuple[float, floa
 def _unslidable(
     candidate: Candidate, slides: tuple[bool, bool], contacts: Contacts, x_m: float, y_m: float
 ) -> FloatArray:
-    """The part of each contact's distance from the place that sliding along the road cannot remove."""
+    """Return the part of each contact's distance from the place that sliding along the road cannot remove."""
     dx, dy = contacts.x_m - x_m, contacts.y_m - y_m
     if not any(slides):
         return np.asarray(np.hypot(dx, dy))
@@ -177,7 +180,7 @@ def _unslidable(
 
 
 def _steadied(score: FloatArray) -> FloatArray:
-    """Each contact's score, averaged with those of the neighbouring timings."""
+    """Return each contact's score, averaged with those of the neighbouring timings."""
     if len(score) == 1:
         return score
     padded = np.concatenate([[score[0] + _LONE_TIMING], score, [score[-1] + _LONE_TIMING]])

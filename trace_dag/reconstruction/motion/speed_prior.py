@@ -66,7 +66,7 @@ class SpeedClass(StrEnum):
 
 
 class Role(StrEnum):
-    """What a vehicle did in the crash, as far as it matters for braking."""
+    """Roles of a vehicle in a crash, as far as they matter for braking."""
 
     TURNING = "turning"
     OPPOSITE = "opposite"
@@ -84,21 +84,21 @@ class Distribution:
     values: tuple[float, ...]
 
     def at(self, probability: float) -> float:
-        """The value at a cumulative probability, linear between the levels."""
+        """Return the value at a cumulative probability, linear between the levels."""
         return float(np.interp(probability, LEVELS, self.values))
 
     def probability_below(self, value: float) -> float:
-        """The cumulative probability of a value, linear between the levels."""
+        """Return the cumulative probability of a value, linear between the levels."""
         return float(np.interp(value, self.values, LEVELS))
 
     @property
     def median(self) -> float:
-        """The median."""
+        """Return the median."""
         return self.at(0.5)
 
 
 def speed_class(party: Party, rule: TravelSpeed) -> SpeedClass:
-    """The speed class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives.
+    """Return the speed class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> rule = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
@@ -111,7 +111,7 @@ def speed_class(party: Party, rule: TravelSpeed) -> SpeedClass:
 
 
 def role(party: Party) -> Role:
-    """What a vehicle did in the crash, by its record.
+    """Return a vehicle's role by its record.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> [role(party(queue_record, vehicle)).value for vehicle in queue_record.vehicles[:2]]  # crash types 20 and 21
@@ -130,7 +130,9 @@ def role(party: Party) -> Role:
 
 
 def features(party: Party, rule: TravelSpeed) -> dict[str, bool]:
-    """What a travel speed depends on in the report, beside the rule; the names are those of the table of shifts.
+    """Return the reported facts that a travel speed depends on, beside the rule.
+
+    The names are those of the table of shifts.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> rider = party(record, record.vehicles[1])
@@ -178,7 +180,7 @@ def features(party: Party, rule: TravelSpeed) -> dict[str, bool]:
 
 
 def likely_travel_speed(party: Party, road: Road | None, *, crossing: bool) -> TravelSpeed:
-    """The reported travel speed, or the median of those that can have been.
+    """Return the reported travel speed, or the median of those that can have been.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> likely_travel_speed(party(queue_record, queue_record.vehicles[1]), None, crossing=False).speed_mps  # it stood
@@ -191,7 +193,7 @@ def likely_travel_speed(party: Party, road: Road | None, *, crossing: bool) -> T
 
 
 def travel_speed_distribution(party: Party, rule: TravelSpeed) -> Distribution:
-    """Distribution of a vehicle's travel speed (m/s) if none is reported."""
+    """Return the distribution of a vehicle's travel speed (m/s) if none is reported."""
     group = speed_class(party, rule)
     shift = math.fsum(SHIFTS_MPH[name] for name, holds in features(party, rule).items() if holds)
     return Distribution(
@@ -200,7 +202,7 @@ def travel_speed_distribution(party: Party, rule: TravelSpeed) -> Distribution:
 
 
 def speed_kept_distribution(party: Party) -> Distribution:
-    """Distribution of the speed at the impact as a share of the travel speed: what is left after braking.
+    """Return the distribution of the speed at the impact as a share of the travel speed: what is left after braking.
 
     It is 1 if the report says that nothing or something else was done to avoid the crash, and for vehicles that turn or
     stand.
@@ -212,10 +214,12 @@ def speed_kept_distribution(party: Party) -> Distribution:
 
 
 def speed_profile(party: Party, initial_mps: float, *, most_g: float = math.inf) -> SpeedProfile:
-    """The speed before the impact of a vehicle: it starts if the record says so; else it loses what one vehicle of its
-    role lost, drawn from :func:`speed_kept_distribution`, at a deceleration that is drawn from those of recorders; who
-    is reported to have braked, what one of those lost that lost anything. A crash always has the same draw. ``most_g``:
-    what the ground holds (g).
+    """Return the speed before the impact of a vehicle: it starts if the record says so.
+
+    Else it loses what one vehicle of its role lost, drawn from :func:`speed_kept_distribution`, at a deceleration that
+    is drawn from those of recorders; who is reported to have braked, what one of those lost that lost anything.
+
+    A crash always has the same draw. ``most_g``: what the ground holds (g).
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> speed_profile(party(record, record.vehicles[0]), 6.7)  # who turns keeps its speed
@@ -240,5 +244,5 @@ def speed_profile(party: Party, initial_mps: float, *, most_g: float = math.inf)
 
 
 def quantiles(values: Sequence[float]) -> tuple[float, ...]:
-    """A sample's values at :data:`LEVELS`."""
+    """Return a sample's values at :data:`LEVELS`."""
     return tuple(float(value) for value in np.quantile(values, LEVELS))

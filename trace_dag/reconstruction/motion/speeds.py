@@ -53,7 +53,7 @@ class TravelSpeed:
 def travel_speed(
     vehicle: VehicleRecord, crash_type: CrashType, turn: Turn | None, road: Road | None, *, crossing: bool
 ) -> TravelSpeed:
-    """The reported speed, or the most plausible one for the manoeuvre, the limit and the road, in that order.
+    """Return the reported speed, or the most plausible one for the manoeuvre, the limit and the road, in that order.
 
     >>> from trace_dag.crash.crash_types import crash_type_of
     >>> told = travel_speed(record.vehicles[1], crash_type_of(record.vehicles[1]), None, None, crossing=False)
@@ -82,7 +82,8 @@ def travel_speed(
 
 
 def as_on_the_right(turn: Turn, road: Road | None) -> Turn:
-    """The turn that is like this one where traffic keeps right: across oncoming traffic, or close around the corner.
+    """Return the turn that is like this one where traffic keeps right: across oncoming traffic, or close around the
+    corner.
 
     >>> from dataclasses import replace
     >>> as_on_the_right(Turn.LEFT, replace(network.roads[0], left_hand=True)).value
@@ -94,15 +95,16 @@ def as_on_the_right(turn: Turn, road: Road | None) -> Turn:
 
 
 def class_speed_mps(road: Road | None) -> float:
-    """The usual speed on a road of its class (m/s), if neither map nor report has a limit: the median limit of fatal
-    crashes on such roads."""
+    """Return the usual speed on a road of its class (m/s), if neither map nor report has a limit: the median limit of
+    fatal crashes on such roads.
+    """
     highway = road.highway if road is not None else ""
     limit_mph = LIMITS_MPH.get(highway)
     return road_class(highway).speed_mps if limit_mph is None else mph_to_mps(limit_mph)
 
 
 def brakes(vehicle: VehicleRecord) -> bool:
-    """Whether the record says that the vehicle braked before the impact.
+    """Return whether the record says that the vehicle braked before the impact.
 
     >>> from dataclasses import replace
     >>> brakes(record.vehicles[0]), brakes(replace(record.vehicles[0], avoidance_code=16))  # P_CRASH3 16: braking
@@ -112,7 +114,7 @@ def brakes(vehicle: VehicleRecord) -> bool:
 
 
 def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
-    """Whether the vehicle moves off from rest: the record says so and its speed at the initial state is zero."""
+    """Return whether the vehicle moves off from rest: the record says so and its speed at the initial state is zero."""
     return speed_mps == 0.0 and vehicle.movement in _STARTING
 
 
@@ -128,7 +130,9 @@ class SpeedProfile:
     change_time_s: float = 0.0
 
     def sample(self, lead_time_s: float, after_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Times from 0, distances from the impact (negative before it) and speeds; the impact is one of the samples.
+        """Return times from 0, distances from the impact (negative before it) and speeds.
+
+        The impact is one of the samples.
 
         After the impact the speed stays the same, as if nothing had happened. Who brakes begins within the lead time,
         and loses no more speed in it than tyres hold.
@@ -156,7 +160,7 @@ class SpeedProfile:
 
 
 def least_turn_radius_m(vehicle_class: VehicleClass, length_m: float) -> float:
-    """Radius of the tightest path a body's centre can follow, metres (AASHTO design vehicles, centreline radii).
+    """Return radius of the tightest path a body's centre can follow, metres (AASHTO design vehicles, centreline radii).
 
     >>> least_turn_radius_m(VehicleClass.CAR, 4.85), least_turn_radius_m(VehicleClass.BUS, 12.0)
     (6.0, 11.0)

@@ -1,4 +1,4 @@
-"""Which way a person moved, seen from the vehicle that struck it: what the report says, and what it leaves open.
+"""Directions in which a person moved, seen from the striking vehicle, as reported and as left open.
 
 A course is relative to the vehicle: across its path from its left or right, along with it, towards it, or none. It is
 read from the typing of the crash (``PEDCTYPE``, ``PEDSNR``, ``BIKECTYPE``) and the compass directions (``PEDDIR``,
@@ -21,7 +21,7 @@ from trace_dag.crash.record import ImpactArea, NonMotorist
 
 
 class Course(StrEnum):
-    """Which way a person moved, seen from the vehicle that struck it."""
+    """The direction in which a person moved, seen from the vehicle that struck it."""
 
     FROM_LEFT = "from_left"
     FROM_RIGHT = "from_right"
@@ -112,7 +112,7 @@ class CourseReading:
 
 
 def reported_directions(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
-    """The courses that the report allows; empty if it says nothing about the course.
+    """Return the courses that the report allows; empty if it says nothing about the course.
 
     ``turn``: the turn the vehicle made.
     """
@@ -126,7 +126,7 @@ def reported_directions(person: NonMotorist, turn: Turn | None) -> frozenset[Cou
 
 
 def readings(person: NonMotorist, turn: Turn | None, area: ImpactArea | None) -> tuple[CourseReading, ...]:
-    """All possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at.
+    """Return all possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at.
 
     >>> found = readings(pedestrian_record.non_motorists[0], None, None)
     >>> round(sum(math.exp(reading.log_prior) for reading in found), 6)
@@ -157,8 +157,9 @@ def _of_kind(person: NonMotorist) -> frozenset[Course]:
 
 
 def _told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
-    """The side of the vehicle's path from which the person came: by ``PEDSNR``, else by the compass directions, else by
-    which of the two turned into the other's path."""
+    """Return the side of the vehicle's path from which the person came: by ``PEDSNR``, else by the compass directions,
+    else by which of the two turned into the other's path.
+    """
     if person.scenario and person.scenario[-1] in "ab":
         left = person.scenario[-1] == "a"
         number = int(person.scenario[:-1])
@@ -178,8 +179,9 @@ def _told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
 
 
 def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
-    """A person who goes straight on in the vehicle's direction crosses the path of a vehicle that turns left from its
-    left."""
+    """Return a person who goes straight on in the vehicle's direction crosses the path of a vehicle that turns left
+    from its left.
+    """
     code = person.cyclist_type_code
     if turn not in (Turn.LEFT, Turn.RIGHT) or code not in _SAME_WAY_FIRST | _OTHER_WAY_FIRST:
         return None
@@ -188,7 +190,10 @@ def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
 
 
 def _compass_relative_deg(person: NonMotorist) -> float | None:
-    """Direction of the person minus that of the motorist: 0, 90, 180 or -90 degrees; None if either is not coded."""
+    """Return the direction of the person minus that of the motorist: 0, 90, 180 or -90 degrees.
+
+    None if either is not coded.
+    """
     of_person, of_motorist = (
         COMPASS_DEG.get(code or 0) for code in (person.pedestrian_direction_code, person.motorist_direction_code)
     )
@@ -217,7 +222,7 @@ def _of_actions(person: NonMotorist) -> frozenset[Course]:
 
 
 def _side_term(course: Course, area: ImpactArea | None) -> float:
-    """A person who came from one side is rarely struck by the other side of the vehicle."""
+    """Return a person who came from one side is rarely struck by the other side of the vehicle."""
     if area is None or course not in CROSSING or abs(area.centre_rad) < _AHEAD_RAD / 3:
         return 0.0
     on_left = area.centre_rad > 0

@@ -1,4 +1,4 @@
-"""How fast people walk, run and ride: FARS codes no speed of a person.
+"""Speeds of people who walk, run and ride: FARS codes no speed of a person.
 
 Sources, and how far each was checked:
 
@@ -41,7 +41,7 @@ _DASH_GROUP: Final = 740  # PEDCGP
 
 
 class Gait(StrEnum):
-    """How a person or an animal moves."""
+    """Gaits of a person or an animal."""
 
     STANDING = "standing"
     WALKING = "walking"
@@ -52,7 +52,7 @@ class Gait(StrEnum):
 
 
 def gait_of(person: NonMotorist) -> Gait:
-    """How the person moved: running if the report says so, riding if the person rode something, else walking.
+    """Return the gait: running if the report says so, riding if the person rode something, else walking.
 
     >>> gait_of(pedestrian_record.non_motorists[0]).value  # PEDCTYPE 760: failed to yield, no dash
     'walking'
@@ -65,13 +65,13 @@ def gait_of(person: NonMotorist) -> Gait:
 
 
 def dashes(person: NonMotorist) -> bool:
-    """Whether the person ran out into the road."""
+    """Return whether the person ran out into the road."""
     by_type = person.pedestrian_type_code in _DASHES or person.pedestrian_group_code == _DASH_GROUP
     return by_type or not _DASHED.isdisjoint(person.circumstances)
 
 
 def usual_speed_mps(person: NonMotorist, gait: Gait) -> float:
-    """The usual speed of a person of that age (years) with that gait, m/s.
+    """Return the usual speed of a person of that age (years) with that gait, m/s.
 
     >>> usual_speed_mps(pedestrian_record.non_motorists[0], Gait.STANDING)
     0.0

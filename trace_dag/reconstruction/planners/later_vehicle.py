@@ -1,4 +1,4 @@
-"""How one more vehicle comes to touch a party whose motion has been simulated: arriving, standing in its way, slow.
+"""Later contacts of one more vehicle with a party whose motion has been simulated: arriving, standing in its way, slow.
 
 Every way the report leaves open for the vehicle, at every time from the contact before on, or standing anywhere along
 it, is moved forward beside everybody who is there already. What counts is whom it touches first, and when and where:
@@ -57,7 +57,7 @@ _LEAST_CLOSING_MPS: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class SimulatedMotion:
-    """Where a body is over time, as simulated: arrays of equal length, headings unwrapped."""
+    """A body's simulated motion: arrays of equal length, headings unwrapped."""
 
     number: int
     length_m: float
@@ -69,16 +69,16 @@ class SimulatedMotion:
 
     @classmethod
     def of(cls, log: VehicleLog, body: Body) -> SimulatedMotion:
-        """That of a party of a simulation."""
+        """Return that of a party of a simulation."""
         return cls(log.number, body.length_m, body.width_m, log.time_s, log.x_m, log.y_m, np.unwrap(log.heading_rad))
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width."""
+        """Return the length and width."""
         return self.length_m, self.width_m
 
     def at(self, time_s: FloatArray) -> Poses:
-        """x, y and heading at some times; where it came to rest after the last one."""
+        """Return x, y and heading at some times; where it came to rest after the last one."""
         x, y, heading = (np.interp(time_s, self.time_s, each) for each in (self.x_m, self.y_m, self.heading_rad))
         return x, y, heading
 
@@ -96,12 +96,12 @@ class Arrival:
 
     @property
     def group(self) -> tuple[str, bool]:
-        """Arrivals of one group differ in detail only."""
+        """Return arrivals of one group differ in detail only."""
         return self.placed.option.approach.name, self.profile.impact_mps <= STANDING_MPS
 
     @property
     def name(self) -> str:
-        """Says what distinguishes this arrival from the others of its vehicle."""
+        """Return the words that distinguish this arrival from the others of its vehicle."""
         return f"vehicle {self.who.vehicle.number}: {self.placed.option.name} at {self.time_s:.1f} s"
 
 
@@ -117,7 +117,7 @@ class _Way:
 def arrivals(
     scene: Scene, contact: CrashEvent, newcomer: int, there: Sequence[SimulatedMotion], *, after_s: float
 ) -> list[Arrival]:
-    """Every way for a vehicle to have this contact first, with whom it is with, after a time; likeliest first.
+    """Return every way for a vehicle to have this contact first, with whom it is with, after a time; likeliest first.
 
     ``there``: the motions of all who are there already, the other party of the contact among them.
     """
@@ -133,7 +133,7 @@ def arrivals(
 
 
 def arrival_plans(search: Search, course: Course, contact: CrashEvent, newcomer: int) -> Iterator[Plan | str]:
-    """The plans of the ways in which a vehicle comes to a contact with one that is there."""
+    """Yield the plans of the ways in which a vehicle comes to a contact with one that is there."""
     motions = [SimulatedMotion.of(each, course.log.bodies[each.number]) for each in course.log.vehicles]
     (known,) = (number for number in contact.pair if number != newcomer)
     found = arrivals(search.scene, contact, newcomer, motions, after_s=_after_s(search, course))
@@ -147,7 +147,7 @@ def arrival_plans(search: Search, course: Course, contact: CrashEvent, newcomer:
 
 
 def _after_s(search: Search, course: Course) -> float:
-    """When the event before came about, or the first one where the order is not known."""
+    """Return the time of the event before, or of the first one where the order is not known."""
     times = [each.time_s for each in course.matching.matched if each is not None]
     if not times:
         return float(course.states[0].trajectory.time_s[0])
@@ -187,12 +187,13 @@ def _ways(scene: Scene, who: Party) -> Iterator[_Way]:
 
 
 def _approaches(scene: Scene, who: Party) -> list[Approach] | None:
-    """All of the road's streams for a vehicle that keeps to one: what came before may have gone across to any."""
+    """Return all of the road's streams for a vehicle that keeps to one: what came before may have gone across to
+    any."""
     return scene.through if who.turn is None else None
 
 
 def _may_stand(who: Party) -> bool:
-    """Whether it may have stood though nothing says so: nothing says that it moved."""
+    """Return whether it may have stood though nothing says so: nothing says that it moved."""
     return who.vehicle.travel_speed_mps is None and not who.stationary and who.turn is None and not who.backing
 
 
@@ -212,7 +213,7 @@ def _best(
     others: Sequence[SimulatedMotion],
     after_s: float,
 ) -> Arrival | None:
-    """The likeliest timing, or standing place, of one way; None if it never has the contact first."""
+    """Return the likeliest timing, or standing place, of one way; None if it never has the contact first."""
     size = (who.vehicle.length_m, who.vehicle.width_m)
     meets = after_s + np.arange(_TIMING_STEP_S, LONGEST_WAIT_S, _TIMING_STEP_S)
     stations, when = _placings(way, target, size, meets)
@@ -260,13 +261,15 @@ def _best(
 
 
 def _stood(target: SimulatedMotion, until_s: float) -> bool:
-    """Whether the other party stood from the beginning until just before a time."""
+    """Return whether the other party stood from the beginning until just before a time."""
     (x0, x1), (y0, y1), _ = target.at(np.array([0.0, until_s - _STEP_S]))
     return math.hypot(x1 - x0, y1 - y0) < _LEAST_APART_M
 
 
 def _left_free_m(way: _Way, target: SimulatedMotion, size_m: tuple[float, float], stations: FloatArray) -> FloatArray:
-    """How much more than a queue's usual gap is between a vehicle that stands at each station and one that stood."""
+    """Return how much more than a queue's usual gap is between a vehicle that stands at each station and one that
+    stood.
+    """
     x, y, _ = target.at(np.zeros(1))
     station_m, _ = way.path.project(float(x[0]), float(y[0]))
     gaps = np.abs(stations - station_m) - (size_m[0] + target.length_m) / 2
@@ -276,7 +279,9 @@ def _left_free_m(way: _Way, target: SimulatedMotion, size_m: tuple[float, float]
 def _placings(
     way: _Way, target: SimulatedMotion, size_m: tuple[float, float], meets_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Stations, and the times at which the vehicle is there: beside the other party then, or standing near its way."""
+    """Return stations, and the times at which the vehicle is there: beside the other party then, or standing near its
+    way.
+    """
     reach = (math.hypot(*size_m) + math.hypot(*target.size_m)) / 2
     x, y, _ = target.at(meets_s)
     near = way.path.project_all(x, y)
@@ -292,7 +297,7 @@ def _placings(
 
 
 def _travelled(profile: SpeedProfile, since_s: FloatArray) -> FloatArray:
-    """Distance from where the vehicle is at time 0, negative before it."""
+    """Return the distance from where the vehicle is at time 0, negative before it."""
     before = np.minimum(since_s, 0.0)
     change = profile.change_time_s
     distance = profile.impact_mps * since_s
@@ -304,7 +309,10 @@ def _travelled(profile: SpeedProfile, since_s: FloatArray) -> FloatArray:
 
 
 def _gaps_m(newcomer: Poses, size_m: tuple[float, float], other: SimulatedMotion, time_s: FloatArray) -> FloatArray:
-    """Gaps between each row of the newcomer's motion and another body; infinite where they are far from each other."""
+    """Return gaps between each row of the newcomer's motion and another body.
+
+    Infinite where they are far from each other.
+    """
     x, y, heading = other.at(time_s)
     reach = (math.hypot(*size_m) + math.hypot(*other.size_m)) / 2 + _QUEUE_GAP_M
     dx, dy = newcomer[0] - x, newcomer[1] - y
@@ -323,7 +331,7 @@ def _headway(since_s: FloatArray) -> FloatArray:
 
 
 def _steadied(score: FloatArray, places: NDArray[np.intp]) -> FloatArray:
-    """Each score with a share of its neighbours': what a small error loses is worth less."""
+    """Return each score with a share of its neighbours': what a small error loses is worth less."""
     lone = score + math.log(0.5)
     before = np.where(np.diff(places, prepend=-2) == 1, np.roll(score, 1), lone)
     after = np.where(np.diff(places, append=places[-1] + 2) == 1, np.roll(score, -1), lone)
@@ -331,7 +339,7 @@ def _steadied(score: FloatArray, places: NDArray[np.intp]) -> FloatArray:
 
 
 def _closing(way: _Way, target: SimulatedMotion, bodies: tuple[FloatArray, ...], time_s: FloatArray) -> FloatArray:
-    """Speed at which the two centres move against each other."""
+    """Return the speed at which the two centres move against each other."""
     sense = -1.0 if way.option.backing else 1.0
     own = sense * way.profile.impact_mps
     before, now = target.at(time_s - _STEP_S), target.at(time_s)

@@ -76,7 +76,7 @@ STANDS: Final = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
 
 
 def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
-    """The places where a parked or working vehicle can have stood, by the zone of the first harmful event.
+    """Yield the places where a parked or working vehicle can have stood, by the zone of the first harmful event.
 
     >>> zones = {stand.zone.value for stand in stands(scene, record.vehicles[0])}
     >>> zones  # the first harmful event was on the roadway
@@ -125,12 +125,12 @@ class _Plan(Scored):
 
     @property
     def group(self) -> tuple[str, str, float]:
-        """Plans of one group differ in detail only."""
+        """Return plans of one group differ in detail only."""
         return self.drive.approach.name, self.stand.option.approach.name, self.stand.option.constant_m
 
 
 def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
-    """The ranked hypotheses of a moving vehicle that strikes a standing one first, at most so many.
+    """Return the ranked hypotheses of a moving vehicle that strikes a standing one first, at most so many.
 
     >>> from dataclasses import replace
     >>> from trace_dag.crash.parties import EventKind
@@ -183,19 +183,19 @@ class _Try:
 
     @property
     def known(self) -> dict[str, float]:
-        """What is known of it before its contact is looked at, which can only make it less likely."""
+        """Return the log-likelihood before the contact is looked at, which can only lower it."""
         return self.terms | self.moved.costs | self.stand.terms
 
     @cached_property
     def most(self) -> float:
-        """The most that its score can be."""
+        """Return the most that its score can be."""
         return math.fsum(self.known.values())
 
 
 def _towards(
     scene: Scene, who: Party, option: Option, stand: Stand, parked: VehicleRecord, share: float
 ) -> Iterator[Option]:
-    """The way to drive, moved aside until it meets the standing vehicle with that share of overlap."""
+    """Yield the way to drive, moved aside until it meets the standing vehicle with that share of overlap."""
     if option.turn is not None or option.shift is not None or option.backing:
         if share == 0.0:
             yield option
@@ -219,7 +219,7 @@ def _nearest_m(path: Path, scene: Scene) -> float:
 
 
 def _departure(who: Party, approach: Approach, off_m: float) -> dict[str, float]:
-    """What the report says of the side to which the vehicle left its lane."""
+    """Score the reported side on which the vehicle left its lane."""
     side = who.crash_type.departure
     if RAN_OFF_RIGHT in who.events or RAN_OFF_LEFT in who.events:
         side = Side.RIGHT if RAN_OFF_RIGHT in who.events else Side.LEFT
@@ -276,8 +276,11 @@ def _area(vehicle: VehicleRecord, bearing_rad: float) -> float:
 
 
 def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> float:
-    """How well the contact agrees with the place. The reported place of a crash beside the road lies on the road. So
-    across the road it says little: at most which half of the road it was."""
+    """Score the contact against the place.
+
+    The reported place of a crash beside the road lies on the road. So across the road it says little: at most which
+    half of the road it was.
+    """
     missing: FloatArray = np.array([contacts.x_m[0], contacts.y_m[0]]) - np.array(scene.place_xy_m)
     ahead = option.approach.path.pose(option.station_m).forward
     along, across = float(missing @ ahead), float(ahead[0] * missing[1] - ahead[1] * missing[0])

@@ -50,7 +50,7 @@ _LATER_S: Final = (0.0, 2.0, 4.0, 6.0, 8.0)  # a slower vehicle comes so much la
 
 
 def with_assumed_animal(sequence: EventSequence, settings: StateSettings) -> EventSequence:
-    """The sequence with what the settings say of an animal.
+    """Return the sequence with what the settings say of an animal.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> sequence = sequence_of(pedestrian_record)
@@ -68,7 +68,7 @@ def with_assumed_animal(sequence: EventSequence, settings: StateSettings) -> Eve
 
 
 def companions_of(sequence: EventSequence) -> tuple[CrashEvent, ...]:
-    """The strikes that follow the first at once, by the same vehicle: of who goes beside the first person.
+    """Return the strikes that follow the first at once, by the same vehicle: of who goes beside the first person.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> companions_of(sequence_of(pedestrian_record))
@@ -82,8 +82,9 @@ def companions_of(sequence: EventSequence) -> tuple[CrashEvent, ...]:
 def strike_hypotheses(
     scene: Scene, sequence: EventSequence, settings: StateSettings, *, most: int
 ) -> tuple[Hypothesis, ...]:
-    """The ranked hypotheses of a first strike, at most so many. Where another vehicle comes later there are two of each
-    name: the driver stops at the side, or in the lane.
+    """Return the ranked hypotheses of a first strike, at most so many.
+
+    Where another vehicle comes later there are two of each name: the driver stops at the side, or in the lane.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no way of the vehicle leads it to them as reported.
     """
@@ -113,8 +114,9 @@ def strike_hypotheses(
 
 
 def _drawn_course(key: str, plans: Sequence[ImpactPlan]) -> Walking | None:
-    """The course of the person that is shown: that of the likeliest plan, but of two that cross from either side one
-    that is drawn by their shares, so that over many crashes the sides come as often as they are likely."""
+    """Return the course of the person that is shown: that of the likeliest plan, but of two that cross from either side
+    one that is drawn by their shares, so that over many crashes the sides come as often as they are likely.
+    """
     best = {plan.walk.reading.course: plan.score for plan in sorted(plans, key=lambda plan: plan.score)}
     if not best:
         return None
@@ -127,7 +129,7 @@ def _drawn_course(key: str, plans: Sequence[ImpactPlan]) -> Walking | None:
 
 
 def _walks(hypothesis: Hypothesis, strike: CrashEvent) -> Manoeuvre:
-    """What the person of a strike does in a hypothesis."""
+    """Return the motions of the person of a strike in a hypothesis."""
     return next(s.manoeuvre for s in hypothesis.participants if s.vehicle_number == strike.person.party)
 
 
@@ -147,7 +149,7 @@ def crossing_lead_s(network: RoadNetwork, hypothesis: Hypothesis) -> float:
 
 # --- later -----------------------------------------------------------------------------------------------------------
 def lying_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
-    """The ways of one more vehicle over a person who was struck before, each later than the one before it."""
+    """Yield the ways of one more vehicle over a person who was struck before, each later than the one before it."""
     number = event.person.party
     struck = next((each for each in course.log.contacts if each.number_2 == number), None)
     if struck is None:
@@ -169,7 +171,7 @@ def lying_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[P
 
 
 def _comes_to_lie(course: Course, number: int) -> tuple[FloatArray, float]:
-    """Where a person ends up (x, y, m), and since when it lies there (s)."""
+    """Return where a person ends up (x, y, m), and since when it lies there (s)."""
     person = course.log.vehicle_log(number)
     away_m = np.hypot(person.x_m - person.x_m[-1], person.y_m - person.y_m[-1])
     moving = np.flatnonzero(away_m > _RESTS_M)

@@ -1,4 +1,4 @@
-"""What a vehicle strikes beside the road after its first event: a fixed object on its way.
+"""Fixed objects on a vehicle's way after its first event.
 
 The object is put where that way has come as far beyond the edge of the carriageway as such objects usually stand, or as
 far as the vehicle gets, outside the spot of the area of impact, or of the part that goes first where none is reported.
@@ -37,8 +37,10 @@ _CLEAR_ZONE_M: Final = 9.1  # 30 ft, AASHTO Roadside Design Guide
 
 
 def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
-    """Places for the object on the ways that the vehicle can have gone on, first those where the map has it; of a way
-    without any, why."""
+    """Yield places for the object on the ways that the vehicle can have gone on, first those where the map has it.
+
+    Of a way without any, why.
+    """
     number = event.vehicle.number
     since_s = course.last_event_s(number)
     if since_s is None:
@@ -62,13 +64,13 @@ def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[
 
 
 def _struck(course: Course) -> list[Struck]:
-    """The objects of a course, each with where it is struck."""
+    """Return the objects of a course, each with where it is struck."""
     at = {each.number_2: (each.x_m, each.y_m) for each in reversed(course.log.contacts)}
     return [(item, at.get(item.number, (item.pose.x_m, item.pose.y_m))) for item in course.objects]
 
 
 def _beside(struck: Struck, added: Struck, network: RoadNetwork) -> FixedObject:
-    """An object that stood before, less what of it another one takes."""
+    """Return an object that stood before, less what of it another one takes."""
     item, at_xy_m = struck
     if KINDS[item.code].form is not ObjectForm.LINE:
         return item
@@ -76,7 +78,7 @@ def _beside(struck: Struck, added: Struck, network: RoadNetwork) -> FixedObject:
 
 
 def _of_map(way: Way, event: CrashEvent, things: Sequence[MappedThing]) -> list[Struck]:
-    """The objects that the map has on the vehicle's way, each with where it is struck."""
+    """Return the objects that the map has on the vehicle's way, each with where it is struck."""
     found = []
     for k, thing in _mapped(way, event.code, things):
         if way.left_to(event.side, k):
@@ -87,8 +89,9 @@ def _of_map(way: Way, event: CrashEvent, things: Sequence[MappedThing]) -> list[
 
 
 def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[Struck]:
-    """Objects that the vehicle would strike on its way where they can stand, and where: first as far beyond the edge as
-    is usual, then nearer, then farther."""
+    """Yield objects that the vehicle would strike on its way where they can stand, and where: first as far beyond the
+    edge as is usual, then nearer, then farther.
+    """
     kind = KINDS[event.code]
     line = kind.form is ObjectForm.LINE
     if line:
@@ -119,8 +122,9 @@ def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[
 
 
 def _mapped(way: Way, code: int, things: Sequence[MappedThing]) -> Iterator[tuple[int, MappedThing]]:
-    """Things of a kind that the map has on the vehicle's way beyond the edge, each with the first step that touches
-    it."""
+    """Yield things of a kind that the map has on the vehicle's way beyond the edge, each with the first step that
+    touches it.
+    """
     reach_m = 0.0 if KINDS[code].form is ObjectForm.LINE else KINDS[code].width_m / 2
     outside = way.beyond_m.max(axis=1) > 0
     for thing in things:

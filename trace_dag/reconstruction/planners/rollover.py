@@ -85,7 +85,7 @@ class _Way(Scored):
 
     @property
     def name(self) -> str:
-        """Says what distinguishes this way from the others of its crash."""
+        """Return the words that distinguish this way from the others of its crash."""
         where = f"leaves {self.option.approach.name} {self.departure.side}" if self.departure.side else "overturns on"
         turned = "falls" if not self.slip_rad else "turned clockwise" if self.slip_rad < 0 else "turned anticlockwise"
         where = where if self.departure.side else f"{where} {self.option.approach.name}"
@@ -95,7 +95,7 @@ class _Way(Scored):
 def overturn_hypotheses(
     scene: Scene, departure: Departure, simulation: Simulation, *, lead_s: float, most: int
 ) -> tuple[Hypothesis, ...]:
-    """The ranked hypotheses of a vehicle that overturns before it touches anything, at most so many.
+    """Return the ranked hypotheses of a vehicle that overturns before it touches anything, at most so many.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
     """
@@ -120,8 +120,9 @@ def _ways(scene: Scene, departure: Departure) -> Iterator[_Way]:
 
 
 def _slips(departure: Departure) -> tuple[float, ...]:
-    """How the vehicle can be turned across its course: as ``PCRASH4`` says, else with its front away from the road it
-    came from, as who steers back too hard; a motorcycle not at all."""
+    """Return the slip angles of the vehicle: as ``PCRASH4`` says, else with its front away from the road it came from,
+    as after steering back too hard; none for a motorcycle.
+    """
     vehicle = departure.vehicle
     if vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
         return (0.0,)
@@ -132,8 +133,10 @@ def _slips(departure: Departure) -> tuple[float, ...]:
 
 
 def _fast_enough(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> Hypothesis:
-    """The hypothesis of a way: as it goes, else tripped by wheels that dig in; a speed that nobody reported may then be
-    as high as one in twenty drives."""
+    """Return the hypothesis of a way: as it goes, else tripped by wheels that dig in.
+
+    A speed that nobody reported may then be as high as one in twenty drives.
+    """
     slowest = _placed(scene, way, simulation, lead_s)
     if _STAYS not in slowest.evidence:
         return slowest
@@ -150,7 +153,7 @@ def _fast_enough(scene: Scene, way: _Way, simulation: Simulation, lead_s: float)
 
 
 def _placed(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> Hypothesis:
-    """The hypothesis of a way, moved along the road until its overturn is at the reported station."""
+    """Return the hypothesis of a way, moved along the road until its overturn is at the reported station."""
     place_m, _ = way.base.project(*scene.place_xy_m)
     station_m = place_m
     best: tuple[float, Hypothesis] | None = None
@@ -175,7 +178,7 @@ def _placed(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> H
 
 
 def _hypothesis(scene: Scene, way: _Way, station_m: float, lead_s: float) -> tuple[Hypothesis, FloatArray]:
-    """The motion up to where nobody holds the vehicle any more, at a station; and the road's direction there."""
+    """Return the motion up to where nobody holds the vehicle any more, at a station; and the road's direction there."""
     departure, vehicle = way.departure, way.who.vehicle
     profile = skid_profile(way.who, way.speed.speed_mps, way.slip_rad)
     option, path, at_m = way.option, way.base, station_m
@@ -205,7 +208,7 @@ def _hypothesis(scene: Scene, way: _Way, station_m: float, lead_s: float) -> tup
 
 
 def _until(state: ParticipantState, lead_s: float) -> ParticipantState:
-    """The state with its plan up to a time: from then on nobody holds the vehicle."""
+    """Return the state with its plan up to a time: from then on nobody holds the vehicle."""
     t = state.trajectory
     kept = t.time_s <= lead_s + 1e-9
     columns = (t.time_s, t.x_m, t.y_m, t.z_m, t.heading_rad, t.speed_mps)
@@ -214,7 +217,7 @@ def _until(state: ParticipantState, lead_s: float) -> ParticipantState:
 
 # --- later -----------------------------------------------------------------------------------------------------------
 def later_overturn_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
-    """The ways that a vehicle can have gone on, on one of which it may overturn."""
+    """Yield the ways that a vehicle can have gone on, on one of which it may overturn."""
     number = event.vehicle.number
     if course.last_event_s(number) is None:
         yield f"vehicle {number} meets nobody before it"

@@ -1,4 +1,4 @@
-"""What a vehicle strikes on its way after its first event, and stood there: a parked vehicle, or a person on foot.
+"""Parties that stood on a vehicle's way after its first event: a parked vehicle, or a person on foot.
 
 It is put where the vehicle comes along, so that both are touched on the reported areas. Nothing says where it stood but
 the sequence of events.
@@ -27,7 +27,7 @@ _LEAST_M: Final = 2.0  # from where the vehicle was
 
 
 def standing_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
-    """Places for who stood on the ways that the vehicle can have gone on."""
+    """Yield places for who stood on the ways that the vehicle can have gone on."""
     (number,) = (each for each in event.pair if each in course.numbers)
     since_s = course.last_event_s(number)
     if since_s is None:
@@ -41,7 +41,7 @@ def standing_plans(search: Search, course: Course, event: CrashEvent) -> Iterato
 
 
 def _stood(search: Search, way: Way, event: CrashEvent) -> Iterator[ParticipantState]:
-    """Who stood, at some steps of the vehicle's way."""
+    """Return the parties that stood, at some steps of the vehicle's way."""
     moved_m = np.cumsum([0.0, *(math.dist(a.xy_m, b.xy_m) for a, b in zip(way.poses, way.poses[1:], strict=False))])
     if moved_m[-1] < _LEAST_M:
         return
@@ -66,8 +66,9 @@ def _stood(search: Search, way: Way, event: CrashEvent) -> Iterator[ParticipantS
 
 
 def _parked_pose(way: Way, k: int, parked: VehicleRecord, touched: np.ndarray) -> Pose:
-    """The pose of a vehicle that stands along the road and is touched on its area of impact, at its rear if that is not
-    known, at a place."""
+    """Return the pose of a vehicle that stands along the road and is touched on its area of impact, at its rear if that
+    is not known, at a place.
+    """
     at, runs_rad = way.poses[k], way.runs_rad(k)
     heading = runs_rad if math.cos(runs_rad - at.heading_rad) >= 0 else runs_rad + math.pi
     half_length, half_width = parked.length_m / 2, parked.width_m / 2

@@ -1,4 +1,4 @@
-"""Where a vehicle goes after it has touched somebody, and what else it can have done: the ground for later events.
+"""The way of a vehicle after its first contact, and its alternatives: the ground for later events.
 
 Nobody drives after a crash of vehicles, and who strikes a person or an animal drives on: where a vehicle goes is
 simulated. Where that does not lead to what is reported, the vehicle is taken to be out of control with its front wheels
@@ -50,9 +50,10 @@ def ways_on(
     tripped: bool = False,
     least_mps: float = _CREEPS_MPS,
 ) -> Iterator[tuple[Course, str]]:
-    """The courses that a vehicle can have gone on, each with what is assumed for it in words: as its wheels roll, then
-    with its front wheels turned ever more to the side to which it left the road; to both where none is reported. Turned
-    wheels lead nowhere where it moves at less than ``least_mps`` by the time that it can lose control.
+    """Yield the courses that a vehicle can have gone on, each with what is assumed for it in words: as its wheels roll,
+    then with its front wheels turned ever more to the side to which it left the road; to both where none is reported.
+
+    Turned wheels lead nowhere where it moves at less than ``least_mps`` by the time that it can lose control.
 
     Where it is ``tripped`` its wheels dig in, or catch at a kerb, and it may spin instead: nearly all vehicles that
     overturn are tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report says by what.
@@ -104,8 +105,9 @@ def _words(loss: LossOfControl) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """Where a vehicle goes after a time: the steps of its log in which it moves, its pose at each of them, and how far
-    beyond the edge of the carriageway its four corners are (shape (k, 4), m, negative within it)."""
+    """A vehicle's way after a time: the steps of its log in which it moves, its pose at each of them, and how far
+    beyond the edge of the carriageway its four corners are (shape (k, 4), m, negative within it).
+    """
 
     network: RoadNetwork
     area: Area
@@ -119,7 +121,7 @@ class Way:
 
     @classmethod
     def of(cls, network: RoadNetwork, log: SimulationLog, number: int, since_s: float) -> Way:
-        """That of a vehicle of a log."""
+        """Return that of a vehicle of a log."""
         driven = log.vehicle_log(number)
         body = log.bodies[number]
         steps = np.flatnonzero((driven.time_s > since_s) & _moves(driven))
@@ -134,31 +136,35 @@ class Way:
 
     @property
     def speeds_mps(self) -> FloatArray:
-        """The speed at each of its steps."""
+        """Return the speed at each of its steps."""
         return np.hypot(self.driven.velocity_x_mps, self.driven.velocity_y_mps)[self.steps]
 
     def slip_rad(self, k: int) -> float:
-        """The heading less the course at a step."""
+        """Return the heading less the course at a step."""
         step = self.steps[k]
         course = math.atan2(self.driven.velocity_y_mps[step], self.driven.velocity_x_mps[step])
         return math.remainder(self.poses[k].heading_rad - course, math.tau)
 
     def runs_rad(self, k: int) -> float:
-        """The direction of the road beside the vehicle at a step, that of the vehicle where there is none."""
+        """Return the direction of the road beside the vehicle at a step, that of the vehicle where there is none."""
         pose = self.poses[k]
         place = roadside_at(self.network, pose.x_m, pose.y_m, z_m=pose.z_m)
         return pose.heading_rad if place is None else place.along_rad
 
     def point(self, k: int, area: ImpactArea | None) -> ContactPoint | None:
-        """The spot of an area of impact at a step that could strike something; None where it does not go ahead."""
+        """Return the spot of an area of impact at a step that could strike something.
+
+        None where it does not go ahead.
+        """
         slip_rad = self.slip_rad(k)
         goes = (math.cos(slip_rad), -math.sin(slip_rad))
         points = contact_points_of(area, self.body.length_m / 2, self.body.width_m / 2)
         return next((each for each in points if np.dot(goes, each.normal) > _MEETS), None)
 
     def striking(self, area: ImpactArea | None, least_m: float) -> list[tuple[float, ImpactArea | None]]:
-        """For each step how far beyond the edge the part is that strikes (m; -inf where it does not go ahead), and its
-        area: the reported one, if that ever goes ahead so far beyond the edge, else what goes first."""
+        """Return for each step how far beyond the edge the striking part is (m; -inf where it does not go ahead), and
+        its area: the reported one, if that ever goes ahead so far beyond the edge, else the foremost.
+        """
         reported = self._touching([area] * len(self.poses)) if area is not None else []
         if any(beyond_m >= least_m for beyond_m, _ in reported):
             return reported
@@ -179,16 +185,16 @@ class Way:
         ]
 
     def left_to(self, side: DepartureSide | None, k: int) -> bool:
-        """Whether the vehicle left the road to a side by a step; any does where None is reported."""
+        """Return whether the vehicle left the road to a side by a step; any does where None is reported."""
         return side is None or side in self.sides(k)
 
     def sides(self, k: int) -> tuple[DepartureSide, ...]:
-        """Where the vehicle left the road by a step."""
+        """Return the side on which the vehicle left the road by a step."""
         until_s = float(self.driven.time_s[self.steps[k]])
         return left_road_after_contact(self.network, self.log, self.driven.number, until_s)
 
     def why_not(self, side: DepartureSide | None) -> str:
-        """Why there is no place for an object on its way, as a sentence with what was measured."""
+        """Return the reason why an object has no place on the way, as a sentence with the measured value."""
         who = f"vehicle {self.driven.number}"
         farthest_m = float(self.beyond_m.max())
         if farthest_m <= 0:
@@ -201,10 +207,10 @@ class Way:
 
 
 def _moves(driven: VehicleLog, least_mps: float = _CREEPS_MPS) -> NDArray[np.bool_]:
-    """Whether a vehicle moves as fast as that, at each step of its log."""
+    """Return whether a vehicle moves as fast as that, at each step of its log."""
     return np.asarray(np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= least_mps)
 
 
 def _ahead(slip_rad: float) -> ImpactArea | None:
-    """The clock position of what goes first."""
+    """Return the clock position of what goes first."""
     return impact_area(round(bearing_to_clock_h(-slip_rad)) or 12)

@@ -23,8 +23,10 @@ _BEFORE_S: Final = 3.0
 
 @dataclass(frozen=True)
 class SampledBody:
-    """Where a body of a draw is, a step each :data:`STEP_S`: middle in units of :data:`PLACE_M`, east and north, and
-    heading in units of :data:`TURN_RAD`. Each list has the first value and then differences from one step to the next.
+    """The course of a body in a draw, a step each :data:`STEP_S`: middle in units of :data:`PLACE_M`, east and north,
+    and heading in units of :data:`TURN_RAD`.
+
+    Each list has the first value and then differences from one step to the next.
     """
 
     number: int
@@ -34,13 +36,13 @@ class SampledBody:
 
     @classmethod
     def at(cls, number: int, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> SampledBody:
-        """A body at these places, arrays of equal length (m, rad); the headings are continuous."""
+        """Return a body at these places, arrays of equal length (m, rad); the headings are continuous."""
         columns = ((x_m, PLACE_M), (y_m, PLACE_M), (heading_rad, TURN_RAD))
         return cls(number, *(tuple(_differences(values, unit)) for values, unit in columns))
 
     @property
     def poses(self) -> FloatArray:
-        """x, y (m) and heading (rad) of each step, shape (n, 3).
+        """Return x, y (m) and heading (rad) of each step, shape (n, 3).
 
         >>> SampledBody.at(1, np.array([0.0, 1.0, 2.2]), np.zeros(3), np.zeros(3)).poses[:, 0].tolist()
         [0.0, 1.0, 2.2]
@@ -51,8 +53,10 @@ class SampledBody:
 
 @dataclass(frozen=True)
 class SampledCourse:
-    """The course of a draw, by its place among the estimate's; ``begins_s`` is the time of its first step from the
-    contact (s)."""
+    """The course of a draw, by its place among the estimate's.
+
+    ``begins_s`` is the time of its first step from the contact (s).
+    """
 
     sample: int
     begins_s: float
@@ -60,7 +64,7 @@ class SampledCourse:
 
 
 def course_of(sample: int, drawn: SampledCrash, log: SimulationLog) -> SampledCourse | None:
-    """The course of a draw that was simulated to its end; None if nothing touched in it.
+    """Return the course of a draw that was simulated to its end; None if nothing touched in it.
 
     >>> from trace_dag.reconstruction.samples.crash import SampledCrash
     >>> from trace_dag.reconstruction.samples.draws import draw_samples

@@ -39,7 +39,10 @@ class SampledCrash:
 
     @classmethod
     def of(cls, hypothesis: Hypothesis, sample: Sample) -> SampledCrash | None:
-        """The draw from shortly before its parties would touch; None if they overlap however far back one looks."""
+        """Return the draw from shortly before its parties would touch.
+
+        None if they overlap however far back one looks.
+        """
         meets_s = hypothesis.planned[0].time_s if hypothesis.planned else hypothesis.impact_time_s
         drawn = zip(hypothesis.participants, sample.parties, strict=True)
         lines = [PlannedLine(state, draw, meets_s) for state, draw in drawn]
@@ -55,8 +58,10 @@ class SampledCrash:
         return cls(lines, objects, float(_BACK_S[back[0]])) if len(back) else None
 
     def participants(self, after_s: float, *, before_s: float = 0.0) -> tuple[Participant, ...]:
-        """The parties as the simulation takes them, their plans going on until so long after the planned impact. They
-        begin ``back_s`` before it, or ``before_s`` where that is earlier."""
+        """Return the parties as the simulation takes them, their plans going on until so long after the planned impact.
+
+        They begin ``back_s`` before it, or ``before_s`` where that is earlier.
+        """
         return tuple(line.participant(max(before_s, self.back_s), after_s, self.back_s) for line in self.lines)
 
 
@@ -83,7 +88,7 @@ class PlannedLine:
         self._mps = draw.impact_mps
 
     def _at(self, ahead_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """x, y, z and heading at distances along the path from the planned impact."""
+        """Return x, y, z and heading at distances along the path from the planned impact."""
         station, on_path = self._station_m, self._from_m + ahead_m
         heading = np.interp(on_path, station, self._heading_rad)
         course = heading + math.pi if self._backward else heading
@@ -95,7 +100,7 @@ class PlannedLine:
         return x - left_m * np.sin(heading), y + left_m * np.cos(heading), z, heading
 
     def shapes(self, seconds: FloatArray) -> tuple[Shape, ...]:
-        """Its bodies at times from the planned impact, at the speed of the impact."""
+        """Return its bodies at times from the planned impact, at the speed of the impact."""
         return self._shapes(self._mps * seconds)
 
     def _shapes(self, ahead_m: FloatArray) -> tuple[Shape, ...]:
@@ -104,17 +109,17 @@ class PlannedLine:
         return shapes((x, y, heading), (state.length_m, state.width_m), state.trailer, self._trailing(ahead_m))
 
     def _trailing(self, ahead_m: FloatArray) -> FloatArray | None:
-        """Heading of the trailer, as the plan has it there."""
+        """Return the heading of the trailer, as the plan has it there."""
         if self._trailing_rad is None:
             return None
         return np.asarray(np.interp(self._from_m + ahead_m, self._station_m, self._trailing_rad))
 
     def approach(self, seconds: FloatArray, back_s: float) -> tuple[Poses, ...]:
-        """Middles and headings of its bodies at times from the planned impact."""
+        """Return middles and headings of its bodies at times from the planned impact."""
         return tuple(each.poses for each in self._shapes(self._driven(seconds, back_s)[0]))
 
     def _driven(self, seconds: FloatArray, back_s: float) -> tuple[FloatArray, FloatArray]:
-        """How far along the path it is from the planned impact (m), and how fast (m/s), at times from that.
+        """Return distance along the path from the planned impact (m) and speed (m/s), at times from that.
 
         Until ``back_s`` before it, it has slowed down from the travel speed of the draw, or sped up from it, as hard as
         drivers do.
@@ -127,7 +132,7 @@ class PlannedLine:
         return impact * np.maximum(seconds, -back_s) - back_m, impact + rate * changing_s
 
     def participant(self, begins_s: float, after_s: float, back_s: float) -> Participant:
-        """The party as the simulation takes it, from ``begins_s`` before the planned impact."""
+        """Return the party as the simulation takes it, from ``begins_s`` before the planned impact."""
         time_s = np.arange(0.0, begins_s + after_s, _STEP_S)
         ahead_m, speed = self._driven(time_s - begins_s, back_s)
         x, y, z, heading = self._at(ahead_m)

@@ -49,8 +49,9 @@ _TAILS: Final = 0.005
 
 
 def draw_samples(record: CrashRecord, hypotheses: Sequence[Hypothesis], count: int) -> tuple[Sample, ...]:
-    """``count`` draws, the same every time. They are spread evenly over each of the random numbers that a draw
-    takes.
+    """Return ``count`` draws, the same every time.
+
+    They are spread evenly over each of the random numbers that a draw takes.
 
     >>> draws = draw_samples(record, state_estimate.hypotheses, 8)
     >>> len(draws), draws == draw_samples(record, state_estimate.hypotheses, 8)  # the same every time
@@ -76,15 +77,16 @@ def draw_samples(record: CrashRecord, hypotheses: Sequence[Hypothesis], count: i
 
 
 def _spread_evenly(key: str, count: int, columns: int) -> Iterator[FloatArray]:
-    """Latin hypercube sampling (McKay, Beckman and Conover, 1979): of each column one number in each of ``count``
-    equal parts of 0 to 1."""
+    """Yield a Latin hypercube sample (McKay, Beckman and Conover, 1979): of each column one number in each of ``count``
+    equal parts.
+    """
     random = np.random.default_rng(zlib.crc32(key.encode()))
     for _ in range(columns):
         yield np.clip((random.permutation(count) + random.random(count)) / count, _TAILS, 1 - _TAILS)
 
 
 def _shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:
-    """The likelihood of each hypothesis by what is known before the impact; they add up to 1."""
+    """Return the likelihood of each hypothesis by what is known before the impact; they add up to 1."""
     scores = [
         each.score - math.fsum(value for name, value in each.evidence.items() if name.startswith(_WEIGHED_LATER))
         for each in hypotheses
@@ -119,8 +121,9 @@ def _speeds(
     kept: float,
     normal: float,
 ) -> tuple[float, float]:
-    """Travel and impact speed of a party (m/s): those of the hypothesis, varied as far as the report leaves them
-    open."""
+    """Return the travel and impact speed of a party (m/s): those of the hypothesis, varied as far as the report leaves
+    them open.
+    """
     planned, at_impact = abs(state.initial_speed_mps), abs(state.impact_speed_mps)
     if state.is_figure or vehicle is None or state.initial_speed_mps < 0:
         pace = math.exp(_PACE * normal)
@@ -137,6 +140,6 @@ def _speeds(
 
 
 def _rounding_mps(speed_mps: float) -> float:
-    """How far off a reported speed may be by its rounding (m/s)."""
+    """Return the error of a reported speed by its rounding (m/s)."""
     off_mph = abs(math.remainder(mps_to_mph(speed_mps), _ROUNDED_TO_MPH))
     return mph_to_mps(_ROUNDED_TO_MPH / 2 if off_mph < 0.1 else 0.5)

@@ -81,8 +81,11 @@ class Interval:
 
 @dataclass(frozen=True)
 class SampledRuns:
-    """What the draws of a crash came to. ``effective`` says how many draws of equal weight they are worth; ``courses``
-    are those of the draws that weigh most, the heaviest first."""
+    """The simulated draws of a crash.
+
+    ``effective`` says how many draws of equal weight they are worth; ``courses`` are those of the draws that weigh
+    most, the heaviest first.
+    """
 
     drawn: int
     effective: float
@@ -91,7 +94,7 @@ class SampledRuns:
     courses: tuple[SampledCourse, ...] = ()
 
     def contact_of(self, course: SampledCourse) -> SampledContact:
-        """The first contact of a course's draw."""
+        """Return the first contact of a course's draw."""
         return next(each for each in self.contacts if each.sample == course.sample)
 
 
@@ -103,7 +106,10 @@ def simulate_samples(
     record: CrashRecord,
     place_xy_m: tuple[float, float],
 ) -> SampledRuns:
-    """The draws of an estimate; ``logs`` are those of its hypotheses, ``place_xy_m`` where the impact is to be."""
+    """Return the draws of an estimate.
+
+    ``logs`` are those of its hypotheses, ``place_xy_m`` where the impact is to be.
+    """
     friction = surface_friction(settings, record)
     simulation = EmbeddedSimulation(settings, NetworkSurface(network), friction, network)
 
@@ -179,7 +185,7 @@ def _angle_deg(one: Pose, two: Pose) -> float:
 
 
 def _log_likelihood(record: CrashRecord, seen: SampledContact, place_xy_m: tuple[float, float]) -> float:
-    """How likely a contact is by the report."""
+    """Score a contact by the report."""
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
     struck = [each for each in seen.parties if each.number in vehicles]
     bearings = [(vehicles[each.number], np.array([each.bearing_rad])) for each in struck]
@@ -191,7 +197,7 @@ def _log_likelihood(record: CrashRecord, seen: SampledContact, place_xy_m: tuple
 
 
 def _with_weights(weighed: Sequence[tuple[SampledContact, float]]) -> tuple[SampledContact, ...]:
-    """The contacts with their weights, without those of negligible weight."""
+    """Return the contacts with their weights, without those of negligible weight."""
     if not weighed:
         return ()
     likeliest = max(log_likelihood for _, log_likelihood in weighed)
@@ -232,7 +238,7 @@ def _interval(
 
 
 def weighted_quantiles(values: Sequence[tuple[float, float]], shares: Sequence[float]) -> list[float]:
-    """Quantiles of values with weights; each value stands in the middle of its weight.
+    """Return quantiles of values with weights; each value stands in the middle of its weight.
 
     >>> weighted_quantiles([(30.0, 1.0), (10.0, 2.0), (20.0, 1.0)], (0.25, 0.625, 0.9))
     [10.0, 20.0, 30.0]
@@ -250,7 +256,7 @@ def _adapter() -> TypeAdapter[SampledRuns]:
 
 
 def samples_to_json(runs: SampledRuns) -> bytes:
-    """What the draws came to, as UTF-8 JSON; the same bytes for the same runs.
+    """Write the simulated draws as UTF-8 JSON; the same bytes for the same runs.
 
     >>> samples_to_json(SampledRuns(8, 0.0, (), ()))[:10]
     b'{"drawn":8'

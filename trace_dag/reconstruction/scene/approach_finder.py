@@ -61,7 +61,7 @@ class ApproachFinder:
     _rings: dict[LaneRef, tuple[LaneRef, ...]] = field(default_factory=dict)
 
     def approaches(self, junction_id: str | None) -> tuple[Approach, ...]:
-        """Every approach within reach, nearest first, in an order that depends on the map alone."""
+        """Return every approach within reach, nearest first, in an order that depends on the map alone."""
         found: dict[str, Approach] = {}
         covered: set[LaneRef] = set()  # lanes of an approach that goes straight along them, or around a ring
         for seed in self._seeds(junction_id):
@@ -78,7 +78,7 @@ class ApproachFinder:
         return tuple(sorted(found.values(), key=lambda approach: (round(abs(approach.offset_m), 3), approach.name)))
 
     def against(self, approach: Approach) -> Approach:
-        """The same line driven the wrong way, with enough road behind: from the road beyond the crash."""
+        """Return the same line driven the wrong way, with enough road behind: from the road beyond the crash."""
         if approach.other_way:
             lanes = approach.lanes
             chain = self._chain(lanes[0], upstream_m=self.back_m, downstream_m=self.ahead_m, keep=lanes)
@@ -101,7 +101,7 @@ class ApproachFinder:
         )
 
     def _other_way(self, approach: Approach) -> Approach:
-        """The approach as it is at hours when the traffic of its reversible road goes the other way."""
+        """Return the approach as it is at hours when the traffic of its reversible road goes the other way."""
         back = self.against(approach)
         return replace(
             back,
@@ -152,7 +152,7 @@ class ApproachFinder:
         return [approach] if approach is not None else []
 
     def _through_junction(self, seed: LaneRef) -> list[Approach]:
-        """The movement of a connecting lane: through, a turn, or both if it turns little."""
+        """Return the movement of a connecting lane: through, a turn, or both if it turns little."""
         turn = self._turn(seed)
         slight = self._slight_turn(seed)
         found = [self._through(seed)] if turn is None else [self._turning(seed, turn)]
@@ -161,7 +161,7 @@ class ApproachFinder:
         return [approach for approach in found if approach is not None]
 
     def _through(self, seed: LaneRef) -> Approach | None:
-        """Straight past the crash along the seed; None if its lanes turn there."""
+        """Return the straight past the crash along the seed; None if its lanes turn there."""
         chain = self._chain(seed, upstream_m=self.back_m, downstream_m=self.ahead_m)
         for ref in chain.lanes:
             in_junction = self._road(ref).junction_id is not None
@@ -170,14 +170,14 @@ class ApproachFinder:
         return self._approach(chain)
 
     def _centre_lane(self, seed: LaneRef) -> list[Approach]:
-        """The shared lane in the middle, used in either direction."""
+        """Return the shared lane in the middle, used in either direction."""
         chain = self._chain(seed, upstream_m=self.back_m, downstream_m=self.ahead_m)
         along = replace(self._approach(chain), centre_lane=True)
         back = self.against(along)
         return [along, replace(back, name=f"{along.name} against", wrong_way=False)]
 
     def _ring(self, seed: LaneRef) -> tuple[LaneRef, ...]:
-        """The roundabout a lane belongs to, empty if none."""
+        """Return the roundabout a lane belongs to, empty if none."""
         if seed not in self._rings:
             ring = ring_through(self.network, seed, self._centre) if self._distance(seed) <= AROUND_M else ()
             for ref in (seed, *ring):
@@ -185,7 +185,7 @@ class ApproachFinder:
         return self._rings[seed]
 
     def _around(self, ring: tuple[LaneRef, ...]) -> list[Approach]:
-        """One approach for each way into a roundabout: the approach, then once around."""
+        """Return one approach for each way into a roundabout: the approach, then once around."""
         approaches = []
         for position, ref in enumerate(ring):
             for entry in self.network.predecessors(ref):
@@ -201,7 +201,7 @@ class ApproachFinder:
         return approaches
 
     def _straight_on(self, lane_before: LaneRef) -> Approach:
-        """The approach continued straight on where no lane goes straight: the stem of a T, a road that ends."""
+        """Return the approach continued straight on where no lane goes straight: the stem of a T, a road that ends."""
         chain = self._chain(lane_before, upstream_m=self.back_m, downstream_m=0.0)
         approach = self._approach(chain)
         return replace(approach, name=f"{approach.name} straight on", extended=True)
@@ -248,7 +248,7 @@ class ApproachFinder:
         )
 
     def _position(self, here: LaneRef) -> dict[str, Any]:
-        """The position of a lane among those of its road, as fields of an approach along it."""
+        """Return the position of a lane among those of its road, as fields of an approach along it."""
         drivable = [
             lane for lane in self._road(here).lane_sections[here.section].lanes if lane.id != 0 and lane.type.drivable
         ]
@@ -269,7 +269,9 @@ class ApproachFinder:
     def _chain(
         self, seed: LaneRef, *, upstream_m: float, downstream_m: float, keep: tuple[LaneRef, ...] = ()
     ) -> _Chain:
-        """The seed with lanes added at both ends, the straightest, until both distances from the crash are covered."""
+        """Return the seed with lanes added at both ends, the straightest, until both distances from the crash are
+        covered.
+        """
         centre = self._centre(seed)
         s = arc_lengths(centre)
         here = float(s[int(np.argmin(np.hypot(centre[:, 0] - self.x_m, centre[:, 1] - self.y_m)))])
@@ -281,7 +283,7 @@ class ApproachFinder:
     def _beyond(
         self, seed: LaneRef, wanted_m: float, taken: Collection[LaneRef], keep: tuple[LaneRef, ...]
     ) -> tuple[LaneRef, ...]:
-        """The seed and the lanes that follow it, without those in ``taken``."""
+        """Return the seed and the lanes that follow it, without those in ``taken``."""
 
         def onward(lanes: tuple[LaneRef, ...], following: Sequence[LaneRef]) -> Sequence[LaneRef]:
             options = [option for option in following if option not in lanes and option not in taken]
@@ -292,8 +294,10 @@ class ApproachFinder:
     def _behind(
         self, seed: LaneRef, wanted_m: float, keep: tuple[LaneRef, ...]
     ) -> tuple[tuple[LaneRef, ...], tuple[LaneRef, LaneRef] | None]:
-        """The seed and the lanes before it, backwards. If one of these begins beside a lane from which traffic changes
-        over into it, also that pair of lanes."""
+        """Return the seed and the lanes before it, backwards.
+
+        If one of these begins beside a lane from which traffic changes over into it, also that pair of lanes.
+        """
         merged: tuple[LaneRef, LaneRef] | None = None
 
         def onward(lanes: tuple[LaneRef, ...], preceding: Sequence[LaneRef]) -> Sequence[LaneRef]:
@@ -309,7 +313,7 @@ class ApproachFinder:
         return follow(self.network, seed, onward, ahead=False)[0], merged
 
     def _covered_m(self, lanes: tuple[LaneRef, ...]) -> float:
-        """Length of a way's lanes after its first."""
+        """Return the length of a way's lanes after its first."""
         return math.fsum(float(arc_lengths(self._centre(ref))[-1]) for ref in lanes[1:])
 
     def _straightest(self, seed: LaneRef, options: Sequence[LaneRef], keep: tuple[LaneRef, ...]) -> Sequence[LaneRef]:
@@ -317,7 +321,7 @@ class ApproachFinder:
         return [min(options, key=lambda option: self._detour(option, name, keep))] if options else ()
 
     def _lane_before(self, ref: LaneRef) -> LaneRef | None:
-        """The lane beside one that begins here, from which traffic changes over into it; None if there is none.
+        """Return the lane beside one that begins here, from which traffic changes over into it; None if there is none.
 
         A shared lane in the middle is entered anywhere along it.
         """
@@ -332,7 +336,7 @@ class ApproachFinder:
         return None
 
     def _merging(self, chain: _Chain, begun: LaneRef, beside: LaneRef) -> _Chain:
-        """The chain with a change over from the lane beside, within the part where both lanes exist."""
+        """Return the chain with a change over from the lane beside, within the part where both lanes exist."""
         first = chain.lanes.index(begun)
         offsets: list[FloatArray] = []
         following: LaneRef | None = beside
@@ -378,7 +382,8 @@ class ApproachFinder:
         )
 
     def _turn(self, connecting: LaneRef) -> Turn | None:
-        """The turn that a connecting lane makes: by its own ends or by the roads some way off, whichever turns less.
+        """Return the turn that a connecting lane makes: by its own ends or by the roads some way off, whichever turns
+        less.
 
         Maps often bend a carriageway into the junction's centre just before it, and roads often bend just beyond.
         """
@@ -397,7 +402,7 @@ class ApproachFinder:
         return self._turns[connecting]
 
     def _slight_turn(self, connecting: LaneRef) -> Turn | None:
-        """The turn as a driver would call it if a road of another name branches off at an acute angle."""
+        """Return the turn as a driver would call it if a road of another name branches off at an acute angle."""
         if self._turn(connecting) is not None or abs(self._angles[connecting]) < SLIGHT_TURN_RAD:
             return None
         before, after = self.network.predecessors(connecting), self.network.successors(connecting)

@@ -69,7 +69,8 @@ class Approach:
     _fitted: dict[float, Approach] = field(default_factory=dict, init=False, repr=False)
 
     def fitted(self, speed_mps: float) -> Approach:
-        """The approach as driven at this speed: bends that a map draws as kinks are rounded until they can be driven.
+        """Return the approach as driven at this speed: bends that a map draws as kinks are rounded until they can be
+        driven.
 
         The path stays within the lane if a car can; a bend too sharp for that is cut as far as necessary.
         """
@@ -90,7 +91,7 @@ class Approach:
         return in_lane or approach
 
     def _moved_m(self, path: Path, driven: NDArray[np.bool_]) -> float:
-        """How far a smoothed path is from this approach's own where it is driven (metres)."""
+        """Return how far a smoothed path is from this approach's own where it is driven (metres)."""
         if path is self.path or not driven.any():
             return 0.0
         every = slice(None, None, 4)  # 2 m
@@ -108,49 +109,50 @@ class Approach:
 
     @property
     def heading_rad(self) -> float:
-        """Direction of travel before the crash (before the turn, if the lanes turn)."""
+        """Return the direction of travel before the crash (before the turn, if the lanes turn)."""
         at = self.turn_from_m if self.turn is not None else self.station_m
         return self.path.pose(max(at - 10.0, 0.0)).heading_rad
 
     @property
     def side(self) -> int:
-        """The eighth of the compass it heads for, 0 for east, counter-clockwise: approaches of one side differ in their
-        lanes alone."""
+        """Return the eighth of the compass it heads for, 0 for east, counter-clockwise: approaches of one side differ
+        in their lanes alone.
+        """
         return round(self.heading_rad / (math.pi / 4)) % 8
 
     @property
     def course_rad(self) -> float:
-        """Direction of travel where the path passes the crash."""
+        """Return the direction of travel where the path passes the crash."""
         return self.path.pose(self.station_m).heading_rad
 
     @property
     def kerb_sign(self) -> float:
-        """On which side of its lanes the edge of the road is: -1 the right, 1 (traffic keeps left) the left."""
+        """Return the side of the road's edge, seen from its lanes: -1 the right, 1 (traffic keeps left) the left."""
         return 1.0 if self.road is not None and self.road.left_hand else -1.0
 
     @property
     def turn_across(self) -> Turn:
-        """The turn across oncoming traffic: to the left, where traffic keeps left to the right."""
+        """Return the turn across oncoming traffic: to the left, where traffic keeps left to the right."""
         return Turn.LEFT if self.kerb_sign < 0 else Turn.RIGHT
 
     @property
     def lane_from_centre(self) -> int:
-        """How many lanes of its direction lie between it and the centre of the road."""
+        """Return the number of lanes of its direction between it and the centre of the road."""
         return self.lane_from_left if self.kerb_sign < 0 else self.lanes_along - 1 - self.lane_from_left
 
     @property
     def goes_either_way(self) -> bool:
-        """Whether its traffic, all one way, can have gone this way or the other at the hour of the crash."""
+        """Return whether its traffic, all one way, can have gone this way or the other at the hour of the crash."""
         return self.road is not None and self.road.reversible == "unknown"
 
     @property
     def one_way(self) -> bool:
-        """Whether the roadway carries only this direction: a one-way street or half of a divided one."""
+        """Return whether the roadway carries only this direction: a one-way street or half of a divided one."""
         return self.lanes_total == self.lanes_along
 
     @property
     def curve_rad(self) -> float:
-        """Heading change from 60 m before the crash to 20 m beyond, positive to the left."""
+        """Return the heading change from 60 m before the crash to 20 m beyond, positive to the left."""
         s = np.array([self.station_m - 60.0, self.station_m + 20.0])
         heading = self.path.at(s)[3]
         return float(heading[1] - heading[0])

@@ -1,4 +1,4 @@
-"""Where parties are before the first event: on mapped carriageways, junctions, driveways, shoulders and pavements, and
+"""Mapped ground of parties before the first event: carriageways, junctions, driveways, shoulders and pavements, and
 outside buildings.
 
 A vehicle that the report has leave the road may do so, one may be parked where none is mapped, and a person walks
@@ -55,7 +55,7 @@ class Astray:
 
     @property
     def where(self) -> str:
-        """Who is where, as the beginning of a sentence."""
+        """Return the parties off mapped ground, as the beginning of a sentence."""
         who = party_in_words(self.number)
         if self.in_building:
             return f"{who} is inside a building"
@@ -67,7 +67,7 @@ class Astray:
 
 
 def ways_of(participants: Iterable[ParticipantState]) -> Iterator[Way]:
-    """The planned ways of a hypothesis' parties.
+    """Yield the planned ways of a hypothesis' parties.
 
     >>> [(way.number, way.kind.value) for way in ways_of(hypothesis.participants)]
     [(1, 'motor_vehicle'), (2, 'motor_vehicle')]
@@ -80,7 +80,7 @@ def ways_of(participants: Iterable[ParticipantState]) -> Iterator[Way]:
 def astray(
     record: CrashRecord, network: RoadNetwork, things: Sequence[MappedThing], ways: Iterable[Way], event_s: float
 ) -> tuple[Astray, ...]:
-    """The parties that are where none can be before the first event at ``event_s`` (s).
+    """Return the parties that are where none can be before the first event at ``event_s`` (s).
 
     >>> astray(record, network, map_report.things, ways_of(hypothesis.participants), hypothesis.impact_time_s)
     ()
@@ -107,7 +107,7 @@ def astray(
 
 
 def leaves_road(record: CrashRecord, number: int) -> bool:
-    """Whether the report has a vehicle off the road before or at the first harmful event.
+    """Return whether the report has a vehicle off the road before or at the first harmful event.
 
     >>> leaves_road(record, 1), leaves_road(tree_record, 1)
     (False, True)
@@ -123,7 +123,7 @@ def leaves_road(record: CrashRecord, number: int) -> bool:
 
 
 def _off_m(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-    """How far points are off mapped ground (m)."""
+    """Return how far points are off mapped ground (m)."""
     off_m = np.zeros_like(x_m)
     outside: NDArray[np.bool_] = ~network.paved_area.contains(x_m, y_m)
     if outside.any():
@@ -134,7 +134,9 @@ def _off_m(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> FloatArray
 
 
 def _junctions(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> shapely.Geometry:
-    """The ground of the junctions around points: within one all is paved, between the lanes of its movements too."""
+    """Return the ground of the junctions around points: within one all is paved, between the lanes of its movements
+    too.
+    """
     box_m = (float(x_m.min()), float(y_m.min()), float(x_m.max()), float(y_m.max()))
     movements: dict[str, list[FloatArray]] = {}
     for road in network.roads_within(box_m):
@@ -146,7 +148,7 @@ def _junctions(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> shapel
 
 
 def _buildings(things: Sequence[MappedThing]) -> shapely.Geometry:
-    """The footprints of the buildings near the crash."""
+    """Return the footprints of the buildings near the crash."""
     rings = [each.xy_m for each in things if each.tag == "building" and len(each.xy_m) > 3]
     walls = shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in rings])
     shapely.prepare(walls)

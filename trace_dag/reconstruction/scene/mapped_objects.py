@@ -77,7 +77,7 @@ class MappedObject:
 
 
 def things_of_kind(things: Sequence[MappedThing], code: int) -> Iterator[MappedThing]:
-    """The things of a map that an ``SOE`` names: points of compact kinds, lines of those that run along a road.
+    """Yield the things of a map that an ``SOE`` names: points of compact kinds, lines of those that run along a road.
 
     >>> from trace_dag.roads.report import MappedThing
     >>> tree = MappedThing("n1", "natural=tree", ((3.0, 4.0),))
@@ -91,8 +91,9 @@ def things_of_kind(things: Sequence[MappedThing], code: int) -> Iterator[MappedT
 
 
 def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> MappedObject | None:
-    """The nearest thing of a kind that stands where a vehicle on ``base`` can have left the road; None if there is
-    none.
+    """Return the nearest thing of a kind that stands where a vehicle on ``base`` can have left the road.
+
+    None if there is none.
 
     ``side_sign`` is 1 to the left of the path and -1 to the right.
 
@@ -130,7 +131,7 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
 
 
 def nearest_of(thing: MappedThing, to_xy_m: FloatArray) -> tuple[tuple[float, float], float | None]:
-    """The point of a thing that is nearest to another, and a line's direction there.
+    """Return the point of a thing that is nearest to another, and a line's direction there.
 
     >>> from trace_dag.roads.report import MappedThing
     >>> wall = MappedThing("w1", "barrier=wall", ((0.0, 0.0), (10.0, 0.0)))

@@ -114,14 +114,14 @@ def _outline(item: FixedObject, width_m: float) -> shapely.Polygon:
 
 
 def _on_bridge(clear: BaseGeometry, network: RoadNetwork, pose: Pose, reach_m: float) -> BaseGeometry:
-    """The part of a line beside a bridge; the line as it is where the map has no bridge near."""
+    """Return the part of a line beside a bridge; the line as it is where the map has no bridge near."""
     bridges = network.paved_near(pose.x_m, pose.y_m, reach_m, z_m=pose.z_m, of=lambda road: road.bridge)
     near = bridges.within(shapely.Point(pose.xy_m).buffer(reach_m).bounds, _TOUCHING_M)
     return clear if near.is_empty else clear.intersection(near.buffer(_OF_BRIDGE_M))
 
 
 def _spans(axis: shapely.LineString, shape: BaseGeometry) -> BaseGeometry:
-    """The stretches of an axis beside which some shapes lie."""
+    """Return the stretches of an axis beside which some shapes lie."""
     found = []
     for part in shapely.get_parts(shape):
         if part.is_empty:
@@ -133,7 +133,7 @@ def _spans(axis: shapely.LineString, shape: BaseGeometry) -> BaseGeometry:
 
 
 def _nearer(own: FloatArray, other: FloatArray) -> shapely.Polygon:
-    """All that is nearer to one point than to another, as far as any object reaches."""
+    """Return all that is nearer to one point than to another, as far as any object reaches."""
     towards = (own - other) / np.linalg.norm(own - other)
     across = np.array([-towards[1], towards[0]])
     middle = (own + other) / 2

@@ -1,4 +1,4 @@
-"""Where the objects of a departure stand: along the course, so that each is struck with its reported area of impact."""
+"""Places of the objects of a departure: along the course, so that each is struck with its reported area of impact."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Led:
 
 
 def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
-    """An object that stands where the map has it, marked as the map's.
+    """Return an object that stands where the map has it, marked as the map's.
 
     >>> on_map = as_mapped(tree, MappedThing("n1", "natural=tree", ((3.0, 4.0),)))
     >>> on_map.pose.x_m, on_map.pose.y_m, on_map.placed_by.value
@@ -56,8 +56,8 @@ def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
 
 
 def touching(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float, outward_rad: float) -> ContactPoint:
-    """Where on the vehicle an object touches it: a compact one at the spot of the area of impact, one along the edge at
-    the foremost corner towards ``outward_rad`` (in the vehicle's axes).
+    """Return the point of the vehicle that an object touches: for a compact one the spot of the area of impact, for one
+    along the edge the foremost corner towards ``outward_rad`` (in the vehicle's axes).
 
     >>> car = tree_record.vehicles[0]
     >>> touching(car, replace(departure.objects[0], area=None), 0.0, 0.0).ahead_m  # half its length
@@ -77,8 +77,9 @@ def touching(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float, outwar
 def objects_along(
     departure: Departure, led: Led, course: LeavingCourse, impact_mps: float
 ) -> tuple[tuple[FixedObject, ...], PlannedContacts]:
-    """The objects along the course, as far as the vehicle gets, each placed at its area of impact; and when and where
-    each is struck.
+    """Return the objects along the course, as far as the vehicle gets, each placed at its area of impact.
+
+    And when and where each is struck.
 
     >>> straight_on = Led(way_past_the_tree.path(), station_m=100.0, along_rad=0.0, ended=False)
     >>> objects, planned = objects_along(departure, straight_on, LeavingCourse("drifting", 0.8, 0.0, 0.0), 20.0)
@@ -111,7 +112,7 @@ def objects_along(
 
 
 def _passes(departure: Departure, item: FixedObject) -> bool:
-    """Whether the vehicle goes on along its course past an object."""
+    """Return whether the vehicle goes on along its course past an object."""
     if departure.vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
         return False
     return item.resistance is Resistance.DRIVEN_OVER or (item.energy_j is not None and item.energy_j <= _BREAKS_J)
@@ -126,7 +127,7 @@ def placed(
     *,
     straight_m: float = math.inf,
 ) -> tuple[FixedObject, tuple[float, float]]:
-    """An object that touches a vehicle in a pose, and the point of contact.
+    """Return an object that touches a vehicle in a pose, and the point of contact.
 
     A compact object lies outside the spot where it is struck; the near face of an object along the edge, which runs
     along ``along_rad`` and is at most ``straight_m`` long, goes through the vehicle's foremost corner. ``slip_rad``:
@@ -168,7 +169,7 @@ def placed(
 
 
 def _straight_m(path: Path, pose: Pose) -> float:
-    """How long a straight object may be (metres) along a road that curves as the path does."""
+    """Return the longest straight object (metres) along a road that curves as the path does."""
     at, _ = path.project(pose.x_m, pose.y_m)
     near = np.abs(path.s_m - at) < 15.0
     curvature = abs(float(np.mean(path.curvature_1pm[near]))) if near.any() else 0.0

@@ -20,8 +20,9 @@ _OUT_OF_ROUND = 1.7  # farthest over nearest distance from the middle; a pair of
 def ring_through(
     network: RoadNetwork, seed: LaneRef, centreline: Callable[[LaneRef], FloatArray]
 ) -> tuple[LaneRef, ...]:
-    """The lanes of the roundabout that ``seed`` belongs to, in the direction of travel from it; empty if it belongs to
-    none.
+    """Return the lanes of the roundabout that ``seed`` belongs to, in the direction of travel from it.
+
+    Empty if it belongs to none.
 
     ``centreline`` gives a lane's centre, shape (n, 4), as :meth:`RoadNetwork.centreline`.
 

@@ -22,7 +22,7 @@ _ON_ROAD_M = 8.0  # the crash was not on a lane whose centre is farther away
 
 
 def place_of(placement: CrashPlacement) -> tuple[float, float]:
-    """Where the impact should be: at the reported point, unless that had to be moved to another road.
+    """Return the expected place of impact: the reported point, unless that had to be moved to another road.
 
     >>> place_of(map_report.placement)  # the point of the report is the origin of the local frame
     (0.0, 0.0)
@@ -43,33 +43,34 @@ class Scene:
 
     @property
     def place_xy_m(self) -> tuple[float, float]:
-        """Where the impact should be."""
+        """Return the expected place of impact."""
         return place_of(self.placement)
 
     @property
     def on_road_m(self) -> float:
-        """How far from the reported point the centre of a lane can be on which the crash was: as much farther as the
-        point can be off."""
+        """Return how far from the reported point the centre of the crash's lane can be: as much farther as the point
+        can be off.
+        """
         return _ON_ROAD_M + (self.record.position_accuracy_m or 0.0)
 
     @cached_property
     def carriageway(self) -> Area:
-        """The area that traffic drives on around the crash, at its level."""
+        """Return the area that traffic drives on around the crash, at its level."""
         place = self.placement
         return self.network.carriageway_near(place.x_m, place.y_m, CARRIAGEWAY_REACH_M, z_m=place.z_m)
 
     @property
     def through(self) -> list[Approach]:
-        """Streams that pass the crash without turning."""
+        """Return streams that pass the crash without turning."""
         return [approach for approach in self.approaches if approach.turn is None]
 
     def no_way_that(self, does: str) -> str:
-        """That no way past the crash does something, such as "leads off the road", as a sentence."""
+        """Return the sentence that no way past the crash does something, such as "leads off the road"."""
         if not self.approaches:
             return "no lane of the map passes the crash"
         return f"{counted(len(self.approaches), 'way')} past the crash, none of which {does}"
 
     def on_road(self, wanted: list[Approach]) -> list[Approach]:
-        """Streams that pass within a lane or two of the crash, else the nearest ones."""
+        """Return streams that pass within a lane or two of the crash, else the nearest ones."""
         near = [approach for approach in wanted if abs(approach.offset_m) <= self.on_road_m]
         return near or wanted[:2]

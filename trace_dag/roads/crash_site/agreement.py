@@ -65,7 +65,7 @@ class StreetAtCrash:
 
     @property
     def roads(self) -> tuple[Road, ...]:
-        """Its road objects."""
+        """Return its road objects."""
         return tuple(way.road for way in self.carriageways)
 
 
@@ -150,7 +150,7 @@ def _street_by_form(vehicle: VehicleRecord, own: StreetAtCrash, cross: StreetAtC
 
 
 def _is_minor(street: StreetAtCrash, other: StreetAtCrash) -> bool:
-    """Whether a street ends here, or has a lower class than the other."""
+    """Return whether a street ends here, or has a lower class than the other."""
     ranks = [min((road_class(road.highway).rank for road in s.roads), default=math.inf) for s in (street, other)]
     return len(street.roads) < len(other.roads) if ranks[0] == ranks[1] else ranks[0] > ranks[1]
 
@@ -165,7 +165,7 @@ def _street(
 def _controls(
     network: RoadNetwork, placement: CrashPlacement, roads: list[Road], crossing: Crossing | None
 ) -> frozenset[Control]:
-    """Signals of the whole crossing, stop and yield signs of the street itself."""
+    """Return signals of the whole crossing, stop and yield signs of the street itself."""
     found: set[Control] = set()
     at_x, at_y = crossing.centre_xy_m if crossing else (placement.x_m, placement.y_m)
     reach_m = _CROSSING_CONTROL_M if crossing else _CRASH_CONTROL_M
@@ -188,7 +188,7 @@ def _controls(
 
 
 def _fit(vehicle: VehicleRecord, street: StreetAtCrash) -> int:
-    """How many attributes of a vehicle's road fit a street, minus those that do not."""
+    """Score a street: attributes of a vehicle's road that fit it, minus those that do not."""
     score = 0
     for reported, mapped in (
         (_reported_lanes(vehicle), _mapped_lanes(vehicle, street)),
@@ -207,7 +207,7 @@ def _per_vehicle(
     reported_of: Callable[[VehicleRecord], str | None],
     mapped_of: Callable[[VehicleRecord, StreetAtCrash], tuple[str, ...]],
 ) -> Comparison:
-    """Agrees if for every street the map has the value that a vehicle on it reports.
+    """Return agrees if for every street the map has the value that a vehicle on it reports.
 
     Vehicles on one street may report different values, each for its own direction and place (one counts a turn lane
     that the other has passed). The map then agrees if it has one of the values.
@@ -254,7 +254,7 @@ def _reported_control(vehicle: VehicleRecord) -> str | None:
 
 
 def _mapped_controls(vehicle: VehicleRecord, street: StreetAtCrash) -> tuple[str, ...]:
-    """A map without a sign is compared only with a report of no control: OSM lacks many signs that exist."""
+    """Return a map without a sign is compared only with a report of no control: OSM lacks many signs that exist."""
     if street.controls:
         return tuple(sorted(control.value for control in street.controls))
     return (Control.NONE.value,) if control_of(vehicle) == Control.NONE else ()
@@ -294,7 +294,8 @@ def _intersection(
 def _kind_as_named(
     network: RoadNetwork, record: CrashRecord, placement: CrashPlacement, own: Crossing | None
 ) -> RoadTopology:
-    """The kind of the crossing that the report means: the crash's own, unless only another one has the reported names.
+    """Return the kind of the crossing that the report means: the crash's own, unless only another one has the reported
+    names.
 
     A crash on the way to or from a crossing may lie nearer to another crossing.
     """
@@ -307,7 +308,7 @@ def _kind_as_named(
 
 
 def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:
-    """The kind of the crossing that the crash lies in."""
+    """Return the kind of the crossing that the crash lies in."""
     lane = placement.lane
     junction = (
         None if lane is None else network.junction_by_id.get(network.road_by_id[lane.lane.road_id].junction_id or "")
@@ -319,13 +320,13 @@ def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:
 
 
 def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:
-    """Whether the street turns at the crash, also where one road ends and a road of another name begins."""
+    """Return whether the street turns at the crash, also where one road ends and a road of another name begins."""
     return abs(bend_rad(network, placement, _BEND_REACH_M)) > _BEND_RAD
 
 
 def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) -> float:
-    """How far the crash's road turns from ``reach_m`` before the crash to ``reach_m`` behind it, radians to the left
-    along the road's reference line.
+    """Return the turn of the crash's road from ``reach_m`` before the crash to ``reach_m`` behind it, radians to the
+    left along the road's reference line.
     """
     s_m = network.road_geometry(placement.road_id).line.project(placement.x_m, placement.y_m)[0]
     before, after = (_heading_along(network, placement.road_id, s_m + reach) for reach in (-reach_m, reach_m))
@@ -333,7 +334,10 @@ def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) ->
 
 
 def _heading_along(network: RoadNetwork, road_id: str, s_m: float) -> float:
-    """Heading of a road at ``s_m``; beyond its end that of the road it is linked to, in the same direction."""
+    """Return the heading of a road at ``s_m``.
+
+    Beyond its end that of the road it is linked to, in the same direction.
+    """
     road = network.road_by_id[road_id]
     line = network.road_geometry(road_id).line
     on_road_m = min(max(s_m, 0.0), road.length_m)

@@ -1,4 +1,4 @@
-"""What OpenStreetMap has beside the road at the crash: the trees, poles, barriers and buildings a vehicle can strike.
+"""OpenStreetMap features beside the road at the crash that a vehicle can strike: trees, poles, barriers and buildings.
 
 Only things that a report can name as a fixed object. Areas farther off (water, woods, parking) are only drawn in
 pictures.
@@ -30,7 +30,7 @@ _BACKGROUND: Final = frozenset(
 def things_near(
     features: Iterable[OsmFeature], frame: LocalFrame, placement: CrashPlacement
 ) -> tuple[MappedThing, ...]:
-    """Things within 40 m of the crash, nearest first, in the local frame.
+    """Return things within 40 m of the crash, nearest first, in the local frame.
 
     >>> things = things_near(extract.surroundings, network.frame, map_report.placement)
     >>> [thing.tag for thing in things][:3], len(things) == len(map_report.things)
@@ -56,7 +56,7 @@ def things_near(
 
 
 def _tag(feature: OsmFeature) -> str | None:
-    """The tag that says what a thing is, as "natural=tree"; only the key, if any value means the same."""
+    """Return the tag that says what a thing is, as "natural=tree"; only the key, if any value means the same."""
     for key in _ANY_VALUE:
         if feature.tags.get(key, "no") not in _WITHOUT_WALLS:
             return key

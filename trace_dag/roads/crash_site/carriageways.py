@@ -32,7 +32,7 @@ class LaneCount:
 
     @property
     def total(self) -> int:
-        """All lanes of the road object."""
+        """Return all lanes of the road object."""
         return self.along + self.against + self.centre
 
 
@@ -48,17 +48,17 @@ class Carriageway:
 
     @property
     def one_way(self) -> bool:
-        """Whether the road object carries one direction only."""
+        """Return whether the road object carries one direction only."""
         return self.road.one_way
 
     @property
     def divided(self) -> bool:
-        """Whether a median or a gap lies between the street's two directions."""
+        """Return whether a median or a gap lies between the street's two directions."""
         return self.opposite is not None or self.median
 
 
 def carriageway_at(network: RoadNetwork, road_id: str, x_m: float, y_m: float) -> Carriageway:
-    """The street at the place on ``road_id`` nearest to a point.
+    """Return the street at the place on ``road_id`` nearest to a point.
 
     >>> street = carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)
     >>> street.road.name, street.counts[0], street.divided
@@ -78,7 +78,7 @@ def carriageway_at(network: RoadNetwork, road_id: str, x_m: float, y_m: float) -
 
 
 def _lane_counts(road: Road, s_m: float, reach_m: float = _APPROACH_M) -> tuple[LaneCount, ...]:
-    """The lanes of the cross-sections within ``reach_m`` of ``s_m``, nearest first, each count once."""
+    """Return the lanes of the cross-sections within ``reach_m`` of ``s_m``, nearest first, each count once."""
     starts = [section.s_m for section in road.lane_sections]
     ends = [*starts[1:], road.length_m]
     near = []
@@ -100,7 +100,7 @@ def _count(road: Road, lanes: list[Lane], centre: int) -> LaneCount:
 
 
 def _opposite(network: RoadNetwork, road: Road, x_m: float, y_m: float, heading_rad: float) -> Road | None:
-    """The nearest one-way road in the other direction, on its side, unless it is clearly another street."""
+    """Return the nearest one-way road in the other direction, on its side, unless it is clearly another street."""
     for match in network.nearest_lanes(x_m, y_m, _OTHER_CARRIAGEWAY_M):
         other = network.road_by_id[match.lane.road_id]
         if other.id == road.id or other.junction_id is not None or other.highway in SERVICE_HIGHWAYS:

@@ -1,4 +1,4 @@
-"""What a report says outright against a road of the map, whatever else speaks for it."""
+"""Contradictions between a report and a road of the map that rule the road out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ _SYSTEMS: Final = {1: RouteSystem.INTERSTATE, 2: RouteSystem.US, 3: RouteSystem.
 
 
 def is_on_ramp(record: CrashRecord) -> bool:
-    """Whether the report has the crash on a ramp: by its relation to the junction, the road's name or ``VTRAFWAY``.
+    """Return whether the report has the crash on a ramp: by its relation to the junction, the road's name or
+    ``VTRAFWAY``.
 
     >>> is_on_ramp(record)
     False
@@ -34,8 +35,9 @@ def is_on_ramp(record: CrashRecord) -> bool:
 
 
 def is_numbered_as_reported(record: CrashRecord, road: Road) -> bool | None:
-    """Whether a road bears a number of the system that ``ROUTE`` names; None where the report names none, or the road
-    has names alone and no number is wanted.
+    """Return whether a road bears a number of the system that ``ROUTE`` names.
+
+    None where the report names none, or the road has names alone and no number is wanted.
 
     >>> is_numbered_as_reported(record, network.road_by_id[map_report.placement.road_id])  # ROUTE 3, ref NE 411
     True
@@ -49,7 +51,7 @@ def is_numbered_as_reported(record: CrashRecord, road: Road) -> bool | None:
 
 
 def is_town_street_for_interstate(record: CrashRecord, road: Road) -> bool:
-    """Whether the report is of an interstate, and the road is a town's street.
+    """Return whether the report is of an interstate, and the road is a town's street.
 
     >>> is_town_street_for_interstate(record, network.road_by_id[map_report.placement.road_id])
     False
@@ -59,8 +61,10 @@ def is_town_street_for_interstate(record: CrashRecord, road: Road) -> bool:
 
 
 def has_name_of_another(record: CrashRecord, names: Collection[str], network: RoadNetwork) -> bool:
-    """Whether none of a place's ``names`` is one that the report gives, and its first is borne by another road of the
-    map. A ramp bears no name of its own, and is reported by that of the road it belongs to.
+    """Return whether none of a place's ``names`` is one that the report gives, and its first is borne by another road
+    of the map.
+
+    A ramp bears no name of its own, and is reported by that of the road it belongs to.
 
     >>> has_name_of_another(record, {"Elder Street"}, network), has_name_of_another(record, {"Low Road"}, network)
     (False, True)
@@ -75,7 +79,7 @@ def has_name_of_another(record: CrashRecord, names: Collection[str], network: Ro
 
 
 def contradiction(record: CrashRecord, road: Road, names: Collection[str], network: RoadNetwork) -> str:
-    """The sentence that says what speaks outright against a road; empty if nothing does.
+    """Return the sentence that says what speaks outright against a road; empty if nothing does.
 
     ``names``: of the road, and of those that meet it where the crash is at a crossing.
 
@@ -97,7 +101,8 @@ def contradiction(record: CrashRecord, road: Road, names: Collection[str], netwo
 
 
 def _has_other_name(record: CrashRecord, names: Collection[str]) -> bool:
-    """Whether a place has other names than those reported, where the first of those can be compared with them."""
+    """Return whether a place has other names than those reported, where the first of those can be compared with
+    them."""
     reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
     if is_on_ramp(record) or similarity(record.trafficway_1, names) is None:
         return False
@@ -106,6 +111,6 @@ def _has_other_name(record: CrashRecord, names: Collection[str]) -> bool:
 
 
 def _has_ramp_near(network: RoadNetwork) -> bool:
-    """Whether a ramp is near the reported point, which is the origin of the network's frame."""
+    """Return whether a ramp is near the reported point, which is the origin of the network's frame."""
     matches = network.nearest_lanes(0.0, 0.0, _RAMPS_WITHIN_M)
     return any(network.road_by_id[match.lane.road_id].highway.endswith("_link") for match in matches)

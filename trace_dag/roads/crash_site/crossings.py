@@ -59,11 +59,11 @@ class Crossing:
 
     @property
     def road_ids(self) -> frozenset[str]:
-        """Roads of all arms."""
+        """Return roads of all arms."""
         return frozenset(road_id for arm in self.arms for road_id in arm.road_ids)
 
     def street_of(self, road_id: str) -> tuple[str, ...]:
-        """The roads of the arms that are the same street as ``road_id``, itself included, on both sides."""
+        """Return the roads of the arms that are the same street as ``road_id``, itself included, on both sides."""
         own = next((arm for arm in self.arms if road_id in arm.road_ids), None)
         if own is None:
             return (road_id,)
@@ -72,14 +72,16 @@ class Crossing:
 
 
 def _is_same_street(a: Arm, b: Arm) -> bool:
-    """Whether two arms are one street: of one name, or straight on where either has none."""
+    """Return whether two arms are one street: of one name, or straight on where either has none."""
     if a.names and b.names:
         return _may_be_one_street(a, b)
     return math.pi - abs(wrap_angle(a.heading_rad - b.heading_rad)) < _STRAIGHT_ON_RAD
 
 
 def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
-    """All crossings of a network. Kinds of junctions that :func:`with_kinds` has set are used.
+    """Return all crossings of a network.
+
+    Kinds of junctions that :func:`with_kinds` has set are used.
 
     >>> junction_id = map_report.placement.junction_id
     >>> at_crash = next(each for each in find_crossings(network) if junction_id in each.junction_ids)
@@ -90,7 +92,8 @@ def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
 
 
 def with_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """The network with each junction's ``kind`` set to that of its crossing, also if that is not an intersection.
+    """Return the network with each junction's ``kind`` set to that of its crossing, also if that is not an
+    intersection.
 
     The extract says what the network does not: which ways are roundabouts and which are private.
 
@@ -138,7 +141,7 @@ _End = tuple[Road, ContactPoint]
 
 
 def _ends_at_junctions(network: RoadNetwork) -> dict[str, list[_End]]:
-    """The ends of roads at each junction, connecting roads left out."""
+    """Return the ends of roads at each junction, connecting roads left out."""
     ends: dict[str, list[_End]] = defaultdict(list)
     for road in network.roads:
         if road.junction_id is not None:
@@ -150,7 +153,7 @@ def _ends_at_junctions(network: RoadNetwork) -> dict[str, list[_End]]:
 
 
 def _groups(network: RoadNetwork, ends: dict[str, list[_End]]) -> Iterable[tuple[Junction, ...]]:
-    """Groups of junctions that form one crossing, in the order of the network."""
+    """Return groups of junctions that form one crossing, in the order of the network."""
     leader = {junction.id: junction.id for junction in network.junctions}
 
     def find(junction_id: str) -> str:
@@ -177,7 +180,7 @@ def _groups(network: RoadNetwork, ends: dict[str, list[_End]]) -> Iterable[tuple
 
 
 def _is_inside_crossing(road: Road, junctions: list[Junction], ends: dict[str, list[_End]]) -> bool:
-    """Whether a road between two junctions is part of one crossing.
+    """Return whether a road between two junctions is part of one crossing.
 
     It crosses a median, goes round a roundabout, or connects the two halves of a street that crosses with an offset.
     """
@@ -195,7 +198,8 @@ def _is_inside_crossing(road: Road, junctions: list[Junction], ends: dict[str, l
 
 
 def _on_divided_road(ends: list[_End], median_road: Road) -> bool:
-    """Whether a carriageway passes this junction beside the road over the median: one one-way road in, one out."""
+    """Return whether a carriageway passes this junction beside the road over the median: one one-way road in, one
+    out."""
     others = [(road, contact) for road, contact in ends if road.id != median_road.id and road.one_way]
     return len({contact for _, contact in others}) == 2
 
@@ -227,7 +231,7 @@ def _centre(network: RoadNetwork, junction: Junction) -> tuple[float, float]:
 
 
 def _joins(road: Road, members: Collection[str]) -> bool:
-    """Whether both ends of a road are at junctions of ``members``."""
+    """Return whether both ends of a road are at junctions of ``members``."""
     links = (road.predecessor, road.successor)
     return all(link is not None and link.element_type == "junction" and link.element_id in members for link in links)
 
@@ -243,7 +247,7 @@ def _arms(
 
 
 def _neighbours_merged(arms: list[Arm], together: Callable[[Arm, Arm], bool]) -> list[Arm]:
-    """``arms``, sorted around the crossing, with neighbours joined that belong together."""
+    """Return ``arms``, sorted around the crossing, with neighbours joined that belong together."""
     merged: list[Arm] = []
     for arm in arms:
         if merged and together(merged[-1], arm):
@@ -256,7 +260,7 @@ def _neighbours_merged(arms: list[Arm], together: Callable[[Arm, Arm], bool]) ->
 
 
 def _are_ramps_of_one_side(a: Arm, b: Arm) -> bool:
-    """Whether two arms are the ramps to and from one motorway, on the same side of the crossing road."""
+    """Return whether two arms are the ramps to and from one motorway, on the same side of the crossing road."""
     return a.ramp and b.ramp and a.enters == b.leaves and a.enters != a.leaves
 
 
@@ -288,7 +292,7 @@ def _arm(network: RoadNetwork, road: Road, contact: ContactPoint, centre: tuple[
 
 
 def _lead_to_one_place(network: RoadNetwork, a: Arm, b: Arm, members: Collection[str]) -> bool:
-    """Whether two arms meet again at their far ends, one of them one-way: the sides of a traffic island."""
+    """Return whether two arms meet again at their far ends, one of them one-way: the sides of a traffic island."""
     roads = [network.road_by_id[road_id] for road_id in (*a.road_ids, *b.road_ids)]
     if any(road.length_m > _SLIP_ROAD_M for road in roads) or not any(road.one_way for road in roads):
         return False
@@ -304,7 +308,7 @@ def _lead_to_one_place(network: RoadNetwork, a: Arm, b: Arm, members: Collection
 
 
 def _are_carriageways(a: Arm, b: Arm) -> bool:
-    """Whether two arms are the carriageways of one divided arm: one in, one out, parallel, side by side."""
+    """Return whether two arms are the carriageways of one divided arm: one in, one out, parallel, side by side."""
     one_way = a.enters != a.leaves and b.enters != b.leaves
     opposed = a.enters == b.leaves
     if not one_way or not opposed or not _may_be_one_street(a, b):
@@ -347,7 +351,7 @@ def _kind(arms: tuple[Arm, ...]) -> RoadTopology | None:
 
 
 def _merges_or_divides(arms: tuple[Arm, ...]) -> bool:
-    """Whether traffic only merges or divides here, as where a ramp meets a motorway: no paths cross."""
+    """Return whether traffic only merges or divides here, as where a ramp meets a motorway: no paths cross."""
     entering = [arm for arm in arms if arm.enters]
     leaving = [arm for arm in arms if arm.leaves]
     if len(entering) + len(leaving) > len(arms) or min(len(entering), len(leaving)) > 1:
@@ -356,7 +360,7 @@ def _merges_or_divides(arms: tuple[Arm, ...]) -> bool:
 
 
 def _is_t(headings_rad: list[float]) -> bool:
-    """Whether two of three arms go straight on and the third comes from the side."""
+    """Return whether two of three arms go straight on and the third comes from the side."""
     for stem in range(3):
         a, b = (headings_rad[i] for i in range(3) if i != stem)
         bent = math.pi - abs(wrap_angle(a - b))

@@ -54,7 +54,8 @@ _TAGS: Final = {"highway": "service", "service": "driveway", "width": f"{_WIDTH_
 
 @dataclass(frozen=True)
 class Access:
-    """The way off the street that the report mentions. ``side``: as seen in the direction of the street's traffic;
+    """The way off the street that the report mentions. ``side``: as seen in the direction of the street's traffic.
+
     None: either.
 
     ``turn``: that of the vehicle which came out of it. ``across``: the course leads over the whole street.
@@ -68,7 +69,7 @@ class Access:
 
 
 def _reported_access(record: CrashRecord) -> Access | None:
-    """The way off the street that the report mentions, whether or not the map has it."""
+    """Return the way off the street that the report mentions, whether or not the map has it."""
     pair = pair_of(record)
     if len(pair) != 2:
         return None
@@ -103,7 +104,10 @@ def _reported_access(record: CrashRecord) -> Access | None:
 def add_driveways(
     network: RoadNetwork, extract: OsmExtract, record: CrashRecord, placement: CrashPlacement
 ) -> OsmExtract:
-    """The extract with the driveways that the report mentions; unchanged if the map has a road there or no room."""
+    """Return the extract with the driveways that the report mentions.
+
+    Unchanged if the map has a road there or no room.
+    """
     access = _reported_access(record)
     road = network.road_by_id[placement.road_id]
     if access is None or not road_class(road.highway).driveways or road.bridge or road.tunnel:
@@ -170,13 +174,13 @@ class _Street:
     one_way: bool
 
     def outward(self, side: Side) -> FloatArray:
-        """Unit vector from the street to a side of it."""
+        """Return the unit vector from the street to a side of it."""
         x, y = self.direction
         return np.array([-y, x]) if side is Side.LEFT else np.array([y, -x])
 
 
 def _at_its_crossing(network: RoadNetwork, placement: CrashPlacement) -> bool:
-    """Whether the crash lies at the crossing it was placed at, whatever the angles of its arms."""
+    """Return whether the crash lies at the crossing it was placed at, whatever the angles of its arms."""
     if placement.junction_id is None or not placement.cross_road_ids:
         return False
     near = network.nearest_lanes(placement.x_m, placement.y_m, _PASSES_M)
@@ -184,7 +188,7 @@ def _at_its_crossing(network: RoadNetwork, placement: CrashPlacement) -> bool:
 
 
 def _sides_passed(network: RoadNetwork, street: _Street) -> set[Side]:
-    """The sides of the street from which a road of the map leads past the crash."""
+    """Return the sides of the street from which a road of the map leads past the crash."""
     sides: set[Side] = set()
     heading = math.atan2(street.direction[1], street.direction[0])
     for end, away in _road_ends(network):
@@ -198,7 +202,7 @@ def _sides_passed(network: RoadNetwork, street: _Street) -> set[Side]:
 
 
 def _road_ends(network: RoadNetwork) -> Iterator[tuple[FloatArray, float]]:
-    """Where roads end at junctions, and the heading away from there along the road."""
+    """Return the ends of roads at junctions, and the heading away from there along the road."""
     for road in network.roads:
         if road.junction_id is not None:
             continue
@@ -211,7 +215,7 @@ def _road_ends(network: RoadNetwork) -> Iterator[tuple[FloatArray, float]]:
 
 # --- drawing -------------------------------------------------------------------------------------------------------
 class _Hit(NamedTuple):
-    """Where a straight line meets a way: how far along the line and along the way."""
+    """The intersection of a straight line with a way: distances along the line and along the way."""
 
     distance_m: float
     way: OsmWay
@@ -236,7 +240,7 @@ class _Canvas:
         self._drawn: list[OsmWay] = []
 
     def street_at(self, road: Road, placement: CrashPlacement) -> _Street | None:
-        """Of the ways of a road, the one nearest to the crash; None for a road without ways."""
+        """Return the way of a road nearest to the crash; None for a road without ways."""
         here = np.array([placement.x_m, placement.y_m])
         found: list[tuple[float, int, _Street]] = []
         for way in self._ways:
@@ -278,7 +282,7 @@ class _Canvas:
         self._drawn.append(OsmWay(way_id, tuple(nodes), {**_TAGS, INFERRED_TAG: access.why}))
 
     def extract(self) -> OsmExtract:
-        """The extract with the driveways drawn; the same object if there are none."""
+        """Return the extract with the driveways drawn; the same object if there are none."""
         if not self._drawn:
             return self._extract
         nodes = {**self._extract.nodes, **{node.id: node for node in self._new_nodes}}
@@ -289,8 +293,9 @@ class _Canvas:
         return np.array([self._xy[node_id] for node_id in way.node_ids])
 
     def _junction_near(self, street: _Street, s_m: float) -> float:
-        """The station of a junction of the street if it is so near that a driveway would be an arm of it, else
-        ``s_m``."""
+        """Return the station of a junction of the street if it is so near that a driveway would be an arm of it, else
+        ``s_m``.
+        """
         stations = arc_lengths(self._line(street.way))
         near = [
             (abs(float(station) - s_m), float(station))
@@ -301,7 +306,7 @@ class _Canvas:
         return station if apart_m <= _SAME_JUNCTION_M else s_m
 
     def _hits(self, street: _Street, start: FloatArray, towards: FloatArray, reach_m: float) -> list[_Hit]:
-        """Other ways on the level of the street that a straight line meets, nearest first."""
+        """Return other ways on the level of the street that a straight line meets, nearest first."""
         hits = []
         for way in self._ways:
             if any(way.tags.get(key, "no") != "no" for key in ("bridge", "tunnel")):
@@ -323,7 +328,7 @@ class _Canvas:
         return sorted(hits, key=lambda hit: (hit.distance_m, hit.way.id))
 
     def _node_at(self, way: OsmWay, s_m: float) -> int:
-        """The way's node at a station; a new one if it has none there."""
+        """Return the way's node at a station; a new one if it has none there."""
         line = self._line(way)
         at = [*zip(arc_lengths(line).tolist(), way.node_ids, strict=True), *self._inserted[way.id]]
         apart_m, node_id = min((abs(station - s_m), node_id) for station, node_id in at)
@@ -352,7 +357,7 @@ def _whole(way: OsmWay, extract: OsmExtract) -> bool:
 
 
 def _station(line: FloatArray, point: FloatArray) -> float:
-    """Station along a polyline (metres) of its place nearest to a point."""
+    """Return the station along a polyline (metres) of its place nearest to a point."""
     stations = arc_lengths(line)
     best = (math.inf, 0.0)
     for i, (a, b) in enumerate(pairwise(line)):
@@ -367,7 +372,7 @@ def _station(line: FloatArray, point: FloatArray) -> float:
 
 
 def _on(line: FloatArray, s_m: float) -> tuple[FloatArray, FloatArray]:
-    """The point at a station of a polyline, and the unit vector along it there."""
+    """Return the point at a station of a polyline, and the unit vector along it there."""
     stations = arc_lengths(line)
     i = min(max(int(np.searchsorted(stations, s_m, side="right")) - 1, 0), len(line) - 2)
     along = line[i + 1] - line[i]

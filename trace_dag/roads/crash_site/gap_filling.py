@@ -1,4 +1,4 @@
-"""What the report adds to the map where OSM is silent: lane counts, limits, signals, stop and yield signs, driveways.
+"""Gaps of OSM filled from the report: lane counts, limits, signals, stop and yield signs, driveways.
 
 OSM's own tags are never changed. Lanes and limits are given to the converter as hints, which it uses for untagged ways
 only. A signal or sign becomes a tagged node in a copy of the extract and a driveway a way, as a mapper would have drawn
@@ -80,13 +80,13 @@ def _distinct(streets: SiteStreets) -> Iterable[StreetAtCrash]:
 
 
 def _agreed(values: Iterable[_Number | None]) -> _Number | None:
-    """The value, if all known values are the same."""
+    """Return the value, if all known values are the same."""
     known = {value for value in values if value}
     return known.pop() if len(known) == 1 else None
 
 
 def _whole_street(network: RoadNetwork, street: StreetAtCrash) -> Iterable[Road]:
-    """The roads of a street at the crash, and those of the same name and class beyond."""
+    """Yield the roads of a street at the crash, and those of the same name and class beyond."""
     at_crash = {road.id: road for road in street.roads}
     named = {(road.highway, road.one_way, name) for road in street.roads for name in road.names}
     for road in network.roads:
@@ -97,7 +97,7 @@ def _whole_street(network: RoadNetwork, street: StreetAtCrash) -> Iterable[Road]
 
 
 def _lanes_of(road: Road, vehicle: VehicleRecord) -> int | None:
-    """``VNUM_LAN`` as the lanes of one road object."""
+    """Return ``VNUM_LAN`` as the lanes of one road object."""
     lanes, trafficway = vehicle.lanes, trafficway_of(vehicle)
     if lanes is None:
         return None
@@ -133,7 +133,7 @@ def _add_controls(network: RoadNetwork, extract: OsmExtract, streets: SiteStreet
 
 
 def _with_signals(extract: OsmExtract, node_ids: set[int]) -> OsmExtract:
-    """Signals on those nodes of a crossing where ways meet."""
+    """Return signals on those nodes of a crossing where ways meet."""
     arms = Counter(node_id for way in extract.ways for pair in pairwise(way.node_ids) for node_id in pair)
     new = {
         node_id: node._replace(tags={**node.tags, "highway": "traffic_signals"})
@@ -144,7 +144,7 @@ def _with_signals(extract: OsmExtract, node_ids: set[int]) -> OsmExtract:
 
 
 def _with_signs(extract: OsmExtract, way_ids: set[int], crossing_nodes: set[int], tag: str) -> OsmExtract:
-    """Signs on the ways of a street, before the crossing and facing the traffic that comes towards it."""
+    """Return signs on the ways of a street, before the crossing and facing the traffic that comes towards it."""
     nodes = dict(extract.nodes)
     ways = tuple(_way_with_signs(way, nodes, crossing_nodes, tag) if way.id in way_ids else way for way in extract.ways)
     return extract if nodes == extract.nodes else replace(extract, nodes=nodes, ways=ways)
@@ -166,8 +166,9 @@ def _way_with_signs(way: OsmWay, nodes: dict[int, OsmNode], crossing_nodes: set[
 
 
 def _add_sign(nodes: dict[int, OsmNode], far: OsmNode, crossing: OsmNode, tags: dict[str, str]) -> int | None:
-    """A sign between two nodes of a way: a new node if there is room (its id is returned), else the far node of the
-    two."""
+    """Return a sign between two nodes of a way: a new node if there is room (its id is returned), else the far node of
+    the two.
+    """
     length_m = _distance_m(far, crossing)
     if length_m <= 2 * _SIGN_BEFORE_M:
         if "highway" not in far.tags:

@@ -1,5 +1,6 @@
-"""Where two named streets cross in OpenStreetMap files, and places so far from there along one of them: for crashes of
-which the report has no coordinates."""
+"""Crossings of two named streets in OpenStreetMap files, and places at a distance from there along one of them, for
+crashes whose report has no coordinates.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ _NAMES: Final = ("name", "ref", "alt_name", "official_name", "old_name")
 
 
 def find_places(maps: Sequence[Path], wanted: Collection[FromCrossing]) -> dict[FromCrossing, list[Place]]:
-    """Where each place is: nowhere if the streets do not cross there, several places if they do so more than once.
+    """Find each place: none if the streets do not cross there, several if they do so more than once.
 
     The distance is that in a straight line from the middle of the crossing to the street. Streets are compared as
     :mod:`trace_dag.roads.crash_site.street_names` does. Every file is read twice. Raises :class:`UserError` for files
@@ -64,7 +65,7 @@ class _Streets:
         self._lines = cache(self._lines_of)
 
     def places(self, wanted: FromCrossing) -> list[Place]:
-        """Where a place is, in this file."""
+        """Return the places found in this file."""
         shared = self._nodes[wanted.street] & self._nodes[wanted.cross_street]
         crossings = _together([self._located[node] for node in sorted(shared) if node in self._located])
         if wanted.direction is None or not wanted.distance_m:
@@ -72,7 +73,7 @@ class _Streets:
         return [place for crossing in crossings if (place := self._away(wanted, crossing)) is not None]
 
     def _away(self, wanted: FromCrossing, crossing: Place) -> Place | None:
-        """The middle of where the street leaves a circle around a crossing nearest to the direction."""
+        """Return the middle of where the street leaves a circle around a crossing nearest to the direction."""
         assert wanted.direction is not None
         frame, lines = LocalFrame(*crossing), self._lines(wanted.street)
         box = box_around(Site("", *crossing), wanted.distance_m)
@@ -97,7 +98,7 @@ class _Streets:
 
 
 def _named_roads(path: Path) -> dict[tuple[str, ...], list[array[int]]]:
-    """The nodes of every road, by the names it has."""
+    """Return the nodes of every road, by the names it has."""
     import osmium
 
     found: dict[tuple[str, ...], list[array[int]]] = {}
@@ -123,7 +124,7 @@ def _located(path: Path, ids: Collection[int]) -> Mapping[int, Place]:
 
 
 def _together(places: Iterable[Place]) -> list[Place]:
-    """The middle of each crossing."""
+    """Return the middle of each crossing."""
     all_places = list(places)
     if len(all_places) < 2:
         return all_places

@@ -25,12 +25,14 @@ class Nearness:
 
     @property
     def nearest(self) -> LaneMatch:
-        """The nearest lane."""
+        """Return the nearest lane."""
         return min(self.matches, key=lambda match: match.outside_m)
 
 
 def roads_near(network: RoadNetwork, x_m: float, y_m: float, reach_m: float) -> dict[str, Nearness]:
-    """Roads around a point, by id. A movement through a junction counts for the roads it comes from and leads to.
+    """Return roads around a point, by id.
+
+    A movement through a junction counts for the roads it comes from and leads to.
 
     >>> sorted({network.road_by_id[road_id].name for road_id in roads_near(network, 0.0, 0.0, 10.0)})
     ['Elder Street', 'Main Street']
@@ -51,7 +53,7 @@ def roads_near(network: RoadNetwork, x_m: float, y_m: float, reach_m: float) -> 
 
 
 def joined_by(network: RoadNetwork, connecting: Road) -> tuple[Road, ...]:
-    """The roads that a movement through a junction comes from and leads to.
+    """Return the roads that a movement through a junction comes from and leads to.
 
     >>> through = network.road_by_id[map_report.placement.lane.lane.road_id]  # a movement through the crossing
     >>> through.turn, [road.name for road in joined_by(network, through)]
@@ -64,7 +66,7 @@ def joined_by(network: RoadNetwork, connecting: Road) -> tuple[Road, ...]:
 
 
 def near_streets(network: RoadNetwork, record: CrashRecord) -> tuple[NearStreet, ...]:
-    """The streets within 100 m of the reported point, nearest first; if there are none, those within 400 m.
+    """Return the streets within 100 m of the reported point, nearest first; if there are none, those within 400 m.
 
     >>> [(street.name, street.distance_m, street.bears_reported_name) for street in near_streets(network, record)]
     [('Main Street', 0.0, True), ('Elder Street', 0.0, True), ('East Main Street', 67.83, True)]

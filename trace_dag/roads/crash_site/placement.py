@@ -1,4 +1,4 @@
-"""Where the crash is on the map: which road, where on it, and at which crossing.
+"""Placement of the crash on the map: road, place along it, crossing.
 
 The reported point is a coded point: some metres beside the road, on the wrong carriageway, or on the bridge above. So
 the road is chosen by what the report says about it: its name or number, who numbers it, class, lanes, limit, whether it
@@ -84,7 +84,7 @@ _NO_INTERSECTION: Final = (RoadTopology.NOT_AN_INTERSECTION, RoadTopology.OTHERS
 
 
 def place_crash(network: RoadNetwork, record: CrashRecord, settings: RoadSettings) -> CrashPlacement:
-    """The crash on the map, in the network's frame.
+    """Return the crash on the map, in the network's frame.
 
     A point on the surface of its road stays where it is. A point beside it is moved just inside the nearest lane, by at
     most ``settings.max_move_m``.
@@ -101,7 +101,7 @@ def place_crash(network: RoadNetwork, record: CrashRecord, settings: RoadSetting
 
 
 def is_at_intersection(record: CrashRecord) -> bool:
-    """Whether the crash happened at or because of an intersection (``TYP_INT``, else ``RELJCT2``).
+    """Return whether the crash happened at or because of an intersection (``TYP_INT``, else ``RELJCT2``).
 
     >>> is_at_intersection(record), is_at_intersection(tree_record)
     (True, False)
@@ -112,7 +112,7 @@ def is_at_intersection(record: CrashRecord) -> bool:
 
 
 def is_named(crossing: Crossing, record: CrashRecord) -> bool:
-    """Whether a crossing is the one that the report names: both named streets meet there.
+    """Return whether a crossing is the one that the report names: both named streets meet there.
 
     >>> sum(is_named(crossing, record) for crossing in find_crossings(network))
     1
@@ -121,7 +121,7 @@ def is_named(crossing: Crossing, record: CrashRecord) -> bool:
 
 
 def class_steps(record: CrashRecord, road: Road) -> float | None:
-    """How many classes the reported functional class (``FUNC_SYS``) and a road's class on the map are apart.
+    """Return the number of classes between the reported functional class (``FUNC_SYS``) and a road's class on the map.
 
     None if one of the two is not known: a driveway or a track has no functional class.
 
@@ -152,7 +152,7 @@ class _Candidate:
 
     @property
     def speaks_for_it(self) -> float:
-        """What the report says for it but where the point is and what its limit is, which many roads share."""
+        """Score a road by the report but for the point and the limit, which many roads share."""
         return math.fsum(weight for name, weight in self.weights.items() if name not in ("distance", "limit"))
 
 
@@ -269,7 +269,7 @@ class _Placer:
             raise Rejection(Reason.CRASH_OFF_ROAD, against, measured=measured, threshold=self._settings.max_move_m)
 
     def _named(self, reported: str, *, exclude: Collection[str]) -> tuple[str, ...]:
-        """Roads near the point whose names fit a street name of the report."""
+        """Return roads near the point whose names fit a street name of the report."""
         if not reported:
             return ()
         return tuple(
@@ -281,7 +281,7 @@ class _Placer:
 
     # --- crossings -------------------------------------------------------------------------------------------
     def _crossing(self) -> Crossing | None:
-        """The crossing that the report means, chosen by distance, names of streets, and kind."""
+        """Return the crossing that the report means, chosen by distance, names of streets, and kind."""
         record, best, best_score = self._record, None, -math.inf
         for crossing in self._crossings:
             if crossing.kind is None:
@@ -299,7 +299,7 @@ class _Placer:
         return best
 
     def _distance_to(self, crossing: Crossing) -> float:
-        """Distance from the point to the surface of a crossing's junctions (metres)."""
+        """Return the distance from the point to the surface of a crossing's junctions (metres)."""
         inside = [
             match.outside_m
             for near in self._near.values()
@@ -318,8 +318,9 @@ class _Placer:
         return self._placement(best, surface, junction, self._cross_roads(crossing, best.road))
 
     def _belongs(self, lane: LaneRef, crossing: Crossing, names: Collection[str]) -> bool:
-        """Whether a lane belongs to the crossing or to one of its streets farther on (past the next driveway, for
-        example)."""
+        """Return whether a lane belongs to the crossing or to one of its streets farther on (past the next driveway,
+        for example).
+        """
         road = self._network.road_by_id[lane.road_id]
         if road.id in crossing.road_ids or road.junction_id in crossing.junction_ids:
             return True
@@ -336,7 +337,7 @@ class _Placer:
         return min(inside, default=math.inf)
 
     def _cross_roads(self, crossing: Crossing, road: Road) -> tuple[str, ...]:
-        """Roads of the crossing other than the crash's own street; those that ``TWAY_ID2`` names, if it does."""
+        """Return roads of the crossing other than the crash's own street; those that ``TWAY_ID2`` names, if it does."""
         own = set(crossing.street_of(road.id))
         others = [arm for arm in crossing.arms if own.isdisjoint(arm.road_ids)]
         if self._record.trafficway_2:
@@ -349,7 +350,7 @@ class _Placer:
         return tuple(road_id for arm in others for road_id in arm.road_ids)
 
     def _driveway(self) -> tuple[str | None, tuple[str, ...]]:
-        """The junction of the nearest driveway within reach, and the driveways there."""
+        """Return the junction of the nearest driveway within reach, and the driveways there."""
         best: tuple[float, str] | None = None
         for junction in self._network.junctions:
             distance_m = self._junction_distance(junction.id)

@@ -1,4 +1,4 @@
-"""What the report says about each vehicle's road, in terms that can be compared with a map.
+"""The reported road of each vehicle, in terms that can be compared with a map.
 
 FARS elements, by the FARS Analytical User's Manual: ``VTRAFWAY`` describes the trafficway. ``VNUM_LAN`` counts the
 lanes of the roadway the vehicle was on: both directions together where the trafficway is not divided, only the
@@ -53,7 +53,7 @@ _CONTROLS: Final = {
 
 
 def trafficway_of(vehicle: VehicleRecord) -> Trafficway | None:
-    """The trafficway; None if it is not reported or is a driveway.
+    """Return the trafficway; None if it is not reported or is a driveway.
 
     >>> record.vehicles[0].trafficway_code, trafficway_of(record.vehicles[0]).value
     (1, 'undivided')
@@ -62,7 +62,7 @@ def trafficway_of(vehicle: VehicleRecord) -> Trafficway | None:
 
 
 def control_of(vehicle: VehicleRecord) -> Control | None:
-    """The traffic control; None if it is not reported or no map has such (a person, a warning sign).
+    """Return the traffic control; None if it is not reported or no map has such (a person, a warning sign).
 
     >>> record.vehicles[0].traffic_control_code, control_of(record.vehicles[0]).value
     (3, 'signal')
@@ -71,7 +71,7 @@ def control_of(vehicle: VehicleRecord) -> Control | None:
 
 
 def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
-    """The two vehicles that collided; all vehicles if the record names no such two.
+    """Return the two vehicles that collided; all vehicles if the record names no such two.
 
     >>> [vehicle.number for vehicle in pair_of(record)], [vehicle.number for vehicle in pair_of(tree_record)]
     ([2, 1], [1])
@@ -80,7 +80,7 @@ def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
 
 
 def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> frozenset[int]:
-    """What ``VNUM_LAN`` would be on a street of the map, given how ``VTRAFWAY`` describes it.
+    """Return the ``VNUM_LAN`` of a street of the map, counted as ``VTRAFWAY`` implies.
 
     There are several values if lanes begin, end or only turn near the place, or if the two directions differ. If the
     report does not say whether the trafficway is divided, both ways to count a divided one are included.
@@ -106,7 +106,7 @@ def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> fro
 
 
 def trafficway_on_map(street: Carriageway) -> Trafficway:
-    """How ``VTRAFWAY`` would describe a street of the map.
+    """Return the ``VTRAFWAY`` of a street of the map.
 
     >>> from trace_dag.roads.crash_site.carriageways import carriageway_at
     >>> trafficway_on_map(carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)).value

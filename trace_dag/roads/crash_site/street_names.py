@@ -1,4 +1,4 @@
-"""Whether two names mean the same American street: ``SR-41/FRANKLIN TRNPK`` and ``Franklin Turnpike``, ``VA 41``.
+"""Comparison of American street names: ``SR-41/FRANKLIN TRNPK`` and ``Franklin Turnpike``, ``VA 41``.
 
 Police write abbreviations and route numbers, OpenStreetMap writes names out and puts numbers into ``ref``. A text is
 split into route numbers (system and number) and plain names (core words, type, directions). How alike two texts are is
@@ -18,7 +18,7 @@ from typing import Final
 
 
 class RouteSystem(StrEnum):
-    """Who numbers a route: the federal government, a state, a county, ..."""
+    """Systems of numbered routes: federal, state, county, ..."""
 
     INTERSTATE = "interstate"
     US = "us"
@@ -220,7 +220,7 @@ def parse_street(text: str) -> StreetName:
 
 
 def similarity(reported: str, mapped: Iterable[str]) -> float | None:
-    """How well a reported street fits the names of a mapped one, 0 (another street) to 1 (the same).
+    """Score the fit of a reported street to the names of a mapped one, 0 (another street) to 1 (the same).
 
     None if the two cannot be compared: one has only names and the other only route numbers, or one has neither.
 
@@ -249,7 +249,9 @@ class StreetIndex:
                 self._by_key.setdefault(key, []).append(names)
 
     def same(self, reported: str) -> list[tuple[str, ...]]:
-        """The streets of that name: those that are spelled as reported; where there is none, with a typing error.
+        """Return the streets of that name: those that are spelled as reported.
+
+        Where there is none, with a typing error.
 
         >>> StreetIndex([("Elder Street",), ("Main Street", "US 1"), ("Maine Road",)]).same("N MAIN ST")
         [('Main Street', 'US 1')]
@@ -267,7 +269,8 @@ class StreetIndex:
 
 
 def _keys(name: StreetName) -> Iterator[object]:
-    """What two texts of one street share if there is no typing error: a route's number, or all words."""
+    """Return the keys that two texts of one street share if there is no typing error: a route's number, or all
+    words."""
     yield from (route.number for route in name.routes)
     for each in name.names:
         yield "".join(each.core)
@@ -358,8 +361,10 @@ def _without_address(tokens: list[str]) -> list[str]:
 
 
 def _take_directions(tokens: list[str]) -> tuple[tuple[str, ...], list[str]]:
-    """Directions before and after a name, and the rest; one without which only a type would be left stays ("North
-    Street", "Avenue E")."""
+    """Return directions before and after a name, and the rest.
+
+    One without which only a type would be left stays ("North Street", "Avenue E").
+    """
     directions: list[str] = []
     rest = list(tokens)
     if len(rest) > 1 and rest[0] in _DIRECTIONS and not (len(rest) == 2 and rest[1] in _TYPES):

@@ -1,4 +1,4 @@
-"""How far the arms of a junction are cut back to make room for the turns.
+"""Cuts of a junction's arms that make room for the turns.
 
 An arm is a street where it meets the junction. It is cut back to where its carriageway is clear of every other arm's,
 plus room for the corner. Does not belong here: which streets meet at a junction
@@ -47,14 +47,14 @@ class StreetEnd(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """How much of an arm to cut off: to be clear of the other arms, and to leave room for the corners as well."""
+    """Lengths to cut off an arm: to be clear of the other arms, and to leave room for the corners as well."""
 
     clear_m: float
     wanted_m: float
 
 
 def end_profile(street: Street, at_start: bool) -> WayProfile:
-    """Profile of the street where it ends, in the street's direction.
+    """Return the profile of the street where it ends, in the street's direction.
 
     >>> street = street_graph.streets[0]
     >>> end_profile(street, True) == street.spans[0].profile, end_profile(street, False) == street.spans[-1].profile
@@ -64,14 +64,16 @@ def end_profile(street: Street, at_start: bool) -> WayProfile:
 
 
 def _extents(section: CrossSection) -> tuple[float, float]:
-    """How far the road reaches left and right of the way's geometry."""
+    """Return how far the road reaches left and right of the way's geometry."""
     left = section.offset_m + math.fsum(lane.width_m for lane in section.left)
     right = -section.offset_m + math.fsum(lane.width_m for lane in section.forward)
     return left, right
 
 
 def _inner_borders(section: CrossSection) -> tuple[float | None, float | None]:
-    """Left border of the lanes along the way and of those against it, left of the geometry as they are driven."""
+    """Return the left border of the lanes along the way and of those against it, left of the geometry as they are
+    driven.
+    """
     centre_m = section.centre.width_m if section.centre else 0.0
     return (section.offset_m if section.forward else None, -section.offset_m - centre_m if section.backward else None)
 
@@ -98,7 +100,7 @@ class _Strip:
         self.heading = _chord_heading(self.segments)
 
     def shift_to(self, other: _Strip) -> float:
-        """How far lanes shift sideways on the way to or from an opposite arm, metres.
+        """Return the sideways shift of lanes on the way to or from an opposite arm, metres.
 
         Either the outer edges shift, or the inner ones: where a street becomes divided, its one lane can become the two
         lanes of a carriageway that is as wide as the street was.
@@ -111,7 +113,7 @@ class _Strip:
         )
 
     def clear_of(self, other: _Strip) -> float:
-        """Distance along this arm (metres) beyond which neither of its edges is on the other arm's ground.
+        """Return the distance along this arm (metres) beyond which neither of its edges is on the other arm's ground.
 
         Ground that the arm reaches again after having been clear of it does not count.
         """
@@ -150,7 +152,7 @@ class _Strip:
 
 
 def _chord_heading(segments: Sequence[tuple[float, float, float, float, float, float]]) -> float:
-    """Direction in which the arm leaves, over its first 15 m."""
+    """Return the direction in which the arm leaves, over its first 15 m."""
     _, x0, y0, *_ = segments[0]
     x, y = x0, y0
     for s, sx, sy, c, n, length in segments:
@@ -162,7 +164,7 @@ def _chord_heading(segments: Sequence[tuple[float, float, float, float, float, f
 
 
 def cuts_of(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[PlanView]) -> list[Cut]:
-    """The cut of each arm of one junction, as if streets were long enough.
+    """Return the cut of each arm of one junction, as if streets were long enough.
 
     >>> cuts_of([StreetEnd(0, True)], street_graph.streets, plans)  # one arm alone has none to be clear of
     [Cut(clear_m=0.5, wanted_m=1.0)]
@@ -207,8 +209,9 @@ def cuts_of(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequenc
 
 
 def _longest_fold_cut_m(angle_rad: float) -> float:
-    """Longest cut (metres) of both arms of a fold, ``angle_rad`` apart, at which the curve between them stays near its
-    point."""
+    """Return the longest cut (metres) of both arms of a fold, ``angle_rad`` apart, at which the curve between them
+    stays near its point.
+    """
     if angle_rad < _HAIRPIN_RAD:
         return _HAIRPIN_CUT_M
     missed_per_metre = math.tan((math.pi - angle_rad) / 4)  # distance from the point to the arc, per metre of cut
@@ -220,7 +223,7 @@ def _angle(a: _Strip, b: _Strip) -> float:
 
 
 def fit_cuts(length_m: float, start: Cut, end: Cut) -> tuple[float, float]:
-    """Both cuts of a street, shortened if the street is too short: first the room for corners, then the rest.
+    """Return both cuts of a street, shortened if the street is too short: first the room for corners, then the rest.
 
     >>> fit_cuts(60.0, Cut(4.0, 10.0), Cut(4.0, 6.0))
     (10.0, 6.0)

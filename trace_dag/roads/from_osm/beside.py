@@ -49,7 +49,8 @@ def with_lanes_beside(
     built: Mapping[int, StreetRoads],
     carriageways: Carriageways,
 ) -> tuple[Road, ...]:
-    """``roads``, finished, with the sidewalks and cycle lanes that OpenStreetMap has beside them, and usual shoulders.
+    """Return ``roads``, finished, with the sidewalks and cycle lanes that OpenStreetMap has beside them, and usual
+    shoulders.
 
     ``built`` has the roads of each street as they were before heights and links; ``carriageways`` are those of
     ``roads``.
@@ -100,7 +101,7 @@ class _Chain:
         self._elements = np.array([(e.s_m, e.x_m, e.y_m, e.heading_rad, e.curvature_1pm) for e in plan.elements]).T
 
     def edges_m(self, s_m: FloatArray, side: int, *, drivable: bool) -> FloatArray:
-        """Distance of the edge of the lanes of one side, or of those to drive in, from the street's plan."""
+        """Return the distance of the edge of the lanes of one side, or of those to drive in, from the street's plan."""
         numbers = np.minimum(np.searchsorted(self._piece_ends_m, s_m), len(self._pieces) - 1)
         found = np.empty(len(s_m))
         for number in np.unique(numbers).tolist():
@@ -111,13 +112,15 @@ class _Chain:
         return found
 
     def places(self, s_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y and heading of the street's plan at stations."""
+        """Return x, y and heading of the street's plan at stations."""
         begins_m, x, y, heading, curvature = self._elements
         k = np.maximum(np.searchsorted(begins_m, s_m, side="right") - 1, 0)
         return along_arcs(x[k], y[k], heading[k], s_m - begins_m[k], curvature[k])
 
     def reach_m(self, strip: Strip) -> tuple[float, float]:
-        """Where a strip begins and ends: within the roads, and extended to a junction that it ends just before."""
+        """Return the beginning and the end of a strip within the roads, extended to a junction that it ends just
+        before.
+        """
         begins, ends = (link is not None for link in (self.roads[0].predecessor, self.roads[-1].successor))
         low_m, high_m = max(strip.begin_m, self.begin_m), min(strip.end_m, self.end_m)
         if begins and low_m - self.begin_m <= _TO_JUNCTION_M:
@@ -127,7 +130,10 @@ class _Chain:
         return low_m, high_m
 
     def folds(self, s_m: FloatArray, strip: Strip, others: Sequence[Strip]) -> NDArray[np.bool_]:
-        """Where a strip lies inside a bend that is too tight for its outer edge; all ``others`` may lie further in."""
+        """Return where a strip lies inside a bend that is too tight for its outer edge.
+
+        All ``others`` may lie further in.
+        """
         out_m = self.edges_m(s_m, strip.side, drivable=strip.type is LaneType.BIKING) + strip.verge_m + strip.width_m
         if strip.type is LaneType.SIDEWALK:
             out_m += max((o.width_m for o in others if o.side == strip.side and o.type is not strip.type), default=0.0)
@@ -139,7 +145,7 @@ class _Chain:
         return blocked
 
     def road_ids(self) -> frozenset[str]:
-        """The street's own roads."""
+        """Return the street's own roads."""
         return frozenset(road.id for road in self.roads)
 
     def _edge(self, piece: _Piece, side: int, *, drivable: bool) -> CubicProfile:
@@ -151,7 +157,7 @@ class _Chain:
         return CubicProfile.weighted_sum([(float(side), self._offsets[piece.road.id]), *widths])
 
     def with_strips(self, strips: Sequence[Strip]) -> Iterator[Road]:
-        """The roads with the strips as lanes."""
+        """Yield the roads with the strips as lanes."""
         new = [{side: _Outside.of(piece, strips, side) for side in (1, -1)} for piece in self._pieces]
         sections: dict[str, list[tuple[Lane, ...]]] = defaultdict(list)
         for number, piece in enumerate(self._pieces):
@@ -191,7 +197,7 @@ class _Outside:
 
     @classmethod
     def of(cls, piece: _Piece, strips: Sequence[Strip], side: int) -> _Outside:
-        """One side of a piece of a street with its share of the strips."""
+        """Return one side of a piece of a street with its share of the strips."""
         lanes = piece.road.lane_sections[piece.section].lanes
         own = sorted((lane for lane in lanes if lane.id * side > 0), key=lambda lane: abs(lane.id))
         here = [
@@ -224,7 +230,7 @@ class _Outside:
         return cls(own, new, side)
 
     def lanes(self, before: _Outside | None, after: _Outside | None) -> Iterator[Lane]:
-        """The lanes, linked to those of the sections before and after."""
+        """Yield the lanes, linked to those of the sections before and after."""
         for lane_id, each in self._order:
             if isinstance(each, Lane):
                 yield replace(
@@ -258,8 +264,9 @@ class _Outside:
 
 
 def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float, least_m: float) -> tuple[Cubic, ...]:
-    """Width along a section of a lane that exists where the strips are, ``least_m`` elsewhere, as cubics from the
-    section's begin on."""
+    """Return the width along a section of a lane that exists where the strips are, ``least_m`` elsewhere, as cubics
+    from the section's begin on.
+    """
     cubics: list[Cubic] = []
     for strip, width_m in sorted(strips):
         low_m, high_m = max(strip.begin_m, begin_m), min(strip.end_m, end_m)
@@ -290,7 +297,7 @@ class _Samples(NamedTuple):
 
 
 def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: Carriageways) -> Strips:
-    """The strips where no other road's lanes are, none of them shorter than the least."""
+    """Return the strips where no other road's lanes are, none of them shorter than the least."""
     samples: list[_Samples] = []
     edges: list[FloatArray] = []
     for index, of_street in strips.items():
@@ -332,12 +339,14 @@ def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: 
 
 
 def _leaves(road: Road, street: Collection[str]) -> bool:
-    """Whether a road of a junction begins or ends at one of a street's roads, and so touches its sidewalks there."""
+    """Return whether a road of a junction begins or ends at one of a street's roads, and so touches its sidewalks
+    there.
+    """
     ends = (road.predecessor, road.successor)
     return road.junction_id is not None and any(link is not None and link.element_id in street for link in ends)
 
 
 def _free_runs(blocked: NDArray[np.bool_]) -> list[NDArray[np.int_]]:
-    """Runs of places that are not blocked, by their numbers."""
+    """Return runs of places that are not blocked, by their numbers."""
     free = np.flatnonzero(~blocked)
     return [run for run in np.split(free, np.flatnonzero(np.diff(free) > 1) + 1) if len(run)]

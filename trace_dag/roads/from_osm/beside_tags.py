@@ -21,7 +21,7 @@ class Beside(NamedTuple):
     cycle_right_m: float | None = None
 
     def reversed(self) -> Beside:
-        """Seen against the way."""
+        """Return the tags as seen against the way."""
         return Beside(self.sidewalk_right_m, self.sidewalk_left_m, self.cycle_right_m, self.cycle_left_m)
 
 
@@ -29,7 +29,7 @@ NOTHING: Final = Beside()
 
 
 def read_beside(tags: Mapping[str, str], *, oneway: bool) -> Beside:
-    """What ``sidewalk`` and ``cycleway`` tags of a road say, seen along the OSM way.
+    """Read ``sidewalk`` and ``cycleway`` tags of a road, seen along the OSM way.
 
     A cycle lane of a one-way road without a side is on the right of its traffic, one for those who may ride against it
     (``oneway:bicycle=no`` with ``lanes:backward``) on the left. Sidewalks tagged ``separate`` are ways of their own.

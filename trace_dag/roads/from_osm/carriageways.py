@@ -1,4 +1,4 @@
-"""Which places lie on the lanes of which roads."""
+"""Carriageways as shapes: the roads on whose lanes a place lies."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ _CLEAR_M: Final = 0.1
 
 
 class Carriageways:
-    """The lanes that traffic drives in of finished roads. Each short piece of a reference line stands for a box about
-    it as wide as the lanes get anywhere on the road."""
+    """The lanes that traffic drives in of finished roads.
+
+    Each short piece of a reference line stands for a box about it as wide as the lanes get anywhere on the road.
+    """
 
     def __init__(self, roads: Sequence[Road]) -> None:
         self._roads = roads
 
     def at(self, points: FloatArray) -> Iterator[tuple[int, Road]]:
-        """Which of the points, (n, 2), may lie on the lanes of which roads. May name too many, never too few."""
+        """Return candidates of the roads on whose lanes the points, (n, 2), lie: sometimes too many, never too few."""
         owner, (x, y, heading, half, left_m, right_m) = self._boxes
         tree = shapely.STRtree(np.asarray(shapely.points(points)))
         reach = np.hypot(np.maximum(np.abs(left_m), np.abs(right_m)) + _CLEAR_M, half + _CLEAR_M)
@@ -41,7 +43,9 @@ class Carriageways:
 
     @cached_property
     def _boxes(self) -> tuple[NDArray[np.int_], tuple[FloatArray, ...]]:
-        """Of each box the number of its road; x, y, heading, half its length, how far it reaches left and right."""
+        """Return, for each box, the number of its road, x, y, heading, half its length, and its reach to the left and
+        right.
+        """
         pieces = [
             (number, each.x_m, each.y_m, each.heading_rad, each.length_m, each.curvature_1pm)
             for number, road in enumerate(self._roads)
@@ -61,7 +65,9 @@ class Carriageways:
 
 
 def _extent_m(road: Road) -> tuple[float, float]:
-    """How far left and right of the reference line the road's drivable lanes reach at most (metres, left positive)."""
+    """Return the largest reach of the road's drivable lanes left and right of the reference line (metres, left
+    positive).
+    """
     offsets = [cubic.a for cubic in road.lane_offset] or [0.0]
     left_m = right_m = 0.0
     for section in road.lane_sections:

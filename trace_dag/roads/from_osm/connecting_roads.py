@@ -63,7 +63,7 @@ class _Link(NamedTuple):
 def build_connections(
     movements: Sequence[Movement], junction_id: str, new_road_id: Callable[[], str]
 ) -> tuple[list[Road], list[Connection]]:
-    """Connecting roads and connections of one junction.
+    """Return the connecting roads and connections of one junction.
 
     >>> from itertools import count
     >>> from trace_dag.roads.from_osm.movements import TurnRestrictions, find_movements
@@ -112,7 +112,7 @@ def _links(movements: Sequence[Movement]) -> list[_Link]:
 
 
 def _side_by_side(movement: Movement, run: Sequence[tuple[ArmLane, ArmLane]], plan: PlanView) -> list[_Link]:
-    """Lanes on one connecting road; each on its own if they shift sideways faster than a car can steer."""
+    """Return lanes on one connecting road; each on its own if they shift sideways faster than a car can steer."""
     shift_m = abs(run[0][1].offset_m - run[0][0].offset_m)
     if 6 * shift_m * _SHIFT_RADIUS_M > plan.length_m**2:  # the curvature at the ends of a cubic from level to level
         return [link for pair in run if (link := _lane_link(movement, pair)) is not None]
@@ -122,14 +122,14 @@ def _side_by_side(movement: Movement, run: Sequence[tuple[ArmLane, ArmLane]], pl
 def _street_link(
     movement: Movement, lanes: Sequence[tuple[ArmLane, ArmLane]], plan: PlanView, kind: LaneType = LaneType.DRIVING
 ) -> _Link:
-    """Lanes that follow the streets' own geometry through the junction."""
+    """Return lanes that follow the streets' own geometry through the junction."""
     first_in, first_out = lanes[0]
     offsets_m = first_in.offset_m + first_in.width_m / 2, first_out.offset_m + first_out.width_m / 2
     return _Link(movement, tuple(lanes), plan, offsets_m, kind)
 
 
 def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | None:
-    """A lane with a road of its own; None if no sensible curve connects its ends."""
+    """Return a lane with a road of its own; None if no sensible curve connects its ends."""
     lane_in, lane_out = pair
     start = _shifted(movement.origin.inbound, lane_in.offset_m)
     end = _shifted(movement.target.outbound, lane_out.offset_m)
@@ -142,7 +142,7 @@ def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | Non
 
 
 def _possible(links: list[_Link]) -> list[_Link]:
-    """The links that a car can drive, and U-turns that it cannot only if a lane has no other way on or in.
+    """Return the links that a car can drive, and U-turns that it cannot only if a lane has no other way on or in.
 
     A car cannot drive U-turns that leave the junction's ground (to turn round across a narrow median it needs room to
     swing out first), nor corners that are too tight even with swinging out.
@@ -169,7 +169,7 @@ def _lane_ends(link: _Link) -> list[tuple[str, ContactPoint, int]]:
 
 
 def _fits(link: _Link, links: Sequence[_Link]) -> bool:
-    """Whether a car on a link stays between the ends of the junction's roads."""
+    """Return whether a car on a link stays between the ends of the junction's roads."""
     import shapely
 
     if tightest_radius_m(link.plan) < TIGHTEST_RADIUS_M * 0.999:
@@ -190,7 +190,9 @@ def _fits(link: _Link, links: Sequence[_Link]) -> bool:
 
 
 def _is_sharp(movement: Movement, plan: PlanView) -> bool:
-    """Whether straight on is a bend in which lanes side by side differ in length by a fifth, or too tight for a car."""
+    """Return whether straight on is a bend in which lanes side by side differ in length by a fifth, or too tight for a
+    car.
+    """
     outermost = max(max(abs(a.offset_m), abs(b.offset_m)) for a, b in movement.lanes)
     return tightest_radius_m(plan) < max(outermost / _MOST_CURVED, TIGHTEST_RADIUS_M + outermost)
 
@@ -212,7 +214,7 @@ def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
 
 
 def _along_streets(movement: Movement) -> PlanView | None:
-    """The streets' own geometry through the junction; None if it bends back on itself."""
+    """Return the streets' own geometry through the junction; None if it bends back on itself."""
     head, first = _split_last_line(movement.origin.rest)
     tail, last = _split_last_line(movement.target.rest)
     points = [first, *_distinct(movement, first, last), last]
@@ -227,7 +229,7 @@ def _along_streets(movement: Movement) -> PlanView | None:
 
 
 def _split_last_line(rest: PlanView) -> tuple[PlanView, tuple[float, float]]:
-    """A plan without its last line, and where that line begins."""
+    """Return a plan without its last line, and where that line begins."""
     last = rest.elements[-1]
     return cut_plan(rest, 0.0, last.s_m), (last.x_m, last.y_m)
 

@@ -1,4 +1,4 @@
-"""Which traffic lights change together: OpenDRIVE's controllers and the junctions they belong to.
+"""Groups of traffic lights that change together: OpenDRIVE's controllers and their junctions.
 
 A controller gives all its signals the same state (ASAM OpenDRIVE 1.7.0, 14.6). The lights of opposing approaches to a
 junction have one, those of the street that crosses them the next: the two-phase plan of the US Signal Timing Manual
@@ -36,7 +36,7 @@ class _Approach:
 
 
 def with_controllers(network: RoadNetwork) -> RoadNetwork:
-    """The network with a controller for each group of lights, named by the junctions they stand at.
+    """Return the network with a controller for each group of lights, named by the junctions they stand at.
 
     >>> sorted({controller.name for controller in with_controllers(network).controllers})
     ['Cedar Street', 'Elder Street', 'Main Street']
@@ -67,7 +67,7 @@ def with_controllers(network: RoadNetwork) -> RoadNetwork:
 
 
 def _approach(network: RoadNetwork, road: Road, signal: Signal) -> tuple[str | None, _Approach]:
-    """The junction that traffic under a light comes to next, if it is near, and the approach to it."""
+    """Return the junction that traffic under a light comes to next, if it is near, and the approach to it."""
     street = road.name
     forward = signal.orientation == "+"
     left_m = road.length_m - signal.s_m if forward else signal.s_m
@@ -85,7 +85,7 @@ def _approach(network: RoadNetwork, road: Road, signal: Signal) -> tuple[str | N
 
 
 def _phases(approaches: Iterable[_Approach]) -> Iterator[list[_Approach]]:
-    """Approaches that are opposite each other, or of one street and direction; the rest each by itself."""
+    """Yield approaches that are opposite each other, or of one street and direction; the rest each by itself."""
     waiting = list(approaches)
     while waiting:
         first = waiting[0]

@@ -71,7 +71,7 @@ class NativeConverter:
     limits = MapLimits()
 
     def require(self) -> None:
-        """Nothing to check: it needs no extra."""
+        """Require nothing: it needs no extra."""
 
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
@@ -84,7 +84,9 @@ class NativeConverter:
 def convert(
     extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints] | None = None
 ) -> RoadNetwork:
-    """The road network of an extract, in ``frame``. ``hints`` by OSM way id fill gaps in its tags.
+    """Return the road network of an extract, in ``frame``.
+
+    ``hints`` by OSM way id fill gaps in its tags.
 
     Raises :class:`Rejection` (``map_distorted``) if the extract holds no road that could be built.
 
@@ -171,8 +173,9 @@ def convert(
 
 
 def _plan(street: Street) -> PlanView:
-    """The reference line of a street: bends as wide as its lanes like where there is room, and nowhere so tight that a
-    lane folds at its inner edge or its centre is tighter than a corner that a car can take."""
+    """Return the reference line of a street: bends as wide as its lanes like where there is room, and nowhere so tight
+    that a lane folds at its inner edge or its centre is tighter than a corner that a car can take.
+    """
     wanted, needed = zip(*(radii for span in street.spans for radii in _radii(span.profile.section)), strict=True)
     plan = fit_plan(street.points, max(wanted))
     wide = without_tight_bends(plan, max(needed))
@@ -186,8 +189,9 @@ def _plan(street: Street) -> PlanView:
 
 
 def _radii(section: CrossSection) -> Iterator[tuple[float, float]]:
-    """The radius of the reference line that each lane of a cross-section likes, so that lanes differ little in length,
-    and the least that it needs."""
+    """Yield the radius of the reference line that each lane of a cross-section likes, so that lanes differ little in
+    length, and the least that it needs.
+    """
     for lanes, sign in ((section.left, 1), (section.forward, -1)):
         border = section.offset_m
         for lane in lanes:
@@ -200,7 +204,10 @@ def _radii(section: CrossSection) -> Iterator[tuple[float, float]]:
 
 
 def _linked(roads: list[Road], start_junction: str | None, end_junction: str | None) -> list[Road]:
-    """Roads of one street linked to each other and to the junctions at its ends; lanes that lead nowhere unlinked."""
+    """Return roads of one street linked to each other and to the junctions at its ends.
+
+    Lanes that lead nowhere unlinked.
+    """
     linked = []
     for i, road in enumerate(roads):
         predecessor = RoadLink("junction", start_junction) if start_junction is not None else None

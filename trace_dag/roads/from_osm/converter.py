@@ -16,8 +16,10 @@ from trace_dag.roads.map.network import RoadNetwork
 
 @dataclass(frozen=True)
 class MapLimits:
-    """Thresholds of the gates. The defaults are what the native converter guarantees; with infinity a gate only
-    measures."""
+    """Thresholds of the gates. The defaults are what the native converter guarantees.
+
+    With infinity a gate only measures.
+    """
 
     rule_violations: float = 0
     stored_difference_m: float = 1e-3
@@ -42,7 +44,7 @@ class MapLimits:
 
 @dataclass(frozen=True)
 class WayHints:
-    """What the report says about one way, used only where the way's tags say nothing."""
+    """Reported facts about one way, used only where the way's tags have none."""
 
     lanes: int | None = None  # in all, both directions and centre turn lane included
     speed_mps: float | None = None
@@ -59,6 +61,9 @@ class Converter(Protocol):
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
     ) -> RoadNetwork:
-        """The road network of an extract whose one-way roads go along their ways, in ``frame``; ``hints`` by OSM way
-        id. Raises :class:`trace_dag.common.errors.Rejection` (``map_distorted``) where nothing can be made of the
-        extract."""
+        """Return the road network of an extract whose one-way roads go along their ways, in ``frame``.
+
+        ``hints`` by OSM way id.
+
+        Raises :class:`trace_dag.common.errors.Rejection` (``map_distorted``) where nothing can be made of the extract.
+        """

@@ -74,7 +74,7 @@ class _Path(NamedTuple):
 def with_lanes_through_junctions(
     network: RoadNetwork, carriageways: Carriageways, new_road_id: Callable[[], str]
 ) -> RoadNetwork:
-    """The network with a road for every sidewalk and cycle lane that goes on through a junction.
+    """Return the network with a road for every sidewalk and cycle lane that goes on through a junction.
 
     >>> led_on = with_lanes_through_junctions(network, Carriageways(network.roads), lambda: "")
     >>> len(led_on.roads) - len(network.roads)  # at no junction here do two streets with sidewalks meet
@@ -102,12 +102,12 @@ def with_lanes_through_junctions(
 
 
 def _end(link: RoadLink) -> str:
-    """Names the end of a road that a link touches."""
+    """Return names the end of a road that a link touches."""
     return f"{link.element_id} {link.contact_point}"
 
 
 def _arms(roads: Sequence[Road]) -> dict[str, list[_Arm]]:
-    """The ends that have a sidewalk or cycle lane, by junction."""
+    """Return the ends that have a sidewalk or cycle lane, by junction."""
     arms: dict[str, list[_Arm]] = defaultdict(list)
     for road in roads:
         for link, contact in ((road.predecessor, ContactPoint.START), (road.successor, ContactPoint.END)):
@@ -149,7 +149,7 @@ def _arm(road: Road, contact: ContactPoint, beside: Mapping[tuple[LaneType, int]
 
 # --- which lead where ------------------------------------------------------------------------------------------------
 def _round_corners(arms: Sequence[_Arm]) -> Iterator[_Path]:
-    """Sidewalks: from the right side of each arm to the left side of the next one counter-clockwise."""
+    """Yield sidewalks: from the right side of each arm to the left side of the next one counter-clockwise."""
     if len(arms) < 2:
         return
     middle_x, middle_y = np.mean([arm.pose[:2] for arm in arms], axis=0).tolist()
@@ -161,7 +161,7 @@ def _round_corners(arms: Sequence[_Arm]) -> Iterator[_Path]:
 
 
 def _with_traffic(arms: Sequence[_Arm], followed: Mapping[tuple[str, str], str]) -> Iterator[_Path]:
-    """Cycle lanes: where traffic from one arm goes straight on or right into another."""
+    """Yield the cycle lanes: where traffic from one arm goes straight on or right into another."""
     for origin in arms:
         for target in arms:
             from_end, to_end = (f"{arm.road.id} {arm.contact}" for arm in (origin, target))
@@ -177,7 +177,7 @@ def _with_traffic(arms: Sequence[_Arm], followed: Mapping[tuple[str, str], str])
 
 
 def _path(kind: LaneType, origin: _Arm, side: int, target: _Arm) -> _Path | None:
-    """From one side of an arm to the same side of another as it leaves the junction."""
+    """Return the path from one side of an arm to the same side of another as it leaves the junction."""
     lane, onward = origin.beside.get((kind, side)), target.beside.get((kind, -side))
     if lane is None or onward is None or origin is target:
         return None
@@ -198,7 +198,10 @@ def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
 
 
 def _clear_of_traffic(paths: Mapping[str, Sequence[_Path]], carriageways: Carriageways) -> dict[str, list[_Path]]:
-    """The paths, without sidewalks that would lie where vehicles drive. Cycle lanes may cross turning traffic."""
+    """Return the paths, without sidewalks that would lie where vehicles drive.
+
+    Cycle lanes may cross turning traffic.
+    """
     flat = [(junction_id, path) for junction_id, some in paths.items() for path in some]
     points: list[tuple[float, float]] = []
     owner: list[int] = []

@@ -52,7 +52,7 @@ def with_crosswalks(
     plans: Sequence[PlanView],
     built: Mapping[int, StreetRoads],
 ) -> tuple[Road, ...]:
-    """``roads``, finished, with the crosswalks that OpenStreetMap has across them.
+    """Return ``roads``, finished, with the crosswalks that OpenStreetMap has across them.
 
     ``built`` has the roads of each street as they were before heights and links.
 
@@ -80,7 +80,7 @@ def with_crosswalks(
 def _at_nodes(
     extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
 ) -> list[_Crossing]:
-    """Crossings that are nodes of a street, without those on a junction: nothing says which arm they cross."""
+    """Return crossings that are nodes of a street, without those on a junction: nothing says which arm they cross."""
     tagged = {
         graph.aliases.get(node.id, node.id): node
         for node in extract.nodes.values()
@@ -148,7 +148,7 @@ def _add_ways(
 
 
 def _other_level(street: Street, tags: Mapping[str, str]) -> bool:
-    """Whether a crossing's way passes over or under a street instead of across it."""
+    """Return whether a crossing's way passes over or under a street instead of across it."""
     raised = any(tags.get(key, "no") != "no" for key in ("bridge", "tunnel"))
     profile = street.spans[0].profile
     return raised and not (profile.bridge or profile.tunnel)
@@ -188,7 +188,7 @@ def _crosswalk(crossing: _Crossing, plan: PlanView, road: Road, begin_m: float, 
 
 
 def _edges(road: Road, s_m: float) -> tuple[float, float]:
-    """Right and left edge of what a crosswalk crosses, metres left of the reference line."""
+    """Return the right and left edge of what a crosswalk crosses, metres left of the reference line."""
     section = max((s for s in road.lane_sections if s.s_m <= s_m), key=lambda s: s.s_m, default=road.lane_sections[0])
     middle_m = CubicProfile.of(road.lane_offset).at(s_m)
     reach = {1: 0.0, -1: 0.0}

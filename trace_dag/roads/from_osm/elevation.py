@@ -63,7 +63,7 @@ _CROSSING_MARGIN_M: Final = 8.0  # the height of a crossing holds this far beyon
 
 
 def elevate(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """The network with heights; a network that nothing gives a height to is returned as it is."""
+    """Return the network with heights; a network that nothing gives a height to is returned as it is."""
     separated = find_separations(network, between_levels=True)
     sloped = has_height_tags(extract)
     if not separated and not sloped:
@@ -92,7 +92,7 @@ def elevate(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
 
 
 def _half_width_m(road: Road) -> float:
-    """How far the carriageway reaches from the reference line, at most, to its wider side."""
+    """Return the reach of the carriageway from the reference line to its wider side, at most."""
     sides = [0.0]
     for section in road.lane_sections:
         for sign in (1, -1):
@@ -101,7 +101,7 @@ def _half_width_m(road: Road) -> float:
 
 
 def _stations(road: Road, marks: Sequence[tuple[float, float]]) -> list[float]:
-    """Stations of a road's height nodes: even, and closer about its crossings."""
+    """Return stations of a road's height nodes: even, and closer about its crossings."""
     pieces = max(1, math.ceil(road.length_m / _NODE_SPACING_M))
     even = [road.length_m * i / pieces for i in range(pieces + 1)]
     wanted = sorted({s for centre, half in marks for s in (centre - half, centre, centre + half)})
@@ -114,7 +114,7 @@ def _stations(road: Road, marks: Sequence[tuple[float, float]]) -> list[float]:
 def _nodes_near(
     graph: HeightGraph, road: Road, s_m: float, marks: Sequence[tuple[float, float]], tight: bool
 ) -> list[NodeId]:
-    """Nodes within the level part about a crossing, or just the nearest; of a connecting road, its junction."""
+    """Return nodes within the level part about a crossing, or just the nearest; of a connecting road, its junction."""
     if road.junction_id is not None:
         node = graph.junction_node(road.junction_id)
         return [] if node is None else [node]
@@ -148,7 +148,7 @@ def _pair(
 def _separate(
     graph: HeightGraph, pairs: Sequence[_Pair], ground: FloatArray, attempt: _Attempt
 ) -> tuple[FloatArray, bool]:
-    """Heights nowhere steeper than the attempt's grade, nearest to the ground, with a storey between every pair.
+    """Return heights nowhere steeper than the attempt's grade, nearest to the ground, with a storey between every pair.
 
     Where a pair lacks height, its upper road is asked to rise (or its lower one to dive) by what is missing; what that
     does to other pairs is seen in the next round. The flag says whether all of them have what they need.
@@ -181,7 +181,9 @@ def _separate(
 
 
 def _slopes(graph: HeightGraph, heights: FloatArray) -> dict[str, list[float]]:
-    """Slope at each height node along each road: Fritsch and Carlson's harmonic means, so that nothing overshoots."""
+    """Return the slope at each height node along each road: Fritsch and Carlson's harmonic means, so that nothing
+    overshoots.
+    """
     secants = {
         road_id: np.diff(heights[profile.nodes]) / np.diff(profile.s_m) for road_id, profile in graph.profiles.items()
     }
@@ -199,7 +201,8 @@ def _slopes(graph: HeightGraph, heights: FloatArray) -> dict[str, list[float]]:
 def _end_slope(
     graph: HeightGraph, secants: Mapping[str, FloatArray], node: NodeId, road_id: str, at_start: bool
 ) -> float:
-    """Slope at a road's end, along the road: level at junctions, shared with the one road it continues in."""
+    """Return the slope at a road's end, along the road: level at junctions, shared with the one road it continues
+    in."""
     own = float(secants[road_id][0 if at_start else -1])
     if node in graph.junction_nodes:
         return 0.0
@@ -231,7 +234,7 @@ def _spline(profile: HeightProfile, heights: FloatArray, slopes: Sequence[float]
 
 
 def _continues(before: Cubic, piece: Cubic, length_m: float) -> bool:
-    """Whether a piece of some length runs on as the one before it would."""
+    """Return whether a piece of some length runs on as the one before it would."""
     continued = CubicProfile.of([before]).coefficients_at(piece.s_m)
     own = (piece.a, piece.b, piece.c, piece.d)
     return (
@@ -247,7 +250,8 @@ def _between_links(
     heights: FloatArray,
     slopes: Mapping[str, Sequence[float]],
 ) -> tuple[Cubic, ...]:
-    """A connecting road: a cubic from the height and slope of the road it leaves to those of the one it enters."""
+    """Return a connecting road: a cubic from the height and slope of the road it leaves to those of the one it
+    enters."""
     ends = []
     for link, leaving in ((road.predecessor, True), (road.successor, False)):
         ends.append(_height_and_slope(link, leaving, graph, heights, slopes))

@@ -20,14 +20,15 @@ _REACH_M: Final = 15.0  # a tagged height counts for height nodes this near to i
 
 
 def has_height_tags(extract: OsmExtract) -> bool:
-    """Whether any incline, or heights of two places, are tagged: one height alone says nothing."""
+    """Return whether any incline, or heights of two places, are tagged: one height alone says nothing."""
     return any(_incline(way.tags) is not None for way in extract.ways) or (
         sum(_metres(node.tags.get("ele")) is not None for node in extract.nodes.values()) >= 2
     )
 
 
 def ground_heights(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract, steepest: float) -> FloatArray:
-    """Ground heights from ``incline`` and ``ele``, everywhere else as level as these leave it (least squares).
+    """Return the ground heights from ``incline`` and ``ele``, everywhere else as level as these leave it (least
+    squares).
 
     >>> graph = HeightGraph(network, {road.id: (0.0, road.length_m) for road in network.roads})
     >>> float(np.abs(ground_heights(network, graph, extract, 0.1)).max())  # level where nothing is tagged
@@ -61,7 +62,7 @@ def ground_heights(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract
 def _ways_forward(
     network: RoadNetwork, graph: HeightGraph, extract: OsmExtract, inclines: Mapping[int, float]
 ) -> dict[str, int]:
-    """+1 where a road runs along its first tagged way, -1 where it runs against it."""
+    """Return +1 where a road runs along its first tagged way, -1 where it runs against it."""
     ways = {way.id: way for way in extract.ways if way.id in inclines}
     forward: dict[str, int] = {}
     for road_id, profile in graph.profiles.items():
@@ -77,7 +78,7 @@ def _ways_forward(
 
 
 def _surveyed(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract) -> dict[NodeId, float]:
-    """Tagged heights of way nodes at the nearest height node of a road made of that way."""
+    """Return the tagged heights of way nodes at the nearest height node of a road made of that way."""
     of_node: dict[int, set[int]] = defaultdict(set)
     for way in extract.ways:
         for node_id in way.node_ids:
@@ -98,7 +99,10 @@ def _surveyed(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract) -> 
 
 
 def _incline(tags: Mapping[str, str]) -> float | None:
-    """``incline`` as rise over run along the way: ``5%``, ``-3.5 %`` or ``4°``; "up" and "down" say no number."""
+    """Return ``incline`` as rise over run along the way: ``5%``, ``-3.5 %`` or ``4°``.
+
+    "up" and "down" say no number.
+    """
     text = tags.get("incline", "").replace(" ", "").replace(",", ".")
     try:
         if text.endswith("%"):
@@ -113,7 +117,7 @@ def _incline(tags: Mapping[str, str]) -> float | None:
 
 
 def _metres(text: str | None) -> float | None:
-    """``ele`` in metres, its unit by definition."""
+    """Return ``ele`` in metres, its unit by definition."""
     try:
         value = float((text or "").removesuffix("m").strip())
     except ValueError:

@@ -84,11 +84,13 @@ class HeightGraph:
         return node
 
     def junction_node(self, junction_id: str) -> NodeId | None:
-        """The node of a junction, if any road ends there."""
+        """Return the node of a junction, if any road ends there."""
         return self._by_end.get(("junction", junction_id))
 
     def extended(self, values: Mapping[NodeId, float], grade: float) -> FloatArray:
-        """Lowest of ``value + grade * distance`` over all given nodes, at every node (inf where none is reached)."""
+        """Return the lowest of ``value + grade * distance`` over all given nodes, at every node (inf where none is
+        reached).
+        """
         lowest = np.full(len(self), math.inf)
         queue = [(value, node) for node, value in values.items()]
         heapq.heapify(queue)
@@ -105,5 +107,5 @@ class HeightGraph:
 
 
 def _is_minor(road: Road) -> bool:
-    """Ramps, driveways and other service roads."""
+    """Return ramps, driveways and other service roads."""
     return road.highway.endswith("_link") or road.highway == "service"

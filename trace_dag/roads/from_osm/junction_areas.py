@@ -1,4 +1,4 @@
-"""Where junctions are and how far they reach: crossings joined, streets cut back to make room for the turns.
+"""Junction areas: crossings joined, streets cut back to make room for the turns.
 
 Each street that meets a junction is an arm, which is cut back (:mod:`~trace_dag.roads.from_osm.arm_cuts`). Junctions
 whose arms would be used up that way, and the two crossings a divided road makes with one cross street, become one.
@@ -52,7 +52,7 @@ class Layout:
     inner: set[int]
 
     def returning(self) -> set[int]:
-        """Streets that begin and end at the same junction."""
+        """Return streets that begin and end at the same junction."""
         return {
             street
             for junction in self.junctions
@@ -113,7 +113,7 @@ class _Crossings:
             changed = self._join_used_up(nodes_of)
 
     def layout(self) -> Layout:
-        """The crossings as junctions, and each street's cuts as far as there is room for them."""
+        """Return the crossings as junctions, and each street's cuts as far as there is room for them."""
         areas: dict[int, JunctionArea] = {}
         for node, ends in self._ends.items():
             area = areas.setdefault(self._root(node), JunctionArea([]))
@@ -128,7 +128,7 @@ class _Crossings:
         return Layout(list(areas.values()), trims, self._inner)
 
     def _root(self, node: int) -> int:
-        """The node that stands for the crossing a node belongs to."""
+        """Return the node that stands for the crossing a node belongs to."""
         joined_to = self._joined_to
         while joined_to[node] != node:
             joined_to[node] = joined_to[joined_to[node]]
@@ -136,7 +136,7 @@ class _Crossings:
         return node
 
     def _roots(self, index: int) -> tuple[int, int]:
-        """The crossings at the two ends of a street that has one at either."""
+        """Return the crossings at the two ends of a street that has one at either."""
         street = self._streets[index]
         assert street.start_node is not None
         assert street.end_node is not None
@@ -147,7 +147,7 @@ class _Crossings:
         return street.start_node is not None and street.end_node is not None
 
     def _is_inside(self, index: int) -> bool:
-        """Whether a street lies within one crossing."""
+        """Return whether a street lies within one crossing."""
         street = self._streets[index]
         if not self._is_between_nodes(index) or street.start_node == street.end_node:
             return False
@@ -175,7 +175,7 @@ class _Crossings:
         return {self._root(node) for node in joined}
 
     def _is_used_up(self, index: int) -> bool:
-        """Whether too little of a street is left between its cuts; never true for streets of roundabouts."""
+        """Return whether too little of a street is left between its cuts; never true for streets of roundabouts."""
         length_m = self._plans[index].length_m
         if length_m > _JOIN_M or self._streets[index].spans[0].profile.roundabout:
             return False
@@ -183,7 +183,7 @@ class _Crossings:
         return cut_m + _LEAST_CORNERS_M + LEAST_STREET_M > length_m
 
     def _is_compact(self, nodes: Sequence[int]) -> bool:
-        """Whether a joined crossing would still be small enough for one crossing."""
+        """Return whether a joined crossing would still be small enough for one crossing."""
         xs, ys = zip(*(self._positions[node] for node in nodes), strict=True)
         return math.hypot(max(xs) - min(xs), max(ys) - min(ys)) <= _LARGEST_CROSSING_M
 
@@ -195,7 +195,7 @@ def _both_ends(street: int) -> tuple[StreetEnd, StreetEnd]:
 def _divided_crossings(
     streets: Sequence[Street], plans: Sequence[PlanView], nodes: dict[int, list[StreetEnd]]
 ) -> list[int]:
-    """Streets that run across the median of a divided road: opposite one-ways of one name at their two ends."""
+    """Return streets that run across the median of a divided road: opposite one-ways of one name at their two ends."""
     through: dict[int, list[tuple[tuple[str, ...], str, float]]] = {}
     for node, ends in nodes.items():
         through[node] = []
@@ -226,13 +226,13 @@ def _divided_crossings(
 
 
 def _bearing(street: Street, at_start: bool) -> float:
-    """Direction of travel at one end of a street."""
+    """Return the direction of travel at one end of a street."""
     (x0, y0), (x1, y1) = street.points[:2] if at_start else street.points[-2:]
     return math.atan2(y1 - y0, x1 - x0)
 
 
 def _connects(end: StreetEnd, ends: Sequence[StreetEnd], streets: Sequence[Street]) -> bool:
-    """Whether traffic can enter or leave a junction's arm from or to another one."""
+    """Return whether traffic can enter or leave a junction's arm from or to another one."""
     enters, leaves = _directions(end, streets)
     return any(
         (enters and other_leaves) or (leaves and other_enters)
@@ -243,6 +243,6 @@ def _connects(end: StreetEnd, ends: Sequence[StreetEnd], streets: Sequence[Stree
 
 
 def _directions(end: StreetEnd, streets: Sequence[Street]) -> tuple[bool, bool]:
-    """Whether traffic enters the junction from a street's end, and whether it leaves by it."""
+    """Return whether traffic enters the junction from a street's end, and whether it leaves by it."""
     oneway = end_profile(streets[end.street], end.at_start).oneway
     return not (oneway and end.at_start), not (oneway and not end.at_start)

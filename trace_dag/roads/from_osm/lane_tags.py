@@ -39,8 +39,9 @@ _WIDTHS_M: Final = (2.0, 6.0)  # a tagged width of one lane outside this range i
 
 
 class TaggedLane(NamedTuple):
-    """What the tags say of one lane: turns painted on it (OSM's words), width, limit, where lanes may be changed
-    (``change:lanes``), and whether only buses drive in it."""
+    """The tags of one lane: turns painted on it (OSM's words), width, limit, lane changes (``change:lanes``), and
+    whether only buses drive in it.
+    """
 
     turns: tuple[str, ...] = ()
     width_m: float | None = None
@@ -66,7 +67,7 @@ class LaneReading:
 
 
 def read_lanes(tags: Tags, *, oneway: bool, hint: int | None = None) -> LaneReading:
-    """The lanes of a road whose one-way traffic goes along its way; ``hint`` is their number by the report.
+    """Return the lanes of a road whose one-way traffic goes along its way; ``hint`` is their number by the report.
 
     >>> tags = {"lanes": "3", "turn:lanes": "left|through|through|right", "vehicle:lanes": "yes|yes|no|yes"}
     >>> [lane.turns for lane in read_lanes(tags, oneway=True).forward]
@@ -80,7 +81,7 @@ def read_lanes(tags: Tags, *, oneway: bool, hint: int | None = None) -> LaneRead
 
 
 def _lanes_against(tags: Tags) -> int:
-    """The lanes on which buses go against a one-way road."""
+    """Return the lanes on which buses go against a one-way road."""
     for key in _BUS_KEYS:
         counted = parse_integer(tags.get(f"lanes:{key}:backward"), 1, MOST_LANES)
         listed = parse_entries(tags.get(f"{key}:lanes:backward"))
@@ -121,12 +122,12 @@ class _Lists:
         self.count = max(said or told, default=0) or None
 
     def without_buses(self) -> int | None:
-        """How many lanes there are if those for buses alone are not counted."""
+        """Return the number of lanes without those for buses alone."""
         bus = self._bus_only.get(self.count or 0, [])
         return None if self.count is None else self.count - sum(bus)
 
     def lanes(self, count: int, note: Callable[[str], None]) -> tuple[TaggedLane, ...]:
-        """What the lists say of ``count`` lanes."""
+        """Return the tags of ``count`` lanes from the lists."""
         bus = self._bus_only.get(self.count or 0, [])
         cars = [not each for each in bus]
         drop = bool(bus) and sum(cars) == count < len(bus)
@@ -151,7 +152,7 @@ class _Lists:
 
 
 def _user(entry: Tags) -> str:
-    """Whose a lane is: "car", "bus", or "" for nobody with a motor."""
+    """Return the user of a lane: "car", "bus", or "" for none with a motor."""
     if entry.get("hov") == "designated":  # often with "motor_vehicle:lanes=no" for those who are alone in theirs
         return "car"
     car = next((entry[key] for key in _CAR_KEYS if entry.get(key)), "")
@@ -178,7 +179,7 @@ class _Reader:
         self._notes: list[str] = []
 
     def one_way(self, hint: int | None) -> LaneReading:
-        """Lanes of which all go one way."""
+        """Return lanes of which all go one way."""
         lists = _Lists(self._tags, ":lanes:forward", ":lanes")
         counted = self._count("lanes") or self._count("lanes:forward")
         count = self._with_pockets(counted, lists) or hint or road_class(self._tags.get("highway", "")).lanes_one_way
@@ -191,7 +192,7 @@ class _Reader:
         )
 
     def contraflow(self, against: int) -> LaneReading:
-        """A one-way road with lanes on which buses go the other way."""
+        """Return a one-way road with lanes on which buses go the other way."""
         ahead = _Lists(self._tags, ":lanes:forward")
         back = _Lists(self._tags, ":lanes:backward")
         total = self._count("lanes")
@@ -206,7 +207,7 @@ class _Reader:
         )
 
     def both_ways(self, hint: int | None) -> LaneReading:
-        """Lanes of both directions, and one between them."""
+        """Return lanes of both directions, and one between them."""
         ahead = _Lists(self._tags, ":lanes:forward")
         back = _Lists(self._tags, ":lanes:backward")
         total, centre = self._count("lanes"), self._has_centre_lane()
@@ -230,7 +231,7 @@ class _Reader:
         )
 
     def _with_pockets(self, counted: int | None, lists: _Lists) -> int | None:
-        """The number of lanes by the count and the lists of one direction."""
+        """Return the number of lanes by the count and the lists of one direction."""
         if counted is None or lists.count is None or counted >= lists.count or counted == lists.without_buses():
             return counted if counted is not None else lists.count
         self._note(f"{counted} lanes, since {lists.count} are listed one by one")
@@ -259,7 +260,7 @@ class _Reader:
 
 
 def _split(total: int | None, forward: int | None, backward: int | None, centre: bool) -> tuple[int, int, int]:
-    """Lanes forward, backward and between, from those counts that are there."""
+    """Return lanes forward, backward and between, from those counts that are there."""
     if forward is not None and backward is not None:
         return forward, backward, int(centre or total == forward + backward + 1)
     if total is None:

@@ -52,12 +52,12 @@ class EndLane(NamedTuple):
 
     @property
     def centre_m(self) -> float:
-        """Its centre, metres left of the reference line."""
+        """Return its centre, metres left of the reference line."""
         return (self.left_m + self.right_m) / 2
 
     @property
     def width_m(self) -> float:
-        """Its width, metres."""
+        """Return its width, metres."""
         return self.left_m - self.right_m
 
 
@@ -94,12 +94,12 @@ class SectionLanes:
     end: tuple[EndLane, ...]
 
     def section(self, s_m: float) -> LaneSection:
-        """As a lane section that begins at ``s_m`` of its road."""
+        """Return the lanes as a lane section that begins at ``s_m`` of its road."""
         return LaneSection(s_m, self.lanes)
 
 
 def build_sections(stretches: Sequence[Stretch]) -> list[SectionLanes]:
-    """Lanes of consecutive stretches of one street, linked to each other (predecessor and successor ids).
+    """Return lanes of consecutive stretches of one street, linked to each other (predecessor and successor ids).
 
     >>> from trace_dag.osm.types import OsmWay
     >>> from trace_dag.roads.from_osm.tags import read_profile
@@ -140,7 +140,7 @@ def _boundary(before: CrossSection, after: CrossSection) -> _Boundary:
 
 
 def _match(before: Sequence[LaneSpec], after: Sequence[LaneSpec], *, towards_end: bool) -> list[tuple[int, int]]:
-    """Which lane before the boundary continues as which lane after it; both lists run from the centre outwards.
+    """Match lanes before a boundary with lanes after it; both lists run from the centre outwards.
 
     ``towards_end``: traffic of this side drives from ``before`` to ``after``. Lanes are added and dropped at the
     outer edge unless the turns painted on them say that it happens at the centre.
@@ -169,7 +169,9 @@ def _inner_extra(
     *,
     ending: bool,
 ) -> int:
-    """How many of the lanes only ``many`` has lie next to the centre: left-turn pockets, lanes merging right."""
+    """Return how many of the lanes that only ``many`` has lie next to the centre: left-turn pockets, lanes merging
+    right.
+    """
     extra = 0
     for index in drivable:
         turns = many[index].turns
@@ -186,7 +188,7 @@ def _inner_extra(
 
 
 def _taper_m(profile: WayProfile, shift_m: float) -> float:
-    """Length over which lanes shift by ``shift_m``; 0 where nothing changes."""
+    """Return the length over which lanes shift by ``shift_m``; 0 where nothing changes."""
     if shift_m <= _SAME_M:
         return 0.0
     return max({0: 60.0, 1: 60.0, 2: 25.0, 3: 25.0}.get(profile.rank, 15.0), _TAPER_RATIO * shift_m)
@@ -254,7 +256,7 @@ def _build(stretch: Stretch, start: _Boundary | None, end: _Boundary | None) -> 
 
 
 def _state(specs: Sequence[LaneSpec], side: _Side | None, *, second: bool) -> tuple[list[float], dict[int, int]]:
-    """Widths at a boundary, and the other stretch's index of each lane that goes on there."""
+    """Return widths at a boundary, and the other stretch's index of each lane that goes on there."""
     if side is None:
         return [spec.width_m for spec in specs], {}
     state = [0.0] * len(specs)
@@ -267,7 +269,8 @@ def _state(specs: Sequence[LaneSpec], side: _Side | None, *, second: bool) -> tu
 
 
 def _shift(section: CrossSection, left: Sequence[float], right: Sequence[float], offset: float) -> float:
-    """The largest distance (metres) of a lane border at the boundary from its place in the full cross-section."""
+    """Return the largest distance (metres) of a lane border at the boundary from its place in the full
+    cross-section."""
     most = moved = abs(offset - section.offset_m)
     for specs, widths, sign in ((section.left, left, 1), (section.forward, right, -1)):
         border = sign * (offset - section.offset_m)
@@ -281,8 +284,9 @@ def _shift(section: CrossSection, left: Sequence[float], right: Sequence[float],
 def _profile(
     start: float, middle: float, end: float, taper_in: float, taper_out: float, length: float
 ) -> tuple[Cubic, ...]:
-    """A value that goes from ``start`` over ``middle`` to ``end``, with slope 0 at both ends, as cubics from the
-    stretch's begin on."""
+    """Return a value that goes from ``start`` over ``middle`` to ``end``, with slope 0 at both ends, as cubics from the
+    stretch's begin on.
+    """
     cubics: list[Cubic] = []
     if abs(start - middle) > _SAME_M:
         cubics.append(_ease(0.0, start, middle, taper_in))
@@ -323,7 +327,7 @@ def _end_lanes(
 
 
 def _marks(specs: Sequence[LaneSpec], index: int, outermost: bool, sign: int) -> tuple[RoadMark, RoadMark | None]:
-    """Mark of a lane's outer border: as written for reconstruction, and as the law has it if that differs.
+    """Return the mark of a lane's outer border: as written for reconstruction, and as the law has it if that differs.
 
     After the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B, and ``change:lanes``. ``sign`` is that
     of the lanes' ids.

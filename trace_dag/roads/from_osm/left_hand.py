@@ -30,7 +30,7 @@ _PLACEMENT: Final = re.compile(r"(left|middle|right)_of:(\d+)")
 
 
 def mirrored_extract(extract: OsmExtract, frame: LocalFrame) -> OsmExtract:
-    """The extract in a mirror along the meridian of the frame's origin.
+    """Return the extract in a mirror along the meridian of the frame's origin.
 
     >>> there = mirrored_extract(extract, network.frame)
     >>> mirrored_extract(there, network.frame).ways == extract.ways
@@ -50,7 +50,7 @@ def mirrored_extract(extract: OsmExtract, frame: LocalFrame) -> OsmExtract:
 
 
 def mirrored_tags(tags: Mapping[str, str]) -> dict[str, str]:
-    """Tags of a way with left and right in each other's place.
+    """Return tags of a way with left and right in each other's place.
 
     >>> mirrored_tags({"turn:lanes": "left|through|", "parking:left": "lane", "name": "Left Fork"})
     {'turn:lanes': '|through|right', 'parking:right': 'lane', 'name': 'Left Fork'}
@@ -73,7 +73,7 @@ def mirrored_tags(tags: Mapping[str, str]) -> dict[str, str]:
 
 
 def mirrored_network(network: RoadNetwork) -> RoadNetwork:
-    """The network of a mirrored place in its true one, with traffic on the left.
+    """Return the network of a mirrored place in its true one, with traffic on the left.
 
     >>> first = mirrored_network(network).roads[0]
     >>> first.left_hand, first.plan[0].x_m == -network.roads[0].plan[0].x_m
@@ -129,7 +129,9 @@ def _lane(lane: Lane) -> Lane:
 
 
 def _mark(mark: RoadMark | None, lane_id: int) -> RoadMark | None:
-    """Parts of a mark are named from the inner lane to the outer one, but those of the centre from left to right."""
+    """Return parts of a mark are named from the inner lane to the outer one, but those of the centre from left to
+    right.
+    """
     if mark is None:
         return None
     kind = " ".join(mark.type.split(" ")[::-1]) if lane_id == 0 else mark.type

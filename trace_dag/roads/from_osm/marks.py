@@ -23,7 +23,7 @@ NOT_CROSSED: Final = RoadMark("none", "standard", "none")
 
 
 def lane_line(*, outward: bool, inward: bool, left: bool) -> RoadMark:
-    """The line between two lanes of one direction that may be crossed ``outward``, ``inward``, or not at all.
+    """Return the line between two lanes of one direction that may be crossed ``outward``, ``inward``, or not at all.
 
     OpenDRIVE names its parts from the inner lane to the outer one, and the ways across it by the ids of the lanes,
     which grow outward on the ``left`` of the road.

@@ -84,7 +84,7 @@ class JunctionArm:
 
     @property
     def outbound(self) -> PlanPose:
-        """The pose heading out of the junction."""
+        """Return the pose heading out of the junction."""
         return PlanPose(self.inbound.x_m, self.inbound.y_m, self.inbound.heading_rad + math.pi)
 
 
@@ -119,7 +119,7 @@ def make_arm(
     rest: PlanView,
     lanes: Sequence[EndLane],
 ) -> JunctionArm:
-    """An arm from the lanes at a road's end (left to right of its reference line).
+    """Return an arm from the lanes at a road's end (left to right of its reference line).
 
     >>> from trace_dag.roads.from_osm.lanes import Stretch, build_sections
     >>> west = tee_arms[0]
@@ -159,14 +159,14 @@ class TurnRestrictions:
         self._only: dict[tuple[int, int | tuple[int, ...]], set[int]] = defaultdict(set)
 
     def add(self, origin: int, via: int | tuple[int, ...], target: int, *, only: bool) -> None:
-        """One restriction: from way, via, to way; ``only`` for the only_* kinds."""
+        """Add one restriction: from way, via, to way; ``only`` for the only_* kinds."""
         if only:
             self._only[origin, via].add(target)
         else:
             self._forbidden.add((origin, via, target))
 
     def permits(self, ways: Sequence[int], nodes: Sequence[int]) -> bool:
-        """Whether a path along ``ways``, meeting at ``nodes`` (one fewer), respects all of them."""
+        """Return whether a path along ``ways``, meeting at ``nodes`` (one fewer), respects all of them."""
         for index, node in enumerate(nodes):
             if (ways[index], node, ways[index + 1]) in self._forbidden:
                 return False
@@ -187,7 +187,7 @@ class TurnRestrictions:
 def find_movements(
     arms: Sequence[JunctionArm], inner: Sequence[InnerWay], restrictions: TurnRestrictions
 ) -> list[Movement]:
-    """Every permitted movement of one junction, with its lanes.
+    """Return every permitted movement of one junction, with its lanes.
 
     >>> movements = find_movements(tee_arms, [], TurnRestrictions())  # arms from the west, the east and the south
     >>> [(each.origin.road_id, each.turn) for each in movements][:4]
@@ -219,7 +219,7 @@ def _movement(
     steps: dict[int, list[tuple[InnerWay, bool]]],
     restrictions: TurnRestrictions,
 ) -> Movement | None:
-    """The shortest permitted path between two arms, or None."""
+    """Return the shortest permitted path between two arms, or None."""
     count = 0
     queue: list[tuple[float, int, int, tuple[int, ...], tuple[int, ...], tuple[Point, ...]]] = []
     heapq.heappush(queue, (0.0, count, origin.node, (origin.profile.way_id,), (), ()))
@@ -248,7 +248,7 @@ def _movement(
 
 
 def _with_turns(movements: Sequence[Movement]) -> list[Movement]:
-    """Movements of one arm from left to right, each named."""
+    """Return movements of one arm from left to right, each named."""
     ordered = sorted(movements, key=lambda movement: -movement.angle_rad)
     straight = min(ordered, key=_straightness, default=None)
     named = []
@@ -265,7 +265,10 @@ def _with_turns(movements: Sequence[Movement]) -> list[Movement]:
 
 
 def _straightness(movement: Movement) -> tuple[float, int]:
-    """Smallest turn first; a road of another class or name has to be clearly straighter than the same road."""
+    """Return the smallest turn first.
+
+    A road of another class or name has to be clearly straighter than the same road.
+    """
     same = movement.target.profile.names and movement.target.profile.names == movement.origin.profile.names
     change = abs(movement.target.profile.rank - movement.origin.profile.rank)
     link = movement.target.profile.is_link and not movement.origin.profile.is_link
@@ -302,12 +305,15 @@ def _assign_lanes(origin: JunctionArm, movements: list[Movement]) -> list[Moveme
 
 
 def _continues(origin: JunctionArm, target: JunctionArm) -> bool:
-    """Whether the same turn lanes simply go on beyond a minor junction."""
+    """Return whether the same turn lanes simply go on beyond a minor junction."""
     return [lane.turns for lane in origin.incoming] == [lane.turns for lane in target.outgoing]
 
 
 def _painted_movements(lane: ArmLane, movements: Sequence[Movement]) -> set[int]:
-    """The movements that the arrows of lanes allow. An unmarked lane among marked ones goes straight on."""
+    """Return the movements that the arrows of lanes allow.
+
+    An unmarked lane among marked ones goes straight on.
+    """
     found: set[int] = set()
     for turn in lane.turns or ("through",):
         wanted = _TURN_ANGLES.get(turn)
@@ -330,7 +336,7 @@ def _painted_movements(lane: ArmLane, movements: Sequence[Movement]) -> set[int]
 
 
 def _customary(lanes: Sequence[ArmLane], movements: Sequence[Movement]) -> list[list[ArmLane]]:
-    """Lanes of each movement without markings."""
+    """Return lanes of each movement without markings."""
     count = len(lanes)
     straight = next((i for i, m in enumerate(movements) if m.turn == "straight"), None)
     lefts = [i for i, m in enumerate(movements) if m.turn in ("left", "u_turn")]
@@ -363,7 +369,10 @@ def _customary(lanes: Sequence[ArmLane], movements: Sequence[Movement]) -> list[
 
 
 def _turning_lanes(movement: Movement, lanes: Sequence[ArmLane], through: Sequence[ArmLane], *, from_left: bool) -> int:
-    """How many lanes turn: those that cannot go straight on; if roads diverge, as many as the target has."""
+    """Return the number of turning lanes: those that cannot go straight on.
+
+    If roads diverge, as many as the target has.
+    """
     spare = 0
     for lane in lanes if from_left else reversed(lanes):
         if lane in through:
@@ -375,7 +384,7 @@ def _turning_lanes(movement: Movement, lanes: Sequence[ArmLane], through: Sequen
 
 
 def _pair(movement: Movement, lanes: Sequence[ArmLane]) -> tuple[tuple[ArmLane, ArmLane], ...]:
-    """Which lane leads into which lane of the target."""
+    """Pair lanes with the lanes of the target that they lead into."""
     targets = movement.target.outgoing
     count, wide = len(lanes), len(targets)
     if movement.turn == "straight":
@@ -397,7 +406,7 @@ def _pair(movement: Movement, lanes: Sequence[ArmLane]) -> tuple[tuple[ArmLane, 
 
 
 def _lane_to_turn_into(movement: Movement, lane: ArmLane) -> ArmLane:
-    """The innermost lane that is a car's turning circle away from the one it comes from, else the outermost."""
+    """Return the innermost lane that is a car's turning circle away from the one it comes from, else the outermost."""
     inbound, outbound = movement.origin.inbound, movement.target.outbound
     sine, cosine = math.sin(inbound.heading_rad), math.cos(inbound.heading_rad)
     between_m = (outbound.y_m - inbound.y_m) * cosine - (outbound.x_m - inbound.x_m) * sine
@@ -408,7 +417,8 @@ def _lane_to_turn_into(movement: Movement, lane: ArmLane) -> ArmLane:
 
 
 def _feed_idle_lanes(movements: list[Movement]) -> list[Movement]:
-    """Lanes leaving the junction that no movement reaches are reached from the nearest lane that goes that way."""
+    """Return lanes leaving the junction that no movement reaches are reached from the nearest lane that goes that
+    way."""
     reached: dict[tuple[str, ContactPoint], set[int]] = defaultdict(set)
     best: dict[tuple[str, ContactPoint], int] = {}
     for index, movement in enumerate(movements):

@@ -33,7 +33,7 @@ _SWING_BENDS: Final = 2.5  # tangents that a swing needs for its two bends, with
 
 
 def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = False) -> PlanView:
-    """Lines and arcs through a polyline of at least two distinct points, tangent everywhere.
+    """Return lines and arcs through a polyline of at least two distinct points, tangent everywhere.
 
     ``min_radius_m`` is the radius aimed at in sharp bends, as far as there is room and no vertex is missed by more
     than 3 m. Bends drawn with several vertices closer together than that radius allows become one arc. With
@@ -102,8 +102,10 @@ def _shape(corners: list[_Corner], min_radius_m: float) -> _Shape:
 
 
 def _swung_out(shape: _Shape, min_radius_m: float) -> list[_Corner] | None:
-    """The corners, those moved outwards that their arcs would miss by more than a metre; None for a line without
-    corners."""
+    """Return the corners, those moved outwards that their arcs would miss by more than a metre.
+
+    None for a line without corners.
+    """
     corners = shape.corners
     swung: list[_Corner] = [corners[0]]
     taken_m = 0.0  # of the segment before a corner, by the corner before it
@@ -124,7 +126,7 @@ class _Swing(NamedTuple):
 
 
 def _swing(shape: _Shape, index: int, rooms_m: tuple[float, float], min_radius_m: float) -> _Swing | None:
-    """The corners that replace one corner; None if it can stay or there is no room.
+    """Return the corners that replace one corner; None if it can stay or there is no room.
 
     The line runs beside the street before and behind the corner, or on one of its sides if the other is too short.
     ``rooms_m``: lengths available of the segments before and behind.
@@ -155,7 +157,7 @@ def _swing(shape: _Shape, index: int, rooms_m: tuple[float, float], min_radius_m
 def _way_out(
     vertex: Point, heading_rad: float, right_m: float, arc_end_m: float, bend_m: float, room_m: float
 ) -> _Swing | None:
-    """The line from beside a street back onto it, seen from the corner; None if there is no room."""
+    """Return the line from beside a street back onto it, seen from the corner; None if there is no room."""
     if right_m == 0.0:
         return _Swing([], arc_end_m) if arc_end_m <= room_m else None
     length_m = min(room_m - arc_end_m - _SWING_BENDS * bend_m, _SWING_LENGTH_M)
@@ -168,13 +170,16 @@ def _way_out(
 
 
 def _beside(point: Point, heading_rad: float, along_m: float, right_m: float) -> Point:
-    """The place at given distances from a point, along a heading and to the right of it."""
+    """Return the place at given distances from a point, along a heading and to the right of it."""
     c, s = math.cos(heading_rad), math.sin(heading_rad)
     return point[0] + along_m * c + right_m * s, point[1] + along_m * s - right_m * c
 
 
 def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
-    """The share that a corner has of the tangent needed for the wanted radius; infinite if nothing can be done."""
+    """Return the share that a corner has of the tangent needed for the wanted radius.
+
+    Infinite if nothing can be done.
+    """
     if not 0 < index < len(shape.corners) - 1 or shape.corners[index].sources in frozen:
         return math.inf
     needed = shape.limits[index][0]
@@ -184,7 +189,7 @@ def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
 
 
 def _merge(shape: _Shape, first: int, corner: _Corner, min_radius_m: float) -> range:
-    """Replaces ``first`` and the next corner by one, in place; returns the corners whose tangents changed.
+    """Return replaces ``first`` and the next corner by one, in place; returns the corners whose tangents changed.
 
     Only what is near is computed anew: a way may have thousands of nodes.
     """
@@ -210,7 +215,10 @@ def _merge(shape: _Shape, first: int, corner: _Corner, min_radius_m: float) -> r
 def _merged(
     points: Sequence[Point], shape: _Shape, index: int, min_radius_m: float, keep_ends: bool
 ) -> tuple[int, _Corner] | None:
-    """One corner for a corner and its nearer neighbour, and the first of the two; None if it misses the vertices."""
+    """Return one corner for a corner and its nearer neighbour, and the first of the two.
+
+    None if it misses the vertices.
+    """
     corners, turns = shape.corners, shape.turns
     neighbours = [n for n in (index - 1, index + 1) if 0 < n < len(corners) - 1]
     if not neighbours:
@@ -244,7 +252,7 @@ def _merged(
 
 
 def _distance_to_corner(p: Point, before: Point, corner: Point, after: Point, tangent: float) -> float:
-    """Distance from a point to two segments whose corner is rounded with tangents of the given length."""
+    """Return the distance from a point to two segments whose corner is rounded with tangents of the given length."""
     u = math.atan2(corner[1] - before[1], corner[0] - before[0])
     v = math.atan2(after[1] - corner[1], after[0] - corner[0])
     turn = math.remainder(v - u, math.tau)
@@ -263,7 +271,7 @@ def _distance_to_corner(p: Point, before: Point, corner: Point, after: Point, ta
 
 
 def _vertex_s(points: Sequence[Point], corners: Sequence[_Corner], corner_s: Sequence[float]) -> tuple[float, ...]:
-    """``s_m`` of each original vertex: exact where it is still a corner, by distance in between."""
+    """Return ``s_m`` of each original vertex: exact where it is still a corner, by distance in between."""
     if all(len(corner.sources) == 1 for corner in corners):
         return tuple(corner_s)
     along = [0.0]
@@ -278,7 +286,7 @@ def _vertex_s(points: Sequence[Point], corners: Sequence[_Corner], corner_s: Seq
 
 
 def _rounded(shape: _Shape) -> tuple[tuple[PlanElement, ...], float, list[float]]:
-    """Lines between corners and an arc at each: elements, length, and ``s_m`` of each corner."""
+    """Return lines between corners and an arc at each: elements, length, and ``s_m`` of each corner."""
     corners, lengths, directions, turns, _, tangents = shape
     elements: list[PlanElement] = []
     corner_s = [0.0]
@@ -310,7 +318,7 @@ def _rounded(shape: _Shape) -> tuple[tuple[PlanElement, ...], float, list[float]
 
 
 def _tangent_lengths(turn_rad: float, min_radius_m: float, swing_m: float = 0.0) -> tuple[float, float]:
-    """The tangent that a corner needs for the wanted radius, and the longer one for a gentle curve.
+    """Return the tangent that a corner needs for the wanted radius, and the longer one for a gentle curve.
 
     The curve may miss a corner that was moved outwards by ``swing_m`` by that much more.
     """
@@ -324,8 +332,10 @@ def _tangent_lengths(turn_rad: float, min_radius_m: float, swing_m: float = 0.0)
 
 
 def _share_segments(tangents: Sequence[tuple[float, float]], lengths: Sequence[float]) -> list[float]:
-    """Lengths of tangents. Two share each segment: first each gets what it needs, then both get as much more as
-    fits."""
+    """Return lengths of tangents.
+
+    Two share each segment: first each gets what it needs, then both get as much more as fits.
+    """
     shared = [liked for _, liked in tangents]
     for segment in range(len(lengths)):
         a, b = _shares(tangents, lengths, segment)
@@ -334,7 +344,7 @@ def _share_segments(tangents: Sequence[tuple[float, float]], lengths: Sequence[f
 
 
 def _shares(tangents: Sequence[tuple[float, float]], lengths: Sequence[float], segment: int) -> tuple[float, float]:
-    """The parts of a segment that the corners at its two ends get."""
+    """Return the parts of a segment that the corners at its two ends get."""
     room = lengths[segment] * (_END_SHARE if segment in (0, len(lengths) - 1) else 1.0)
     (need_a, like_a), (need_b, like_b) = tangents[segment], tangents[segment + 1]
     if like_a + like_b <= room:

@@ -36,7 +36,7 @@ def shoulders_along(
     built: Mapping[int, StreetRoads],
     others: Strips,
 ) -> Strips:
-    """The shoulders along the streets that have roads, ``built``, where none of the ``others`` lies.
+    """Return the shoulders along the streets that have roads, ``built``, where none of the ``others`` lies.
 
     >>> shoulders_along(extract, street_graph.streets, plans, street_roads, {})  # the streets of a town have none
     {}
@@ -70,7 +70,7 @@ def _has_shoulders(profile: WayProfile) -> bool:
 
 
 def _says_otherwise(tags: Mapping[str, str]) -> bool:
-    """Whether the tags of a road say what is beside it."""
+    """Return whether the tags of a road say what is beside it."""
     for key, value in tags.items():
         subject = key.partition(":")[0]
         if subject == "shoulder" or (subject in _SAID and value not in _SAYS_NOTHING):
@@ -79,13 +79,13 @@ def _says_otherwise(tags: Mapping[str, str]) -> bool:
 
 
 def _is_taken(profile: WayProfile, side: int) -> bool:
-    """Whether the road has more than lanes to drive in on a side."""
+    """Return whether the road has more than lanes to drive in on a side."""
     lanes = profile.section.left if side > 0 else profile.section.forward
     return any(not (lane.type.drivable or lane.type is LaneType.MEDIAN) for lane in lanes)
 
 
 def _between(begin_m: float, end_m: float, taken: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """What of a stretch is not taken.
+    """Return the parts of a stretch that are not taken.
 
     >>> _between(0.0, 100.0, [(20.0, 30.0), (90.0, 120.0)])
     [(0.0, 20.0), (30.0, 90.0)]

@@ -65,7 +65,9 @@ def place_signs(
     built: Mapping[int, StreetRoads],
     crossings: Sequence[tuple[JunctionArea, list[Movement]]],
 ) -> dict[str, tuple[Signal, ...]]:
-    """Signals by road id. ``crossings`` are the junctions with the movements they permit.
+    """Return signals by road id.
+
+    ``crossings`` are the junctions with the movements they permit.
 
     >>> signs = place_signs(extract, street_graph, plans, street_roads, [])
     >>> sorted({signal.name for signals in signs.values() for signal in signals})
@@ -113,7 +115,7 @@ def place_signs(
 
 
 def _nodes_of(area: JunctionArea, streets: Sequence[Street]) -> set[int]:
-    """OSM nodes of a junction, those of the streets inside it included."""
+    """Return the OSM nodes of a junction, those of the streets inside it included."""
     return {*area.node_ids, *(node for index in area.inner_streets for node in streets[index].node_ids)}
 
 
@@ -128,7 +130,7 @@ def _approach_posts(
     controls: Mapping[int, OsmNode],
     inside: set[int],
 ) -> Iterator[tuple[_Post, OsmNode]]:
-    """Posts of the tagged nodes along a street that are not part of a junction."""
+    """Yield posts of the tagged nodes along a street that are not part of a junction."""
     for k, node_id in enumerate(street.node_ids):
         node = controls.get(node_id)
         if node is None or node_id in inside:
@@ -144,7 +146,9 @@ def _approach_posts(
 def _directions(
     node: OsmNode, oneway: bool, against_way: bool, to_start: float | None, to_end: float | None
 ) -> tuple[bool, ...]:
-    """The directions along the street to which a node applies: as tagged, else towards the junction it stands at."""
+    """Return the directions along the street to which a node applies: as tagged, else towards the junction it stands
+    at.
+    """
     if oneway:  # where the map ends, nothing is left that a light could control
         return (True,) if to_end is not None else ()
     tagged = node.tags.get("traffic_signals:direction") or node.tags.get("direction") or ""
@@ -164,7 +168,7 @@ def _directions(
 
 
 def _post_at(street_roads: StreetRoads, s_m: float, forward: bool) -> _Post:
-    """A post at ``s_m`` of a street, moved to its stop line where the street is cut off before that."""
+    """Return a post at ``s_m`` of a street, moved to its stop line where the street is cut off before that."""
     number = max((i for i, begin in enumerate(street_roads.begins_m) if begin <= s_m), default=0)
     road = street_roads.roads[number]
     least = min(_STOP_LINE_M, road.length_m / 2)
@@ -174,7 +178,7 @@ def _post_at(street_roads: StreetRoads, s_m: float, forward: bool) -> _Post:
 def _arm_controls(
     tagged: Mapping[int, OsmNode], movements: Sequence[Movement], positions: Mapping[int, Point]
 ) -> list[tuple[JunctionArm, OsmNode]]:
-    """Which tagged node applies to which arm of a junction: of several of one kind the nearest."""
+    """Return the tagged node of each arm of a junction: of several of one kind the nearest."""
     candidates: dict[tuple[str, ContactPoint, str], tuple[JunctionArm, list[int]]] = {}
     for node_id, node in tagged.items():
         for arm in _controlled_arms(node, movements):
@@ -188,7 +192,7 @@ def _arm_controls(
 
 
 def _controlled_arms(node: OsmNode, movements: Sequence[Movement]) -> list[JunctionArm]:
-    """Arms of a junction to which a node on the junction itself applies."""
+    """Return arms of a junction to which a node on the junction itself applies."""
     arms = {(m.origin.road_id, m.origin.contact): m.origin for m in movements}
     everyone = list(arms.values())
     if node.tags["highway"] == "traffic_signals" or node.tags.get("stop") == "all":
@@ -205,7 +209,7 @@ def _controlled_arms(node: OsmNode, movements: Sequence[Movement]) -> list[Junct
 
 
 def _limit_posts(roads: Sequence[Road]) -> Iterator[tuple[_Post, float]]:
-    """Where a stretch with another limit than the one before begins, in either direction."""
+    """Return where a stretch with another limit than the one before begins, in either direction."""
     for forward in (True, False):
         ordered = roads if forward else list(reversed(roads))
         before: float | None = None
@@ -218,7 +222,7 @@ def _limit_posts(roads: Sequence[Road]) -> Iterator[tuple[_Post, float]]:
 
 
 def _limit(road: Road, forward: bool) -> float | None:
-    """Speed limit of one direction of a road (m/s); None if untagged or if no traffic goes that way."""
+    """Return the speed limit of one direction of a road (m/s); None if untagged or if no traffic goes that way."""
     lanes = [lane for lane in road.lane_sections[0].lanes if lane.type.drivable and (lane.id < 0) == forward]
     return next((lane.speed_mps for lane in lanes if lane.speed_mps is not None), None)
 
@@ -245,7 +249,7 @@ def _signal(signal_id: str, post: _Post, kind: _Kind, node_id: int | None, limit
 
 
 def _edge_m(road: Road, s_m: float, *, right: bool) -> float:
-    """Where the road's surface ends on one side, metres left of the reference line."""
+    """Return the edge of the road's surface on one side, metres left of the reference line."""
     section = max((x for x in road.lane_sections if x.s_m <= s_m), key=lambda x: x.s_m)
     edge = CubicProfile.of(road.lane_offset).at(s_m)
     for lane in section.lanes:

@@ -75,7 +75,7 @@ class _Edge:
 def build_street_graph(
     extract: OsmExtract, frame: LocalFrame, profile_of: Callable[[OsmWay], WayProfile]
 ) -> StreetGraph:
-    """Streets of all drivable ways of ``extract`` in the local frame; empty where nothing usable is left."""
+    """Return streets of all drivable ways of ``extract`` in the local frame; empty where nothing usable is left."""
     positions = _local_positions(extract, frame)
     aliases: dict[int, int] = {}
     ways: list[_Edge] = []
@@ -117,7 +117,7 @@ def _canonical(node: int, aliases: dict[int, int]) -> int:
 
 
 def _usable_nodes(way: OsmWay, positions: dict[int, Point], aliases: dict[int, int]) -> list[int]:
-    """Nodes of a way that exist, those at one place merged into one."""
+    """Return nodes of a way that exist, those at one place merged into one."""
     kept: list[int] = []
     for node in way.node_ids:
         if node not in positions:
@@ -138,7 +138,7 @@ def _without_repeats(node_ids: list[int]) -> list[int]:
 
 
 def _without_overlaps(ways: list[_Edge]) -> list[_Edge]:
-    """Ways cut where they repeat a segment that an earlier way (or the way itself) already has."""
+    """Return ways cut where they repeat a segment that an earlier way (or the way itself) already has."""
     seen: set[tuple[int, int]] = set()
     pieces: list[_Edge] = []
     for way in ways:
@@ -158,7 +158,7 @@ def _without_overlaps(ways: list[_Edge]) -> list[_Edge]:
 
 
 def _count_arms(pieces: list[_Edge]) -> dict[int, int]:
-    """How many ways leave each node, one that passes through counting twice."""
+    """Count the ways that leave each node, one that passes through counting twice."""
     arms: dict[int, int] = defaultdict(int)
     for piece in pieces:
         for node in piece.node_ids[1:-1]:
@@ -185,7 +185,10 @@ def _prolong(piece: _Edge, arms: dict[int, int], positions: dict[int, Point], cl
 
 
 def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point]) -> bool:
-    """Removes the last metres of a dead end if they bend away. False if nothing else would be left of it."""
+    """Return removes the last metres of a dead end if they bend away.
+
+    False if nothing else would be left of it.
+    """
     nodes = piece.node_ids
     for last in (-1, 0):
         taken = 0.0
@@ -204,7 +207,7 @@ def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point
 
 
 def _split_at_junctions(pieces: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> list[_Edge]:
-    """Pieces cut where three or more arms meet and where one turns back on itself."""
+    """Return pieces cut where three or more arms meet and where one turns back on itself."""
     edges: list[_Edge] = []
     for piece in pieces:
         nodes = piece.node_ids
@@ -221,7 +224,10 @@ def _split_at_junctions(pieces: list[_Edge], arms: dict[int, int], positions: di
 
 
 def _chain(edges: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> list[Street]:
-    """Edges joined where one way continues another. One-way edges begin, so that they set the direction."""
+    """Return edges joined where one way continues another.
+
+    One-way edges begin, so that they set the direction.
+    """
     ends: dict[int, list[int]] = defaultdict(list)
     for index, edge in enumerate(edges):
         ends[edge.node_ids[0]].append(index)

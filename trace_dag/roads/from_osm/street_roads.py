@@ -35,7 +35,7 @@ class StreetRoads:
 def build_street_roads(
     street: Street, plan: PlanView, trims: tuple[float, float], new_id: Callable[[], str], *, returns: bool = False
 ) -> StreetRoads:
-    """Roads of a street that is cut back by ``trims`` at its two ends.
+    """Return roads of a street that is cut back by ``trims`` at its two ends.
 
     A street that ``returns`` to the junction where it begins is at least two roads: a junction names the road that
     traffic comes from, not the road's end (OpenDRIVE 1.7, 10.2, ``incomingRoad``).
@@ -63,7 +63,7 @@ def build_street_roads(
 
 
 def _halve_longest(stretches: list[Stretch]) -> int:
-    """Cuts the longest stretch in two; returns the index of its second half."""
+    """Return cuts the longest stretch in two; returns the index of its second half."""
     index = max(range(len(stretches)), key=lambda i: _length(stretches[i]))
     stretch = stretches[index]
     middle_m = (stretch.begin_m + stretch.end_m) / 2
@@ -72,7 +72,10 @@ def _halve_longest(stretches: list[Stretch]) -> int:
 
 
 def _stretches(street: Street, plan: PlanView, trims: tuple[float, float]) -> list[Stretch]:
-    """The street between its cuts, by profile; stretches too short for a change of lanes are dropped or lengthened."""
+    """Return the street between its cuts, by profile.
+
+    Stretches too short for a change of lanes are dropped or lengthened.
+    """
     begin, end = trims[0], plan.length_m - trims[1]
     stretches: list[Stretch] = []
     for span in street.spans:
@@ -93,7 +96,7 @@ def _length(stretch: Stretch) -> float:
 
 
 def _change_m(a: Stretch, b: Stretch) -> float:
-    """About how far lanes shift sideways from one stretch to the next (metres)."""
+    """Return the about how far lanes shift sideways from one stretch to the next (metres)."""
     one, other = a.profile.section, b.profile.section
     widths = [
         abs(math.fsum(lane.width_m for lane in x) - math.fsum(lane.width_m for lane in y))
@@ -112,7 +115,8 @@ def _is_painted(stretch: Stretch) -> bool:
 
 
 def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
-    """The stretches after the shortest one without room for its own lanes has been given to the more similar neighbour.
+    """Return the stretches after the shortest one without room for its own lanes has been given to the more similar
+    neighbour.
 
     None if all have room. Turn lanes at the end of a street are kept unless hardly anything is left of them. Places
     where a bridge, a tunnel or a name begins or ends are kept too.
@@ -161,7 +165,7 @@ def _grow(stretches: list[Stretch], index: int, neighbour: int) -> None:
 
 
 def _merge_equal(stretches: list[Stretch]) -> list[Stretch]:
-    """Neighbouring stretches of one road with the same lanes are one section."""
+    """Merge neighbouring stretches of one road that have the same lanes."""
     merged: list[Stretch] = []
     for stretch in stretches:
         profile = stretch.profile
@@ -179,7 +183,7 @@ def _merge_equal(stretches: list[Stretch]) -> list[Stretch]:
 
 
 def _ways_between(street: Street, plan: PlanView, begin_m: float, end_m: float) -> tuple[int, ...]:
-    """OSM ways along a stretch of a street, in order."""
+    """Return the OSM ways along a stretch of a street, in order."""
     ways = {
         span.profile.way_id: None
         for span in street.spans

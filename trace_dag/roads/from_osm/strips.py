@@ -1,4 +1,4 @@
-"""Where OpenStreetMap has sidewalks and cycle lanes along streets: as tags of the road, or as ways of their own."""
+"""Sidewalks and cycle lanes of OpenStreetMap along streets: tags of the road, or ways of their own."""
 
 from __future__ import annotations
 
@@ -29,8 +29,10 @@ _PARALLEL: Final = math.cos(math.radians(20))
 
 
 class Strip(NamedTuple):
-    """A sidewalk, cycle lane or shoulder along a street, from ``begin_m`` to ``end_m`` of its plan. ``side`` is +1 on
-    the left, -1 on the right; ``verge_m`` the distance between it and the carriageway."""
+    """A sidewalk, cycle lane or shoulder along a street, from ``begin_m`` to ``end_m`` of its plan.
+
+    ``side`` is +1 on the left, -1 on the right; ``verge_m`` the distance between it and the carriageway.
+    """
 
     type: LaneType
     side: int
@@ -46,7 +48,7 @@ Strips = dict[int, list[Strip]]  # by street
 def strips_along(
     extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
 ) -> Strips:
-    """Every sidewalk and cycle lane along the streets that have roads, ``built``.
+    """Return every sidewalk and cycle lane along the streets that have roads, ``built``.
 
     >>> strips = strips_along(extract, street_graph, plans, street_roads)
     >>> {strip.type.value for found in strips.values() for strip in found}
@@ -61,7 +63,7 @@ def strips_along(
 def _tagged(
     extract: OsmExtract, streets: Sequence[Street], plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
 ) -> Strips:
-    """The strips that the tags of roads say."""
+    """Return the strips that the tags of roads say."""
     tags_of = {way.id: way.tags for way in extract.ways}
     said: dict[int, Beside] = {}
     strips: Strips = {}
@@ -107,7 +109,7 @@ def _mapped_sidewalks(
     built: Mapping[int, StreetRoads],
     tagged: Strips,
 ) -> Strips:
-    """Sidewalks that are ways of their own, each as part of the street that it runs along."""
+    """Return sidewalks that are ways of their own, each as part of the street that it runs along."""
     points, directions = _walked(extract, graph)
     numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
     if not len(points) or not numbers:
@@ -152,7 +154,7 @@ def _mapped_sidewalks(
 
 
 def _walked(extract: OsmExtract, graph: StreetGraph) -> tuple[FloatArray, FloatArray]:
-    """Places along all sidewalks that are ways of their own, and the directions there, (n, 2) each."""
+    """Return places along all sidewalks that are ways of their own, and the directions there, (n, 2) each."""
     ways = [
         [graph.positions[node] for node in way.node_ids if node in graph.positions]
         for way in extract.walkways
@@ -178,14 +180,14 @@ def _walked(extract: OsmExtract, graph: StreetGraph) -> tuple[FloatArray, FloatA
 
 
 def _grouped(ordered: NDArray[np.int_]) -> tuple[list[int], list[slice]]:
-    """The distinct values of an array in order, and the indices of each."""
+    """Return the distinct values of an array in order, and the indices of each."""
     values, starts = np.unique(ordered, return_index=True)
     ends = [*starts.tolist(), len(ordered)][1:]
     return values.tolist(), [slice(*each) for each in zip(starts.tolist(), ends, strict=True)]
 
 
 def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterator[list[tuple[float, float]]]:
-    """Runs of places in order of their first number; a jump in it begins a new run."""
+    """Yield runs of places in order of their first number; a jump in it begins a new run."""
     run: list[tuple[float, float]] = []
     for place in places:
         if run and place[0] - run[-1][0] > longest_gap_m:
@@ -197,8 +199,10 @@ def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterat
 
 
 def _verge_m(street: Street, plan: PlanView, run: Sequence[tuple[float, float]], side: int) -> float | None:
-    """The verge between carriageway and sidewalk (metres), by the median of a run's places; None if the run is not
-    along the street."""
+    """Return the verge between carriageway and sidewalk (metres), by the median of a run's places.
+
+    None if the run is not along the street.
+    """
     s_m, aside_m = (median(values) for values in zip(*run, strict=True))
     span = next((span for span in street.spans if plan.vertex_s_m[span.last] >= s_m), street.spans[-1])
     section = span.profile.section

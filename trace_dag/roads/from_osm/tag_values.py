@@ -20,7 +20,9 @@ _LEADING_INTEGER: Final = re.compile(r"^\s*(-?\d+)\b")
 
 
 def parse_speed_mps(value: str | None) -> float | None:
-    """``35 mph`` or ``60`` (km/h) in m/s; None for anything that is not a plausible limit (signals, none, walk, 0).
+    """Return ``35 mph`` or ``60`` (km/h) in m/s.
+
+    None for anything that is not a plausible limit (signals, none, walk, 0).
 
     >>> round(parse_speed_mps('25 mph'), 3), parse_speed_mps('36'), parse_speed_mps('signals')
     (11.176, 10.0, None)
@@ -34,7 +36,7 @@ def parse_speed_mps(value: str | None) -> float | None:
 
 
 def parse_length_m(value: str | None) -> float | None:
-    """``3.5``, ``3.5 m``, ``12 ft`` or ``12'6"`` in metres; None if unreadable.
+    """Return ``3.5``, ``3.5 m``, ``12 ft`` or ``12'6"`` in metres; None if unreadable.
 
     >>> parse_length_m('3.5 m'), round(parse_length_m('10 ft'), 3), parse_length_m('wide')
     (3.5, 3.048, None)
@@ -50,7 +52,7 @@ def parse_length_m(value: str | None) -> float | None:
 
 
 def parse_turns(entry: str) -> tuple[str, ...]:
-    """The turns painted on one lane.
+    """Return the turns painted on one lane.
 
     >>> parse_turns("through;right"), parse_turns("none")
     (('through', 'right'), ())
@@ -59,7 +61,9 @@ def parse_turns(entry: str) -> tuple[str, ...]:
 
 
 def parse_entries(value: str | None) -> tuple[str, ...]:
-    """The entries of a ``...:lanes`` tag, one a lane from left to right; none where there are too many to be lanes.
+    """Return the entries of a ``...:lanes`` tag, one a lane from left to right.
+
+    None where there are too many to be lanes.
 
     >>> parse_entries("left|through;right|")
     ('left', 'through;right', '')
@@ -69,7 +73,7 @@ def parse_entries(value: str | None) -> tuple[str, ...]:
 
 
 def parse_integer(value: str | None, least: int, most: int) -> int | None:
-    """The whole number that a value begins with, within limits.
+    """Return the whole number that a value begins with, within limits.
 
     >>> parse_integer("2 lanes", 1, 12), parse_integer("-3", 1, 12), parse_integer("ground", -5, 5)
     (2, None, None)

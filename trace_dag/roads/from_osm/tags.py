@@ -1,4 +1,4 @@
-"""What the tags of one OSM way say about the road: directions, lanes, widths, turns, speed, layer, names.
+"""Tags of one OSM way read for a road: directions, lanes, widths, turns, speed, layer, names.
 
 Real tags have all kinds of values (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``). A value
 that cannot be read counts as untagged, and the usual value for the road's class is used instead
@@ -71,11 +71,11 @@ class CrossSection:
 
     @property
     def left(self) -> tuple[LaneSpec, ...]:
-        """Lanes left of the centre line from it outwards, OpenDRIVE ids 1, 2, ..."""
+        """Return lanes left of the centre line from it outwards, OpenDRIVE ids 1, 2, ..."""
         return self.backward if self.centre is None else (self.centre, *self.backward)
 
     def reversed(self) -> CrossSection:
-        """The same road seen against the way's direction."""
+        """Return the same road seen against the way's direction."""
         centre_width = self.centre.width_m if self.centre else 0.0
         return CrossSection(self.backward, self.forward, self.centre, -self.offset_m - centre_width)
 
@@ -107,7 +107,7 @@ class WayProfile:
     not_followed: tuple[str, ...] = ()
 
     def reversed(self) -> WayProfile:
-        """The same way seen from its other end."""
+        """Return the same way seen from its other end."""
         return replace(
             self,
             section=self.section.reversed(),
@@ -118,23 +118,25 @@ class WayProfile:
 
     @property
     def road_key(self) -> tuple[object, ...]:
-        """The values that must be the same within one road object."""
+        """Return the values that must be the same within one road object."""
         structure = self.layer, self.bridge, self.tunnel, self.roundabout
         return (self.highway, self.names, self.oneway, *structure, self.inferred, self.reversible)
 
     @property
     def rank(self) -> int:
-        """0 for motorways up to 7 for service roads; a link ranks with its class."""
+        """Return 0 for motorways up to 7 for service roads; a link ranks with its class."""
         return road_class(self.highway).rank
 
     @property
     def is_link(self) -> bool:
-        """Whether the way is a ramp or slip road."""
+        """Return whether the way is a ramp or slip road."""
         return self.highway.endswith("_link")
 
 
 def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: float | None = None) -> WayProfile:
-    """The profile of a drivable way. Hints fill gaps: the total of lanes and the speed limit, if untagged.
+    """Return the profile of a drivable way.
+
+    Hints fill gaps: the total of lanes and the speed limit, if untagged.
 
     >>> profile = read_profile(OsmWay(1, (1, 2), {"highway": "secondary", "lanes": "4", "maxspeed": "30 mph"}))
     >>> len(profile.section.forward), len(profile.section.backward), round(profile.speed_forward_mps, 2)
@@ -178,7 +180,7 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
 
 
 def goes_one_way(tags: Mapping[str, str]) -> bool:
-    """Whether traffic goes one way only, along the way (:mod:`trace_dag.roads.from_osm.way_direction`).
+    """Return whether traffic goes one way only, along the way (:mod:`trace_dag.roads.from_osm.way_direction`).
 
     >>> goes_one_way({"highway": "motorway"}), goes_one_way({"highway": "primary", "oneway": "no"})
     (True, False)
@@ -190,7 +192,7 @@ def goes_one_way(tags: Mapping[str, str]) -> bool:
 
 
 def _unreadable(tags: Mapping[str, str]) -> Iterator[str]:
-    """Tags of lanes, widths and limits that have no value that can be read."""
+    """Yield tags of lanes, widths and limits that have no value that can be read."""
     for key, value in tags.items():
         if key.split(":")[0] == "maxspeed" and key.split(":")[-1] in ("maxspeed", "forward", "backward"):
             if "lanes" not in key and value not in _NO_LIMITS and parse_speed_mps(value) is None:
@@ -207,7 +209,7 @@ def _layer(tags: Mapping[str, str], *, bridge: bool, tunnel: bool) -> int:
 
 
 def _plain(value: str) -> str:
-    """A name that its source escaped for XML before it wrote XML: ``Terry&apos;s`` is ``Terry's``.
+    """Return a name that its source escaped for XML before it wrote XML: ``Terry&apos;s`` is ``Terry's``.
 
     Extracts derived from other maps have such names; nine extracts of OpenStreetMap itself had none.
     """
@@ -263,8 +265,10 @@ def _lanes(read: Sequence[TaggedLane], width_m: float) -> tuple[LaneSpec, ...]:
 def _lane_width_m(
     tags: Mapping[str, str], highway: str, reading: LaneReading, sides: Iterable[Sequence[LaneSpec]], notes: list[str]
 ) -> float:
-    """Width of each lane of which nothing is said. ``width`` is from kerb to kerb: parking, cycle lanes and shoulders
-    come off it."""
+    """Return the width of each lane of which nothing is said.
+
+    ``width`` is from kerb to kerb: parking, cycle lanes and shoulders come off it.
+    """
     row = road_class(highway)
     lanes = [*reading.forward, *reading.backward, *([reading.centre] if reading.centre else [])]
     usual_m = _SINGLE_TRACK_WIDTH_M if reading.shared else row.lane_width_m
@@ -286,7 +290,7 @@ def _lane_width_m(
 def _placement(
     tags: Mapping[str, str], keys: Sequence[str], lanes: Sequence[LaneSpec], notes: list[str]
 ) -> float | None:
-    """Distance from the inner border of ``lanes`` to the way's geometry by OSM's ``placement``."""
+    """Return the distance from the inner border of ``lanes`` to the way's geometry by OSM's ``placement``."""
     key = next((key for key in keys if key in tags), None)
     if key is None:
         return None
@@ -301,7 +305,7 @@ def _placement(
 
 
 def _roadside(tags: Mapping[str, str], side: str, *, oneway: bool) -> tuple[LaneSpec, ...]:
-    """Shoulder and parking lane of one side, from the carriageway outwards."""
+    """Return the shoulder and parking lane of one side, from the carriageway outwards."""
     lanes: list[LaneSpec] = []
     shoulder = tags.get(f"shoulder:{side}") or tags.get("shoulder:both") or tags.get("shoulder", "no")
     if shoulder in ("both", side) or (shoulder == "yes" and not (oneway and side == "left")):

@@ -46,7 +46,7 @@ _Piece = tuple[float, float]  # length in metres (of a line) or angle in radians
 
 
 def tightest_radius_m(plan: PlanView) -> float:
-    """Radius of the tightest arc of a line, infinite where it is straight.
+    """Return radius of the tightest arc of a line, infinite where it is straight.
 
     >>> line, arc = PlanElement(0.0, 0.0, 0.0, 0.0, 50.0), PlanElement(50.0, 50.0, 0.0, 0.0, 10.0, 0.05)
     >>> tightest_radius_m(PlanView((line, arc), 60.0))
@@ -57,7 +57,9 @@ def tightest_radius_m(plan: PlanView) -> float:
 
 
 def drivable_turn(start: PlanPose, end: PlanPose) -> PlanView | None:
-    """The shortest curve from pose to pose with arcs as wide as there is room for; None if every such curve is a loop.
+    """Return the shortest curve from pose to pose with arcs as wide as there is room for.
+
+    None if every such curve is a loop.
 
     The radius is the widest one, from a car's turning circle down to that of a corner, that needs little swinging out;
     if none does, a corner's radius with more swinging out.
@@ -73,7 +75,7 @@ def drivable_turn(start: PlanPose, end: PlanPose) -> PlanView | None:
 
 
 def turn_of_radius(start: PlanPose, end: PlanPose, radius_m: float) -> PlanView | None:
-    """The shortest curve from pose to pose whose arcs have one radius; None if every such curve is a loop.
+    """Return the shortest curve from pose to pose whose arcs have one radius; None if every such curve is a loop.
 
     >>> quarter = turn_of_radius(PlanPose(0.0, 0.0, 0.0), PlanPose(10.0, 10.0, math.pi / 2), 4.0)
     >>> round(quarter.length_m, 3)  # an eighth of 2 pi 4 m, a line between circles 8.485 m apart, another eighth
@@ -83,7 +85,8 @@ def turn_of_radius(start: PlanPose, end: PlanPose, radius_m: float) -> PlanView 
 
 
 def without_tight_bends(plan: PlanView, radius_m: float) -> PlanView:
-    """The same line with a wider bend in place of each arc tighter than ``radius_m``, as near to it as there is room.
+    """Return the same line with a wider bend in place of each arc tighter than ``radius_m``, as near to it as there is
+    room.
 
     It begins and ends as before. An arc without room for a wider one stays.
 
@@ -147,7 +150,7 @@ def _length(pieces: Sequence[_Piece], radius_m: float) -> float:
 
 
 def _turns_by(pieces: Sequence[_Piece], turn_rad: float, most_back_rad: float) -> bool:
-    """Whether a curve turns as far as it has to and not far the other way before and after."""
+    """Return whether a curve turns as far as it has to and not far the other way before and after."""
     turns = [size * side for size, side in pieces if side]
     net = math.fsum(turns)
     if abs(math.remainder(net - turn_rad, math.tau)) > _SAME_RAD or abs(net) > math.pi + 0.5:
@@ -156,7 +159,7 @@ def _turns_by(pieces: Sequence[_Piece], turn_rad: float, most_back_rad: float) -
 
 
 def _candidates(start: PlanPose, end: PlanPose, radius_m: float) -> Iterator[list[_Piece]]:
-    """Those of Dubins' six kinds of curve that exist."""
+    """Yield those of Dubins' six kinds of curve that exist."""
     for first in (1, -1):
         x0, y0 = _centre(start, first, radius_m)
         for last in (1, -1):
@@ -178,7 +181,7 @@ def _candidates(start: PlanPose, end: PlanPose, radius_m: float) -> Iterator[lis
 
 
 def _centre(pose: PlanPose, side: int, radius_m: float) -> Point:
-    """Centre of the circle that leaves a pose to its left (1) or right (-1)."""
+    """Return the centre of the circle that leaves a pose to its left (1) or right (-1)."""
     sine, cosine = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
     return pose.x_m - side * radius_m * sine, pose.y_m + side * radius_m * cosine
 
@@ -186,7 +189,7 @@ def _centre(pose: PlanPose, side: int, radius_m: float) -> Point:
 def _arcs(
     start: PlanPose, end: PlanPose, first: tuple[int, float, float], last: int, middle: tuple[int, float] | None = None
 ) -> list[_Piece]:
-    """An arc up to a heading, a line, perhaps another arc up to a heading, and an arc to the end's heading."""
+    """Return an arc up to a heading, a line, perhaps another arc up to a heading, and an arc to the end's heading."""
     side, heading, along = first
     pieces = [_arc(side, start.heading_rad, heading), (along, 0.0)]
     if middle is not None:

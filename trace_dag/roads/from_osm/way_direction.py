@@ -26,7 +26,7 @@ _CONDITION: Final = re.compile(r"([^;@\s]+)\s*@\s*(?:\(([^)]*)\)|([^;]+))")
 
 
 def along_traffic(extract: OsmExtract, when: datetime | None = None) -> OsmExtract:
-    """The extract with every one-way road along its traffic, as it was at ``when``, local time.
+    """Return the extract with every one-way road along its traffic, as it was at ``when``, local time.
 
     >>> from trace_dag.osm.types import BoundingBox
     >>> way = OsmWay(7, (1, 2), {"highway": "primary", "oneway": "-1", "parking:right": "lane"})
@@ -50,7 +50,7 @@ def _along(way: OsmWay, when: datetime | None) -> OsmWay:
 
 
 def _at_the_time(conditional: str, when: datetime | None) -> str | None:
-    """ "yes" or "-1" by the conditions that hold; None where none does or a condition cannot be read."""
+    """Return "yes" or "-1" by the conditions that hold; None where none does or a condition cannot be read."""
     from opening_hours import OpeningHours, validate
 
     decided = None
@@ -64,7 +64,7 @@ def _at_the_time(conditional: str, when: datetime | None) -> str | None:
 
 
 def reversed_tags(tags: Mapping[str, str]) -> dict[str, str]:
-    """Tags of a way seen from its other end.
+    """Return tags of a way seen from its other end.
 
     Lists of one entry a lane that have a direction go from left to right as its drivers see them and stay so; those
     without one go along the way and are turned round, unless that would paint left turns right of right turns.

@@ -44,7 +44,7 @@ _LEAST_END_ROAD_M: Final = 30.0
 
 @dataclass(frozen=True)
 class WayDeviation:
-    """How far the OSM centre lines lie from the roads made of them, outside junctions, by length."""
+    """The deviation of the roads from their OSM centre lines, outside junctions, by length."""
 
     mean_m: float
     worst_m: float
@@ -75,7 +75,7 @@ class MapComparison:
 
     @cached_property
     def ways(self) -> list[OsmWay]:
-        """The ways vehicles drive on."""
+        """Return the ways vehicles drive on."""
         return [way for way in self.extract.ways if is_drivable(way.tags, service_roads=True)]
 
     @cached_property
@@ -88,14 +88,14 @@ class MapComparison:
         return {i: (x, y) for i, (x, y) in zip(ids, self.network.frame.to_local(lat, lon).tolist(), strict=True)}
 
     def way_line(self, way: OsmWay) -> FloatArray:
-        """A way's nodes in the local frame, shape (n, 2), repeated points left out."""
+        """Return a way's nodes in the local frame, shape (n, 2), repeated points left out."""
         points = np.array([self._node_xy[node_id] for node_id in way.node_ids])
         keep = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-6])
         return np.asarray(points[keep])
 
     @cached_property
     def roads_of_way(self) -> dict[int, list[Road]]:
-        """Roads between junctions by the ways they were made of."""
+        """Return roads between junctions by the ways they were made of."""
         found: dict[int, list[Road]] = defaultdict(list)
         for road in self.network.roads:
             if road.junction_id is None:
@@ -105,7 +105,8 @@ class MapComparison:
 
     @cached_property
     def _fold_of_node(self) -> dict[int, str]:
-        """Junctions where no streets meet, by their nodes: a way folds back there more sharply than one road can.
+        """Return junctions where no streets meet, by their nodes: a way folds back there more sharply than one road
+        can.
 
         The way is still there at such a place, unlike at a crossing, where movements replace the centre lines.
         """
@@ -122,7 +123,7 @@ class MapComparison:
 
     @cached_property
     def junction_areas(self) -> shapely.Geometry:
-        """Hulls of the crossings: inside them the arms' centre lines are replaced by movements.
+        """Return hulls of the crossings: inside them the arms' centre lines are replaced by movements.
 
         A hull holds the surfaces of the movements, the OSM nodes of the junction and the ways between them.
         """
@@ -149,7 +150,7 @@ class MapComparison:
         return areas
 
     def _inner_ways(self) -> dict[str, FloatArray]:
-        """Nodes of each crossing, and of the short pieces of way that lead from one of its nodes to another."""
+        """Return nodes of each crossing, and of the short pieces of way that lead from one of its nodes to another."""
         neighbours: dict[int, list[int]] = defaultdict(list)
         for way in self.ways:
             for a, b in pairwise(way.node_ids):
@@ -164,7 +165,7 @@ class MapComparison:
         return found
 
     def _paths_between(self, start: int, nodes: set[int], neighbours: dict[int, list[int]]) -> Iterator[int]:
-        """Nodes on the short paths without a branch from ``start`` to another of ``nodes``."""
+        """Yield nodes on the short paths without a branch from ``start`` to another of ``nodes``."""
         for first in neighbours[start]:
             path, length_m = [start, first], math.dist(self._node_xy[start], self._node_xy[first])
             while path[-1] not in nodes and len(neighbours[path[-1]]) == 2 and length_m < _LONGEST_INNER_WAY_M:
@@ -175,7 +176,7 @@ class MapComparison:
                 yield from path
 
     def way_deviation(self) -> WayDeviation:
-        """Distance of every way, metre by metre, to the axes of its own roads, outside junctions.
+        """Return the distance of every way, metre by metre, to the axes of its own roads, outside junctions.
 
         The axis is the reference line or, on one-way roads, the middle of the lanes, whichever is nearer: converters
         differ in which of the two they lay along the way.
@@ -209,7 +210,7 @@ class MapComparison:
         )
 
     def _points_of_ways(self) -> Iterator[tuple[OsmWay, FloatArray, FloatArray, NDArray[np.bool_]]]:
-        """Each way with its line, the points along it, and which of these lie outside the junctions."""
+        """Yield each way with its line, the points along it, and which of these lie outside the junctions."""
         # A way that was drawn has no original.
         lines = [(way, self.way_line(way)) for way in self.ways if INFERRED_TAG not in way.tags]
         found = [(way, line, _resampled(line)) for way, line in lines if len(line) > 1]
@@ -222,12 +223,14 @@ class MapComparison:
             yield way, line, points, is_outside
 
     def _roads_through_folds(self, way: OsmWay) -> list[Road]:
-        """Connecting roads of the folds that a way passes or ends at."""
+        """Return the connecting roads of the folds that a way passes or ends at."""
         folds = {self._fold_of_node[node_id] for node_id in way.node_ids if node_id in self._fold_of_node}
         return [road for road in self.network.roads if road.junction_id in folds] if folds else []
 
     def crosswalk_distances(self) -> list[tuple[float, int]]:
-        """For each crosswalk, how far outside its outline (metres) its OpenStreetMap node is, and the node's id."""
+        """Return for each crosswalk the distance of its OpenStreetMap node outside its outline (metres), and the node's
+        id.
+        """
         return [
             (place.distance_m(*self._node_xy[node_id]), node_id)
             for place in crosswalks(self.network)
@@ -235,7 +238,7 @@ class MapComparison:
         ]
 
     def lanes_against_tags(self) -> tuple[int, dict[str, str]]:
-        """How many roads have their lane count tagged, and how those that differ do, by road id.
+        """Return the number of roads with a tagged lane count, and the differences, by road id.
 
         A road made of one way is compared in the middle, where no lane has begun to open or close for a junction.
         """
@@ -256,7 +259,8 @@ class MapComparison:
         return compared, differing
 
     def geodesic_anchors(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Well-spread places of OSM and where the map has them: (n, 2) latitude and longitude, (n, 2) x and y.
+        """Return the well-spread places of OSM and where the map has them: (n, 2) latitude and longitude, (n, 2) x and
+        y.
 
         First the nodes at which a way ends alone. Their place on the map is the open end of the road, so they show
         every error of scale and position. If these are few, places inside straight segments are added. Their place on
@@ -273,7 +277,7 @@ class MapComparison:
         return np.array([degrees for degrees, _ in chosen]), np.array([place for _, place in chosen])
 
     def _end_anchors(self) -> list[_Anchor]:
-        """Nodes at which one way ends and no other passes, and the open road end nearest to each.
+        """Return nodes at which one way ends and no other passes, and the open road end nearest to each.
 
         Short ways and short last segments are left out: ways that a box cuts off are lengthened and smoothed.
         """
@@ -304,7 +308,7 @@ class MapComparison:
                 yield x, y
 
     def _segment_anchors(self) -> list[_Anchor]:
-        """Places every 60 m inside the ways' segments, outside junctions."""
+        """Return places every 60 m inside the ways' segments, outside junctions."""
         found: list[_Anchor] = []
         for way in self.ways:
             roads = self.roads_of_way.get(way.id)
@@ -341,7 +345,7 @@ def _resampled(line: FloatArray) -> FloatArray:
 
 
 def _spread(places: Sequence[tuple[float, float]], count: int, known: Sequence[tuple[float, float]] = ()) -> list[int]:
-    """Farthest-point sampling: indices of places far from each other and from the known ones."""
+    """Return the farthest-point sampling: indices of places far from each other and from the known ones."""
     if not places or count < 1:
         return []
     points = np.array(places)
@@ -357,6 +361,6 @@ def _spread(places: Sequence[tuple[float, float]], count: int, known: Sequence[t
 
 
 def _lane_count(road: Road, s_m: float) -> int:
-    """Lanes traffic drives in at ``s_m`` of a road, centre turn lanes included."""
+    """Return lanes traffic drives in at ``s_m`` of a road, centre turn lanes included."""
     section = max((section for section in road.lane_sections if section.s_m <= s_m), key=lambda section: section.s_m)
     return sum(lane.type.drivable for lane in section.lanes if lane.id != 0)

@@ -27,7 +27,7 @@ SAMPLE_M: Final = 1.0
 def distances_to_axes(
     network: RoadNetwork, roads: Sequence[Sequence[Road]], points: Sequence[FloatArray]
 ) -> list[FloatArray]:
-    """Distance (m) of each of some points, (n, 2), to the nearest axis of the roads that belong to them.
+    """Return the distance (m) of each of some points, (n, 2), to the nearest axis of the roads that belong to them.
 
     The axis is the reference line and, on one-way roads, the middle of the lanes too.
 
@@ -50,7 +50,7 @@ def distances_to_axes(
 
 
 def _axes(network: RoadNetwork, roads: Iterable[Road]) -> dict[str, list[FloatArray]]:
-    """The axes of some roads as points, by road id."""
+    """Return the axes of some roads as points, by road id."""
     wanted = list(roads)
     lines = [network.road_geometry(road.id).line for road in wanted]
     one_way = [road.one_way for road in wanted]
@@ -69,7 +69,9 @@ def _axes(network: RoadNetwork, roads: Iterable[Road]) -> dict[str, list[FloatAr
 
 
 def _stations(line: ReferenceLine, everywhere: bool) -> FloatArray:
-    """Where pieces of a line begin and end, and metre by metre where it is curved, or ``everywhere``."""
+    """Return the stations where pieces of a line begin and end, and metre by metre where it is curved, or
+    ``everywhere``.
+    """
     starts = line.table[0]
     stations = line.stations(SAMPLE_M)
     if not everywhere and not line.has_cubics:
@@ -79,7 +81,7 @@ def _stations(line: ReferenceLine, everywhere: bool) -> FloatArray:
 
 
 def _middle_of_lanes(network: RoadNetwork, road: Road, stations_m: FloatArray) -> FloatArray:
-    """``t`` of the middle of the drivable lanes."""
+    """Return ``t`` of the middle of the drivable lanes."""
     middle = np.zeros(len(stations_m))
     for index, section in enumerate(road.lane_sections):
         here = stations_m >= section.s_m
@@ -95,5 +97,5 @@ def _middle_of_lanes(network: RoadNetwork, road: Road, stations_m: FloatArray) -
 
 
 def _flat(parts: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Arrays one after the other, and which each row is of."""
+    """Return arrays one after the other, and which each row is of."""
     return np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])

@@ -45,7 +45,7 @@ def check_map(
     limits: MapLimits | None = None,
     left_out_ways: Collection[int] = (),
 ) -> tuple[MapGate, ...]:
-    """All gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` it was made from.
+    """Return all gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` it was made from.
 
     The map need not have roads of ``left_out_ways``. A gate that fails names the roads where it does.
     Everything is measured on the file as read back. If it breaks more rules than allowed, nothing else is measured.
@@ -107,7 +107,7 @@ def _count_gate(name: str, found: list[str], unit: str, threshold: float = 0, ro
 
 
 def _stored(network: RoadNetwork, stored: RoadNetwork, limits: MapLimits) -> MapGate:
-    """The stored file describes the same lanes in the same places."""
+    """Check that the stored file describes the same lanes in the same places."""
     name, unit = "stored_difference", "m"
     before, after = network.lanes(), stored.lanes()
     if set(before) != set(after):
@@ -179,7 +179,7 @@ def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
-    """A car can drive every lane through a junction, and no piece of a line is too short for other readers."""
+    """Yield a car can drive every lane through a junction, and no piece of a line is too short for other readers."""
     turns = measures.tightest_turns(stored)
     names = ("turn_radius", "u_turn_radius")
     for name, turn, limit_m in zip(names, turns, (limits.turn_radius_m, limits.u_turn_radius_m), strict=True):
@@ -192,7 +192,7 @@ def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
-    """Each neighbour has the lane as its neighbour in turn, and they share a border."""
+    """Yield each neighbour has the lane as its neighbour in turn, and they share a border."""
     broken: list[str] = []
     roads: list[str] = []
     for ref in stored.drivable_lanes():
@@ -211,7 +211,9 @@ def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
 
 
 def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
-    """Pairwise distances between well-spread places: on the map, and on the WGS84 ellipsoid between OSM coordinates."""
+    """Return the pairwise distances between well-spread places: on the map, and on the WGS84 ellipsoid between OSM
+    coordinates.
+    """
     from pyproj import Geod
 
     geographic, places = comparison.geodesic_anchors(_ANCHORS)
@@ -256,7 +258,7 @@ def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _for_people(stored: RoadNetwork, comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:
-    """Crosswalks lie at OpenStreetMap's crossings; nobody walks or cycles where other roads' traffic drives."""
+    """Yield crosswalks lie at OpenStreetMap's crossings; nobody walks or cycles where other roads' traffic drives."""
     distances = comparison.crosswalk_distances()
     worst = max(distances, key=lambda row: row[0], default=None)
     name, unit = "crosswalk_place", "m"
@@ -293,7 +295,7 @@ def _crash(stored: RoadNetwork, placement: CrashPlacement | None, limits: MapLim
 
 
 def _carla(stored_map: StoredMap) -> MapGate:
-    """CARLA's own parser reads the map and finds lanes in it."""
+    """Return cARLA's own parser reads the map and finds lanes in it."""
     unit = f"waypoints {_CARLA_SPACING_M:.0f} m apart"
     if importlib.util.find_spec("carla") is None:
         return MapGate("carla_map", None, None, unit, None, "the carla extra is not installed")

@@ -43,7 +43,7 @@ class LinkGap(NamedTuple):
 
 
 def link_gaps(network: RoadNetwork) -> list[LinkGap]:
-    """Gaps at every link between drivable lanes, sections and junctions included."""
+    """Return gaps at every link between drivable lanes, sections and junctions included."""
     refs = network.drivable_lanes()
     if not refs:
         return []
@@ -79,8 +79,9 @@ class LanesBeside(NamedTuple):
 
 
 def lanes_beside(network: RoadNetwork) -> LanesBeside:
-    """The sidewalks and cycle lanes of a map, looked at every five metres. Cycle lanes in junctions are left out:
-    traffic that turns right drives across them.
+    """Return the sidewalks and cycle lanes of a map, looked at every five metres.
+
+    Cycle lanes in junctions are left out: traffic that turns right drives across them.
 
     >>> lanes_beside(network).share_on_roadway
     0.0
@@ -113,8 +114,9 @@ def lanes_beside(network: RoadNetwork) -> LanesBeside:
 
 
 def _near_drivable(network: RoadNetwork, places: FloatArray) -> NDArray[np.intp]:
-    """The numbers of those of some places, (n, 3), that may lie on a lane for vehicles: the others need no exact
-    look."""
+    """Return the numbers of those of some places, (n, 3), that may lie on a lane for vehicles: the others need no exact
+    look.
+    """
     lanes = [network.geometry(ref) for ref in network.drivable_lanes()]
     sample_lanes(lanes)
     surfaces = shapely.STRtree([polygon(lane) for lane in lanes])
@@ -123,7 +125,7 @@ def _near_drivable(network: RoadNetwork, places: FloatArray) -> NDArray[np.intp]
 
 
 def one_sided_links(network: RoadNetwork) -> dict[LaneRef, str]:
-    """Lanes that name a next lane which names no lane back, inside roads and between roads, and how.
+    """Return lanes that name a next lane which names no lane back, inside roads and between roads, and how.
 
     >>> one_sided_links(network)
     {}
@@ -146,7 +148,7 @@ def one_sided_links(network: RoadNetwork) -> dict[LaneRef, str]:
 
 
 def stranded_lanes(network: RoadNetwork) -> list[str]:
-    """Full-width lanes that end at a junction or another road without any movement into it.
+    """Return the full-width lanes that end at a junction or another road without any movement into it.
 
     Bidirectional lanes and lanes that have closed (narrower than 1 m) end anywhere.
 
@@ -180,7 +182,7 @@ class TightestTurn(NamedTuple):
 
 
 def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
-    """Tightest turn of all lanes through junctions, and the tightest of U-turns (``u_turn``).
+    """Return the tightest turn of all lanes through junctions, and the tightest of U-turns (``u_turn``).
 
     >>> turns, u_turns = tightest_turns(network)
     >>> turns.radius_m < 10, u_turns.road_id is None  # corners of the crossing; no U-turn
@@ -207,7 +209,7 @@ def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
 
 
 def shortest_element(network: RoadNetwork) -> tuple[float, str | None]:
-    """Length (m) of the shortest piece of a reference line, and the road it is in."""
+    """Return the length (m) of the shortest piece of a reference line, and the road it is in."""
     return min(
         ((element.length_m, road.id) for road in network.roads for element in road.plan), default=(math.inf, None)
     )
@@ -221,7 +223,8 @@ class SteepestGrade(NamedTuple):
 
 
 def steepest_grades(network: RoadNetwork) -> tuple[SteepestGrade, SteepestGrade]:
-    """Steepest main road, and steepest ramp or driveway (``*_link`` and ``service``, and movements from or to them).
+    """Return the steepest main road, and steepest ramp or driveway (``*_link`` and ``service``, and movements from or
+    to them).
 
     >>> [steepest.grade for steepest in steepest_grades(network)]  # the town's plan is flat here
     [0.0, 0.0]
@@ -255,7 +258,7 @@ class RoadCrossing(NamedTuple):
 
 
 def crossings(network: RoadNetwork) -> list[RoadCrossing]:
-    """Where reference lines cross although their roads share neither junction nor link.
+    """Find crossings of reference lines whose roads share neither junction nor link.
 
     >>> crossings(network)
     []

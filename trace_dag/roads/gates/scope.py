@@ -1,4 +1,4 @@
-"""Which roads a crash can use, a map without the bad ones among the others, and where the data end.
+"""The scope of a crash: the roads that it can use, a map without bad roads elsewhere, and the ends of the data.
 
 A map is rejected for a road that the crash can use. One that fails a gate farther away is left out, and the map's
 report says so.
@@ -51,7 +51,7 @@ def check_in_scope(
     limits: MapLimits,
     settings: RoadSettings,
 ) -> CheckedMap:
-    """The map written and checked, without the roads that fail a gate and that the crash cannot use."""
+    """Return the map written and checked, without the roads that fail a gate and that the crash cannot use."""
     used: frozenset[str] | None = None
     left_out: list[LeftOutRoad] = []
     while True:
@@ -78,7 +78,7 @@ def check_in_scope(
 
 
 def _is_far(way: OsmWay, network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement) -> bool:
-    """Whether a way lies farther from the crash than any road that it can use begins."""
+    """Return whether a way lies farther from the crash than any road that it can use begins."""
     nodes = [extract.nodes[node_id] for node_id in way.node_ids]
     line = network.frame.to_local(
         np.array([node.latitude_deg for node in nodes]), np.array([node.longitude_deg for node in nodes])
@@ -87,7 +87,7 @@ def _is_far(way: OsmWay, network: RoadNetwork, extract: OsmExtract, placement: C
 
 
 def roads_in_use(network: RoadNetwork, placement: CrashPlacement) -> frozenset[str]:
-    """The roads that begin less than 200 m from the crash along the roads, in either direction.
+    """Return the roads that begin less than 200 m from the crash along the roads, in either direction.
 
     >>> len(roads_in_use(network, map_report.placement)) < len(network.roads)
     True
@@ -96,7 +96,8 @@ def roads_in_use(network: RoadNetwork, placement: CrashPlacement) -> frozenset[s
 
 
 def data_ends(network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement) -> tuple[DataEnd, ...]:
-    """Where roads end because the data do, and how far from the crash along the roads, the nearest first.
+    """Return the ends of roads at the end of the data, and their distances from the crash along the roads, the nearest
+    first.
 
     >>> data_ends(network, extract, map_report.placement)  # the sample's map reaches beyond the box
     ()
@@ -125,7 +126,10 @@ def data_ends(network: RoadNetwork, extract: OsmExtract, placement: CrashPlaceme
 
 
 def _distances_m(network: RoadNetwork, placement: CrashPlacement) -> dict[str, float]:
-    """How far from the crash each road begins along the roads, in either direction; 0 for the crash's own."""
+    """Return the distance from the crash to the beginning of each road along the roads, in either direction.
+
+    0 for the crash's own.
+    """
     next_to: dict[str, set[tuple[ContactPoint | None, str]]] = defaultdict(set)  # by the end where they meet
     for road in network.roads:
         for own, link in ((ContactPoint.START, road.predecessor), (ContactPoint.END, road.successor)):
@@ -153,7 +157,7 @@ def _station_m(network: RoadNetwork, road_id: str, placement: CrashPlacement) ->
 
 
 def without_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwork:
-    """The network without some roads, the connecting roads from and to them, and all links to any of these.
+    """Return the network without some roads, the connecting roads from and to them, and all links to any of these.
 
     >>> corner = next(road for road in network.roads if road.junction_id is not None)
     >>> len(network.roads) - len(without_roads(network, [corner.id]).roads)
@@ -196,7 +200,7 @@ def without_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwor
 
 
 def _unlinked(road: Road, gone: Collection[str], junctions: Collection[str]) -> Road:
-    """A road without links to what is gone; its lanes end where the link did."""
+    """Return a road without links to what is gone; its lanes end where the link did."""
 
     def left(link: RoadLink | None) -> RoadLink | None:
         if link is None:

@@ -20,7 +20,7 @@ _STRAIGHT_RAD: Final = 1e-9  # half a turn below which chord and arc differ by l
 def along_arc(
     x_m: float, y_m: float, heading_rad: float, length_m: float, curvature_1pm: float
 ) -> tuple[float, float, float]:
-    """x, y (metres) and heading (radians) after ``length_m`` of an arc; curvature is positive to the left.
+    """Return x, y (metres) and heading (radians) after ``length_m`` of an arc; curvature is positive to the left.
 
     >>> x, y, heading = along_arc(0.0, 0.0, 0.0, math.pi * 50, 1 / 100)  # a quarter of a circle of 100 m radius
     >>> round(x, 6), round(y, 6), round(math.degrees(heading), 6)
@@ -38,7 +38,7 @@ def along_arc(
 def along_arcs(
     x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray, length_m: FloatArray, curvature_1pm: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """:func:`along_arc` for many arcs, arrays of one shape.
+    """Return the :func:`along_arc` for many arcs, arrays of one shape.
 
     >>> zero, ahead_m = np.zeros(2), np.array([10.0, 5.0 * math.pi])
     >>> x_m, y_m, _ = along_arcs(zero, zero, zero, ahead_m, np.array([0.0, 0.1]))  # straight on; a quarter to the left

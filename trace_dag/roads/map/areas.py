@@ -45,8 +45,9 @@ class LaneAreas:
     def of(
         self, lanes: Iterable[tuple[LaneRef, LaneGeometry]], box: Box, reach_m: float, *, cut: bool = False
     ) -> shapely.MultiPolygon:
-        """The area of those of some lanes that come within some distance of a box: of whole lanes, or ``cut`` at that
-        distance, which takes a third of the time where lanes go on."""
+        """Return the area of those of some lanes that come within some distance of a box: of whole lanes, or ``cut`` at
+        that distance, which takes a third of the time where lanes go on.
+        """
         known = list(lanes)
         new = [(ref, geometry) for ref, geometry in known if ref not in self._surfaces]
         sample_lanes(geometry for _, geometry in new)
@@ -75,23 +76,26 @@ class Area:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it has no lane at all."""
+        """Return whether it has no lane at all."""
         return next(iter(self._lanes_within((-math.inf, -math.inf, math.inf, math.inf))), None) is None
 
     def within(self, box: Box, reach_m: float) -> shapely.MultiPolygon:
-        """The surfaces that come within some distance of a box, whole."""
+        """Return the surfaces that come within some distance of a box, whole."""
         return self._lane_areas.of(self._lanes_within(_wider(box, reach_m)), box, reach_m)
 
     def has(self, x_m: float, y_m: float) -> bool:
-        """Whether a point lies in the area."""
+        """Return whether a point lies in the area."""
         return bool(shapely.contains_xy(self._tile(x_m, y_m), x_m, y_m))
 
     def contains(self, x_m: FloatArray, y_m: FloatArray) -> NDArray[np.bool_]:
-        """Whether points lie in the area."""
+        """Return whether points lie in the area."""
         return np.asarray(shapely.contains_xy(self._piece(x_m, y_m), x_m, y_m))
 
     def beyond_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """How far points are beyond the edge (m), negative within the area; not a number where there is no area."""
+        """Return how far points are beyond the edge (m), negative within the area.
+
+        Not a number where there is no area.
+        """
         for area, reach_m in self._growing(_box_about(x_m, y_m)):
             from_edge_m = _from_edge_m(x_m, y_m, area.boundary)
             found = np.asarray(np.where(shapely.contains_xy(area, x_m, y_m), -from_edge_m, from_edge_m))
@@ -100,7 +104,10 @@ class Area:
         return found
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """The point of the area that is nearest to a point (x, y; m); the point itself where there is no area."""
+        """Return the point of the area that is nearest to a point (x, y; m).
+
+        The point itself where there is no area.
+        """
         point = shapely.Point(x_m, y_m)
         for area, reach_m in self._growing((x_m, y_m, x_m, y_m)):
             if not area.is_empty and area.distance(point) < reach_m:
@@ -109,13 +116,15 @@ class Area:
         return x_m, y_m
 
     def _growing(self, box: Box) -> Iterator[tuple[shapely.MultiPolygon, float]]:
-        """The area about a box, ever more of it, and how far from the box nothing is missing."""
+        """Yield the area about a box, ever more of it, and how far from the box nothing is missing."""
         for reach_m in (_TILE_M, 4 * _TILE_M, math.inf):
             yield self.within(box, reach_m), reach_m
 
     def edge_near(self, x_m: float, y_m: float) -> shapely.MultiLineString:
-        """The edge of the area around a point: all of it that is within twelve metres. Lines farther away may be where
-        the area was cut, and no edge."""
+        """Return the edge of the area around a point: all of it that is within twelve metres.
+
+        Lines farther away may be where the area was cut, and no edge.
+        """
         at = _tile_of(x_m, y_m)
         if at not in self._edges:
             self._edges[at] = self._tile(x_m, y_m).boundary
@@ -123,7 +132,7 @@ class Area:
         return self._edges[at]
 
     def _piece(self, x_m: FloatArray, y_m: FloatArray) -> shapely.MultiPolygon:
-        """The part of the area in which some points can lie."""
+        """Return the part of the area in which some points can lie."""
         west, south, east, north = _box_about(x_m, y_m)
         at = _tile_of(west, south)
         if at == _tile_of(east, north):
@@ -141,7 +150,10 @@ class Area:
 
 
 def _from_edge_m(x_m: FloatArray, y_m: FloatArray, edge: shapely.Geometry) -> FloatArray:
-    """How far points are from an edge, which may have thousands of segments; not a number where there is none."""
+    """Return the distances of points from an edge, which may have thousands of segments.
+
+    Not a number where there is none.
+    """
     rings = [shapely.get_coordinates(line) for line in shapely.get_parts(edge)]
     if not rings:
         return np.full(len(x_m), np.nan)

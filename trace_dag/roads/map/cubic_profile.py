@@ -36,7 +36,10 @@ class CubicProfile:
 
     @classmethod
     def of(cls, cubics: Iterable[Cubic], *, origin_m: float = 0.0) -> Self:
-        """From OpenDRIVE records whose ``s`` counts from ``origin_m``; no record at all is 0 everywhere."""
+        """Make a profile of OpenDRIVE records whose ``s`` counts from ``origin_m``.
+
+        No record at all is 0 everywhere.
+        """
         ordered = list(cubics)
         if not ordered:
             return cls((origin_m,), ((0.0, 0.0, 0.0, 0.0),))
@@ -48,7 +51,7 @@ class CubicProfile:
 
     @classmethod
     def weighted_sum(cls, terms: Iterable[tuple[float, CubicProfile]]) -> Self:
-        """Sum of ``weight * profile`` over all terms."""
+        """Return the sum of ``weight * profile`` over all terms."""
         profiles = [(weight, profile) for weight, profile in terms if weight]
         if not profiles:
             return cls((0.0,), ((0.0, 0.0, 0.0, 0.0),))
@@ -70,14 +73,14 @@ class CubicProfile:
         return cls(knots, pieces)
 
     def coefficients_at(self, s_m: float) -> _Coefficients:
-        """Coefficients of the piece valid at ``s_m``, with ``s_m`` as its origin."""
+        """Return coefficients of the piece valid at ``s_m``, with ``s_m`` as its origin."""
         index = max(bisect_right(self.knots_m, s_m) - 1, 0)
         a, b, c, d = self.pieces[index]
         u = s_m - self.knots_m[index]
         return (a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d)
 
     def at(self, s_m: float) -> float:
-        """Value at one ``s_m``."""
+        """Return the value at one ``s_m``."""
         if self.constant is not None:
             return self.constant
         index = bisect_right(self.knots_m, s_m) - 1 if len(self.knots_m) > 1 else 0
@@ -87,7 +90,7 @@ class CubicProfile:
         return a + u * (b + u * (c + u * d))
 
     def slope(self, s_m: float) -> float:
-        """Derivative with respect to ``s`` at one ``s_m``."""
+        """Return the derivative with respect to ``s`` at one ``s_m``."""
         if self.constant is not None:
             return 0.0
         index = max(bisect_right(self.knots_m, s_m) - 1, 0)
@@ -96,14 +99,14 @@ class CubicProfile:
         return b + u * (2 * c + 3 * u * d)
 
     def sample(self, s_m: FloatArray) -> FloatArray:
-        """Values at many ``s``, same shape."""
+        """Return values at many ``s``, same shape."""
         if self.constant is not None:
             return np.full(s_m.shape, self.constant)
         u, pieces = self._located(s_m)
         return pieces[:, 0] + u * (pieces[:, 1] + u * (pieces[:, 2] + u * pieces[:, 3]))
 
     def sample_slope(self, s_m: FloatArray) -> FloatArray:
-        """Derivatives at many ``s``, same shape."""
+        """Return derivatives at many ``s``, same shape."""
         if self.constant is not None:
             return np.zeros(s_m.shape)
         u, pieces = self._located(s_m)

@@ -42,7 +42,7 @@ class PlanView(NamedTuple):
 
 
 def element_pose(element: PlanElement, ds_m: float) -> PlanPose:
-    """Pose ``ds_m`` along one line or arc.
+    """Return the pose ``ds_m`` along one line or arc.
 
     >>> element_pose(PlanElement(0.0, 2.0, 3.0, 0.0, 100.0), 25.0)
     PlanPose(x_m=27.0, y_m=3.0, heading_rad=0.0)
@@ -51,7 +51,7 @@ def element_pose(element: PlanElement, ds_m: float) -> PlanPose:
 
 
 def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
-    """Pose at ``s_m``; beyond the ends the first or last element is continued.
+    """Return the pose at ``s_m``; beyond the ends the first or last element is continued.
 
     >>> plan_pose(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0)), 25.0)
     PlanPose(x_m=25.0, y_m=0.0, heading_rad=0.0)
@@ -61,7 +61,9 @@ def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
 
 
 def cut_plan(plan: PlanView, begin_m: float, end_m: float) -> PlanView:
-    """The stretch from ``begin_m`` to ``end_m``, with ``s_m`` starting at 0 again. Keeps no vertices.
+    """Return the stretch from ``begin_m`` to ``end_m``, with ``s_m`` starting at 0 again.
+
+    Keeps no vertices.
 
     >>> cut_plan(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0)), 10.0, 30.0).length_m
     20.0
@@ -80,7 +82,7 @@ def cut_plan(plan: PlanView, begin_m: float, end_m: float) -> PlanView:
 
 
 def reverse_plan(plan: PlanView) -> PlanView:
-    """The same line, beginning at its end.
+    """Return the same line, beginning at its end.
 
     >>> plan_pose(reverse_plan(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0))), 0.0).x_m
     100.0
@@ -94,7 +96,7 @@ def reverse_plan(plan: PlanView) -> PlanView:
 
 
 def join_plans(plans: Sequence[PlanView]) -> PlanView:
-    """Plans one after the other; each must begin with the pose at which the one before ends.
+    """Return plans one after the other; each must begin with the pose at which the one before ends.
 
     >>> first, second = (connect(PlanPose(x, 0.0, 0.0), PlanPose(x + 50.0, 0.0, 0.0)) for x in (0.0, 50.0))
     >>> join_plans([first, second]).length_m
@@ -121,7 +123,7 @@ def _same_direction(a: PlanElement, b: PlanElement) -> bool:
 
 
 def connect(start: PlanPose, end: PlanPose) -> PlanView | None:
-    """A smooth curve from one pose to another: line, arc and line if one bend is enough, otherwise two arcs.
+    """Return a smooth curve from one pose to another: line, arc and line if one bend is enough, otherwise two arcs.
 
     None if only a detour would connect them (the end lies behind the start, with the same heading).
 
@@ -159,7 +161,7 @@ def _single_bend(start: PlanPose, end: PlanPose, turn: float, tangent: float, ah
 
 
 def _biarc(start: PlanPose, end: PlanPose) -> PlanView:
-    """Two arcs with a common tangent, of equal tangent length at both ends (Bolton, CAD 7(1), 1975)."""
+    """Return two arcs with a common tangent, of equal tangent length at both ends (Bolton, CAD 7(1), 1975)."""
     vx, vy = end.x_m - start.x_m, end.y_m - start.y_m
     c0, s0 = math.cos(start.heading_rad), math.sin(start.heading_rad)
     c1, s1 = math.cos(end.heading_rad), math.sin(end.heading_rad)
@@ -180,7 +182,7 @@ def _biarc(start: PlanPose, end: PlanPose) -> PlanView:
 
 
 def _arc_to(start: PlanPose, x_m: float, y_m: float) -> tuple[PlanPose, float, float]:
-    """The arc that leaves ``start`` and passes through a point: its start, length and curvature.
+    """Return the arc that leaves ``start`` and passes through a point: its start, length and curvature.
 
     If the arc is too flat for single precision, the straight line is returned, at most 0.03 degrees off the start's
     heading.
@@ -196,7 +198,7 @@ def _arc_to(start: PlanPose, x_m: float, y_m: float) -> tuple[PlanPose, float, f
 
 
 def without_slivers(plan: PlanView) -> PlanView:
-    """The same line with a smooth curve of about a metre in place of every element shorter than a centimetre.
+    """Return the same line with a smooth curve of about a metre in place of every element shorter than a centimetre.
 
     It begins, ends and turns as before and runs within a few millimetres of where it did. A reader that samples a line
     or drops what is shorter than its tolerance would lose the heading that such an element adds.
@@ -224,7 +226,9 @@ def without_slivers(plan: PlanView) -> PlanView:
 
 
 def _index_beyond(elements: Sequence[PlanElement], at: int, step: int) -> int:
-    """Index of the element before (``step`` -1) or after (1) another that is out of reach of what replaces a sliver."""
+    """Return the index of the element before (``step`` -1) or after (1) another that is out of reach of what replaces a
+    sliver.
+    """
     away_m = 0.0
     while 0 <= at + step < len(elements) and away_m < _AROUND_SLIVER_M + 2 * SHORTEST_ELEMENT_M:
         at += step
@@ -241,7 +245,7 @@ def _one_after_the_other(elements: Sequence[PlanElement]) -> PlanView:
 
 
 def _snapped(plan: PlanView, s_m: float) -> float:
-    """``s_m`` within the plan, moved onto the border of an element that it is almost at."""
+    """Return ``s_m`` within the plan, moved onto the border of an element that it is almost at."""
     borders = (0.0, plan.length_m, *(element.s_m for element in plan.elements))
     nearest = min(borders, key=lambda border: abs(border - s_m))
     return nearest if abs(nearest - s_m) < 2 * SHORTEST_ELEMENT_M else min(max(s_m, 0.0), plan.length_m)

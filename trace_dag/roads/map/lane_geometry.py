@@ -1,4 +1,4 @@
-"""Where the lanes of a road lie: centres, borders, widths and heights by ``s``, scalar and vectorised.
+"""Lane geometry: centres, borders, widths and heights by ``s``, scalar and vectorised.
 
 One :class:`RoadGeometry` per road, one :class:`LaneGeometry` per lane; both are made by
 :class:`~trace_dag.roads.map.network.RoadNetwork` when first asked for and kept by it.
@@ -39,7 +39,7 @@ class SectionLine(NamedTuple):
     cosine: FloatArray
 
     def beside(self, t_m: FloatArray) -> FloatArray:
-        """Points ``t_m`` to the left of the line, shape (n, 3)."""
+        """Return points ``t_m`` to the left of the line, shape (n, 3)."""
         x, y = self.line[:, 0], self.line[:, 1]
         return np.stack([x - t_m * self.sine, y + t_m * self.cosine, self.height_m], axis=1)
 
@@ -73,28 +73,28 @@ class RoadGeometry:
         self._section_lines: dict[tuple[float, float], SectionLine] = {}
 
     def section_line(self, begin_m: float, end_m: float) -> SectionLine:
-        """The reference line between the ends of a lane section."""
+        """Return the reference line between the ends of a lane section."""
         if (begin_m, end_m) not in self._section_lines:
             (made,) = sample_sections([self], np.array([begin_m]), np.array([end_m]))
             self._section_lines[begin_m, end_m] = made
         return self._section_lines[begin_m, end_m]
 
     def has_section_line(self, begin_m: float, end_m: float) -> bool:
-        """Whether the reference line between these ends has been sampled."""
+        """Return whether the reference line between these ends has been sampled."""
         return (begin_m, end_m) in self._section_lines
 
     def keep_section_line(self, begin_m: float, end_m: float, line: SectionLine) -> None:
-        """What :meth:`section_line` is to give, where it was sampled together with others."""
+        """Keep a sampled line for :meth:`section_line`, where it was sampled together with others."""
         self._section_lines[begin_m, end_m] = line
 
     def section_span(self, index: int) -> tuple[float, float]:
-        """``s_m`` where a lane section begins and ends."""
+        """Return ``s_m`` where a lane section begins and ends."""
         sections = self.road.lane_sections
         end_m = sections[index + 1].s_m if index + 1 < len(sections) else self.road.length_m
         return sections[index].s_m, end_m
 
     def lanes_of(self, index: int) -> dict[int, LaneGeometry]:
-        """Geometry of every lane but the centre one of a section, by lane id."""
+        """Return the geometry of every lane but the centre one of a section, by lane id."""
         section = self.road.lane_sections[index]
         out: dict[int, LaneGeometry] = {}
         span = self.section_span(index)
@@ -108,7 +108,7 @@ class RoadGeometry:
         return out
 
     def height_at(self, s_m: float) -> float:
-        """Height of the road surface, constant beyond the road's ends."""
+        """Return the height of the road surface, constant beyond the road's ends."""
         return self.elevation.at(min(max(s_m, 0.0), self.road.length_m))
 
 
@@ -133,11 +133,11 @@ class LaneGeometry:
 
     @property
     def length_m(self) -> float:
-        """Length along the reference line."""
+        """Return the length along the reference line."""
         return self.end_m - self.begin_m
 
     def pose(self, s_m: float, offset_m: float = 0.0) -> Pose:
-        """Pose at ``s_m``, ``offset_m`` to the left of the centre, heading in the direction of travel."""
+        """Return the pose at ``s_m``, ``offset_m`` to the left of the centre, heading in the direction of travel."""
         x, y, heading, curvature = self.road.line.at(s_m)
         s_on_lane = min(max(s_m, self.begin_m), self.end_m)
         t = self.centre.at(s_on_lane) + self.direction * offset_m
@@ -153,7 +153,7 @@ class LaneGeometry:
         )
 
     def sample(self, s_m: FloatArray, offset_m: float = 0.0) -> FloatArray:
-        """Like :meth:`pose` for many ``s_m``, shape (n, 4): x, y, z, heading (continuous along the array)."""
+        """Sample many ``s_m`` like :meth:`pose`, shape (n, 4): x, y, z, heading (continuous along the array)."""
         line = self.road.line.sample(s_m)
         s_on_lane = np.clip(s_m, self.begin_m, self.end_m)
         t = self.centre.sample(s_on_lane) + self.direction * offset_m
@@ -172,7 +172,7 @@ class LaneGeometry:
         return out
 
     def centreline(self, step_m: float) -> FloatArray:
-        """The centre in the direction of travel, shape (n, 4), read-only."""
+        """Return the centre in the direction of travel, shape (n, 4), read-only."""
         line = self._centrelines.get(step_m)
         if line is None:
             line = self.between(self.begin_m, self.end_m, step_m)
@@ -181,39 +181,39 @@ class LaneGeometry:
         return line
 
     def between(self, low_m: float, high_m: float, step_m: float) -> FloatArray:
-        """The centre between two ``s_m``, in the direction of travel, shape (n, 4), both ends included."""
+        """Return the centre between two ``s_m``, in the direction of travel, shape (n, 4), both ends included."""
         stations = self.road.line.stations(step_m, low_m, high_m)
         return self.sample(stations if self.direction > 0 else stations[::-1])
 
     @property
     def is_sampled(self) -> bool:
-        """Whether the lane has been sampled."""
+        """Return whether the lane has been sampled."""
         return self._samples is not None
 
     @property
     def samples(self) -> LaneSamples:
-        """The lane as points: sampled once for all that look at it."""
+        """Return the lane as points: sampled once for all that look at it."""
         if self._samples is None:
             sample_lanes([self])
         assert self._samples is not None
         return self._samples
 
     def keep_samples(self, samples: LaneSamples) -> None:
-        """What :attr:`samples` is to be, where the lane was sampled together with others."""
+        """Keep samples for :attr:`samples`, where the lane was sampled together with others."""
         self._samples = samples
 
     def borders(self) -> tuple[FloatArray, FloatArray]:
-        """Left and right border as seen in the direction of travel, shape (n, 3) each, in that direction."""
+        """Return the left and right border as seen in the direction of travel, shape (n, 3) each, in that direction."""
         _, _, left, right = self.samples  # traffic keeps to the right: a reference line is to the left of its lanes
         return (left, right) if self.direction > 0 else (left[::-1], right[::-1])
 
     @property
     def search_line(self) -> FloatArray:
-        """Coarse centre along increasing ``s``, shape (n, 2), for spatial indexes."""
+        """Return the coarse centre along increasing ``s``, shape (n, 2), for spatial indexes."""
         return self.samples.centre_m[:, :2]
 
     def project(self, x_m: float, y_m: float) -> LaneProjection:
-        """The point in the lane's own coordinates, exact; the inverse of :meth:`pose` within the lane's span."""
+        """Return the point in the lane's own coordinates, exact; the inverse of :meth:`pose` within the lane's span."""
         stations, points = self.samples.stations_m, self.samples.centre_m
         nearest = int(np.argmin((points[:, 0] - x_m) ** 2 + (points[:, 1] - y_m) ** 2))
         s_m, t_m, beyond_m = self.road.line.project(x_m, y_m, float(stations[nearest]))
@@ -230,14 +230,14 @@ class LaneGeometry:
 
 
 def lane_ends(lanes: Sequence[LaneGeometry]) -> Stations:
-    """Where each of some lanes begins and where it ends along its reference line."""
+    """Return the beginning and the end of each lane along its reference line."""
     ends_m = np.array([(lane.begin_m, lane.end_m) for lane in lanes]).ravel()
     return Stations(ends_m, np.repeat(np.arange(len(lanes)), 2), 2 * np.arange(len(lanes)))
 
 
 def sample_sections(roads: Sequence[RoadGeometry], begin_m: FloatArray, end_m: FloatArray) -> list[SectionLine]:
-    """The reference lines of several lane sections: of the road of each from ``begin_m`` to ``end_m``, (n,) each, in
-    metres along it.
+    """Return the reference lines of several lane sections: of the road of each from ``begin_m`` to ``end_m``, (n,)
+    each, in metres along it.
 
     >>> road = network.geometry(map_report.placement.lane.lane).road
     >>> (line,) = sample_sections([road], np.array([0.0]), np.array([10.0]))
@@ -280,8 +280,8 @@ def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
 
 
 def sample_at(lanes: Sequence[LaneGeometry], stations: Stations) -> FloatArray:
-    """Centres of several lanes, each at its stations, (n, 4): x, y, z (metres), heading (radians) in the direction of
-    travel, continuous along each lane.
+    """Return centres of several lanes, each at its stations, (n, 4): x, y, z (metres), heading (radians) in the
+    direction of travel, continuous along each lane.
     """
     owner, s_m = stations.owner, stations.s_m
     line = sample_reference_lines([lane.road.line for lane in lanes], stations)

@@ -45,7 +45,7 @@ class LaneIndex:
         self._looked_up: dict[int, _Lines | None] = {}
 
     def near(self, x_m: float, y_m: float, distance_m: float) -> Iterator[tuple[LaneRef, LaneGeometry]]:
-        """Candidates whose surface may lie within ``distance_m`` of a point, in the order of the roads."""
+        """Yield candidates whose surface may lie within ``distance_m`` of a point, in the order of the roads."""
         low_x, low_y, high_x, high_y = self._boxes
         apart_x = np.maximum(np.maximum(low_x - x_m, x_m - high_x), 0.0)
         apart_y = np.maximum(np.maximum(low_y - y_m, y_m - high_y), 0.0)
@@ -61,14 +61,14 @@ class LaneIndex:
                 yield lines.lanes[lane]
 
     def roads_within(self, box_m: Box) -> list[Road]:
-        """Roads that may have a lane in a box (west, south, east, north), in their order."""
+        """Return roads that may have a lane in a box (west, south, east, north), in their order."""
         west, south, east, north = box_m
         low_x, low_y, high_x, high_y = self._boxes
         touching = (low_x < east) & (high_x > west) & (low_y < north) & (high_y > south)
         return [self._roads[number] for number in np.flatnonzero(touching)]
 
     def _look_up(self, numbers: Iterable[int]) -> None:
-        """Have the lanes of some roads with their lines at hand; None of a road that has none to drive in."""
+        """Look up the lanes of some roads with their lines; None of a road that has none to drive in."""
         lanes_of = {
             number: list(self._lanes_of(self._roads[number])) for number in numbers if number not in self._looked_up
         }
@@ -94,13 +94,13 @@ class _Lines(NamedTuple):
 
 
 def polygon(geometry: LaneGeometry) -> shapely.Polygon:
-    """A lane's surface."""
+    """Return a lane's surface."""
     left, right = geometry.borders()
     return shapely.Polygon(np.concatenate([left, right[::-1]])[:, :2])
 
 
 def united(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) -> shapely.MultiPolygon:
-    """What surfaces of lanes cover together, without slivers between them; they may cross themselves.
+    """Unite surfaces of lanes without slivers between them; they may cross themselves.
 
     Of what lies ``within`` a box (west, south, east, north; m) alone, if one is given.
 
@@ -121,7 +121,7 @@ def united(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) ->
 
 
 def _union(areas: Sequence[shapely.Geometry] | NDArray[np.object_]) -> BaseGeometry:
-    """Of some areas; on a grid where borders that run nearly along each other are too much for exact arithmetic."""
+    """Unite areas, on a grid where borders that run nearly along each other are too much for exact arithmetic."""
     try:
         return shapely.union_all(areas)
     except shapely.errors.GEOSException:
@@ -129,8 +129,7 @@ def _union(areas: Sequence[shapely.Geometry] | NDArray[np.object_]) -> BaseGeome
 
 
 def _valid(area: shapely.Geometry) -> shapely.Geometry:
-    """Without lines that its borders would leave; holes that touch their border are more than GEOS's second way
-    takes."""
+    """Make an area valid, without the lines that its borders would leave."""
     try:
         return shapely.make_valid(area, method="structure", keep_collapsed=False)
     except shapely.errors.GEOSException:
@@ -144,7 +143,7 @@ def _widest_m(geometry: LaneGeometry) -> float:
 
 
 def _boxes(roads: Sequence[Road]) -> FloatArray:
-    """Boxes that contain all lanes of each road, shape (4, n): low x, low y, high x, high y."""
+    """Return boxes that contain all lanes of each road, shape (4, n): low x, low y, high x, high y."""
     if not roads:
         return np.zeros((4, 0))
     pieces = [
@@ -170,7 +169,7 @@ def _boxes(roads: Sequence[Road]) -> FloatArray:
 
 
 def _farthest_lane_m(road: Road) -> float:
-    """A distance from the reference line beyond which no lane of a road lies."""
+    """Return a distance from the reference line beyond which no lane of a road lies."""
     offset_m = _bound_m(road.lane_offset, road.length_m)
     return offset_m + max((_width_bound_m(section, road.length_m) for section in road.lane_sections), default=0.0)
 
@@ -180,7 +179,7 @@ def _width_bound_m(section: LaneSection, length_m: float) -> float:
 
 
 def _bound_m(cubics: Sequence[Cubic], length_m: float) -> float:
-    """An upper bound for piecewise cubics over a length: each term is taken at its largest."""
+    """Return an upper bound for piecewise cubics over a length: each term is taken at its largest."""
     if len(cubics) == 1 and not (cubics[0].b or cubics[0].c or cubics[0].d):
         return abs(cubics[0].a)
     bound = 0.0

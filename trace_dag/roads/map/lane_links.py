@@ -1,4 +1,4 @@
-"""Which lane leads into which: lane links inside a road, road links, and junction connections."""
+"""Lane links: inside a road, between roads, and through junctions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class LaneLinks:
         lanes: Mapping[LaneRef, Lane],
         drivable: Mapping[str, Sequence[LaneRef]],
     ) -> None:
-        """``drivable``: the lanes traffic drives in, by road."""
+        """Link the lanes that traffic drives in, by road: ``drivable``."""
         self._roads = roads
         self._road_by_id = {road.id: road for road in roads}
         self._junctions = junctions
@@ -28,14 +28,14 @@ class LaneLinks:
         self._predecessors: dict[LaneRef, tuple[LaneRef, ...]] = {}
 
     def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
-        """Lanes that follow at the lane's end."""
+        """Return lanes that follow at the lane's end."""
         if ref not in self._successors:
             found = self._find(ref) if self._is_drivable(ref) else ()
             self._successors[ref] = tuple(dict.fromkeys(found))
         return self._successors[ref]
 
     def predecessors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
-        """Lanes that lead to the lane's begin."""
+        """Return lanes that lead to the lane's begin."""
         if ref not in self._predecessors:
             self._predecessors[ref] = tuple(
                 lane
@@ -47,8 +47,10 @@ class LaneLinks:
 
     @cached_property
     def _leading_to(self) -> dict[str, list[Road]]:
-        """For each road id, the roads from which that road can be entered, itself included; in the order of the
-        network."""
+        """Return for each road id the roads from which that road can be entered, itself included.
+
+        In the order of the network.
+        """
         found: dict[str, dict[str, None]] = {}
         for road in self._roads:
             found.setdefault(road.id, {})[road.id] = None
@@ -66,7 +68,7 @@ class LaneLinks:
 
     @cached_property
     def _connections_from(self) -> dict[tuple[str, str], list[Connection]]:
-        """Connections by junction and incoming road."""
+        """Return connections by junction and incoming road."""
         found: dict[tuple[str, str], list[Connection]] = {}
         for junction in self._junctions:
             for connection in junction.connections:
@@ -95,7 +97,8 @@ class LaneLinks:
         return found
 
     def _leaves_from_end(self, connection: Connection, road: Road, at_end: bool) -> bool:
-        """Whether a connection starts at the given end of its incoming road, which may touch a junction twice."""
+        """Return whether a connection starts at the given end of its incoming road, which may touch a junction
+        twice."""
         connecting = self._road_by_id.get(connection.connecting_road)
         if connecting is None:
             return False
@@ -112,7 +115,7 @@ class LaneLinks:
         return self._entered(road_id, 0 if at_start else len(road.lane_sections) - 1, lane_id, at_start)
 
     def _entered(self, road_id: str, section: int, lane_id: int | None, along: bool) -> list[LaneRef]:
-        """The lane, if traffic drives in it and in that direction."""
+        """Return the lane, if traffic drives in it and in that direction."""
         if lane_id is None:
             return []
         ref = LaneRef(road_id, section, lane_id)

@@ -37,11 +37,17 @@ class LaneMap:
     network: RoadNetwork
 
     def lanes_at(self, x_m: float, y_m: float, within_m: float = _LANE_REACH_M) -> list[LaneMatch]:
-        """Drivable lanes at a point or within some metres of it, nearest first; in a junction several overlap."""
+        """Return the drivable lanes at a point or within some metres of it, nearest first.
+
+        In a junction several overlap.
+        """
         return self.network.nearest_lanes(x_m, y_m, within_m)
 
     def lane_at(self, x_m: float, y_m: float, heading_rad: float) -> LaneMatch | None:
-        """The lane one is in, its traffic going one's way (within 60 degrees); None off the road or the wrong way."""
+        """Return the lane one is in, its traffic going one's way (within 60 degrees).
+
+        None off the road or the wrong way.
+        """
         for match in self.lanes_at(x_m, y_m):
             lane_rad = self.network.pose(match.lane, match.s_m).heading_rad
             if abs(math.remainder(lane_rad - heading_rad, math.tau)) <= _SAME_WAY_RAD:
@@ -49,16 +55,18 @@ class LaneMap:
         return None
 
     def speed_limit_mps(self, lane: LaneRef) -> float | None:
-        """Speed limit of a lane; None where the map has none."""
+        """Return the speed limit of a lane; None where the map has none."""
         return self.network.lane(lane).speed_mps or self.network.road_by_id[lane.road_id].speed_mps
 
     def ways_ahead(self, match: LaneMatch, distance_m: float) -> list[Path]:
-        """Every way on from a place in a lane for some distance or until the map ends, straightest first."""
+        """Return every way on from a place in a lane for some distance or until the map ends, straightest first."""
         return [route.path for route in self._routes(match, distance_m)]
 
     def route_along(self, recorded: Path, start: Pose) -> Route:
-        """The way along lanes that is nearest to a recorded path, from where it starts; the path itself where its
-        start is in no lane that goes its way."""
+        """Return the way along lanes that is nearest to a recorded path, from where it starts.
+
+        The path itself where its start is in no lane that goes its way.
+        """
         match = self.lane_at(start.x_m, start.y_m, start.heading_rad)
         routes = self._routes(match, recorded.length_m) if match is not None else []
         return min(routes, key=lambda route: _mean_distance_m(recorded, route.path), default=Route(recorded))
@@ -80,7 +88,7 @@ def _mean_distance_m(recorded: Path, way: Path) -> float:
 
 
 def path_through(points_m: FloatArray) -> Path:
-    """The path through points x, y of shape (n, 2), repeated points dropped; at least two have to differ.
+    """Return the path through points x, y of shape (n, 2), repeated points dropped; at least two have to differ.
 
     Raises ``ValueError`` where they do not.
     """
@@ -93,7 +101,7 @@ def path_through(points_m: FloatArray) -> Path:
 
 
 class PathFollower:
-    """Where on a path one is, found near where one was: cheap, and a path that comes back to itself confuses nobody."""
+    """The nearest place on a path, searched near the last one: cheap, and robust where a path comes back to itself."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -103,7 +111,9 @@ class PathFollower:
         self._index: int | None = None
 
     def locate(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Distance along the path (m) of the place nearest to a point, and the point's offset to the left (m)."""
+        """Return the distance along the path (m) of the place nearest to a point, and the point's offset to the left
+        (m).
+        """
         first = 0
         points = self._points
         if self._index is not None:
@@ -117,8 +127,11 @@ class PathFollower:
         return float(self.path.s_m[i]) + dx * c + dy * s, dy * c - dx * s
 
     def locate_many(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distance along the path (m), offset to its left (m) and the path's heading there, for points of shape
-        (n, 2); each shape (n,). Anywhere on the path, wherever one was."""
+        """Return the distance along the path (m), offset to its left (m) and the path's heading there, for points of
+        shape (n, 2); each shape (n,).
+
+        Anywhere on the path, wherever one was.
+        """
         every = max(1, round(_COARSE_M / self._step_m))
         line = self._points[::every]
         nearest = every * ((points_m[:, None] - line) ** 2).sum(axis=2).argmin(axis=1)
@@ -128,11 +141,11 @@ class PathFollower:
         return self.path.s_m[nearest] + dx * c + dy * s, dy * c - dx * s, heading
 
     def point(self, s_m: float) -> tuple[float, float]:
-        """x and y at a distance along the path, straight on beyond its ends."""
+        """Return x and y at a distance along the path, straight on beyond its ends."""
         x, y, _ = self.path.plan(np.array(s_m))
         return float(x), float(y)
 
     def sharpest_1pm(self, from_m: float, to_m: float) -> float:
-        """Largest curvature (1/m, absolute) of a stretch of the path; 0 beyond its end."""
+        """Return the largest curvature (1/m, absolute) of a stretch of the path; 0 beyond its end."""
         first, last = (round(at_m / self._step_m) for at_m in (from_m, to_m))
         return float(self._curvature_1pm[max(first, 0) : max(last, 0) + 1].max(initial=0.0))

@@ -16,8 +16,9 @@ from trace_dag.roads.map.network import RoadNetwork
 
 @dataclass(frozen=True, eq=False)
 class LaneShape:
-    """A lane in its direction of travel: centre and borders, each of shape (n, 3), x, y, z (m, local frame), one n;
-    points are at most :data:`~trace_dag.roads.map.lane_geometry.LANE_STEP_M` apart along the reference line.
+    """A lane in its direction of travel: centre and borders, each of shape (n, 3), x, y, z (m, local frame), one n.
+
+    Points are at most :data:`~trace_dag.roads.map.lane_geometry.LANE_STEP_M` apart along the reference line.
 
     ``left`` and ``right`` are the drivable lanes directly beside it, whichever way their traffic goes;
     ``left_same_way`` and ``right_same_way`` say whether it goes the same way. ``successors`` and ``predecessors`` are
@@ -41,12 +42,12 @@ class LaneShape:
 
     @property
     def length_m(self) -> float:
-        """Length of the centre, seen from above."""
+        """Return the length of the centre, seen from above."""
         return float(np.hypot(*np.diff(self.centre_m[:, :2], axis=0).T).sum())
 
 
 def lane_shapes(network: RoadNetwork, *, drivable_only: bool = False) -> tuple[LaneShape, ...]:
-    """The lanes of a map, in its order; with ``drivable_only`` only those for traffic."""
+    """Return the lanes of a map, in its order; with ``drivable_only`` only those for traffic."""
     refs = network.drivable_lanes() if drivable_only else network.lanes()
     return tuple(_shape(network, ref) for ref in refs)
 

@@ -12,7 +12,7 @@ from lxml import etree
 
 
 def broken_links(root: etree._Element) -> Iterator[str]:
-    """Every broken rule of links, with where it is broken.
+    """Yield every broken rule of links, with where it is broken.
 
     >>> link = '<link><successor elementType="road" elementId="2"/></link>'
     >>> list(broken_links(etree.fromstring(f'<OpenDRIVE><road id="1">{link}</road></OpenDRIVE>')))
@@ -24,7 +24,7 @@ def broken_links(root: etree._Element) -> Iterator[str]:
 
 
 class _Road:
-    """What a road's links are about: where it belongs, what it follows, the lanes of each section by id."""
+    """A road for its links: its place, its predecessors and successors, the lanes of each section by id."""
 
     def __init__(self, element: etree._Element) -> None:
         self.junction: str = element.get("junction", "-1")
@@ -37,11 +37,11 @@ class _Road:
                 self.sections += map(_lanes, child.iterchildren("laneSection"))
 
     def link_at(self, end: str) -> etree._Element | None:
-        """What follows at the start or the end of the road."""
+        """Return the link at the start or the end of the road."""
         return self.links.get("predecessor" if end == "start" else "successor")
 
     def lanes_at(self, end: str) -> Collection[str]:
-        """The ids of its lanes at the start or the end; none at any other place."""
+        """Return the ids of its lanes at the start or the end; none at any other place."""
         if not self.sections or end not in ("start", "end"):
             return ()
         return self.sections[0 if end == "start" else -1]
@@ -55,7 +55,7 @@ class _Ends:
         self.junctions = {junction.get("id", ""): junction for junction in root.iterchildren("junction")}
 
     def lanes_at(self, road_id: str, end: str) -> Collection[str]:
-        """The ids of the lanes at an end of a road; none if there is no such road."""
+        """Return the ids of the lanes at an end of a road; none if there is no such road."""
         return self.roads[road_id].lanes_at(end) if road_id in self.roads else ()
 
 
@@ -105,7 +105,7 @@ def _lane_links(ends: _Ends) -> Iterator[str]:
 
 
 def _linked_lane_ids(ends: _Ends, road: _Road, index: int, which: str) -> Collection[str]:
-    """Lane ids a lane link at one end of a section may name."""
+    """Return the lane ids a lane link at one end of a section may name."""
     if 0 <= index < len(road.sections):
         return road.sections[index]
     link = road.links.get(which)
@@ -128,7 +128,7 @@ def _junctions(ends: _Ends) -> Iterator[str]:
 
 
 def _connection(ends: _Ends, junction: str, connection: etree._Element) -> Iterator[str]:
-    """A connection's two roads, whether they and the junction name each other, and its lane links."""
+    """Yield a connection's two roads, whether they and the junction name each other, and its lane links."""
     incoming, connecting = connection.get("incomingRoad", ""), connection.get("connectingRoad", "")
     if incoming not in ends.roads or connecting not in ends.roads:
         yield f"joins road {incoming} to road {connecting}, one of which does not exist"
@@ -155,7 +155,7 @@ def _connection(ends: _Ends, junction: str, connection: etree._Element) -> Itera
 
 
 def _connecting_roads(ends: _Ends, used: Collection[str]) -> Iterator[str]:
-    """Whether every road of a junction is one that exists and is ``used`` by a connection."""
+    """Yield whether every road of a junction is one that exists and is ``used`` by a connection."""
     for key, road in ends.roads.items():
         if road.junction != "-1":
             if road.junction not in ends.junctions:

@@ -31,17 +31,19 @@ class LaneType(StrEnum):
 
     @property
     def drivable(self) -> bool:
-        """Whether traffic drives in it: driving, bidirectional, entry and exit lanes."""
+        """Return whether traffic drives in it: driving, bidirectional, entry and exit lanes."""
         return self in _DRIVABLE
 
     @property
     def paved(self) -> bool:
-        """Whether its surface is that of a road: not the verges, medians and borders of roads."""
+        """Return whether its surface is that of a road: not the verges, medians and borders of roads."""
         return self in _PAVED
 
     @property
     def kept_clear(self) -> bool:
-        """Whether vehicles use it, so that nothing fixed stands on it: lanes, shoulders, parking and cycle lanes."""
+        """Return whether vehicles use it, so that nothing fixed stands on it: lanes, shoulders, parking and cycle
+        lanes.
+        """
         return self in _PAVED and self is not LaneType.SIDEWALK
 
 
@@ -112,7 +114,7 @@ class LaneSection:
 
 
 class ContactPoint(StrEnum):
-    """Which end of a road a link touches."""
+    """Ends of a road that a link touches."""
 
     START = "start"
     END = "end"
@@ -152,7 +154,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Crosswalk:
-    """Where people cross a road: a closed outline of corners, metres ahead and left of the reference line at ``s_m``.
+    """A crosswalk: a closed outline of corners, metres ahead and left of the reference line at ``s_m``.
 
     It may lie beyond the end of the road, which a junction cuts back behind its crosswalks. ``marked``: lines are
     painted; ``signals``: it has lights for people on foot.
@@ -201,11 +203,11 @@ class Road:
 
     @property
     def level(self) -> int:
-        """Storey as tagged; a bridge without a layer is one up, a tunnel one down."""
+        """Return the storey as tagged; a bridge without a layer is one up, a tunnel one down."""
         return self.layer or (1 if self.bridge else -1 if self.tunnel else 0)
 
     def direction(self, lane_id: int) -> int:
-        """+1 for a lane whose traffic goes along the reference line, -1 for one against it."""
+        """Return +1 for a lane whose traffic goes along the reference line, -1 for one against it."""
         return -1 if (lane_id > 0) != self.left_hand else 1
 
     def lanes_under(self, signal: Signal) -> tuple[int, ...]:
@@ -225,7 +227,7 @@ class Road:
 
     @property
     def one_way(self) -> bool:
-        """Whether all traffic lanes go along the reference line."""
+        """Return whether all traffic lanes go along the reference line."""
         return all(
             self.direction(lane.id) > 0
             for section in self.lane_sections
@@ -278,8 +280,9 @@ class LaneRef(NamedTuple):
 
 @dataclass(frozen=True)
 class LaneMatch:
-    """Where a point lies relative to a lane: ``s_m`` along the road's reference line, ``offset_m`` to the left of
-    the lane's centre as seen in its direction of travel, and how far outside the lane's borders it is (0 inside)."""
+    """The place of a point relative to a lane: ``s_m`` along the road's reference line, ``offset_m`` to the left of the
+    lane's centre in its direction of travel, and how far outside the lane's borders it is (0 inside).
+    """
 
     lane: LaneRef
     s_m: float

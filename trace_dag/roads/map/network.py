@@ -40,12 +40,12 @@ class RoadNetwork:
 
     @cached_property
     def road_by_id(self) -> dict[str, Road]:
-        """Roads by OpenDRIVE id."""
+        """Return roads by OpenDRIVE id."""
         return {road.id: road for road in self.roads}
 
     @cached_property
     def junction_by_id(self) -> dict[str, Junction]:
-        """Junctions by OpenDRIVE id."""
+        """Return junctions by OpenDRIVE id."""
         return {junction.id: junction for junction in self.junctions}
 
     # --- lanes -----------------------------------------------------------------------------------------------
@@ -81,24 +81,24 @@ class RoadNetwork:
         return LaneIndex(self.roads, lambda road: [(ref, lanes[ref]) for ref in drivable_of[road.id]])
 
     def drivable_lanes(self) -> tuple[LaneRef, ...]:
-        """Every drivable lane of all roads, junctions included."""
+        """Return every drivable lane of all roads, junctions included."""
         return self._drivable
 
     def drivable_lanes_of(self, road: Road) -> tuple[LaneRef, ...]:
-        """The drivable lanes of one road."""
+        """Return the drivable lanes of one road."""
         return self._drivable_of[road.id]
 
     def is_drivable(self, ref: LaneRef) -> bool:
-        """Whether the lane exists and traffic drives in it."""
+        """Return whether the lane exists and traffic drives in it."""
         lane = self._lane_by_ref.get(ref)
         return lane is not None and lane.type.drivable
 
     def lanes(self) -> tuple[LaneRef, ...]:
-        """Every lane but the centre ones, drivable or not."""
+        """Return every lane but the centre ones, drivable or not."""
         return tuple(ref for road in self.roads for ref in _lanes_of(road))
 
     def lane(self, ref: LaneRef) -> Lane:
-        """The lane itself."""
+        """Return the lane itself."""
         return self._lane_by_ref[ref]
 
     @cached_property
@@ -112,24 +112,26 @@ class RoadNetwork:
         }
 
     def lane_span(self, ref: LaneRef) -> tuple[float, float]:
-        """``s_m`` where the lane begins and ends along its road's reference line (begin < end always)."""
+        """Return ``s_m`` where the lane begins and ends along its road's reference line (begin < end always)."""
         geometry = self._lanes[ref]
         return geometry.begin_m, geometry.end_m
 
     def direction(self, ref: LaneRef) -> int:
-        """+1 if the lane's traffic goes along the reference line, -1 if against it."""
+        """Return +1 if the lane's traffic goes along the reference line, -1 if against it."""
         return self.road_by_id[ref.road_id].direction(ref.lane_id)
 
     def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
-        """Lanes that follow at the lane's end, in its direction of travel (several at a junction)."""
+        """Return lanes that follow at the lane's end, in its direction of travel (several at a junction)."""
         return self._links.successors(ref)
 
     def predecessors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
-        """Lanes that lead to the lane's begin, in the direction of travel."""
+        """Return lanes that lead to the lane's begin, in the direction of travel."""
         return self._links.predecessors(ref)
 
     def neighbours(self, ref: LaneRef) -> tuple[LaneRef | None, LaneRef | None]:
-        """Drivable lanes directly left and right as seen in the direction of travel (either direction of traffic)."""
+        """Return the drivable lanes directly left and right as seen in the direction of travel (either direction of
+        traffic).
+        """
         outward = 1 if ref.lane_id > 0 else -1
         inner_id = ref.lane_id - outward if abs(ref.lane_id) > 1 else -outward
         left = LaneRef(ref.road_id, ref.section, inner_id)
@@ -140,30 +142,32 @@ class RoadNetwork:
 
     # --- places ----------------------------------------------------------------------------------------------
     def geometry(self, ref: LaneRef) -> LaneGeometry:
-        """Centre, borders, width and height of a lane, for many evaluations on the same lane."""
+        """Return the centre, borders, width and height of a lane, for many evaluations on the same lane."""
         return self._lanes[ref]
 
     def road_geometry(self, road_id: str) -> RoadGeometry:
-        """Reference line, lane offset and elevation of a road."""
+        """Return the reference line, lane offset and elevation of a road."""
         return self._geometry[road_id]
 
     def pose(self, ref: LaneRef, s_m: float, offset_m: float = 0.0) -> Pose:
-        """Pose at ``s_m`` on the lane's centre, ``offset_m`` to its left, heading in its direction of travel.
+        """Return the pose at ``s_m`` on the lane's centre, ``offset_m`` to its left, heading in its direction of
+        travel.
 
         The offset is measured at right angles to the reference line, as OpenDRIVE's ``t`` is.
         """
         return self._lanes[ref].pose(s_m, offset_m)
 
     def poses(self, ref: LaneRef, s_m: FloatArray, offset_m: float = 0.0) -> FloatArray:
-        """Like :meth:`pose` for ``s_m`` of shape (n,): shape (n, 4), x, y, z (metres), heading (radians)."""
+        """Return poses like :meth:`pose` for ``s_m`` of shape (n,): shape (n, 4), x, y, z (metres), heading
+        (radians)."""
         return self._lanes[ref].sample(np.asarray(s_m, float), offset_m)
 
     def width_m(self, ref: LaneRef, s_m: float) -> float:
-        """Width of the lane at ``s_m``."""
+        """Return the width of the lane at ``s_m``."""
         return self._lanes[ref].width.at(s_m)
 
     def centreline(self, ref: LaneRef, step_m: float = 1.0) -> FloatArray:
-        """Centre of the lane in its direction of travel, shape (n, 4): x, y, z (metres), heading (radians).
+        """Return the centre of the lane in its direction of travel, shape (n, 4): x, y, z (metres), heading (radians).
 
         Points are at most ``step_m`` apart along the reference line, ends included; headings are continuous. The array
         is shared and read-only.
@@ -172,20 +176,24 @@ class RoadNetwork:
 
     @cached_property
     def drivable_area(self) -> Area:
-        """Everything traffic drives on, junctions included, seen from above."""
+        """Return everything traffic drives on, junctions included, seen from above."""
         return self._area(self.drivable_lanes_of, lambda _: True)
 
     @cached_property
     def paved_area(self) -> Area:
-        """Everything traffic drives on, with the paved lanes beside it: shoulders, parking, for cycling and walking."""
+        """Return everything traffic drives on, with the paved lanes beside it: shoulders, parking, for cycling and
+        walking.
+        """
         return self._area(self._paved_lanes_of, lambda _: True)
 
     def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> Area:
-        """The area that traffic drives on within some distance of a place, of roads at its level."""
+        """Return the area that traffic drives on within some distance of a place, of roads at its level."""
         return self._area(self.drivable_lanes_of, self._is_near(x_m, y_m, reach_m, z_m))
 
     def kept_clear_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> Area:
-        """As :meth:`carriageway_near` with what is kept clear beside it: shoulders, lanes for parking and cycling."""
+        """Return :meth:`carriageway_near` with the parts kept clear beside it: shoulders, lanes for parking and
+        cycling.
+        """
         return self._area(
             lambda road: [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.kept_clear],
             self._is_near(x_m, y_m, reach_m, z_m),
@@ -194,7 +202,7 @@ class RoadNetwork:
     def paved_near(
         self, x_m: float, y_m: float, reach_m: float, *, z_m: float, of: Callable[[Road], bool] | None = None
     ) -> Area:
-        """As :meth:`carriageway_near` with the paved lanes beside it: shoulders, parking, for cycling and walking.
+        """Return :meth:`carriageway_near` with the paved lanes beside it: shoulders, parking, for cycling and walking.
 
         ``of`` says which roads count.
         """
@@ -206,7 +214,7 @@ class RoadNetwork:
         return [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved]
 
     def _is_near(self, x_m: float, y_m: float, reach_m: float, z_m: float) -> Callable[[Road], bool]:
-        """Whether a road may be within some distance of a place, at its level."""
+        """Return whether a road may be within some distance of a place, at its level."""
         near = {road.id for road in self.roads_within((x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m))}
 
         def is_near(road: Road) -> bool:
@@ -219,7 +227,8 @@ class RoadNetwork:
         return is_near
 
     def _area(self, lanes_of: Callable[[Road], Iterable[LaneRef]], counts: Callable[[Road], bool]) -> Area:
-        """The area of the lanes of those roads that count: each is asked once, when a place near it is looked at."""
+        """Yield the area of the lanes of those roads that count: each is asked once, when a place near it is looked
+        at."""
         counted: dict[str, bool] = {}
 
         def within(box_m: tuple[float, float, float, float]) -> Iterator[tuple[LaneRef, LaneGeometry]]:
@@ -232,13 +241,13 @@ class RoadNetwork:
         return Area(self._lane_areas, within)
 
     def project(self, ref: LaneRef, x_m: float, y_m: float) -> LaneMatch:
-        """A point in a given lane's coordinates, the inverse of :meth:`pose` within the lane's span."""
+        """Return a point in a given lane's coordinates, the inverse of :meth:`pose` within the lane's span."""
         return LaneMatch(ref, *self._lanes[ref].project(x_m, y_m))
 
     def nearest_lanes(
         self, x_m: float, y_m: float, max_distance_m: float, *, z_m: float | None = None
     ) -> list[LaneMatch]:
-        """Drivable lanes within ``max_distance_m`` of a point, nearest first (inside before outside).
+        """Return the drivable lanes within ``max_distance_m`` of a point, nearest first (inside before outside).
 
         The distance is that to the lane's surface; lanes that contain the point are ordered by distance from their
         centres. With ``z_m``, lanes whose surface is more than :data:`SAME_LEVEL_M` above or below are left out.
@@ -253,21 +262,23 @@ class RoadNetwork:
         return matches
 
     def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
-        """Roads that may have a lane in a box (west, south, east, north; m), in their order. May name too many, never
-        too few."""
+        """Return roads that may have a lane in a box (west, south, east, north; m), in their order.
+
+        May name too many, never too few.
+        """
         return self._index.roads_within(box_m)
 
     def surface_height_m(self, ref: LaneRef, s_m: float) -> float:
-        """Height of the road surface at ``s_m``."""
+        """Return the height of the road surface at ``s_m``."""
         return self._lanes[ref].road.height_at(s_m)
 
     def __getstate__(self) -> dict[str, object]:
-        """Fields only: what queries have cached is rebuilt by other processes, not sent to them."""
+        """Return fields only: what queries have cached is rebuilt by other processes, not sent to them."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 def _lanes_of(road: Road) -> Iterator[LaneRef]:
-    """Every lane of a road but the centre ones: by section, outward on the left, then on the right."""
+    """Yield every lane of a road but the centre ones: by section, outward on the left, then on the right."""
     for index, section in enumerate(road.lane_sections):
         ids = sorted([lane.id for lane in section.lanes if lane.id])
         first = bisect(ids, 0)

@@ -23,20 +23,28 @@ class ValueReader:
     name: str
 
     def fail(self, element: etree._Element, problem: str) -> UserError:
-        """The error to raise for an element: with the file, the line, and the road or junction that it belongs to."""
+        """Return the error to raise for an element: with the file, the line, and the road or junction that it belongs
+        to.
+        """
         owner = next((e for e in (element, *element.iterancestors()) if e.get("id") is not None), element)
         place = f"<{owner.tag} id={owner.get('id')!r}>, line {element.sourceline}"
         return UserError(f"{self.name}: {problem} ({place}); mend the file or convert the map again")
 
     def text(self, element: etree._Element, key: str) -> str:
-        """An attribute that has to be there. Raises :class:`UserError`."""
+        """Return an attribute that has to be there.
+
+        Raises :class:`UserError`.
+        """
         value = element.get(key)
         if value is None:
             raise self.fail(element, f"<{element.tag}> without {key!r}")
         return value
 
     def number(self, element: etree._Element, key: str, default: float | None = None) -> float:
-        """An attribute as a finite number; ``default`` if it is absent and one is given. Raises :class:`UserError`."""
+        """Return an attribute as a finite number; ``default`` if it is absent and one is given.
+
+        Raises :class:`UserError`.
+        """
         value = element.get(key)
         if value is None:
             if default is not None:
@@ -51,7 +59,10 @@ class ValueReader:
         return number
 
     def integer(self, element: etree._Element, key: str) -> int:
-        """An attribute as an integer. Raises :class:`UserError`."""
+        """Return an attribute as an integer.
+
+        Raises :class:`UserError`.
+        """
         value = self.text(element, key)
         try:
             return int(value)
@@ -59,7 +70,10 @@ class ValueReader:
             raise self.fail(element, f"<{element.tag} {key}={value!r}>: expected an integer") from None
 
     def note_integers(self, element: etree._Element, notes: Notes, code: str) -> tuple[int, ...]:
-        """The integers of a note, none if it is absent. Raises :class:`UserError`."""
+        """Return the integers of a note, none if it is absent.
+
+        Raises :class:`UserError`.
+        """
         text = first_note(notes, code)
         try:
             return tuple(int(part) for part in text.split())
@@ -68,7 +82,7 @@ class ValueReader:
 
 
 def notes_of(element: etree._Element) -> Notes:
-    """Values of an element's ``<userData>`` by code, in order.
+    """Return values of an element's ``<userData>`` by code, in order.
 
     >>> notes_of(etree.fromstring('<road><userData code="osmWays" value="12 13"/></road>'))
     {'osmWays': ['12 13']}
@@ -80,7 +94,7 @@ def notes_of(element: etree._Element) -> Notes:
 
 
 def first_note(notes: Notes, code: str) -> str:
-    """The first value of a code; empty if there is none.
+    """Return the first value of a code; empty if there is none.
 
     >>> first_note({"osmWays": ["12 13"]}, "osmWays")
     '12 13'

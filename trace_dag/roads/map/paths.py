@@ -38,12 +38,12 @@ class LanePath:
 
     @property
     def length_m(self) -> float:
-        """Distance driven."""
+        """Return the distance driven."""
         return float(self.stations_m[-1])
 
     @property
     def turn_rad(self) -> float:
-        """Sum of the absolute changes of heading along the path."""
+        """Return the sum of the absolute changes of heading along the path."""
         return float(np.abs(np.diff(self.points[:, 3])).sum())
 
 
@@ -55,7 +55,7 @@ def follow(
     ahead: bool = True,
     most: int = MAX_PATHS,
 ) -> list[tuple[LaneRef, ...]]:
-    """Ways from lane to lane, each from ``start`` on; against the direction of travel with ``ahead`` false.
+    """Return ways from lane to lane, each from ``start`` on; against the direction of travel with ``ahead`` false.
 
     ``choose`` gets the lanes of a way so far and those that follow the last one, and returns those to continue in: none
     ends the way, several split it. Depth first, so the ways of the first choice come first. At most ``most`` ways are
@@ -86,7 +86,7 @@ def trace_forward(
     step_m: float = 1.0,
     max_paths: int = MAX_PATHS,
 ) -> tuple[LanePath, ...]:
-    """Every way to drive ``distance_m`` on from ``s_m`` of a lane, straightest first; starts at that place.
+    """Return every way to drive ``distance_m`` on from ``s_m`` of a lane, straightest first; starts at that place.
 
     No way uses a lane twice.
 

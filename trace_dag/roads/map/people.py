@@ -1,4 +1,4 @@
-"""What a map has for people on foot and on bicycles: crosswalks, sidewalks and cycle lanes near a place.
+"""Areas of a map for people on foot and on bicycles: crosswalks, sidewalks and cycle lanes near a place.
 
 A road without them on the map may have them in reality: OpenStreetMap has them for some towns and not for others.
 """
@@ -34,7 +34,7 @@ class CrosswalkPlace:
     ends_m: FloatArray
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """Distance of a point from its outline, 0 inside."""
+        """Return the distance of a point from its outline, 0 inside."""
         return float(shapely.Polygon(self.corners_m).distance(shapely.Point(x_m, y_m)))
 
 
@@ -47,12 +47,12 @@ class LaneBeside(NamedTuple):
 
 
 def crosswalks(network: RoadNetwork) -> list[CrosswalkPlace]:
-    """Every crosswalk of the map, by road."""
+    """Return every crosswalk of the map, by road."""
     return [_placed(network, road.id, crosswalk) for road in network.roads for crosswalk in road.crosswalks]
 
 
 def crosswalks_near(network: RoadNetwork, x_m: float, y_m: float, max_distance_m: float) -> list[CrosswalkPlace]:
-    """The crosswalks within a distance of a point, nearest first."""
+    """Return the crosswalks within a distance of a point, nearest first."""
     found = [(place.distance_m(x_m, y_m), number, place) for number, place in enumerate(crosswalks(network))]
     return [place for distance_m, _, place in sorted(found, key=lambda row: row[:2]) if distance_m <= max_distance_m]
 
@@ -60,8 +60,8 @@ def crosswalks_near(network: RoadNetwork, x_m: float, y_m: float, max_distance_m
 def unmarked_crosswalks_near(
     network: RoadNetwork, x_m: float, y_m: float, max_distance_m: float
 ) -> list[shapely.Polygon]:
-    """Where people cross though no crosswalk is drawn, within a distance of a point: across the end of each road that
-    meets a junction (Uniform Vehicle Code, section 1-118), a polygon per lane, metres.
+    """Return crossings without a drawn crosswalk, within a distance of a point: across the end of each road that meets
+    a junction (Uniform Vehicle Code, section 1-118), a polygon per lane, metres.
 
     >>> across = unmarked_crosswalks_near(network, 0.0, 0.0, 30.0)
     >>> bool(across) and all(shape.area < 15.0 for shape in across)  # 3 m of lanes of 3.5 m or little more
@@ -84,7 +84,7 @@ def unmarked_crosswalks_near(
 
 
 def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: LaneType) -> tuple[LaneBeside, ...]:
-    """The lanes of one type at a station of a road, from left to right: its sidewalks, or its cycle lanes.
+    """Return the lanes of one type at a station of a road, from left to right: its sidewalks, or its cycle lanes.
 
     >>> road_id = map_report.placement.road_id  # Main Street: two lanes each way between two sidewalks
     >>> [beside.lane.lane_id for beside in lanes_beside(network, road_id, 10.0, LaneType.SIDEWALK)]
@@ -104,7 +104,7 @@ def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: Lane
 
 
 def _cut(network: RoadNetwork, lane: LaneRef, from_m: float, to_m: float) -> shapely.Polygon:
-    """What of a lane is between two stations, straight between its corners."""
+    """Return the part of a lane between two stations, straight between its corners."""
     halves = [(s_m, network.width_m(lane, s_m) / 2) for s_m in (from_m, to_m)]
     corners = [network.pose(lane, s_m, side * half) for side in (1.0, -1.0) for s_m, half in halves]
     first, second, fourth, third = ((corner.x_m, corner.y_m) for corner in corners)

@@ -18,7 +18,8 @@ _ARC_TURN_RAD: Final = 0.005
 
 
 def spiral_as_arcs(start: PlanElement, curvature_start: float, curvature_end: float) -> Iterator[PlanElement]:
-    """A clothoid as short arcs, each with the clothoid's mean curvature over its length, so that headings are exact.
+    """Yield a clothoid as short arcs, each with the clothoid's mean curvature over its length, so that headings are
+    exact.
 
     >>> arcs = list(spiral_as_arcs(PlanElement(0.0, 0.0, 0.0, 0.0, 50.0), 0.0, 0.02))
     >>> round(sum(arc.length_m * arc.curvature_1pm for arc in arcs), 6)  # turned by the mean curvature times the length
@@ -35,7 +36,7 @@ def spiral_as_arcs(start: PlanElement, curvature_start: float, curvature_end: fl
 
 
 def poly3_as_param_poly3(start: PlanElement, a: float, b: float, c: float, d: float) -> PlanElement:
-    """The cubic v(u) = a + b u + c u**2 + d u**3 along the length of ``start``, as a normalized ``paramPoly3``.
+    """Return the cubic v(u) = a + b u + c u**2 + d u**3 along the length of ``start``, as a normalized ``paramPoly3``.
 
     >>> poly3_as_param_poly3(PlanElement(0.0, 0.0, 0.0, 0.0, 5.0), 0.0, 0.75, 0.0, 0.0).poly  # 4 along, 3 across
     (0.0, 4.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0)
@@ -46,7 +47,7 @@ def poly3_as_param_poly3(start: PlanElement, a: float, b: float, c: float, d: fl
 
 
 def _poly3_reach(b: float, c: float, d: float, length_m: float) -> float:
-    """``u`` at which the cubic v(u) has the given arc length, by bisection."""
+    """Return ``u`` at which the cubic v(u) has the given arc length, by bisection."""
 
     def arc_length(u_end: float) -> float:
         count = 64

@@ -73,7 +73,7 @@ def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
 
 
 def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
-    """The network of a document that :func:`parse_opendrive` has parsed; otherwise as :func:`read_opendrive`."""
+    """Return the network of a document that :func:`parse_opendrive` has parsed; otherwise as :func:`read_opendrive`."""
     reader = _Reader(name)
     header = root.find("header")
     if header is None:
@@ -89,7 +89,9 @@ def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
 
 
 def parse_opendrive(data: bytes, name: str) -> etree._Element:
-    """The document's root, tags without namespaces; ``name`` is for messages. Raises :class:`UserError`.
+    """Return the document's root, tags without namespaces; ``name`` is for messages.
+
+    Raises :class:`UserError`.
 
     >>> parse_opendrive(b'<OpenDRIVE><header revMajor="1"/></OpenDRIVE>', "map.xodr")[0].get("revMajor")
     '1'
@@ -256,7 +258,10 @@ class _Reader(ValueReader):
         )
 
     def _crosswalk(self, element: etree._Element) -> Crosswalk:
-        """Corners of the object's own frame turned into the road's; those given by s and t as if it were straight."""
+        """Return corners of the object's own frame turned into the road's.
+
+        Those given by s and t as if it were straight.
+        """
         s_m, t_m, turn = (self.number(element, key, 0.0) for key in ("s", "t", "hdg"))
         cosine, sine = math.cos(turn), math.sin(turn)
         outline: list[tuple[float, float]] = []
@@ -329,7 +334,9 @@ class _Reader(ValueReader):
         return None if element is None else self.integer(element, "id")
 
     def _with_border_widths(self, section: etree._Element, lanes: list[Lane]) -> list[Lane]:
-        """Lanes given by ``<border>`` instead of ``<width>``: the width is the distance to the border further in."""
+        """Return lanes given by ``<border>`` instead of ``<width>``: the width is the distance to the border further
+        in.
+        """
         borders = {
             self.integer(lane, "id"): CubicProfile.of(self._cubics(lane.iterchildren("border"), "sOffset"))
             for lane in section.iterfind("*/lane")
@@ -399,15 +406,17 @@ class _Reader(ValueReader):
 
 
 def _corners(element: etree._Element) -> list[etree._Element]:
-    """Corners of an object's first outline, in whichever of the two places OpenDRIVE allows; fewer than three enclose
-    nothing."""
+    """Return corners of an object's first outline, in whichever of the two places OpenDRIVE allows.
+
+    Fewer than three enclose nothing.
+    """
     outline = next(element.iter("outline"), None)
     corners = [] if outline is None else [corner for corner in outline if corner.tag in ("cornerLocal", "cornerRoad")]
     return corners if len(corners) >= 3 else []
 
 
 def _children(element: etree._Element) -> dict[str, etree._Element]:
-    """The first child of each kind."""
+    """Return the first child of each kind."""
     return {child.tag: child for child in element.iterchildren(reversed=True)}
 
 
@@ -423,7 +432,7 @@ def _mark_of(text: str) -> RoadMark | None:
 
 @lru_cache(maxsize=1024)  # widths and heights of a map repeat
 def _cubic_of(texts: tuple[str, str, str, str, str]) -> Cubic | None:
-    """None where one of the texts is not a finite number."""
+    """Parse a cubic; None where one of the texts is not a finite number."""
     try:
         numbers = tuple(map(float, texts))
     except ValueError:

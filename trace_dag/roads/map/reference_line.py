@@ -68,7 +68,7 @@ class _ParamPoly3:
         self.parameter = CubicProfile(lengths[:-1].tolist(), np.stack(cubics, axis=1).tolist())
 
     def at(self, ds_m: float) -> tuple[float, float, float, float]:
-        """u, v, heading and curvature in the element's own axes."""
+        """Return the u, v, heading and curvature in the element's own axes."""
         p = self.parameter.at(ds_m * self.scale)
         a_u, b_u, c_u, d_u, a_v, b_v, c_v, d_v = self.coefficients
         du, dv = _slope(b_u, c_u, d_u, p), _slope(b_v, c_v, d_v, p)
@@ -115,7 +115,7 @@ class ReferenceLine:
                 self._polys[index] = _ParamPoly3(element)
 
     def at(self, s_m: float) -> tuple[float, float, float, float]:
-        """x, y (metres), heading (radians) and curvature (1/m, positive to the left) at ``s_m``."""
+        """Return x, y (metres), heading (radians) and curvature (1/m, positive to the left) at ``s_m``."""
         if s_m < 0.0 or s_m > self.length_m:
             end_m = 0.0 if s_m < 0.0 else self.length_m
             x, y, heading, _ = self.at(end_m)
@@ -136,12 +136,12 @@ class ReferenceLine:
 
     @property
     def has_cubics(self) -> bool:
-        """Whether a piece of it is a ``paramPoly3``."""
+        """Return whether a piece of it is a ``paramPoly3``."""
         return bool(self._polys)
 
     @cached_property
     def table(self) -> FloatArray:
-        """``s``, x, y, heading and curvature at the beginning of each piece, shape (5, n)."""
+        """Return ``s``, x, y, heading and curvature at the beginning of each piece, shape (5, n)."""
         return np.array([(e.s_m, e.x_m, e.y_m, e.heading_rad, e.curvature_1pm) for e in self.elements]).T
 
     @cached_property
@@ -149,7 +149,7 @@ class ReferenceLine:
         return any(element.curvature_1pm for element in self.elements)
 
     def sample(self, s_m: FloatArray) -> FloatArray:
-        """x, y, heading and curvature at many ``s``, shape (n, 4); headings are continuous along the line."""
+        """Return x, y, heading and curvature at many ``s``, shape (n, 4); headings are continuous along the line."""
         inside = np.minimum(np.maximum(s_m, 0.0), self.length_m)
         if len(self.elements) == 1:
             index: NDArray[np.intp] | int = 0
@@ -183,7 +183,7 @@ class ReferenceLine:
         return out
 
     def stations(self, step_m: float, begin_m: float = 0.0, end_m: float | None = None) -> FloatArray:
-        """Evenly spaced ``s`` from ``begin_m`` to ``end_m`` at most ``step_m`` apart, both ends included."""
+        """Return the evenly spaced ``s`` from ``begin_m`` to ``end_m`` at most ``step_m`` apart, both ends included."""
         end = self.length_m if end_m is None else end_m
         pieces = max(1, math.ceil((end - begin_m) / step_m - 1e-9))
         stations = begin_m + np.arange(pieces + 1, dtype=np.float64) * ((end - begin_m) / pieces)
@@ -196,7 +196,7 @@ class ReferenceLine:
         return stations, self.sample(stations)
 
     def project(self, x_m: float, y_m: float, near_s_m: float | None = None) -> Projection:
-        """Foot of the perpendicular from a point, exact on every element.
+        """Return the foot of the perpendicular from a point, exact on every element.
 
         ``near_s_m`` says which stretch to look at (within two sample steps) if the line passes the point more than
         once; without it the nearest stretch is taken.
@@ -223,7 +223,7 @@ class ReferenceLine:
         return Projection(best, math.copysign(best_distance, t), 0.0)
 
     def _foot(self, index: int, x_m: float, y_m: float, near_s_m: float) -> float:
-        """``s`` of the point of one element nearest to a point."""
+        """Return ``s`` of the point of one element nearest to a point."""
         element = self.elements[index]
         low = element.s_m
         high = self._starts[index + 1] if index + 1 < len(self._starts) else self.length_m

@@ -31,7 +31,7 @@ _TRAFFICWAY_M: Final = {True: 15.0, False: 9.0}  # distance beyond the edge, for
 
 
 class RoadZone(StrEnum):
-    """Where across a road a point is: the zones that FARS distinguishes (``REL_ROAD``)."""
+    """Zones across a road that FARS distinguishes (``REL_ROAD``)."""
 
     ROADWAY = "roadway"
     SHOULDER = "shoulder"
@@ -59,7 +59,7 @@ class RoadsidePlace:
 
 
 def roadside_at(network: RoadNetwork, x_m: float, y_m: float, *, z_m: float | None = None) -> RoadsidePlace | None:
-    """Where a point is relative to the roads of one level (``z_m``, else any); None if none is within 60 m.
+    """Return the zone of a point relative to the roads of one level (``z_m``, else any); None if none is within 60 m.
 
     >>> roadside_at(network, 0.0, 0.0).zone.value  # the reported point, in the middle of a crossing
     'roadway'
@@ -97,8 +97,9 @@ def _zone(
 
 
 def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, float], *, opposed: bool) -> bool:
-    """Whether a point lies between two lanes: left of two that go opposite ways (a median), or between a road and a
-    ramp that go the same way (a gore)."""
+    """Return whether a point lies between two lanes: left of two that go opposite ways (a median), or between a road
+    and a ramp that go the same way (a gore).
+    """
     first = near[0]
     sees_first, heading = _seen(network, first, xy_m)
     for other in near[1:]:
@@ -115,13 +116,15 @@ def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, 
 
 
 def _seen(network: RoadNetwork, match: LaneMatch, xy_m: tuple[float, float]) -> tuple[float, float]:
-    """The direction from a point to a lane's centre, and the lane's own direction."""
+    """Return the direction from a point to a lane's centre, and the lane's own direction."""
     pose = network.pose(match.lane, match.s_m)
     return math.atan2(pose.y_m - xy_m[1], pose.x_m - xy_m[0]), pose.heading_rad
 
 
 def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
-    """Width of the shoulder beside a lane (metres): the map's if it has one there, else that of the road's class."""
+    """Return the width of the shoulder beside a lane (metres): the map's if it has one there, else that of the road's
+    class.
+    """
     mapped = _mapped_shoulder_m(network, match, left=left)
     if mapped is not None:
         return mapped

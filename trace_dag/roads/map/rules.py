@@ -106,7 +106,7 @@ _ENUMERATED: Final[dict[tuple[str, str], frozenset[str]]] = {
 
 
 def find_violations(xodr: bytes, *, name: str = "map") -> list[str]:
-    """Every broken rule with where it is broken; empty for a file that keeps them all.
+    """Return every broken rule with where it is broken; empty for a file that keeps them all.
 
     Raises :class:`~trace_dag.common.errors.UserError` if the file is not OpenDRIVE at all.
 
@@ -117,7 +117,7 @@ def find_violations(xodr: bytes, *, name: str = "map") -> list[str]:
 
 
 def violations_of(root: etree._Element) -> list[str]:
-    """As :func:`find_violations`, of a document that ``parse_opendrive`` has parsed.
+    """Find violations like :func:`find_violations`, in a document that ``parse_opendrive`` has parsed.
 
     >>> from trace_dag.roads.map.reader import parse_opendrive
     >>> violations_of(parse_opendrive(xodr, "map.xodr"))
@@ -150,7 +150,7 @@ def _float(element: etree._Element, key: str) -> float:
 
 
 def _schema(root: etree._Element) -> Iterator[str]:
-    """Order of elements, required attributes, numbers, and words of the enumerations."""
+    """Yield the order of elements, required attributes, numbers, and words of the enumerations."""
     for element in root.iter(tag=etree.Element):
         tag = element.tag
         if tag not in _RULES_OF_TAG:
@@ -179,7 +179,7 @@ def _schema(root: etree._Element) -> Iterator[str]:
 
 @lru_cache(maxsize=1024)  # few kinds of elements differ in what they hold
 def _out_of_order(tag: str, children: _Order) -> str:
-    """What is wrong with the order of an element's children; empty if nothing is."""
+    """Return the fault in the order of an element's children; empty if there is none."""
     order = _RULES_OF_TAG[tag].order
     positions = [order.get(child, -1) for child in children]
     if -1 in positions:
@@ -188,7 +188,7 @@ def _out_of_order(tag: str, children: _Order) -> str:
 
 
 class _Layout(NamedTuple):
-    """Which of an element's attributes are missing, and the places of those that are numbers and words."""
+    """The layout of an element: missing attributes, and the places of those that are numbers and words."""
 
     missing: _Order
     numbers: tuple[int, ...]
@@ -214,7 +214,7 @@ _NUMBERS: Final[dict[str, _Order]] = {
 
 @dataclass(frozen=True)
 class _TagRules:
-    """What the schema says of one kind of element."""
+    """The schema's rules for one kind of element."""
 
     order: dict[str, int]  # place of each child; empty if not looked at
     required: frozenset[str]
@@ -297,7 +297,7 @@ def _problems_of_plan(pieces: list[etree._Element], length: float) -> Iterator[s
 
 
 def _joint(piece: etree._Element, shapes: list[etree._Element], following: etree._Element) -> Iterator[str]:
-    """Position and heading where two pieces of plan view meet; only lines and arcs are followed."""
+    """Yield the position and heading where two pieces of plan view meet; only lines and arcs are followed."""
     s, length = _float(piece, "s"), _float(piece, "length")
     if abs(s + length - _float(following, "s")) > _S_TOLERANCE_M:
         yield f"gap in s after geometry at s={s:g}"
@@ -373,7 +373,7 @@ def _problems_of_section(section: etree._Element) -> Iterator[str]:
 
 
 def _grouped(owners: Iterable[etree._Element]) -> defaultdict[str, list[etree._Element]]:
-    """Children of some elements by tag."""
+    """Return the children of some elements by tag."""
     groups: defaultdict[str, list[etree._Element]] = defaultdict(list)
     for owner in owners:
         for child in owner:

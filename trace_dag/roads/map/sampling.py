@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 
 
 class Stations(NamedTuple):
-    """``s_m`` on several lines or lanes, those of one after those of the other, (n,); which of them each is on; where
-    the first of each is, and how many all are."""
+    """``s_m`` on several lines or lanes, those of one after those of the other, (n,); which of them each is on.
+
+    Where the first of each is, and how many all are.
+    """
 
     s_m: FloatArray
     owner: IntArray
@@ -34,14 +36,14 @@ class Stations(NamedTuple):
 
     @property
     def slices(self) -> list[slice]:
-        """The places of each line's stations."""
+        """Return the places of each line's stations."""
         ends = [*self.first[1:].tolist(), len(self.s_m)]
         return [slice(start, end) for start, end in zip(self.first.tolist(), ends, strict=True)]
 
 
 def stations_between(begin_m: FloatArray, end_m: FloatArray, step_m: float) -> Stations:
-    """Evenly spaced stations between the ends of several stretches, (n,) each, at most ``step_m`` apart, both ends
-    included.
+    """Return the evenly spaced stations between the ends of several stretches, (n,) each, at most ``step_m`` apart,
+    both ends included.
 
     >>> stations_between(np.array([0.0, 10.0]), np.array([5.0, 11.0]), 2.5).s_m.tolist()
     [0.0, 2.5, 5.0, 10.0, 11.0]
@@ -56,7 +58,7 @@ def stations_between(begin_m: FloatArray, end_m: FloatArray, step_m: float) -> S
 
 
 def sample_profiles(profiles: Sequence[CubicProfile], stations: Stations) -> FloatArray:
-    """Values of several profiles, each at its stations, (n,).
+    """Return values of several profiles, each at its stations, (n,).
 
     >>> from trace_dag.roads.map.cubic_profile import CubicProfile
     >>> constant, rising = (CubicProfile([0.0], [(3.5, slope, 0.0, 0.0)]) for slope in (0.0, 0.5))
@@ -71,8 +73,9 @@ def sample_profiles(profiles: Sequence[CubicProfile], stations: Stations) -> Flo
 
 
 def sample_reference_lines(lines: Sequence[ReferenceLine], stations: Stations) -> FloatArray:
-    """x, y (metres), heading (radians) and curvature (1/m) of several lines, each at its stations, (n, 4); headings are
-    continuous along each.
+    """Return x, y (metres), heading (radians) and curvature (1/m) of several lines, each at its stations, (n, 4).
+
+    Headings are continuous along each.
     """
     lengths_m = np.array([line.length_m for line in lines])
     inside = np.minimum(np.maximum(stations.s_m, 0.0), lengths_m[stations.owner])

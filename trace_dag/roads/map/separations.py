@@ -1,4 +1,4 @@
-"""Where one road passes over another: reference lines that cross while their roads do not meet."""
+"""Overpasses: reference lines that cross while their roads do not meet."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Separation(NamedTuple):
 
     @property
     def levels_differ(self) -> bool:
-        """Whether OSM says that one passes over the other."""
+        """Return whether OSM says that one passes over the other."""
         return _level(self.roads[0]) != _level(self.roads[1])
 
 
 def find_separations(network: RoadNetwork, *, between_levels: bool = False) -> list[Separation]:
-    """All crossings of roads that do not meet, in their order; with ``between_levels`` only those of two levels.
+    """Return all crossings of roads that do not meet, in their order; with ``between_levels`` only those of two levels.
 
     >>> find_separations(network)  # no bridge or tunnel near the crash
     []
@@ -72,7 +72,7 @@ def _level(road: Road) -> tuple[int, bool, bool]:
 
 
 def _around_structures(roads: Sequence[Road]) -> list[Road]:
-    """The bridges, tunnels and other layers, and the roads near enough to reach them."""
+    """Return the bridges, tunnels and other layers, and the roads near enough to reach them."""
     starts = np.array([(road.plan[0].x_m, road.plan[0].y_m) for road in roads]).reshape(-1, 2)
     lengths = np.array([road.length_m for road in roads])
     near = np.zeros(len(roads), dtype=bool)
@@ -83,7 +83,7 @@ def _around_structures(roads: Sequence[Road]) -> list[Road]:
 
 
 def _corners(road: Road) -> list[tuple[float, float]]:
-    """A road's reference line as a polyline: ends of its straight pieces, and points along its curves."""
+    """Return a road's reference line as a polyline: ends of its straight pieces, and points along its curves."""
     points: list[tuple[float, float]] = []
     for element in road.plan:
         points.append((element.x_m, element.y_m))
@@ -99,7 +99,7 @@ def _corners(road: Road) -> list[tuple[float, float]]:
 
 
 def _roads_meet(a: Road, b: Road) -> bool:
-    """Whether two roads belong to one junction or are linked to each other."""
+    """Return whether two roads belong to one junction or are linked to each other."""
     return bool(set(_junctions_of(a)) & set(_junctions_of(b))) or any(
         link is not None and link.element_type == "road" and link.element_id == other.id
         for road, other in ((a, b), (b, a))
@@ -108,7 +108,7 @@ def _roads_meet(a: Road, b: Road) -> bool:
 
 
 def _junctions_of(road: Road) -> Iterator[str]:
-    """The junction a road is in, or those at its ends."""
+    """Yield the junction a road is in, or those at its ends."""
     if road.junction_id is not None:
         yield road.junction_id
     for link in (road.predecessor, road.successor):

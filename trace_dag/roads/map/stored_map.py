@@ -30,10 +30,10 @@ class StoredMap:
 
     @cached_property
     def violations(self) -> list[str]:
-        """Every broken rule with where it is broken (:func:`~trace_dag.roads.map.rules.find_violations`)."""
+        """Return every broken rule with where it is broken (:func:`~trace_dag.roads.map.rules.find_violations`)."""
         return violations_of(self._root)
 
     @cached_property
     def network(self) -> RoadNetwork:
-        """The network read back from the file."""
+        """Return the network read back from the file."""
         return network_of(self._root, name=self.name)

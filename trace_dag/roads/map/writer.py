@@ -39,7 +39,7 @@ Marks = Literal["reconstruction", "legal"]
 
 
 def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") -> bytes:
-    """The network as OpenDRIVE 1.7, UTF-8, the same bytes for the same network.
+    """Return the network as OpenDRIVE 1.7, UTF-8, the same bytes for the same network.
 
     ``marks="legal"`` writes the marks as the law has them; the default marks let traffic cross the centre line and
     drive the wrong way.
@@ -56,19 +56,21 @@ def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") ->
 
 
 def _text(value: str) -> str:
-    """Text as an attribute's value: without characters that XML 1.0 does not allow, white space as a space."""
+    """Return text as an attribute's value: without characters that XML 1.0 does not allow, white space as a space."""
     return _SPECIAL.sub(lambda match: _ENTITIES.get(match[0], " " if match[0] in "\t\n\r" else ""), value)
 
 
 def _number(value: float) -> str:
-    """Metres and seconds: the shortest text that is exact to 1e-10."""
+    """Return metres and seconds: the shortest text that is exact to 1e-10."""
     text = f"{value:.10f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 
 def _last_start(start_m: float, length_m: float) -> str:
-    """Where a road's last lane section begins, so that with its length, by the numbers as they are written, it ends no
-    farther than the road. CARLA adds the two, and refuses the map if the sum is beyond the end by its last bit.
+    """Return the beginning of a road's last lane section such that with its length, by the numbers as they are written,
+    it ends no farther than the road.
+
+    CARLA adds the two, and refuses the map if the sum is beyond the end by its last bit.
     """
     text, length = _number(start_m), float(_number(length_m))
     while (start := float(text)) + (length - start) > length:
@@ -77,7 +79,7 @@ def _last_start(start_m: float, length_m: float) -> str:
 
 
 def _coefficient(value: float) -> str:
-    """Curvatures and polynomial coefficients: small numbers count over long distances."""
+    """Return curvatures and polynomial coefficients: small numbers count over long distances."""
     return "0" if value == 0 else f"{value:.12g}"
 
 
@@ -245,7 +247,9 @@ def _signal(road: Road, signal: Signal) -> str:
 
 
 def _crosswalk(crosswalk: Crosswalk) -> str:
-    """As an object with its outline inside it: CARLA does not look into ``<outlines>``, and 1.7 allows both."""
+    """Write a crosswalk as an object with its outline inside it: CARLA does not look into ``<outlines>``, and 1.7
+    allows both.
+    """
     ahead, left = zip(*crosswalk.outline_m, strict=True)
     corners = "".join(
         f'<cornerLocal u="{_number(u)}" v="{_number(v)}" z="0" height="0" id="{number}"/>'

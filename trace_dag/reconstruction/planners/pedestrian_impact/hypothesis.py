@@ -1,4 +1,4 @@
-"""Who takes part when vehicles strike people: the first strike's vehicle and people, and vehicles that come later.
+"""Parties of strikes on people: the first strike's vehicle and people, and vehicles that come later.
 
 The first strike is planned by :mod:`trace_dag.reconstruction.planners.pedestrian_impact.planner`. Where the people are
 thrown is found by a simulator, see :mod:`trace_dag.reconstruction.planners.pedestrian`.
@@ -75,7 +75,7 @@ class LaterImpact:
 
 # --- hypotheses ------------------------------------------------------------------------------------------------------
 def _companions(plan: ImpactPlan, together: Sequence[CrashEvent]) -> list[Walk]:
-    """Others struck by the same vehicle: beside the first person, as far apart as people walk."""
+    """Return others struck by the same vehicle: beside the first person, as far apart as people walk."""
     found = []
     others = {strike.person.party: strike for strike in together if strike.person.party != plan.strike.person.party}
     for place, strike in enumerate(others.values(), 1):
@@ -89,8 +89,9 @@ def _companions(plan: ImpactPlan, together: Sequence[CrashEvent]) -> list[Walk]:
 def first_states(
     scene: Scene, plan: ImpactPlan, together: Sequence[CrashEvent], lead_s: float, *, pulls_over: bool
 ) -> list[ParticipantState]:
-    """The parties of the first strike, ``lead_s`` after the beginning: the vehicle and the people it strikes. Its
-    driver may pull over afterwards; a driver who left, by the report, drives on.
+    """Return the parties of the first strike, ``lead_s`` after the beginning: the vehicle and the people it strikes.
+
+    Its driver may pull over afterwards; a driver who left, by the report, drives on.
 
     >>> vehicle, person = first_states(pedestrian_scene, strike_plan, [], 5.0, pulls_over=False)
     >>> vehicle.vehicle_number, person.vehicle_number, person.kind.value  # people have the numbers from 1001
@@ -103,7 +104,7 @@ def first_states(
 
 
 def later_state(scene: Scene, later: LaterImpact) -> ParticipantState:
-    """The vehicle of a later strike."""
+    """Return the vehicle of a later strike."""
     way = later.option, later.path, later.station_m, later.speed, later.profile
     return _driven(scene, later.who, *way, later.time_s, None)
 
@@ -111,7 +112,7 @@ def later_state(scene: Scene, later: LaterImpact) -> ParticipantState:
 def impact_hypothesis(
     plan: ImpactPlan, states: Sequence[ParticipantState], together: Sequence[CrashEvent], lead_s: float
 ) -> Hypothesis:
-    """The hypothesis made of the first strike's plan, and other strikes by the same vehicle with it.
+    """Return the hypothesis made of the first strike's plan, and other strikes by the same vehicle with it.
 
     >>> states = first_states(pedestrian_scene, strike_plan, [], 5.0, pulls_over=False)
     >>> made = impact_hypothesis(strike_plan, states, [], 5.0)
@@ -161,7 +162,7 @@ def _driven(
 
 
 def _in_axes(pose: Pose, xy_m: tuple[float, float]) -> tuple[float, float]:
-    """A point in the axes of a pose: metres ahead and to the left."""
+    """Return a point in the axes of a pose: metres ahead and to the left."""
     ahead, left = pose.to_body(np.array(xy_m))
     return float(ahead), float(left)
 
@@ -199,7 +200,9 @@ def _walked(scene: Scene, walk: Walk, lead_s: float) -> ParticipantState:
 def standing_person(
     scene: Scene, person: NonMotorist, touched_xy_m: FloatArray, outward_rad: float, z_m: float
 ) -> ParticipantState:
-    """A person, or an animal, who stands so that a vehicle touches them at a place whose outward normal is given."""
+    """Return a person, or an animal, who stands so that a vehicle touches them at a place whose outward normal is
+    given.
+    """
     kind = person_kind_of(person)
     size = size_of(person, kind)
     heading = math.remainder(outward_rad + math.pi / 2, math.tau)  # faces across the way of who comes
@@ -211,7 +214,7 @@ def standing_person(
 
 
 def _pulling_over(plan: ImpactPlan) -> Path:
-    """The path of a driver who stops at the side after the strike."""
+    """Return the path of a driver who stops at the side after the strike."""
     drive = plan.drive
     speed_mps = max(drive.profile.impact_mps, 7.0)
     lateral = _PULL_OVER_G * GRAVITY_MPS2
@@ -225,7 +228,7 @@ def _pulling_over(plan: ImpactPlan) -> Path:
 def next_way(
     scene: Scene, strike: CrashEvent, lies_at: FloatArray, course_rad: float, at_s: float
 ) -> LaterImpact | None:
-    """The likeliest way of the next vehicle over the person who lies there.
+    """Return the likeliest way of the next vehicle over the person who lies there.
 
     >>> way = next_way(pedestrian_scene, strike_plan.strike, np.array(strike_plan.contact_xy_m), 0.0, 9.0)
     >>> way.time_s, way.name.startswith("vehicle 1")
@@ -257,7 +260,7 @@ def next_way(
 
 
 def least_gap_m(one: ParticipantState, two: ParticipantState, until_s: float) -> float:
-    """Least gap between two planned motions from the beginning to a time."""
+    """Return the least gap between two planned motions from the beginning to a time."""
     time = np.arange(0.0, max(until_s, 0.02), 0.02)
 
     def at(state: ParticipantState) -> tuple[Shape, ...]:

@@ -1,4 +1,4 @@
-"""Where a person is touched: the spot on the vehicle, and where along the vehicle's path that spot meets the place.
+"""Points of impact on people: the spot on the vehicle, and where along the vehicle's path that spot meets the place.
 
 Frame: the local frame; stations along the vehicle's path.
 """
@@ -47,8 +47,9 @@ _TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at l
 def contact_point_of(
     strike: CrashEvent, option: Option, impact_mps: float, course: Course, speed_mps: float
 ) -> ContactPoint | None:
-    """The spot of the reported area, or the nearest one at which the two can touch; None if there is none. A
-    trailer is taken to be in line.
+    """Return the spot of the reported area, or the nearest one at which the two can touch; None if there is none.
+
+    A trailer is taken to be in line.
     """
     vehicle = strike.vehicle
     half_length, half_width = (vehicle.length_m + vehicle.behind_m) / 2, vehicle.width_m / 2
@@ -61,7 +62,7 @@ def contact_point_of(
 
 
 def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
-    """Velocity of the person in the vehicle's axes, as planned."""
+    """Return the velocity of the person in the vehicle's axes, as planned."""
     if course is Course.STANDING:
         return np.zeros(2)
     angle = math.radians(RELATIVE_DEG[course] + (180.0 if backing else 0.0))
@@ -70,7 +71,7 @@ def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
 
 # --- where along the path -------------------------------------------------------------------------------------------
 def is_far_side(person: NonMotorist, option: Option) -> bool:
-    """Whether a turning vehicle struck the person on the far side, where it left the intersection."""
+    """Return whether a turning vehicle struck the person on the far side, where it left the intersection."""
     return option.turn is not None and not person.at_near_side
 
 
@@ -82,7 +83,7 @@ class Crosswalks(NamedTuple):
     beside_share: float
 
     def log_likelihood(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Of a strike at some places, by how far they are beside the crosswalks (m): the arrays have one shape.
+        """Score strikes at some places by their distances beside the crosswalks (m): the arrays have one shape.
 
         >>> stripes, x_m, y_m = shapely.box(0.0, 0.0, 3.0, 10.0), np.array([1.0, 3.7, 9.0]), np.full(3, 5.0)
         >>> Crosswalks(stripes, 0.0).log_likelihood(x_m, y_m)[:2].round(3) + 0.0  # within, and 0.7 m beside them
@@ -98,8 +99,10 @@ class Crosswalks(NamedTuple):
 
 
 def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
-    """The map's crosswalks near the place, if the person was in one by the report, or if it does not say where on the
-    road the person was at an intersection; else None. Where none is drawn people cross the roads where they meet.
+    """Return the map's crosswalks near the place, if the person was in one by the report, or if it does not say where
+    on the road the person was at an intersection; else None.
+
+    Where none is drawn people cross the roads where they meet.
     """
     told = in_crosswalk(person)
     if not told and not (is_at_intersection(scene.record) and may_have_crossed_in_crosswalk(person)):
@@ -115,8 +118,8 @@ def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
 def placed(
     scene: Scene, path: Path, option: Option, point: ContactPoint, far_side: bool, crosswalks: Crosswalks | None
 ) -> tuple[Path, float, float]:
-    """The path, the station at the strike, and how far the turn was moved along the road to bring the strike to the
-    place.
+    """Return the path, the station at the strike, and how far the turn was moved along the road to bring the strike to
+    the place.
 
     >>> drive, place = strike_plan.drive, pedestrian_scene.place_xy_m
     >>> front = ContactPoint(strike_plan.strike.vehicle.length_m / 2, 0.0, (1.0, 0.0))
@@ -146,8 +149,10 @@ def _station(
     slide_m: float,
     crosswalks: Crosswalks | None,
 ) -> tuple[float, float]:
-    """The station where the spot comes nearest to the place, and the log-likelihood of that. In a turn it must fit how
-    far the vehicle has turned, and it must be in the crosswalk if the person was in one."""
+    """Return the station where the spot comes nearest to the place, and the log-likelihood of that.
+
+    In a turn it must fit how far the vehicle has turned, and it must be in the crosswalk if the person was in one.
+    """
     x, y = scene.place_xy_m
     near, _ = path.project(x, y)
     reach_m = max(_REACH_M, math.ceil(abs(point.ahead_m)) + _SPOT_REACH_M)

@@ -94,7 +94,7 @@ class ImpactDrive:
 
     @property
     def velocity_mps(self) -> FloatArray:
-        """Velocity at the strike, shape (2,)."""
+        """Return the velocity at the strike, shape (2,)."""
         ahead = -1.0 if self.option.backing else 1.0
         return np.asarray(ahead * self.profile.impact_mps * self.pose.forward)
 
@@ -117,11 +117,11 @@ class Walk:
 
     @property
     def manoeuvre(self) -> Manoeuvre:
-        """The course as a manoeuvre."""
+        """Return the course as a manoeuvre."""
         return MANOEUVRES[self.reading.course]
 
     def along_m(self, until_s: FloatArray) -> FloatArray:
-        """Stations at times before the strike (negative after it)."""
+        """Return stations at times before the strike (negative after it)."""
         return np.asarray(self.station_m - np.minimum(self.speed_mps * until_s, self.set_off_m))
 
 
@@ -137,7 +137,7 @@ class ImpactPlan(Scored):
 
     @property
     def name(self) -> str:
-        """Says what distinguishes this plan from the others of its crash."""
+        """Return the words that distinguish this plan from the others of its crash."""
         person = self.strike.person
         who = person.species if isinstance(person, StruckAnimal) else f"person {person.number}"
         return (
@@ -147,18 +147,20 @@ class ImpactPlan(Scored):
 
     @property
     def group(self) -> tuple[int, str, str]:
-        """Plans of one group differ in detail only."""
+        """Return plans of one group differ in detail only."""
         option = self.drive.option
         return option.approach.side, option.manoeuvre.value, self.walk.reading.course.value
 
 
 def person_kind_of(person: NonMotorist) -> PartyKind:
-    """The kind of figure that the person is simulated as: on foot, unless the report names what the person rides."""
+    """Return the kind of figure that the person is simulated as: on foot, unless the report names what the person
+    rides.
+    """
     return person.kind if person.kind in _AS_THEY_ARE else PartyKind.PEDESTRIAN
 
 
 def impact_plans(scene: Scene, strike: CrashEvent) -> list[ImpactPlan]:
-    """Every way the strike can have happened, likeliest first.
+    """Return every way the strike can have happened, likeliest first.
 
     >>> plans = impact_plans(pedestrian_scene, strike_plan.strike)
     >>> plans[0].walk.manoeuvre.value, plans[0].score == max(plan.score for plan in plans)
@@ -179,7 +181,8 @@ def impact_plans(scene: Scene, strike: CrashEvent) -> list[ImpactPlan]:
 def approaches_of(
     scene: Scene, who: Party, *, approaches: Sequence[Approach] | None = None
 ) -> Iterator[tuple[Option, TravelSpeed, dict[str, float]]]:
-    """The ways a vehicle can have come, without regard to the person, each with its speed and the evidence for it.
+    """Yield the ways a vehicle can have come, without regard to the person, each with its speed and the evidence for
+    it.
 
     ``approaches``: the approaches to look at; by default those that fit its turn and the place of the crash.
 
@@ -211,7 +214,7 @@ def _options(who: Party, approach: Approach, speed_mps: float) -> list[Option]:
 
 
 def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> dict[str, float]:
-    """The evidence for one way of a vehicle, as log-likelihoods."""
+    """Return the evidence for one way of a vehicle, as log-likelihoods."""
     approach, number = option.approach, who.vehicle.number
     terms = {
         **evidence.street_terms(scene.network, scene.placement, scene.record, approach),
@@ -265,7 +268,7 @@ def _plan(
 
 # --- the way of the vehicle ------------------------------------------------------------------------------------------
 def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: ContactPoint) -> tuple[Option, Path]:
-    """The vehicle's way: along its lanes, or off the carriageway if the person was not on it."""
+    """Return the vehicle's way: along its lanes, or off the carriageway if the person was not on it."""
     zones = reported_zones(scene.record, strike.person)
     if not zones and strike.side in (DepartureSide.LEFT, DepartureSide.RIGHT):
         zones = frozenset({Zone.BESIDE})
@@ -286,12 +289,14 @@ def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: Contac
 
 
 def edge_m(scene: Scene, here: Pose, side: float) -> float:
-    """Distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1)."""
+    """Return the distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1)."""
     return edge_of(scene.network.drivable_area, here, side)
 
 
 def edge_of(area: Area, here: Pose, side: float) -> float:
-    """Distance from a pose in an area to its edge, to the left (side 1) or right (-1); 0 where it is outside.
+    """Return the distance from a pose in an area to its edge, to the left (side 1) or right (-1).
+
+    0 where it is outside.
 
     >>> in_its_lane = way_past_the_tree.approach.path.pose(way_past_the_tree.station_m)
     >>> edge_of(tree_scene.carriageway, in_its_lane, -1.0)  # half of a lane of 3.5 m
@@ -332,15 +337,18 @@ def _walk(
 
 
 def size_of(person: NonMotorist, kind: PartyKind) -> PersonSize:
-    """Dimensions and mass of a person by age and sex, of an animal by its species."""
+    """Return dimensions and mass of a person by age and sex, of an animal by its species."""
     if isinstance(person, StruckAnimal):
         return SIZES[person.species]
     return person_size(kind, person.age_years, female={1: False, 2: True}.get(person.sex_code or 0))
 
 
 def _heading(drive: ImpactDrive, course: Course, person: NonMotorist) -> float:
-    """Heading of the person at the strike. Across a road means at right angles to it. If the vehicle turns, that is the
-    road it came from or the one it turns into, whichever the person crossed."""
+    """Return the heading of the person at the strike.
+
+    Across a road means at right angles to it. If the vehicle turns, that is the road it came from or the one it turns
+    into, whichever the person crossed.
+    """
     backing = math.pi if drive.option.backing else 0.0
     if course is Course.STANDING:
         return drive.pose.heading_rad + math.pi / 2
@@ -354,7 +362,7 @@ def _heading(drive: ImpactDrive, course: Course, person: NonMotorist) -> float:
 
 
 def _line(scene: Scene, drive: ImpactDrive, pose: Pose, course: Course) -> tuple[Path, float]:
-    """The path of the person, straight across or along the road, and the station of the strike on it."""
+    """Return the path of the person, straight across or along the road, and the station of the strike on it."""
     back_m = 60.0
     if course in (Course.ALONG, Course.TOWARDS) and drive.option.turn is None and not drive.option.backing:
         base = drive.option.approach.path

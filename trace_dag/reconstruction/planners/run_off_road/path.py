@@ -1,4 +1,4 @@
-"""How a vehicle leaves its lane: the path off the road, where the carriageway's edge is, and how it skids.
+"""Departures from the lane: the path off the road, the carriageway's edge along it, and the skid.
 
 Shared by the estimators of crashes into fixed objects and of overturns. Frame: the local frame; stations in metres
 along a path, offsets to the left.
@@ -42,7 +42,7 @@ GOES_ON_M: Final = 60.0
 
 
 def slope_of(off_m: float, lateral_mps2: float, speed_mps: float) -> float:
-    """Slope of a course at a distance off its lane, reached by a constant lateral acceleration at a speed.
+    """Return the slope of a course at a distance off its lane, reached by a constant lateral acceleration at a speed.
 
     >>> slope_of(3.0, 1.0, 20.0)  # sqrt(2 * 3 * 1 / (1.5 * 20 ** 2))
     0.1
@@ -54,8 +54,8 @@ def slope_of(off_m: float, lateral_mps2: float, speed_mps: float) -> float:
 def path_aside(
     base: Path, anchor_m: float, off_m: float, slope: float, lateral_mps2: float, speed_mps: float
 ) -> tuple[Path, float]:
-    """The path that leaves ``base``, is ``off_m`` to its left at a given station of it, and goes on at that slope; and
-    the station of that place along the new path.
+    """Return the path that leaves ``base``, is ``off_m`` to its left at a given station of it, and goes on at that
+    slope; and the station of that place along the new path.
 
     >>> from trace_dag.common.paths import from_points
     >>> line = np.linspace(0.0, 200.0, 401)
@@ -73,7 +73,7 @@ def path_aside(
 
 
 def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
-    """The speed up to the impact: skidding sideways brakes.
+    """Return the speed up to the impact: skidding sideways brakes.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> alone = party(tree_record, tree_record.vehicles[0])
@@ -87,8 +87,9 @@ def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
 
 
 def lane_path(scene: Scene, option: Option) -> Path:
-    """The path before the departure, as driven at this speed. If a bend is so sharp that this path would leave the
-    carriageway, it follows the middle of the lane instead.
+    """Return the path before the departure, as driven at this speed.
+
+    If a bend is so sharp that this path would leave the carriageway, it follows the middle of the lane instead.
     """
     driven_path = option.path()
     if option.turn is not None:
@@ -100,7 +101,7 @@ def lane_path(scene: Scene, option: Option) -> Path:
 
 
 def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> float | None:
-    """Where a line beside a path leaves the carriageway near the place; None if it does not."""
+    """Return where a line beside a path leaves the carriageway near the place; None if it does not."""
     s_m = np.arange(place_m + _LOOK_AHEAD_M[0], place_m + _LOOK_AHEAD_M[1], 0.25)
     x, y, heading = base.plan(s_m)
     x, y = x - left_m * np.sin(heading), y + left_m * np.cos(heading)
@@ -110,8 +111,8 @@ def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> fl
 
 
 def edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[float, float]:
-    """The station at which the vehicle crosses the carriageway's edge, and how far from the path the edge is there: at
-    the place itself, or near it if a side street opens there.
+    """Return the station at which the vehicle crosses the carriageway's edge, and how far from the path the edge is
+    there: at the place itself, or near it if a side street opens there.
 
     >>> path = lane_path(tree_scene, way_past_the_tree)
     >>> place_m, _ = path.project(*tree_scene.place_xy_m)
@@ -128,7 +129,7 @@ def edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[fl
 
 
 def edge_beside_m(scene: Scene, here: Pose, sign: float) -> float:
-    """Distance from a pose on the carriageway to its edge, at the level of the crash.
+    """Return the distance from a pose on the carriageway to its edge, at the level of the crash.
 
     >>> middle_of_lane = way_past_the_tree.approach.path.pose(way_past_the_tree.station_m)
     >>> edge_beside_m(tree_scene, middle_of_lane, -1.0)  # half of a lane of 3.5 m to the right
@@ -138,7 +139,7 @@ def edge_beside_m(scene: Scene, here: Pose, sign: float) -> float:
 
 
 def turned_by(pose: Pose, slip_rad: float) -> Pose:
-    """The pose, turned by an angle (rad, counter-clockwise).
+    """Return the pose, turned by an angle (rad, counter-clockwise).
 
     >>> turned_by(Pose(1.0, 2.0, 0.5), 0.25).heading_rad
     0.75
@@ -147,7 +148,7 @@ def turned_by(pose: Pose, slip_rad: float) -> Pose:
 
 
 def skidding(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
-    """The same course with the body turning about itself over the last part, up to its slip angle at the impact.
+    """Return the same course with the body turning about itself over the last part, up to its slip angle at the impact.
 
     >>> car = hypothesis.participants[0]
     >>> skidded = skidding(car, 0.5, hypothesis.impact_time_s)

@@ -93,13 +93,13 @@ class DeparturePlan(Scored):
 
     @property
     def name(self) -> str:
-        """A name that tells this plan from the others of its crash."""
+        """Return a name that tells this plan from the others of its crash."""
         vehicle, side = self.departure.vehicle.number, self.departure.side
         return f"vehicle {vehicle}: leaves {self.option.approach.name} {side}, {self.course.name}"
 
 
 def departure_hypotheses(scene: Scene, departure: Departure, *, lead_s: float, most: int) -> tuple[Hypothesis, ...]:
-    """The ranked hypotheses of a vehicle that leaves the road and strikes what stands there, at most so many.
+    """Return the ranked hypotheses of a vehicle that leaves the road and strikes what stands there, at most so many.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
     """
@@ -181,7 +181,7 @@ def _plan(
 def _on_free_ground(
     scene: Scene, objects: tuple[FixedObject, ...], planned: PlannedContacts
 ) -> tuple[FixedObject, ...]:
-    """The objects up to the first one that cannot stand where it would be struck."""
+    """Return the objects up to the first one that cannot stand where it would be struck."""
     struck = [(item, xy_m) for item, (_, xy_m) in zip(objects, planned, strict=True)]
     found: list[FixedObject] = []
     for item, xy_m in struck:
@@ -205,8 +205,10 @@ def _zone_term(scene: Scene, contact_xy_m: tuple[float, float]) -> float:
 
 
 def _point_off_road_m(scene: Scene) -> float:
-    """How far beyond the carriageway's edge the reported point is (m), less what police and geocoding miss it by; 0 for
-    one on it."""
+    """Return how far beyond the carriageway's edge the reported point is (m), less the error of police and geocoding.
+
+    0 for one on it.
+    """
     if scene.carriageway.has(0.0, 0.0):
         return 0.0
     beyond_m = float(scene.carriageway.beyond_m(np.zeros(1), np.zeros(1))[0])
@@ -229,8 +231,10 @@ def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
 def _aside_to_object(
     scene: Scene, departure: Departure, base: Path, place_m: float, course: LeavingCourse, impact_mps: float
 ) -> tuple[Led, tuple[FixedObject, ...], PlannedContacts]:
-    """The way off the road to the left or right, and the objects along it. The first object is the map's, if the map
-    has one of that kind where the vehicle left the road."""
+    """Return the way off the road to the left or right, and the objects along it.
+
+    The first object is the map's, if the map has one of that kind where the vehicle left the road.
+    """
     sign = SIGN[departure.side or DepartureSide.RIGHT]
     place_m, edge = edge_near(scene, base, place_m, sign)
     code = departure.objects[0].code
@@ -265,7 +269,7 @@ def _aside(
     impact_mps: float,
     along_rad: float | None,
 ) -> Led:
-    """The way off the road to an object whose near face is ``face_m`` to the side of a station of ``base``."""
+    """Return the way off the road to an object whose near face is ``face_m`` to the side of a station of ``base``."""
     sign = SIGN[departure.side or DepartureSide.RIGHT]
     here = base.pose(place_m)
     first = departure.objects[0]
@@ -282,7 +286,7 @@ def _aside(
 
 
 def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, course: LeavingCourse) -> Led:
-    """The way straight on: to the end of the road if it ends there, else to an object ahead."""
+    """Return the way straight on: to the end of the road if it ends there, else to an object ahead."""
     first = departure.objects[0]
     half_width_m = departure.vehicle.width_m / 2
     ends = [end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
@@ -305,8 +309,9 @@ def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float,
 
 
 def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int, point_off_m: float | None) -> float:
-    """How far beyond the edge the object stands (metres): as the reported point where that is off the road, else as
-    usual for its kind, behind a shoulder, nearer if another road is in the way, within the reported zone."""
+    """Return how far beyond the edge the object stands (metres): as the reported point where that is off the road, else
+    as usual for its kind, behind a shoulder, nearer if another road is in the way, within the reported zone.
+    """
     usual = KINDS[code].beyond_edge_m
     relation = scene.record.road_relation_code
     if relation in ON_ROADWAY:

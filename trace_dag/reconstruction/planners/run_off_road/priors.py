@@ -47,7 +47,7 @@ class LeavingCourse:
 
 
 def courses_of(departure: Departure, option: Option, speed_mps: float) -> list[LeavingCourse]:
-    """The ways of leaving that the manner, the curve and the area of impact allow.
+    """Return the ways of leaving that the manner, the curve and the area of impact allow.
 
     >>> [course.name for course in courses_of(departure, way_past_the_tree, 20.0)]  # it drifted off, and did not skid
     ['at 0.08 g', 'at 0.2 g', 'at 0.35 g']
@@ -93,8 +93,9 @@ def angle_log_likelihood(angle_rad: float) -> float:
 
 
 def _slip(departure: Departure) -> float:
-    """How far the body is turned from its course at the impact: so that the area of impact faces what is ahead, where
-    the report says that it skidded sideways or the area is one that a vehicle going ahead is not struck at."""
+    """Return the slip angle at the impact: so that the area of impact faces ahead, where the report says that the
+    vehicle skidded sideways or the area is one that a vehicle going ahead is not struck at.
+    """
     first, vehicle = departure.objects[0], departure.vehicle
     sideways = vehicle.stability_code in (_CLOCKWISE, _COUNTER_CLOCKWISE, 5)
     if vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
@@ -109,8 +110,9 @@ def _slip(departure: Departure) -> float:
 
 
 def _facing(departure: Departure, first: CrashEvent, area: ImpactArea) -> float | None:
-    """How far the body has to be turned for an area to face the object: ahead if it is compact, beside if it runs along
-    the road; None if the area is one that is struck without turning."""
+    """Return the angle by which the body has to be turned for an area to face the object: ahead if it is compact,
+    beside if it runs along the road; None if the area is struck without turning.
+    """
     sign = SIGN[departure.side or DepartureSide.AHEAD]
     if KINDS[first.code].form is ObjectForm.LINE and sign:
         # A vehicle that leaves at a small angle strikes first with the front corner on that side.

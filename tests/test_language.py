@@ -1,0 +1,33 @@
+"""Docstrings of the package: plain openings, as ``CONTRIBUTING.md`` asks for."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import trace_dag
+
+PACKAGE = Path(trace_dag.__file__).parent
+BANNED = re.compile(r"(What|How|Where|Who|Whose|Whom|Whether|Which|When|Why|Of|As|If)\b")
+DOCUMENTED = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Module)
+
+
+def docstrings(path: Path) -> Iterator[tuple[str, str]]:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, DOCUMENTED) and (text := ast.get_docstring(node)):
+            yield getattr(node, "name", "the module"), text
+
+
+@pytest.mark.parametrize("room", sorted(path.name for path in PACKAGE.iterdir() if path.is_dir()))
+def test_docstrings_begin_with_a_verb_or_a_noun(room: str) -> None:
+    wrong = [
+        f"{path.relative_to(PACKAGE)}: {name}: {text[:60]}"
+        for path in sorted((PACKAGE / room).rglob("*.py"))
+        for name, text in docstrings(path)
+        if BANNED.match(text)
+    ]
+    assert wrong == []
