@@ -87,7 +87,7 @@ def estimators_compared(
     """What each estimator makes of every mapped crash of a cohort; the first is what the others are compared with.
 
     Crashes run on the executor of the settings; budget and rate of language models hold over all of them together.
-    ``truth`` adds the errors against it. ``listener`` hears how many crashes of how many are done. Stored for the
+    ``truth`` adds the errors against it. ``listener`` receives how many crashes of how many are done. Stored for the
     warehouse.
 
     Raises :class:`UserError` for an estimator there is not, a model that cannot be asked, a cohort that is not

@@ -77,9 +77,9 @@ def perturbed_controls(
     """Verified crashes of a cohort, drawn at random, each with its report changed in every way that applies to it.
 
     Collisions of two vehicles and crashes with people are drawn each for themselves. The same request on the same root
-    gives the same rows, whatever the number of workers. ``on_progress`` hears how many changed reports of how many are
-    through, ``on_problem`` of crashes left out because something stored of them is damaged. Stored for the warehouse,
-    in place of the cohort's rows before.
+    gives the same rows, whatever the number of workers. ``on_progress`` receives how many changed reports of how many
+    are through, ``on_problem`` of crashes left out because something stored of them is damaged. Stored for the
+    warehouse, in place of the cohort's rows before.
 
     Raises :class:`UserError` for a kind or crash there is not, a cohort without a verified crash, or an estimator that
     would have to be paid for every changed report.

@@ -50,9 +50,9 @@ def evaluate_agents(
 ) -> list[Row]:
     """Return every agent in every role of every case, as rows in a fixed order, stored under the root.
 
-    ``split`` is the part that the cases are, None where they are no part. ``on_progress`` hears of each evaluation as
-    it is done, ``on_problem`` of every step of a crash that cannot be loaded. Raises :class:`UserError` for agents that
-    are not there.
+    ``split`` is the part that the cases are, None where they are no part. ``on_progress`` is called with each
+    evaluation as it is done, ``on_problem`` of every step of a crash that cannot be loaded. Raises :class:`UserError`
+    for agents that are not there.
     """
     references = {name: resolve(name) for name in agents}
     by_id = {case.case_id: case for case in cases}
@@ -118,7 +118,7 @@ def store_rows(
 ) -> None:
     """Store evaluations of one agent, a label: a row for the same case and vehicle replaces the one before.
 
-    ``reference`` says where they come from; ``on_problem`` hears of what is stored of the agent and damaged.
+    ``reference`` says where they come from; ``on_problem`` is called with what is stored of the agent and damaged.
     """
     subject = f"{FOLDER}/{agent}"
     try:
@@ -185,7 +185,8 @@ def remove_agent(storage: Storage, agent: str) -> int:
 
 
 def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
-    """Return every stored evaluation, of all agents; ``on_problem`` hears of the agents whose table is damaged."""
+    """Return every stored evaluation, of all agents; ``on_problem`` is called with the agents whose table is
+    damaged."""
     found: list[Row] = []
     for agent in agents_of(storage):
         try:

@@ -68,7 +68,7 @@ def make_families(
 ) -> list[FamilyReport]:
     """Return the families of some verified crashes, stored; in their order.
 
-    ``on_progress`` hears of each crash as it is done.
+    ``on_progress`` is called with each crash as it is done.
     """
     tasks = [_Task(case, request) for case in cases]
     reports: dict[str, FamilyReport] = {}

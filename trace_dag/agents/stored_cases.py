@@ -139,9 +139,8 @@ def somebody_met(crash: CrashArtefacts) -> bool:
 def number_of(case: Case, role: AgentRole) -> int:
     """Return the number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one.
 
-    Where one of the two is a person or parked, whom no agent drives, it is the other one in every role, and so is
-    who left the road by itself.
-    """
+    If one of the two is a person or parked, without a driver for an agent to replace, it is the other one in every
+    role, and so is a vehicle that left the road by itself."""
     first, second = case.pair
     if case.departed is not None:
         return case.departed

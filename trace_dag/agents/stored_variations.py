@@ -88,7 +88,7 @@ def read_variation(storage: Storage, name: str) -> StoredVariation:
 
 
 def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
-    """Return every stored variation as a row; ``on_problem`` hears of the families that are damaged."""
+    """Return every stored variation as a row; ``on_problem`` is called with the families that are damaged."""
     return [each for rows in families(storage, on_problem).values() for each in rows]
 
 

@@ -121,8 +121,8 @@ def dagster_records(workspace: Workspace) -> Iterator[DagsterInstance]:
 
     An error of its databases meanwhile is a :class:`Failure`, too: most of a damaged file shows only when it is read.
 
-    What its databases say meanwhile is a :class:`Failure`, too: most of a damaged file shows only when it is read.
-    """
+    An error of its databases meanwhile is a :class:`Failure`, too: most of a damaged file shows only when it is
+    read."""
     with open_instance(workspace) as instance:
         try:
             yield instance

@@ -1,6 +1,6 @@
 """The benchmark page over http, beside the Dagster UI: ``/site`` of the server that ``trace-dag ui`` starts.
 
-What its pages link to is served with it, by the paths that it has below the root, and nothing else.
+It serves the files that its pages link to, by their paths below the root, and nothing else.
 
 Browsers open no file from a page that a server has sent, so the links in the UI lead here. Pages are made of reports
 and maps, which are not trusted: they are sent with a sandbox that gives them an origin of their own, so that nothing in

@@ -64,9 +64,8 @@ def repair_dagster(
 ) -> None:
     """Add and take away partitions, and log the materializations that are not held.
 
-    Where Dagster's folder was lost, or the root came from another machine, these are all of them; ``on_progress`` hears
-    how many of how many.
-    """
+    If Dagster's folder was lost, or the root came from another machine, these are all of them; ``on_progress`` receives
+    how many of how many."""
     wrong = list(disagreements)
     add_partitions(instance, [each.key for each in wrong if each.kind is DisagreementKind.NO_PARTITION and each.key])
     remove_partitions(

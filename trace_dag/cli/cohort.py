@@ -122,8 +122,7 @@ def show(root: str, name: str, as_json: bool) -> None:
 def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     """List the map files of the cohorts, or leave some out.
 
-    The files themselves stay where they are. What was cut from one that is left out is made anew by the next run.
-    """
+    The files themselves stay where they are. Extracts cut from a map that is left out are made anew by the next run."""
     from trace_dag.common.storage.files import Storage
     from trace_dag.flow.cohorts.kept_maps import remove_unused_map_copies
     from trace_dag.flow.cohorts.registry import Registry
@@ -193,8 +192,7 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
 def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None:
     """Take away a cohort, or some of its crashes, and their partitions.
 
-    What was made of the crashes stays, unless --artefacts is given: registered again, they are up to date.
-    """
+    Results of the crashes stay, unless --artefacts is given: registered again, they are up to date."""
     from trace_dag.assets.launch import dagster_records, summarise
     from trace_dag.assets.partitions import remove_partitions
     from trace_dag.common.storage.files import Storage

@@ -48,9 +48,8 @@ def weighted(root: str, bench: Path) -> None:
 def add(root: str, file: Path) -> None:
     """Check a file of evaluate --results against the crashes of this root, and enter it.
 
-    Refused with a line: a file that was changed, that lacks runs, whose crashes have been judged again or were measured
-    by other code, or whose outcomes do not follow from its measures. Who drove is not proved.
-    """
+    Refused with a line: a file that was changed, that lacks runs, whose crashes have been judged again or were
+    measured by other code, or whose outcomes do not follow from its measures. The driver's identity is not proved."""
     from trace_dag.agents.evaluations import store_rows
     from trace_dag.agents.submissions import check
     from trace_dag.cli.problems import Problems

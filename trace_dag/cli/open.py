@@ -19,8 +19,7 @@ from trace_dag.common.messages.logs import print_problem
 def open_page(root: str, key: str | None) -> None:
     """Open the benchmark page in a browser, or the page of one crash, and print where it is.
 
-    Of more crashes than execution.pages_up_to says runs make no pages: they are made now.
-    """
+    Runs make no pages of more crashes than execution.pages_up_to: they are made now."""
     from trace_dag.crash.keys import parse_key
     from trace_dag.export.build import INDEX, build_benchmark, page_name
     from trace_dag.flow.workspace import Workspace

@@ -33,8 +33,7 @@ def _frame(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> pd.DataFrame:
 def _write_excel(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Write one sheet.
 
-    What a report says stays text: Excel would take "=..." for a formula and "http..." for a link.
-    """
+    Text of a report stays text: Excel would take "=..." for a formula and "http..." for a link."""
     import pandas as pd
 
     options = {"strings_to_formulas": False, "strings_to_urls": False}

@@ -43,8 +43,7 @@ def run(
 ) -> None:
     """Run the registered crashes through all stages, then build the warehouse and the benchmark.
 
-    What is up to date is left alone; failures are tried again. Exit code 1 if a crash failed.
-    """
+    Skips stages whose inputs are unchanged; retries failures. Exit code 1 if a crash failed."""
     settings = run_overrides(executor, workers, estimator)
     from trace_dag.flow.selection import select_stale
 

@@ -42,7 +42,7 @@ def of_cohorts(
 
 
 def into_warehouse(workspace: Workspace, problems: Problems) -> BuildReport:
-    """Build the warehouse anew with the results just stored; ``problems`` hears of what had to be left out."""
+    """Build the warehouse anew with the results just stored; ``problems`` is called with what had to be left out."""
     from trace_dag.warehouse.build import build_warehouse
 
     return build_warehouse(workspace.storage, workspace.local_folder, on_problem=problems.add)

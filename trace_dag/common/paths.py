@@ -83,8 +83,7 @@ class Path:
     def project_all(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Return distances along the path and offsets to the left of points, shape (n, 2).
 
-        As :meth:`project` for one.
-        """
+        Return :meth:`project` of many points."""
         squared = (self.x_m - x_m[:, None]) ** 2 + (self.y_m - y_m[:, None]) ** 2
         nearest = zip(squared.argmin(axis=1).tolist(), x_m.tolist(), y_m.tolist(), strict=True)
         return np.array([self._beside(*each) for each in nearest])

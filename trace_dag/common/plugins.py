@@ -1,9 +1,8 @@
 """Plug-ins that installed packages offer by name: back-ends, converters, estimators, agents, exporters, sources of
 reports and maps.
 
-Each kind is a group of entry points (``trace_dag.backends``); what this package offers is registered in the same way.
-What a plugin of a kind has to be is said where it is used; see the page on extending in the documentation.
-"""
+Each kind is a group of entry points (``trace_dag.backends``); what this package offers is registered in the same
+way. The interface of each kind is defined where it is used; see the page on extending in the documentation."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Reading the settings: from ``<root>/settings.toml`` and from the environment (``TRACE_DAG_SIM__STEP_S=0.002``).
 
-The environment wins. What does not fit is told with the name of the setting, the value found and what was expected.
-"""
+The environment wins. A value that does not fit is reported with the name of the setting, the value found and what
+was expected."""
 
 from __future__ import annotations
 

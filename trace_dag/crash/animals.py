@@ -17,9 +17,8 @@ from trace_dag.crash.record import NonMotorist
 class Species(StrEnum):
     """Assumed kinds of animals.
 
-    Of 147 fatal crashes with animals of 2000 to 2002 whose police reports were read, 113 were with deer and 13 with
-    cattle (Williams and Wells, Traffic Injury Prevention 6(1), 2005).
-    """
+    In 147 fatal crashes with animals of 2000 to 2002 whose police reports were read, 113 were with deer and 13 with
+    cattle (Williams and Wells, Traffic Injury Prevention 6(1), 2005)."""
 
     DEER = "deer"
     ELK = "elk"
@@ -36,9 +35,9 @@ class Pace(StrEnum):
 
 @dataclass(frozen=True)
 class StruckAnimal(NonMotorist):
-    """An animal that a vehicle struck, where a strike otherwise has a person: a party outside motor vehicles of which
-    the report says nothing, so that every code is None. ``number`` is that of the event. What it is and how it moved
-    is an assumption, see the settings."""
+    """An animal that a vehicle struck, where a strike otherwise has a person: a party outside motor vehicles of
+    which the report says nothing, so that every code is None. ``number`` is that of the event. Its kind and movement
+    are assumptions, see the settings."""
 
     person_type_code: int = 0
     species: Species = Species.DEER

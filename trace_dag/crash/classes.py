@@ -81,7 +81,7 @@ def collision_type(man_coll: int | None) -> CollisionType:
 def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopology:
     """Return the class of ``TYP_INT``; every other code and None are others.
 
-    Where ``TYP_INT`` is not known, a ``RELJCT2`` away from intersections says that the crash was at none.
+    If ``TYP_INT`` is not known, a ``RELJCT2`` away from intersections says that the crash was at none.
 
     >>> str(road_topology(2)), str(road_topology(None, reljct2=1))
     ('four_way', 'not_an_intersection')

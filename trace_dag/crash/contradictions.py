@@ -253,10 +253,9 @@ def _second_street(record: CrashRecord) -> Iterator[str]:
 def _route(record: CrashRecord) -> Iterator[str]:
     """Yield a road's number says who signs it (``ROUTE``), and what it can be by class (``FUNC_SYS``).
 
-    Of the two-vehicle crashes of 2015 with ``TWAY_ID`` an interstate, US or state route, ``ROUTE`` says another
-    system in 0.5 to 2 %; 98.7 % of those on interstates by class are so by name, and 0.4 % of those on US routes are
-    on minor collectors or local roads.
-    """
+    In two-vehicle crashes of 2015 with ``TWAY_ID`` an interstate, US or state route, ``ROUTE`` names another system
+    in 0.5 to 2 %; 98.7 % of those on interstates by class are so by name, and 0.4 % of those on US routes are on
+    minor collectors or local roads."""
     if _RAMP.search(record.trafficway_1):
         return  # it bears the number of the road it leads to, and is signed by whoever keeps it
     systems = {match["system"].upper()[0] for match in _NUMBERED.finditer(record.trafficway_1)}

@@ -1,10 +1,9 @@
 """FARS crash types read for one vehicle: encounter, manoeuvre and side struck.
 
 ``ACC_TYPE`` (1-99) is coded per vehicle from the crash type diagrams of the FARS/CRSS Coding and Validation Manual.
-Read by number, never by label (the labels of 68-85 changed in 2023). Where ``ACC_TYPE`` says nothing (98, 99, single
-driver types), the critical event ``P_CRASH2`` often does: where the other vehicle came from and which of the two left
-its lane (:func:`critical_event`).
-"""
+Read by number, never by label (the labels of 68-85 changed in 2023). If ``ACC_TYPE`` says nothing (98, 99, single
+driver types), the critical event ``P_CRASH2`` often does: where the other vehicle came from and which of the two
+left its lane (:func:`critical_event`)."""
 
 from __future__ import annotations
 
@@ -164,8 +163,7 @@ def _opposite_direction() -> dict[int, CrashType]:
 def _forward_impacts(first: int, row: Callable[..., CrashType]) -> dict[int, CrashType]:
     """Return the e and H: out of control or avoiding something, into the other one's path.
 
-    Who was the other is not coded.
-    """
+    The other vehicle is not coded."""
     table: dict[int, CrashType] = {}
     for code in range(first, first + 8, 2):
         table[code] = row(role=EncounterRole.ENCROACHING, movement=_STRAIGHT)

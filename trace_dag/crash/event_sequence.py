@@ -217,8 +217,7 @@ def first_event_kind(record: CrashRecord) -> EventKind | None:
 def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord] | Missing:
     """Return the harmful events from the first one on: that of ``HARM_EV`` where there is one.
 
-    What that implies where the report lists none.
-    """
+    Return the implied event if the report lists none."""
     harmful = [event for event in record.events if event.is_harmful]
     code = record.first_harmful_event_code
     first = next((place for place, event in enumerate(harmful) if event.code == code), 0)
@@ -340,8 +339,7 @@ class _Reader:
     def _area(self, vehicle: VehicleRecord, area: ImpactArea | None) -> ImpactArea | None:
         """Return the area of an event.
 
-        Where the event does not say it, a vehicle is first struck at its initial impact.
-        """
+        If the event does not say it, a vehicle is first struck at its initial impact."""
         return vehicle.impact if area is None and vehicle.number not in self._met else area
 
     def _other_vehicle(self, event: EventRecord) -> int | None:

@@ -72,7 +72,7 @@ def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | 
 def kind_of_codes(harm_ev: int | None, vehicles: int | None, events: Sequence[int]) -> CrashKind | None:
     """Return the kind of a crash from its codes: ``HARM_EV``, ``VE_FORMS``, and the ``SOE`` of its events in order.
 
-    Where ``HARM_EV`` does not say it, the first harmful event is the first one of the events.
+    If ``HARM_EV`` does not say it, the first harmful event is the first one of the events.
 
     >>> str(kind_of_codes(8, 1, [8]))  # a pedestrian, and one vehicle
     'pedestrian'

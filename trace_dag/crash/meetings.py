@@ -55,9 +55,9 @@ def merged(
     """Return the crash's sequence put together from the vehicles' own, and whether the order of contacts had to be
     chosen.
 
-    Where several pairings are possible, those stay whose first contact is what ``MAN_COLL`` and the crash types say.
-    If these differ in the order of contacts only, vehicles of lower numbers met first (so in 92.5 % of the 1,712
-    crashes of three vehicles and two contacts of 2016). Where they differ in who met whom, it was a queue if in one of
+    If several pairings are possible, those stay whose first contact is what ``MAN_COLL`` and the crash types say. If
+    these differ in the order of contacts only, vehicles of lower numbers met first (so in 92.5 % of the 1,712 crashes
+    of three vehicles and two contacts of 2016). If they differ in the parties that met, it was a queue if in one of
     them every contact is one of a front with a rear: then each ran into its neighbour by number (so in 65 of 66 such
     crashes of 2016). Else the second party stays None.
 

@@ -1,8 +1,8 @@
 """A crash report to a :class:`CrashRecord`, whatever its source serves: CrashAPI's XML, a table's rows, a record.
 
-Every code is checked against the codes of its year. Missing values are filled from what other fields imply, and marked.
-Fields that disagree are listed. Whether the record says enough is decided in :mod:`trace_dag.crash.completeness`.
-"""
+Every code is checked against the codes of its year. Missing values are filled from what other fields imply, and
+marked. Fields that disagree are listed. The completeness of the record is decided in
+:mod:`trace_dag.crash.completeness`."""
 
 from __future__ import annotations
 

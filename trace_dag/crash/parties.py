@@ -1,10 +1,9 @@
 """Parties of a crash: kinds of parties and of events, and the numbers that tell parties apart.
 
 Vehicles keep their numbers (``VEH_NO``, 1 to 999), persons outside them have 1000 + ``PER_NO``; objects, animals and
-trains, which no table numbers, 2000 + the number of the event (``EVENTNUM``) in which they were struck. Does not belong
-here: which party an event was with (:mod:`trace_dag.crash.event_parties`). A trailer is no party: it belongs to the
-vehicle that pulls it. Where a body of its own needs a number, in logs and pictures, it is 3000 + ``VEH_NO``.
-"""
+trains, which no table numbers, 2000 + the number of the event (``EVENTNUM``) in which they were struck. Does not
+belong here: which party an event was with (:mod:`trace_dag.crash.event_parties`). A trailer is no party: it belongs
+to the vehicle that pulls it. If a body of its own needs a number, in logs and pictures, it is 3000 + ``VEH_NO``."""
 
 from __future__ import annotations
 

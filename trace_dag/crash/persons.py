@@ -1,8 +1,7 @@
 """Persons outside motor vehicles: ``NPersons`` with what the crash's typing and the tables of their acts add.
 
-``PER_NO`` identifies a person in all tables (``VEH_NO`` is 0). Where national files lack the person table, a row in any
-other table of persons is enough to make one.
-"""
+``PER_NO`` identifies a person in all tables (``VEH_NO`` is 0). If national files lack the person table, a row in any
+other table of persons is enough to make one."""
 
 from __future__ import annotations
 

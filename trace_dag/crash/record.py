@@ -288,9 +288,8 @@ _NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR, without its letter
 class NonMotorist:
     """A person outside motor vehicles: pedestrian, cyclist, ... ``None`` means that the report does not say.
 
-    Codes are those of :mod:`trace_dag.crash.codes.persons`. What is coded at or near intersections only (directions,
-    manoeuvre of the motorist, leg, scenario) is None elsewhere.
-    """
+    Codes are those of :mod:`trace_dag.crash.codes.persons`. Fields coded at or near intersections only (directions,
+    manoeuvre of the motorist, leg, scenario) are None elsewhere."""
 
     number: int  # PER_NO
     person_type_code: int  # PER_TYP, else PBPTYPE

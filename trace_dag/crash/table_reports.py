@@ -1,8 +1,7 @@
 """The raw report of a crash that a table tells of, as a JSON document.
 
-Of FARS' tables it holds the rows as they are. Of another register, whose mapping is not kept, it holds the record as
-read, before it is completed: the fields that are not at their defaults.
-"""
+It holds the rows of FARS' tables as they are. For another register, whose mapping is not kept, it holds the record
+as read, before it is completed: the fields that are not at their defaults."""
 
 from __future__ import annotations
 

@@ -229,8 +229,8 @@ class _Made:
 def get_ready() -> None:
     """Import the modules of a worker before its first page.
 
-    What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
-    """
+    Objects made until then are exempt from the garbage collector, which runs after each crash and need not look
+    through them every time."""
     for name in (*MADE_WITH, "trace_dag.pages.crash_page"):
         import_module(name)
     gc.collect()

@@ -80,10 +80,9 @@ def made_of(records: Records) -> str:
 def making_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:
     """Return the function that makes the files of a crash at its end, for :func:`trace_dag.flow.batch.run_stages`.
 
-    It makes none where some are there already, which its manifest lists: they are for whoever builds it
-    to replace; nor where a later stage's record is from before this run. What is there is asked once for the whole run:
-    an object store takes two requests, one of them a listing, to say of one file that it is not there.
-    """
+    It makes none where some are there already, which its manifest lists: they are for whoever builds it to replace;
+    nor where a later stage's record is from before this run. The files present are listed once for the whole run: an
+    object store takes two requests, one of them a listing, to report one missing file."""
     names = [name(key) for name in (replay_name, package_name, thumbnail_name) for key in keys]
     return partial(_made_at_once, already=frozenset(crash_of(name) for name in storage.sizes(names)))
 

@@ -61,9 +61,9 @@ def export(
 ) -> int:
     """Write verified crashes below ``folder`` in a format that an installed exporter writes.
 
-    How many files were written or replaced.
+    Return the number of files written or replaced.
 
-    ``told`` hears of each crash, ``on_problem`` of each that cannot be written because something stored of it is
+    ``told`` is called with each crash, ``on_problem`` of each that cannot be written because something stored of it is
     damaged, ``left_out`` of each that the format has no words for. Raises :class:`UserError` for a format that nobody
     offers.
     """

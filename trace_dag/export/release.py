@@ -99,13 +99,13 @@ def build_release(
     """Release the accepted crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
     Packages are brought up to date with the warehouse first, those that are not as they were made included. The
-    workspace's ``page_listener`` hears how many of how many are, and then how many are in place. ``unknown`` are
-    crashes of which something stored is damaged, so that the warehouse does not hold all of them. While there is one
-    of the cohort, or a package cannot be made, which ``on_problem`` hears of, the other packages are put in place and
-    the release is left unfinished. A file of a finished release that is damaged is replaced by what it was. ``bench``
-    is a definition of others to be made again: of its crashes, on its date. ``national`` are FARS's accident tables to
-    weigh the crashes by. Raises :class:`UserError` for a malformed version, for a finished release of this version that
-    has other content, and saying which input differs from the definition's.
+    workspace's ``page_listener`` receives how many of how many are, and then how many are in place. ``unknown`` are
+    crashes of which something stored is damaged, so that the warehouse does not hold all of them. While there is one of
+    the cohort, or a package cannot be made, which ``on_problem`` is called with, the other packages are put in place
+    and the release is left unfinished. A file of a finished release that is damaged is replaced by what it was.
+    ``bench`` is a definition of others to be made again: of its crashes, on its date. ``national`` are FARS's accident
+    tables to weigh the crashes by. Raises :class:`UserError` for a malformed version, for a finished release of this
+    version that has other content, and saying which input differs from the definition's.
     """
     check_version(version)
     given = None if bench is None else _given(bench)

@@ -95,7 +95,7 @@ def read_definition(data: bytes, name: str) -> dict[str, Any]:
 def differences(given: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:
     """Return the inputs that differ from those of a given definition, a sentence each.
 
-    Of those that follow from others only where these are the same.
+    Inputs that follow from others are listed only where these are the same.
 
     >>> crash = {"report_sha256": "1", "map_sha256": "2", "package_sha256": "3"}
     >>> given = {"stages": {}, "weights": None, "crashes": {"2023-1": crash, "2023-2": crash}}

@@ -30,7 +30,8 @@ def negative_controls(
     Stored for the warehouse.
 
     Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
-    at random. ``on_progress`` hears how many of how many are read, and then judged; ``on_problem`` of those left out.
+    at random. ``on_progress`` receives how many of how many are read, and then judged; ``on_problem`` of those left
+    out.
 
     Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
     """

@@ -173,7 +173,7 @@ def not_as_listed(
 
     And what is found.
 
-    ``told`` hears how many have been read.
+    ``told`` receives how many have been read.
     """
     files = list(files)
     sizes = storage.sizes([file.name for file in files])

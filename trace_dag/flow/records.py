@@ -66,8 +66,7 @@ def read_records(
 def readable_record(storage: Storage, name: str, data: bytes, on_problem: OnProblem) -> OutcomeRecord | None:
     """Return a record from its bytes; None, and ``on_problem`` is called, if it is damaged.
 
-    What cannot be read is read once more, since the file may just have been replaced.
-    """
+    An unreadable record is read once more, since the file may just have been replaced."""
     try:
         return record_from_json(data, name=name)
     except DamagedFile:

@@ -18,9 +18,8 @@ COHORT = "recovered"
 def register_again(storage: Storage) -> None:
     """Register every crash with a record of its report, in cohorts called ``recovered``.
 
-    Its report is the one that the first stage kept, or asked of the service again. Of maps only a digest is known, so
-    that what was made from them stays as it is; crashes that still need one fail until maps are registered again.
-    """
+    Its report is the one that the first stage kept, or asked of the service again. Only a digest of the maps is
+    known, so that their results stay as they are; crashes that still need one fail until maps are registered again."""
     left_out = []
     keys = {crash_of(name) for name in storage.list(Stage.RAW_REPORT.value)}
     by_maps: dict[str, dict[str, ReportSource]] = {}

@@ -1,8 +1,7 @@
 """Reading many stored crashes, for the studies.
 
-Belongs here: which crashes, and reading them. What is read of a crash is its
-:class:`~trace_dag.flow.contract.CrashFiles`.
-"""
+Belongs here: which crashes, and reading them. The stored parts of a crash are its
+:class:`~trace_dag.flow.contract.CrashFiles`."""
 
 from __future__ import annotations
 
@@ -73,7 +72,7 @@ def crash_files(
 ) -> Iterator[CrashFiles]:
     """Return the artefacts of some registered crashes, in their order.
 
-    ``on_problem`` hears of records that are damaged.
+    ``on_problem`` is called with records that are damaged.
 
     ``run_id`` is the run that is going to work on them. Raises :class:`UserError` for a key that is not registered.
     """
@@ -95,7 +94,7 @@ def judged_crashes(
 ) -> list[StoredCrash]:
     """Return those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
 
-    The same crashes give the same draw. ``on_progress`` hears how many of how many have been read, ``on_problem`` of
+    The same crashes give the same draw. ``on_progress`` receives how many of how many have been read, ``on_problem`` of
     those left out because something stored of them is damaged.
     """
     judged = [each for each in crash_files(workspace, keys, on_problem=on_problem) if each.has(VERDICT)]

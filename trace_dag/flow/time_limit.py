@@ -1,6 +1,6 @@
 """A limit on the time a stage may take for a crash.
 
-In the main thread an alarm interrupts Python code. Other threads (those of a Dask worker) hear no alarm: there the
+In the main thread an alarm interrupts Python code. Other threads (those of a Dask worker) get no alarm: there the
 stage has a thread of its own, which is interrupted when it is next in Python, and not waited for if that is never.
 If a library hangs that lets no Python run, a worker ends itself a while later, by a thread that needs no interpreter;
 its crash is then treated like that of any lost worker.

@@ -122,7 +122,7 @@ def verify_storage(
 ) -> StorageReport:
     """Compare what records and manifests list with the files that are there.
 
-    With ``contents`` every file is read and compared with its SHA-256; ``progress`` hears how many of how many.
+    With ``contents`` every file is read and compared with its SHA-256; ``progress`` receives how many of how many.
     """
     registry, older = Registry(storage), is_of_older_version(storage)
     lost = [each for each in registry.damage() if _is_first(each) or not older]  # which made no copies

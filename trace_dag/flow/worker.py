@@ -1,8 +1,7 @@
 """The work itself: some stages for some crashes, wherever an executor calls it.
 
-Each crash is isolated: whatever one raises becomes its outcome, and the next is worked on. What is written of it, and
-in which order, is in :mod:`trace_dag.flow.crash_store`.
-"""
+Each crash is isolated: whatever one raises becomes its outcome, and the next is worked on. The order of its writes
+is in :mod:`trace_dag.flow.crash_store`."""
 
 from __future__ import annotations
 
@@ -63,8 +62,8 @@ def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
 def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
     """Import the modules of a worker before its first chunk, ``modules`` among them.
 
-    What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
-    """
+    Objects made until then are exempt from the garbage collector, which runs after each crash and need not look
+    through them every time."""
     for definition in flow.stages:
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:

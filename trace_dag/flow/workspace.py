@@ -38,8 +38,9 @@ def storage_root(chosen: str | None = None) -> str:
 class Workspace:
     """A storage root: what is stored, the settings in force, and the flow that makes it.
 
-    For progress bars, ``listener`` hears of every stage and crash as it is done, and ``page_listener`` how many crashes
-    have got their page and package, of how many. ``executor`` is used instead of one made for each piece of work.
+    For progress bars, ``listener`` is called with every stage and crash as it is done, and ``page_listener`` how many
+    crashes have got their page and package, of how many. ``executor`` is used instead of one made for each piece of
+    work.
     """
 
     storage: Storage

@@ -48,7 +48,7 @@ class Loaded:
 @dataclass(frozen=True, eq=False)
 class Track:
     """A case to drive in: ``load`` reads it, ``crash`` is what is stored of the crash, ``weight`` that of a likely
-    course among those of its crash. Of one opened place all environments have the same tracks."""
+    course among those of its crash. All environments have the same tracks of one opened place."""
 
     case_id: str
     crash: CrashArtefacts

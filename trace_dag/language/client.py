@@ -75,9 +75,8 @@ class LlmClient:
     def try_out(self) -> None:
         """Check that the model answers: one short question, unless it has answered within the last minute.
 
-        What it says does not matter. The question shows whether key, model, budget and connection are right. Raises as
-        :meth:`ask`.
-        """
+        The content of the answer does not matter. The question shows whether key, model, budget and connection are
+        right. Raises as :meth:`ask`."""
         if time.monotonic() - self._answered_s > _ANSWERING_FOR_S:
             self._ask(_TRIAL, _TRIAL_ANSWER)
 

@@ -33,8 +33,7 @@ class LlmEstimator:
     def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
         """See :func:`estimate_llm`.
 
-        Where no two vehicles in transport meet first nobody is asked, and the estimate says so.
-        """
+        If no two vehicles in transport meet first nobody is asked, and the estimate says so."""
         asked: list[EstimatorRun] = []
 
         def ask(of: FirstScene) -> FirstEvent:

@@ -84,7 +84,7 @@ class MapCatalog:
         """Return the roads in a box of ``settings.radius_m`` around each site, by site key, from one reading of each
         file.
 
-        A file covers a site if there is a way in the box of the site, cut from that file. Of several the one whose
+        A file covers a site if there is a way in the box of the site, cut from that file. Among several, the file whose
         own bounds hold the whole box is taken, then the one with most road in the box, then the newest, then the first
         by name. Files of neighbouring ground, which share nodes with it, are joined to it.
 

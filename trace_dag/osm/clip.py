@@ -25,9 +25,9 @@ def clip_roads(
 ) -> OsmExtract:
     """Cut ``ways`` at ``box``: roads and walkways by ascending id, and the restrictions whose members are all there.
 
-    Where a way crosses the border a node is made there (``clipped``, negative id). A way that comes into the box
-    several times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative
-    ones, and restrictions are told which part they mean. All ids made here depend on nothing but the data and the box.
+    If a way crosses the border a node is made there (``clipped``, negative id). A way that comes into the box several
+    times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative ones,
+    and restrictions are told which part they mean. All ids made here depend on nothing but the data and the box.
 
     >>> from trace_dag.osm.types import RawWay
     >>> way = RawWay(7, np.array([1, 2]), np.array([0.5, 1.5]), np.array([0.5, 0.5]), {"highway": "primary"})

@@ -1,10 +1,9 @@
 """The extract of a crash as it is stored: the streets as OSM PBF, what stands and lies beside them as GeoJSON.
 
-Any OSM program reads the PBF: objects by type and id, ``version="1"`` on each since some readers insist on it. What PBF
-has no field for stands elsewhere: nodes that were made at the border of the box carry the tag :data:`CLIPPED`; the box
-(to the last digit, which libosmium cuts off), the source, its date and who has to be named are foreign members of the
-GeoJSON (RFC 7946, section 6.1).
-"""
+Any OSM program reads the PBF: objects by type and id, ``version="1"`` on each since some readers insist on it. Facts
+without a field in PBF stand elsewhere: nodes that were made at the border of the box carry the tag :data:`CLIPPED`;
+the box (to the last digit, which libosmium cuts off), the source, its date and its attribution are foreign members
+of the GeoJSON (RFC 7946, section 6.1)."""
 
 from __future__ import annotations
 

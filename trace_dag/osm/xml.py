@@ -1,11 +1,10 @@
 """OSM XML (API 0.6) to and from :class:`~trace_dag.osm.types.OsmExtract`.
 
 The form in which extracts are stored, and in which the OSM API and Overpass answer. Written so that other tools
-(osmium, JOSM, netconvert, Osm2Odr) read it: objects sorted by type and id, coordinates at OSM's own resolution of 1e-7
-degrees, ``version="1"`` on every object because some readers insist on it. What OSM XML cannot express is stored in
+(osmium, JOSM, netconvert, Osm2Odr) read it: objects sorted by type and id, coordinates at OSM's own resolution of
+1e-7 degrees, ``version="1"`` on every object because some readers insist on it. Facts without a field in OSM XML are
 attributes that other readers ignore: ``clipped`` on nodes made at the border of the box and ``source`` on the root.
-Reading files of unknown size, of any format, is :mod:`trace_dag.osm.extraction`'s task.
-"""
+Reading files of unknown size, of any format, is :mod:`trace_dag.osm.extraction`'s task."""
 
 from __future__ import annotations
 
@@ -65,7 +64,7 @@ def write_osm(extract: OsmExtract) -> bytes:
 def read_osm(data: bytes, *, name: str) -> OsmExtract:
     """Read OSM XML; ``name`` (a path or address) is for error messages.
 
-    Of several versions of an object the newest counts. A way's references to nodes that are not in the data are
+    The newest of several versions of an object counts. A way's references to nodes that are not in the data are
     dropped, as are ways with fewer than two nodes left and deleted objects, so that the result keeps the promise of
     :class:`OsmExtract`. Without ``<bounds>`` the box is that of the nodes.
 

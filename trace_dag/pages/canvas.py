@@ -60,7 +60,8 @@ class Ink:
 
 @dataclass
 class Canvas:
-    """A window (west, south, east, north; m) that is ``width_pt`` points wide. What is ``taken`` is clear of names."""
+    """A window (west, south, east, north; m) that is ``width_pt`` points wide. Areas in ``taken`` stay clear of
+    names."""
 
     PER_M: ClassVar[float] = 100.0  # units of the SVG
 

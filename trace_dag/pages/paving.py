@@ -31,7 +31,7 @@ def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) 
 
     ``lanes`` are outlines of lanes on one level, shape (n, 2), m: those through junctions, of which ``junctions`` has
     the numbers, and those in the middle of a road, which end before one. Inside a junction, which is the convex hull of
-    its lanes, a gap is paved where it is narrower than a lane: islands are wider. What separates carriageways outside
+    its lanes, a gap is paved where it is narrower than a lane: islands are wider. A separation of carriageways outside
     is not a gap.
 
     >>> lane = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 3.5], [0.0, 3.5]])

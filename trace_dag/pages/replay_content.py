@@ -108,7 +108,7 @@ def replay_content(
 ) -> ReplayContent:
     """Return the content for a log: of the hypothesis that ``verdict`` judges, or of an agent's ``drive``.
 
-    ``sampled`` has other likely courses, which can be chosen. What is shown ``beside`` others has their windows, and
+    ``sampled`` has other likely courses, which can be chosen. A drive shown ``beside`` others has their windows, and
     its outcome as its title.
 
     >>> content = replay_content(record, network, log, verdict, in_3d=False)

@@ -72,11 +72,10 @@ class CrashReplay:
 class Crash:
     """One crash of a root, a package or a release.
 
-    Every part is read when first asked for, checked against what was written, and kept. What the crash did not get as
-    far as (an estimate of one that was rejected at its map) raises :class:`trace_dag.common.errors.UserError`; what is
-    damaged raises :class:`trace_dag.common.errors.Failure`. Frame: local transverse Mercator at the reported point, x
-    east, y north, metres, radians counter-clockwise from east, m/s.
-    """
+    Every part is read when first asked for, checked against what was written, and kept. A part that the crash did
+    not reach (an estimate of one that was rejected at its map) raises :class:`trace_dag.common.errors.UserError`; a
+    damaged one raises :class:`trace_dag.common.errors.Failure`. Frame: local transverse Mercator at the reported
+    point, x east, y north, metres, radians counter-clockwise from east, m/s."""
 
     def __init__(self, stored: CrashArtefacts) -> None:
         self._stored = stored

@@ -1,7 +1,6 @@
 """Candidates: for one reading of the record, the pairs of paths that can have led to the crash.
 
-Whether and where the bodies touch on these paths is found by the solver.
-"""
+The solver finds whether and where the bodies touch on these paths."""
 
 from __future__ import annotations
 

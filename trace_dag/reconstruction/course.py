@@ -76,8 +76,7 @@ class Course:
     def last_event_s(self, number: int) -> float | None:
         """Return the time of a party's last event planned so far; None if there is none.
 
-        What was touched again, by bodies that come to lie against each other, does not count.
-        """
+        Parties touched again, as bodies come to lie against each other, do not count."""
         seen = (each for each in self.matching.matched if each is not None and number in each.pair)
         return max((each.time_s for each in seen), default=None)
 

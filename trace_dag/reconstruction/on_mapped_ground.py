@@ -1,8 +1,7 @@
 """Hypotheses in which all parties are where they can be before the first event.
 
-Where the map's data end before a vehicle's beginning, the time before the first event is shortened: what happens before
-is not known. Roads that end are no reason to drive over gardens.
-"""
+If the map's data end before a vehicle's beginning, the time before the first event is shortened: what happens before
+is not known. Roads that end are no reason to drive over gardens."""
 
 from __future__ import annotations
 
@@ -34,7 +33,7 @@ def on_mapped_ground(
     """Return the estimate that ``made_with`` makes, without hypotheses in which a party is off mapped ground or in a
     building; with less time before the first event, where the best one only begins there.
 
-    Where none is left, less likely ones are asked for.
+    If none is left, less likely ones are asked for.
 
     Raises :class:`Rejection`: ``map_too_small`` where the data end too near to the crash, ``no_feasible_state`` where a
     party strays later on in every hypothesis.

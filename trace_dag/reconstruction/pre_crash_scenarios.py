@@ -1,9 +1,8 @@
 """Encounters: how the two vehicles met, as far as the record tells.
 
 Crash types, critical events, movements and the sequence of events give a short list of readings of the record. A
-reading says how the two approaches relate and which vehicle entered the other's path. Where the record says nothing,
-every reading stays, with its prior.
-"""
+reading says how the two approaches relate and which vehicle entered the other's path. If the record says nothing,
+every reading stays, with its prior."""
 
 from __future__ import annotations
 

@@ -196,10 +196,9 @@ def _begun(search: Search, plan: Plan, events: Sequence[CrashEvent]) -> Course:
 def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[str]) -> list[Course]:
     """Return the course with one contact more: as it is where both meet by themselves, else with who is missing.
 
-    Where no plan of a vehicle that is missing brings the contact about, the likeliest is kept: a verdict says what it
-    lacks. Where both are there, or one stood there, the course stays as it is. Who comes to a course that went wrong
-    before cannot set it right: one plan will do.
-    """
+    If no plan of a vehicle that is missing brings the contact about, the likeliest is kept: a verdict says what it
+    lacks. If both are there, or one stood there, the course stays as it is. A party that joins a course that went
+    wrong before cannot set it right: one plan will do."""
     as_it_is = search.with_event(course, event)
     newcomers = [number for number in event.pair if number not in course.numbers]
     if not newcomers or as_it_is.matching.matched[-1] is not None:

@@ -86,8 +86,7 @@ class Case:
     def pair(self) -> tuple[int, int]:
         """Return numbers of the two that collided first, the lower one first.
 
-        Of a near miss the first two participants; twice the one that left the road by itself.
-        """
+        For a near miss, return the first two participants; twice the one that left the road by itself."""
         if self.departed is not None:
             return self.departed, self.departed
         contact = self.contact
@@ -99,8 +98,7 @@ class Case:
     def striking(self) -> int:
         """Return the number of the one that closed in faster at the recorded contact.
 
-        Of a near miss the first one's.
-        """
+        For a near miss, return the first one's."""
         contact = self.contact
         if contact is None or self.departed is not None:
             return self.pair[0]
@@ -135,7 +133,7 @@ class Case:
     def going_on(self) -> tuple[Participant, ...]:
         """Return all participants with plans that reach the end of an evaluation, however slow the agent is.
 
-        Of one that skids, as far as it was planned: it slides on by itself.
+        For one that skids, follow the plan: it slides on by itself.
 
         Nobody loses control as a consequence of a crash that need not happen.
         """

@@ -1,8 +1,7 @@
 """Intended drives: each party's course without the crash, each driver's route and goal.
 
-What tools for driving ask of a scenario, in the crash's local frame. Belongs here: deriving it from a case. Does not
-belong here: the files that say it (:mod:`trace_dag.scenario.driving_files`, :mod:`trace_dag.export.formats`).
-"""
+Driving tools ask this of a scenario, in the crash's local frame. Belongs here: deriving it from a case. Does not
+belong here: the files that say it (:mod:`trace_dag.scenario.driving_files`, :mod:`trace_dag.export.formats`)."""
 
 from __future__ import annotations
 

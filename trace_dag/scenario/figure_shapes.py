@@ -1,8 +1,7 @@
 """A person or an animal from above, as pictures, replays and sketches draw one: head, body, limbs, and what is ridden.
 
-Where a log has the landmarks of a jointed figure, that is drawn, standing, riding or thrown; where it has none, and
-for plans, somebody who stands upright or rides along the heading.
-"""
+If a log has the landmarks of a jointed figure, that is drawn, standing, riding or thrown; where it has none, and for
+plans, somebody who stands upright or rides along the heading."""
 
 from __future__ import annotations
 
@@ -37,7 +36,7 @@ _NOSE: Final = 0.46
 @dataclass(frozen=True, eq=False)
 class FigureShape:
     """Lines and places from above, metres in the local frame: ``torso`` and ``shoulders`` (2, 2), ``limbs`` (n, 2, 2),
-    ``head`` (2,), ``ridden`` (n, 2, 2): wheels or deck, and handlebar. Of an animal ``shoulders`` is the neck.
+    ``head`` (2,), ``ridden`` (n, 2, 2): wheels or deck, and handlebar. For an animal ``shoulders`` is the neck.
 
     ``widths_m`` are those of torso, shoulders and limbs, ``head_m`` the radius of the head.
     """

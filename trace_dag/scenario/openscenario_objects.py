@@ -1,8 +1,7 @@
 """Fixed objects as OpenSCENARIO has them: a ``MiscObject`` each, that stands where it is.
 
-ASAM OpenSCENARIO 1.2: its box is given from its reference point, the middle of its base; a ditch lies below that.
-Whether the program placed it is said in a property.
-"""
+ASAM OpenSCENARIO 1.2: its box is given from its reference point, the middle of its base; a ditch lies below that. A
+property marks objects that the program placed."""
 
 from __future__ import annotations
 

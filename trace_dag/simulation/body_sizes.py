@@ -1,10 +1,9 @@
 """Body sizes of people, and of what they ride, from age and sex.
 
-Stature and mass are the middle of the population: children by the 50th percentile of the CDC growth charts (Kuczmarski
-et al., Vital and Health Statistics 11(246), 2002), adults by the means of the National Health and Nutrition
-Examination Survey 2011-2014 (Fryar et al., Vital and Health Statistics 3(39), 2016). Where the sex is not known the
-mean of both is taken, where the age is not known an adult.
-"""
+Stature and mass are the middle of the population: children by the 50th percentile of the CDC growth charts
+(Kuczmarski et al., Vital and Health Statistics 11(246), 2002), adults by the means of the National Health and
+Nutrition Examination Survey 2011-2014 (Fryar et al., Vital and Health Statistics 3(39), 2016). If the sex is not
+known the mean of both is taken, where the age is not known an adult."""
 
 from __future__ import annotations
 

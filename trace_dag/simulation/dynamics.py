@@ -9,7 +9,7 @@ centre of gravity.
   the class's cornering stiffness. The driver reads the plan at the current time and asks for the acceleration that
   brings position and velocity back to it; the longitudinal part becomes traction or braking, the lateral part a
   steering angle, by inverting the front tyre (Kritayakirana and Gerdes, IJVAS 2012). At walking pace, where tyre slip
-  says nothing, steering is kinematic. What the tyres cannot give, the vehicle does not do.
+  says nothing, steering is kinematic. The motion stays within the forces of the tyres.
 * Free (after the impact, or beyond the plan's end): nobody drives. A share of each axle's load stands on
   locked wheels, which slide against their velocity with the full friction; the rest on free-rolling ones, which only
   resist sideways. Wheels point ahead.
@@ -166,8 +166,7 @@ class Vehicle:
     def lose_control(self, losses: Sequence[tuple[int, LossOfControl]]) -> None:
         """Take the driver away from the first of these steps on.
 
-        What is assumed of the vehicle holds until the next one.
-        """
+        Assumptions about the vehicle hold until the next one."""
         self._losses = list(losses)
         self.lost_from_step, self.next_loss_step = losses[0][0], losses[0][0]
 
@@ -267,8 +266,7 @@ class Vehicle:
     def strike(self, step: int, response: AfterStriking, step_s: float, *, beside: bool = False) -> None:
         """Note that the driver has struck a person, or was pushed ``beside`` the path.
 
-        Of several events the driver answers the first.
-        """
+        The driver answers the first of several events."""
         if self._after_strike is None:
             self._after_strike = PostImpactDriver(self._plan, step, response, step_s, beside=beside)
 

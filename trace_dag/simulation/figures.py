@@ -1,4 +1,4 @@
-"""A person in MuJoCo: nine jointed segments, upright, walking or riding. What the person rides is a body of its own.
+"""A person in MuJoCo: nine jointed segments, upright, walking or riding. A cycle or mount is a body of its own.
 
 Segments: pelvis, thorax with abdomen, head with neck, arms, thighs, shanks with feet. Their shares of the mass are
 Dempster's and their lengths Drillis and Contini's (both as in Winter, Biomechanics and Motor Control of Human Movement,

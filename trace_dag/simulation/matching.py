@@ -1,10 +1,9 @@
 """Reported events matched with what happens in a simulation: one rule of order, for estimates and verdicts.
 
-What happens are contacts, each with the numbers of both bodies, and overturns. Contacts with vehicles, people and
-animals are required: each comes in its turn, and none before it. Objects that are struck later and overturns may be
-left out, so that one which does not happen takes nothing from those that follow. Such an event may also come after one
-that is reported later of other parties: nobody saw which of the two was first.
-"""
+Events are contacts, each with the numbers of both bodies, and overturns. Contacts with vehicles, people and animals
+are required: each comes in its turn, and none before it. Objects that are struck later and overturns may be left
+out, so that one which does not happen takes nothing from those that follow. Such an event may also come after one
+that is reported later of other parties: nobody saw which of the two was first."""
 
 from __future__ import annotations
 
@@ -109,8 +108,8 @@ def happenings_of(log: SimulationLog) -> list[Happening]:
 def match(seen: Sequence[Happening], expected: Sequence[Expected], *, order_known: bool = True) -> Matching:
     """Match the simulated events with the expected ones.
 
-    A pair that has met may touch again at any time: bodies come to lie against each other. Where the order of the
-    events is not known, the one that fits best counts.
+    A pair that has met may touch again at any time: bodies come to lie against each other. If the order of the events
+    is not known, the one that fits best counts.
 
     >>> matching = match(happenings(log.contacts[:1]), [Expected((1, 2))])
     >>> matching.matched[0].pair, matching.strange

@@ -7,11 +7,10 @@ to the mass, so that the depth depends on the speed alone: a car that strikes a 
 m (Nystrom and Kost, SAE 920605), one that strikes a wall squarely as :mod:`trace_dag.simulation.crush` has it. An
 object that yields moves away under the most it bears, and is gone once its energy is spent.
 
-Two things tell a pole from a wall besides the depth. What springs back is the whole body, whose speed of rebound goes
-with the force that pressed it last; a pole presses at the same speed with some 0.6 of a wall's force, and gives back so
-much less. And a pole makes a pocket, whose wall holds against sliding by the same pressure as its floor does against
-going deeper, in the ratio of the pocket's depth to the pole's width.
-"""
+Two things tell a pole from a wall besides the depth. The whole body springs back, at a speed that goes with the
+force that pressed it last; a pole presses at the same speed with some 0.6 of a wall's force, and gives back so much
+less. And a pole makes a pocket, whose wall holds against sliding by the same pressure as its floor does against
+going deeper, in the ratio of the pocket's depth to the pole's width."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
 """Overturning: when a vehicle that slides sideways tips, and how it rolls on from there.
 
-A vehicle tips about the wheels on the side it slides to. What tips it is the force across it at the ground, times the
-height of its centre of gravity; what holds it is its weight, times half of its track: on level ground it stays upright
-as long as the force is less than its static stability factor of its weight (track / (2 height); NHTSA, DOT HS 809 868,
-2005: passenger cars 1.41, SUVs 1.17, pickups 1.18, vans 1.24 and less; trucks tip from 0.35 to 0.6 g, Winkler and
-Ervin, UMTRI-99-19). Tyres on pavement have too little friction to tip a car; wheels that dig into soil, or strike a
-kerb, have not. Against a kerb the lateral speed turns into rotation at once; from the critical sliding velocity on,
+A vehicle tips about the wheels on the side it slides to. The force across it at the ground, times the height of its
+centre of gravity, tips it; its weight, times half of its track, holds it: on level ground it stays upright as long as
+the force is less than its static stability factor of its weight (track / (2 height); NHTSA, DOT HS 809 868, 2005:
+passenger cars 1.41, SUVs 1.17, pickups 1.18, vans 1.24 and less; trucks tip from 0.35 to 0.6 g, Winkler and Ervin,
+UMTRI-99-19). Tyres on pavement have too little friction to tip a car; wheels that dig into soil, or strike a kerb, have
+not. Against a kerb the lateral speed turns into rotation at once; from the critical sliding velocity on,
 
     v = sqrt(2 g (r - h) (k^2 + r^2)) / h,  r^2 = h^2 + (track / 2)^2,
 
@@ -129,8 +129,7 @@ class Roll:
     def push(self, left_mps: float, up_mps: float, lateral_mps: float) -> None:
         """Apply an impulse per mass on the leading wheels, to the left and up, on coming onto a slope sideways.
 
-        What goes across tips it, what goes up sets it back: it tips where their ratio is more than its stability.
-        """
+        A force across tips it, a force upward sets it back: it tips where their ratio is more than its stability."""
         model = self._model
         if model is None or self.over:
             return

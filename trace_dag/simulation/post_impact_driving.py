@@ -1,11 +1,10 @@
 """Driving after striking a person or a light contact: along the planned path, and after a reaction time on the brakes.
 
 The driver keeps the planned path but not its times: a vehicle does not speed up to make up for the speed lost in the
-strike. A driver who was braking until the strike has reacted already and brakes on to a stop, and one who stood stays
-on the brakes; who left the scene by the report does neither. In a bend the brakes use only the grip that the bend
-leaves: braking as hard as on a straight road would make the vehicle slide off. Whom a contact pushed aside goes on
-beside the planned path, and does not pull back to it.
-"""
+strike. A driver who was braking until the strike has reacted already and brakes on to a stop, and one who stood
+stays on the brakes; who left the scene by the report does neither. In a bend the brakes use only the grip that the
+bend leaves: braking as hard as on a straight road would make the vehicle slide off. A vehicle that a contact pushed
+aside goes on beside the planned path, and does not pull back to it."""
 
 from __future__ import annotations
 

@@ -4,17 +4,16 @@ The edge of a bridge holds: it has a rail, of which OpenStreetMap seldom says. E
 it, so that it is what such roads commonly have. Roads of high speed have open sides
 (:func:`trace_dag.osm.road_classes.is_high_speed`): beyond the shoulder the ground falls by 1V:6H, which a driver
 recovers from (AASHTO, Roadside Design Guide, 2011, section 3.2.1: recoverable up to 1V:4H), over 3 m and goes on level.
-Streets with kerbs have level ground beside them. Where the report has a ditch or an embankment, that is what slopes
+Streets with kerbs have level ground beside them. A reported ditch or embankment slopes
 there, to the left of its heading, and the ground up to it is level:
 
 * a ditch falls by 1V:3H and rises by it again (steeper than the channels that the guide prefers, section 3.2.4);
 * an embankment rises by 1V:2H, about the steepest that earth stands at, and goes on level.
 
 Their depth and height are judgement. A vehicle that comes onto ground that rises from its way is turned up by it
-without coming back: what of its velocity points into the slope is lost. Where its overhang is steeper than what its
+without coming back: what of its velocity points into the slope is lost. If its overhang is steeper than what its
 class clears, or it slides sideways, it digs in, and loses as much again along the ground. Slopes tip a vehicle whose
-wheels are held (tan of the slope = track / (2 height)); one that slides down tips at the same grip as on the level.
-"""
+wheels are held (tan of the slope = track / (2 height)); one that slides down tips at the same grip as on the level."""
 
 from __future__ import annotations
 

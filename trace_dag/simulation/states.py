@@ -111,9 +111,8 @@ class ParticipantState:
 
     ``vehicle_number`` is the party's: FARS ``VEH_NO``, 1000 + ``PER_NO`` for a person, 2000 + the event for an
     animal. For a person ``height_m`` is the stature, for an animal the height at the withers; ``mass_kg`` includes a
-    cycle or the like, and ``vehicle_class`` has no meaning. Of a combination vehicle all is that of the vehicle that
-    pulls; ``trailer_heading_rad`` is the trailer's heading at the trajectory's times.
-    """
+    cycle or the like, and ``vehicle_class`` has no meaning. All values of a combination vehicle are those of the
+    pulling vehicle; ``trailer_heading_rad`` is the trailer's heading at the trajectory's times."""
 
     vehicle_number: int
     vehicle_class: VehicleClass

@@ -77,8 +77,7 @@ class Surface:
     def _on_other_level(self, squared: FloatArray, near_z_m: float) -> np.intp:
         """Return the nearest sample on the level of a height, by the squared distances of all.
 
-        Where there is none, that which is nearest in height.
-        """
+        If there is none, that which is nearest in height."""
         near = np.arange(len(squared))
         if len(squared) > _NEIGHBOURS:
             near = np.argpartition(squared, _NEIGHBOURS)[:_NEIGHBOURS]

@@ -66,10 +66,9 @@ class BodyKind(StrEnum):
 class Body:
     """Dimensions (m) and mass (kg) of a participant's body.
 
-    Of a person, ``height_m`` is the stature, the mass includes what the person rides, and ``vehicle_class`` says
-    nothing (``OTHER``): see :func:`trace_dag.simulation.anthropometry.person_body`. Of an animal ``length_m`` is that
-    from nose to rump and ``height_m`` that of the withers.
-    """
+    For a person, ``height_m`` is the stature, the mass includes what the person rides, and ``vehicle_class`` is
+    ``OTHER``: see :func:`trace_dag.simulation.anthropometry.person_body`. For an animal ``length_m`` is that from
+    nose to rump and ``height_m`` that of the withers."""
 
     kind: BodyKind
     vehicle_class: VehicleClass
@@ -148,8 +147,7 @@ class VehicleLog:
     are the pelvis's. ``landmarks_m`` has k points of a person's body, shape (n, 3 k), each east, north and up of
     (x, y, z): see :data:`trace_dag.simulation.figures.LANDMARKS`; vehicles have none, shape (n, 0).
 
-    What back-ends log is :meth:`on_grid`.
-    """
+    Back-ends log states :meth:`on_grid`."""
 
     number: int
     time_s: FloatArray
@@ -182,16 +180,15 @@ class VehicleLog:
 class Contact:
     """One contact between two bodies: its first moment, and what it did over its whole duration.
 
-    Where one of them is a person, the vehicle is the first, and the person's body includes what the person rides.
+    If one of them is a person, the vehicle is the first, and the person's body includes what the person rides.
 
     ``normal`` is a unit vector from body 1 to body 2; poses are of the bodies' centres and, like the velocities of
     their centres of gravity, those just before the contact. ``impulse_ns`` and ``delta_v`` (m/s, of the centres of
     gravity) are what the contact did within :data:`PULSE_S` of its first moment; ``duration_s`` is how long the two
     pressed each other, ``crush_*_m`` how deep each was pressed in at most; persons and rigid objects are not.
 
-    Of a combination vehicle numbers, poses and velocities are those of the vehicle that pulls, whichever part was
-    touched; ``delta_v`` is of both parts together. ``trailer_pose_*`` is where the trailer was if that was touched.
-    """
+    Numbers, poses and velocities of a combination vehicle are those of the pulling vehicle, whichever part was
+    touched; ``delta_v`` is of both parts together. ``trailer_pose_*`` is where the trailer was if that was touched."""
 
     time_s: float
     duration_s: float
@@ -307,8 +304,7 @@ class SimulationLog:
     def clock_body(self, contact: Contact, number: int) -> tuple[Pose, float, float]:
         """Return the body that clock positions of a contact are counted on: pose of its middle, length and width (m).
 
-        Of a combination vehicle that is the whole of it, in line with the part that was touched.
-        """
+        For a combination vehicle that is the whole of it, in line with the part that was touched."""
         first = number == contact.number_1
         pose, behind = (contact.pose_1, contact.trailer_pose_1) if first else (contact.pose_2, contact.trailer_pose_2)
         body, trailer = self.bodies[number], self.trailers.get(number)
@@ -350,8 +346,7 @@ class SimulationLog:
     def first_contact(self) -> Contact | None:
         """Return the first contact between two participants.
 
-        Where nobody met anybody, the first with a fixed object.
-        """
+        If nobody met anybody, the first with a fixed object."""
         return min(self.meetings or self.contacts, key=lambda contact: contact.time_s, default=None)
 
 

@@ -165,9 +165,9 @@ def trailer_model(body: Body, trailer: Trailer) -> VehicleModel:
 def yaw_inertia_kgm2(body: Body) -> float:
     """Return the about the vertical through the centre of gravity.
 
-    Of light vehicles by NHTSA's measurements: 1.03 W - 1206 slug ft2 at a weight W in lb (Garrott, SAE 930897), but no
+    Light vehicles follow NHTSA's measurements: 1.03 W - 1206 slug ft2 at a weight W in lb (Garrott, SAE 930897), but no
     more than a uniform box's and no less than two thirds of it, where the regression leaves the range it was made of.
-    Of others a uniform box's.
+    All others have a uniform box's.
 
     >>> from trace_dag.simulation.types import BodyKind
     >>> round(yaw_inertia_kgm2(Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.76, 1.78, 1.40, 3260 * KG_PER_LB)))

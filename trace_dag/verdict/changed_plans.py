@@ -1,9 +1,8 @@
 """Negative controls of plans: the same crash with a party late, its side mirrored, or what stood there moved.
 
-The verdict of each is made by the same rules as that of the true plan. Where one of two parties stands at the place of
-the crash no delay makes them miss: not a control, and said so. Objects and parked vehicles are placed by the program,
-so that a verdict can only be worth what these reject.
-"""
+The verdict of each is made by the same rules as that of the true plan. If one of two parties stands at the place of
+the crash no delay makes them miss: not a control, and said so. Objects and parked vehicles are placed by the
+program, so that a verdict can only be worth what these reject."""
 
 from __future__ import annotations
 
@@ -260,7 +259,7 @@ def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> ChangedPlan |
     """Return the first object farther from the reported point along the road: by the distance that the verdict allows
     and by what the object itself extends along the road, so that no part of it is as near as allowed.
 
-    What runs along the road would stay where it is by that, and is moved 3 m away from it. None of what lies across the
+    An object along the road would stay where it is by that, and is moved 3 m away from it. None of what lies across the
     end of a road.
 
     >>> (tree,) = judged_tree.hypothesis.objects

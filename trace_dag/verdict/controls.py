@@ -1,11 +1,10 @@
 """Negative controls: what a verdict accepts that it should not.
 
 Two clock positions either way let a random impact pass with 42 % per vehicle, so that a verdict has to show what its
-acceptance is worth. It is judged by the same rules as the true pairing against changed reports, here: another crash's
-(its place left its own, since another crash's is miles away and would prove nothing), and its own with an event dropped
-or two swapped. Where two reports say the same nothing can tell them apart: each row says whether they differ. Changed
-plans are in :mod:`trace_dag.verdict.changed_plans`.
-"""
+acceptance is worth. It is judged by the same rules as the true pairing against changed reports, here: another
+crash's (its place left its own, since another crash's is miles away and would prove nothing), and its own with an
+event dropped or two swapped. If two reports say the same nothing can tell them apart: each row says whether they
+differ. Changed plans are in :mod:`trace_dag.verdict.changed_plans`."""
 
 from __future__ import annotations
 

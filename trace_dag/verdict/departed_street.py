@@ -1,8 +1,7 @@
 """The street that a vehicle left, beside those that the report names.
 
-Where the vehicle leaves the road the map may have several streets, as at the corner of two. A motion along one that the
-report does not name is not what it tells of, if one that it does name is there.
-"""
+If the vehicle leaves the road the map may have several streets, as at the corner of two. A motion along one that the
+report does not name is not what it tells of, if one that it does name is there."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Reported facts of a departure from the road beside the simulated one: side, part of the road, object, course.
 
-As of two vehicles (:mod:`trace_dag.verdict.course_facts`), with names of their own, since what a fact is worth is
-fitted to crashes of its kind. Objects are placed by the program, so that these facts tell less than those of the place.
-"""
+The facts are those of two vehicles (:mod:`trace_dag.verdict.course_facts`) under names of their own, since the
+weight of a fact is fitted to crashes of its kind. Objects are placed by the program, so that these facts tell less
+than those of the place."""
 
 from __future__ import annotations
 

@@ -100,8 +100,7 @@ def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
 def reported_relations_deg(record: CrashRecord, one: VehicleRecord, two: VehicleRecord) -> frozenset[float]:
     """Return angles between the directions of approach of a pair that its crash types (``ACC_TYPE``) allow.
 
-    Where they say nothing, those of the manner of the collision (``MAN_COLL``), which is that of the first harmful
-    event.
+    If they say nothing, those of the manner of the collision (``MAN_COLL``), which is that of the first harmful event.
 
     >>> reported_relations_deg(record, *record.vehicles)  # ACC_TYPE 68 and 69: they came from opposite directions
     frozenset({180.0})
@@ -271,9 +270,8 @@ def _route(
     """Centre line of the lane and of what follows it straight on, shape (n, 4) as of the network's centre lines, and
     the turns (degrees to the left) offered beside it.
 
-    Where a road forks, the branch is that of ``path``, what the vehicle drove, shape (m, 2). In a junction and
-    its mouth the direction is that of the road that leads to it: lanes flare, paths across swerve.
-    """
+    If a road forks, the branch is that of ``path``, what the vehicle drove, shape (m, 2). In a junction and its
+    mouth the direction is that of the road that leads to it: lanes flare, paths across swerve."""
     line = _driven(network, lane, along)
     ahead_m = _length(line[int(np.hypot(line[:, 0] - path[0, 0], line[:, 1] - path[0, 1]).argmin()) :])
     pieces = [line]

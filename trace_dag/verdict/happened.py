@@ -14,8 +14,8 @@ from trace_dag.verdict.types import EventOutcome, Happening
 def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
     """Return the outcome of each harmful event of the report, in its order.
 
-    An event between the same two parties as the one before it goes on with that one. Where the report lists no events,
-    it is the one that its first harmful event implies. A later object that is struck at another part of the body than
+    An event between the same two parties as the one before it goes on with that one. If the report lists no events, it
+    is the one that its first harmful event implies. A later object that is struck at another part of the body than
     reported is not the reported event.
 
     >>> from trace_dag.crash.event_sequence import sequence_of

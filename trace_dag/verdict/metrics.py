@@ -36,8 +36,8 @@ def relation_error(
 def turn_error(seen: ObservedVehicle, reported: VehicleRecord, topology: RoadTopology) -> float | None:
     """Return the difference of a vehicle's turn from the reported one, where its words mean what they mean elsewhere.
 
-    Who backs goes backward, whichever way. Round a roundabout only entering and leaving are turns. At an L a report
-    calls a turn what on the map is the road's own bend.
+    A vehicle that backs goes backward, whichever way. Round a roundabout only entering and leaving are turns. At an L a
+    report calls a turn what on the map is the road's own bend.
 
     >>> round(turn_error(first_contact.vehicles[2], record.vehicles[1], record.road_topology), 1)  # straight on
     0.0

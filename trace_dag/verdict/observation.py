@@ -329,8 +329,7 @@ def observed_vehicle(
 class StruckSide:
     """A contact for one of its bodies, whatever led to it.
 
-    As in :class:`ObservedVehicle`.
-    """
+    The fields are those of :class:`ObservedVehicle`."""
 
     number: int
     clock_h: float

@@ -1,8 +1,7 @@
 """Reported facts of strikes on people beside the simulated ones: vehicle, area, and directions.
 
-As of two vehicles (:mod:`trace_dag.verdict.course_facts`). Names of their own, since what a fact is worth is fitted to
-crashes of its kind: that a car went straight tells less where nearly all who strike people do.
-"""
+The facts are those of two vehicles (:mod:`trace_dag.verdict.course_facts`). Names of their own, since what a fact is
+worth is fitted to crashes of its kind: that a car went straight tells less where nearly all who strike people do."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """Reported facts of the place beside the map: its streets, the road, the intersection, the point itself.
 
 Lanes, division, control and limit of each vehicle's form are compared with the road that the vehicle drives along
-(:mod:`trace_dag.roads.crash_site.agreement`). What only the report says is on the map by the report's word and is no
-fact here.
-"""
+(:mod:`trace_dag.roads.crash_site.agreement`). Features added to the map from the report alone are no facts here."""
 
 from __future__ import annotations
 
@@ -195,8 +193,7 @@ def _compared_roads(
 ) -> Iterator[Fact]:
     """Yield the map's comparisons, those of a vehicle's form with the road that the vehicle drives along.
 
-    What the map had not by itself, before gaps were filled from the report, is compared with nothing.
-    """
+    Features that the map lacked before gaps were filled from the report are compared with nothing."""
     driven = {vehicle.number: vehicle.road_id for vehicle in seen if vehicle.road_id is not None}
     own = {each.attribute: each for each in compare(network, record, report.placement, driven)} if driven else {}
     for comparison in report.comparisons:

@@ -644,7 +644,7 @@ def at_most(
 def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...]) -> Judgement:
     """Return whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it.
 
-    Of each ``required`` reason something has to have been evaluated.
+    Something has to have been evaluated for each ``required`` reason.
 
     >>> found = judgement((at_most("contact_distance", 6.0, 5.0, "m", Reason.WRONG_LOCATION),), ())
     >>> found.reason.value, found.detail

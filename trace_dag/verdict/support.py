@@ -1,11 +1,11 @@
 """Support of an accepted crash: each independent fact of its report for or against it, their sum, and a grade.
 
-The three criteria ask whether the simulated contact fits the report; the estimator chooses hypotheses that do. Support
-asks what else the report says, of the place and of the course, and whether that is so. Each fact counts with the
-logarithm of how many times likelier it is to agree (or differ) in a true report at its true place than in a control,
-by the counts in ``support_weights.csv``, measured on FARS reports of Virginia 2023 and of Arizona, California, Ohio and
-South Dakota 2012 to 2016 (``lab/fit_support.py``). As in naive Bayes the facts' weights add up.
-"""
+The three criteria ask whether the simulated contact fits the report; the estimator chooses hypotheses that do.
+Support asks what else the report says, of the place and of the course, and whether that is so. Each fact counts with
+the logarithm of how many times likelier it is to agree (or differ) in a true report at its true place than in a
+control, by the counts in ``support_weights.csv``, measured on FARS reports of Virginia 2023 and of Arizona,
+California, Ohio and South Dakota 2012 to 2016 (``lab/fit_support.py``). The facts' weights add up, in the manner of
+naive Bayes."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ class Weight:
     def log_likelihood_ratio(self) -> float:
         """Return the ln of the ratio of the two shares, each count with a prior, within :data:`_MOST` either way.
 
-        What differs never speaks for a crash: where it hardly ever does, in controls neither, few true reports would.
-        """
+        A disagreement never supports a crash: where it hardly ever occurs, in controls neither, few true reports
+        would."""
         levels = len(Agreement)
         true = (self.true_count + _PRIOR) / (self.true_of + levels * _PRIOR)
         chance = (self.chance_count + _PRIOR) / (self.chance_of + levels * _PRIOR)
@@ -92,7 +92,7 @@ Weights = Mapping[tuple[str, Agreement], float]
 def facts_of(record: CrashRecord, network: RoadNetwork, report: MapReport, beside: Comparison) -> tuple[Fact, ...]:
     """Return every fact of the report that can be compared with the map, the simulated course or the report itself.
 
-    Not weighed yet. Where nothing happens, those of the place and of the report alone.
+    Not weighed yet. If nothing happens, those of the place and of the report alone.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings

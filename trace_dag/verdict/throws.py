@@ -1,10 +1,9 @@
 """Throws of struck people: thrown, glanced, carried along or run over.
 
-Who is launched at a speed v, under any angle, comes to rest between v^2 / (2 mu g) and that times 1 + mu^2 further on
-(Searle, SAE 831622), with mu = 0.66 for people on pavement. Nobody is launched at more than the vehicle's speed, or the
-own: who lies further away was carried or pushed on the way. A strike that gives a person less than half of the
-vehicle's speed is a glance; who comes under the vehicle is run over.
-"""
+A body launched at a speed v, under any angle, comes to rest between v^2 / (2 mu g) and that times 1 + mu^2 further
+on (Searle, SAE 831622), with mu = 0.66 for people on pavement. Nobody is launched at more than the vehicle's speed,
+or the own: who lies further away was carried or pushed on the way. A strike that gives a person less than half of
+the vehicle's speed is a glance; who comes under the vehicle is run over."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
 """The DuckDB warehouse, built from the stored artefacts.
 
-One ``.sql`` file per table and view, in ``sql/``, run in the order below. The database is built beside the old one and
-then put in its place, so readers of the old one go on undisturbed and there is never half a warehouse. Where few
+One ``.sql`` file per table and view, in ``sql/``, run in the order below. The database is built beside the old one
+and then put in its place, so readers of the old one go on undisturbed and there is never half a warehouse. If few
 crashes have changed since, it begins as a copy of the old one (:mod:`trace_dag.warehouse.updating`). Only artefacts
-that still count enter: those listed by a record whose inputs are what the records before it list.
-"""
+that still count enter: those listed by a record whose inputs are what the records before it list."""
 
 from __future__ import annotations
 
@@ -110,10 +109,9 @@ def build_warehouse(storage: Storage, local_folder: Path, *, on_problem: OnProbl
 
     ``local_folder`` is where that is done (the root itself, if local).
 
-    A crash may be worked on meanwhile: if one of its files goes while it is read, the build begins again. What is
-    damaged is left out, which ``on_problem`` hears of. Its SHA-256 is noted beside it, so that its readers can tell
-    whether it is still what was built.
-    """
+    A crash may be worked on meanwhile: if one of its files goes while it is read, the build begins again. Damaged
+    parts are left out and passed to ``on_problem``. Its SHA-256 is noted beside it, so that its readers can tell
+    whether it is still what was built."""
     started = time.monotonic()
     bring_up_to_date(storage)
 

@@ -18,7 +18,7 @@ def evaluation_tables(storage: Storage, on_problem: OnProblem) -> dict[str, pa.T
     """Return the stored rows of both by the names the SQL knows them by, those of crashes that have changed since
     included.
 
-    ``on_problem`` hears of the files left out because they are damaged.
+    ``on_problem`` is called with the files left out because they are damaged.
     """
     import pyarrow as pa
 

@@ -131,7 +131,7 @@ def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
 
 
 def query_typed(path: Path, sql: str) -> tuple[list[str], pa.Table]:
-    """As :func:`query`, with the types that DuckDB gives the columns: that of a column of nulls is in no row."""
+    """Return :func:`query` with the types that DuckDB gives the columns: that of a column of nulls is in no row."""
     with open_warehouse(path) as connection:
         with _refusals(sql):
             asked = connection.sql(sql)

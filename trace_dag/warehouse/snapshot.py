@@ -1,9 +1,8 @@
 """A snapshot of all stored crashes, read so that records and artefacts belong together while batches go on writing.
 
-A document counts only if it has the digest its record lists. Where one has been replaced since its record was read,
-the crash is read again; where that goes on, the crash enters as far as it is settled, as a crash does whose stage has
-started. Some hundred crashes at a time are read, so that memory does not grow with the cohort.
-"""
+A document counts only if it has the digest its record lists. If one has been replaced since its record was read, the
+crash is read again; where that goes on, the crash enters as far as it is settled, as a crash does whose stage has
+started. Some hundred crashes at a time are read, so that memory does not grow with the cohort."""
 
 from __future__ import annotations
 
@@ -36,7 +35,7 @@ def read_snapshots(
 ) -> Iterator[list[CrashSnapshot]]:
     """Yield some crashes at a time, in order, each with its documents: artefacts by stage and extension.
 
-    ``on_problem`` hears of records and documents that are damaged; their crash enters as far as it is whole.
+    ``on_problem`` is called with records and documents that are damaged; their crash enters as far as it is whole.
     """
     for start in range(0, len(keys), _CRASHES_AT_ONCE):
         chunk = keys[start : start + _CRASHES_AT_ONCE]

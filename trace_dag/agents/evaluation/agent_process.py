@@ -1,9 +1,8 @@
 """An agent of somebody else, driven from here and running in a process of its own.
 
-To the loop it is an agent like any other. What its process may take is limited, and whatever it does wrong, its own end
-included, is an :class:`AgentFault`; its process is then ended with everything it started, and the next scenario begins
-in a new one.
-"""
+To the loop it is an agent like any other. Its resources are limited, and any fault of it, its own end included, is
+an :class:`AgentFault`; its process is then ended with everything it started, and the next scenario begins in a new
+one."""
 
 from __future__ import annotations
 

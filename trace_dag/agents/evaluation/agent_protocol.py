@@ -1,8 +1,7 @@
 """Messages between an agent's process and the one that measures, each preceded by its length.
 
-What goes to the agent is pickled, by us. Nothing that comes from an agent is unpickled or evaluated: an answer is JSON,
-and is then checked like any other answer.
-"""
+Messages to the agent are pickled by this program. Nothing that comes from an agent is unpickled or evaluated: an
+answer is JSON, and is then checked like any other answer."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _STANDS_MPS = 0.1
 
 
 class Replay:
-    """Drives as was recorded and never reacts. What it scores is the crash itself.
+    """Drives as was recorded and never reacts. Its score is that of the crash itself.
 
     At another ``pace``, after a while in which it slows down or speeds up as drivers do, what comes of being so many
     times as fast.

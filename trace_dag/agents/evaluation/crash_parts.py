@@ -23,7 +23,7 @@ def part_of(record: CrashRecord, number: int) -> CrashPart | None:
     """Return a driver's part by the critical event of each vehicle (``P_CRASH2``), which says whose doing made the
     crash imminent; who runs into someone ahead of it is the initiator.
 
-    Where that tells the drivers not apart, whoever alone was speeding or had been drinking is the initiator. None where
+    If that tells the drivers not apart, whoever alone was speeding or had been drinking is the initiator. None where
     nothing tells. Violations charged are not in the record.
 
     >>> part_of(record, 1), part_of(record, 2)  # a car that turns left across a motorcycle

@@ -5,9 +5,8 @@ place of its recorded conflict, so that they are there when the agent is. Among 
 clock is the recorded one while the agent's vehicle is where it was recorded. From its last moment to react on the agent
 changes nothing any more: the others go on as they are about to.
 
-What binds the clock depends on whom the agent met: someone whose way crosses or meets its own
-(:func:`pace_to_meet`), someone it follows (:func:`pace_ahead`), or a person (:func:`pace_on_foot`).
-"""
+The clock depends on the party that the agent met: one whose way crosses or meets its own (:func:`pace_to_meet`), one
+it follows (:func:`pace_ahead`), or a person (:func:`pace_on_foot`)."""
 
 from __future__ import annotations
 
@@ -188,8 +187,7 @@ class BoundDriver:
 def persistent_drivers(case: Case, ego: int, *, period_s: float) -> dict[int, Driver]:
     """Return drivers for everybody but the agent, by number, who keep its conflict.
 
-    Who skids or loses control does so as recorded.
-    """
+    A vehicle that skids or loses control does so as recorded."""
     conflict = KeptConflict(case, ego)
     return {
         each.number: BoundDriver(conflict, period_s)

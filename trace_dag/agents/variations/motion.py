@@ -1,9 +1,8 @@
 """A recorded motion, perturbed: along the same line or beside it, faster, later, braking.
 
 Nothing is made up: a vehicle only drives where it was recorded to drive, moved sideways. Speeds are scaled about the
-recorded impact, so that a change of speed alone still brings it to the same place at the same time; timing is its own
-perturbation. What that would need of the road before the record begins is cut off for all vehicles alike.
-"""
+recorded impact, so that a change of speed alone still brings it to the same place at the same time; timing is its
+own perturbation. A beginning that would need road before the record's is cut off for all vehicles alike."""
 
 from __future__ import annotations
 

@@ -2,9 +2,8 @@
 
 Time-outs, exponential back-off with jitter on what may pass by itself (408, 429, 5xx, lost connections, wrong
 answers), ``Retry-After`` honoured, a polite rate, bounded answers, and a cache on disk keyed by the request that
-never holds a failure. Where there is no network, that is found out once and said. In cache-only mode nothing leaves
-the machine. Knows no service: what a right answer is, and whether it will stay one, the caller says.
-"""
+never holds a failure. If there is no network, that is found out once and said. In cache-only mode nothing leaves the
+machine. Knows no service: what a right answer is, and whether it will stay one, the caller says."""
 
 from __future__ import annotations
 

@@ -320,7 +320,7 @@ class Storage:
     ) -> dict[str, bytes]:
         """Return contents of those of ``names`` that exist, fetched concurrently from an object store.
 
-        ``unreadable`` hears of local files that cannot be read, which are left out; without it they are raised.
+        ``unreadable`` is called with local files that cannot be read, which are left out; without it they are raised.
         """
         wanted = [check_name(name) for name in names]
         if self.local_root is not None:

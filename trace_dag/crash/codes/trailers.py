@@ -1,8 +1,8 @@
 """Trailers in a reconstruction: typical dimensions, masses, and couplings.
 
 Which vehicles pull one is ``TOW_VEH``; of what kind follows from what pulls: a truck tractor (``BODY_TYP`` 66) a
-semitrailer on its fifth wheel, a truck or bus a trailer on a drawbar, a lighter vehicle a utility or travel trailer. Of
-two and three trailers the first stands for all.
+semitrailer on its fifth wheel, a truck or bus a trailer on a drawbar, a lighter vehicle a utility or travel trailer.
+The first of two and three trailers stands for all.
 
 * Semitrailer: the 53 ft van that most of them are (23 CFR 658.13), 102 in wide and 13 ft 6 in high, kingpin 36 in
   behind its front (SAE J700), 41 ft from there to the middle of its axles, as states limit it; half way between empty

@@ -56,7 +56,7 @@ class CrashApiClient:
     def report(self, key: str) -> bytes:
         """Return the report of a crash as served.
 
-        Where the service has no such report, its answer that says so (``Count`` 0).
+        If the service has no such report, return its answer (``Count`` 0).
 
         Raises UserError for a malformed key, TransientFailure or Failure as :class:`HttpClient` does.
         """

@@ -1,9 +1,8 @@
 """The tables of a FARS national release, as CSV files in a folder or a zip: found, decoded and read as text.
 
 NHTSA's releases differ: file names in upper, lower and mixed case, at the root of the zip or in a folder, with and
-without a byte order mark, in UTF-8 or Latin-1. All of these are read alike here. What the columns mean is the subject
-of :mod:`trace_dag.crash.fars.csv_tables`.
-"""
+without a byte order mark, in UTF-8 or Latin-1. All of these are read alike here. The meaning of the columns is the
+subject of :mod:`trace_dag.crash.fars.csv_tables`."""
 
 from __future__ import annotations
 

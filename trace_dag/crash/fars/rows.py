@@ -1,8 +1,7 @@
 """The rows that the tables of a FARS release have of one crash: kept as they are, and read as CrashAPI's elements.
 
 A column becomes an element of the same name, a row a member of one of CrashAPI's lists; older names and codes are
-translated where reports are read. What the tables are is the subject of :mod:`trace_dag.crash.fars.files`.
-"""
+translated where reports are read. The tables are the subject of :mod:`trace_dag.crash.fars.files`."""
 
 from __future__ import annotations
 
@@ -93,8 +92,7 @@ class FarsRows:
     def _vehicles(self) -> list[Row]:
         """Return the rows of the vehicles in transport, and a bare number for those that only other tables tell of.
 
-        Whether such a vehicle was moving or parked is decided where reports are read.
-        """
+        Reading a report decides whether such a vehicle was moving or parked."""
         rows = self._rows("vehicle")
         known = {integer(row, "VEH_NO") for row in (*rows, *self._rows("parkwork"))}
         told_of = {integer(row, "VEH_NO") for name in _TELLING_TABLES for row in self._rows(name)}

@@ -5,8 +5,8 @@ vehicle would have been without the crash (:class:`trace_dag.scenario.drives.Goa
 that drives as recorded, without the crash: what agents are evaluated in. Times are steps of
 :data:`trace_dag.scenario.drives.STEP_S`, places are in the crash's local frame, as in its OpenDRIVE map.
 
-A limit is a sign of the lanelets where it holds; stop signs and lights have a stop line. What a light shows is not
-known. Signs, and with them the benchmark's id, are of Zamunda, the format's country for no country in particular: its
+A limit is a sign of the lanelets where it holds; stop signs and lights have a stop line. The phases of a light are
+unknown. Signs, and with them the benchmark's id, are of Zamunda, the format's country for no country in particular: its
 schema lacks the American stop sign (R1-1), and commonroad-io the American yield sign. The place is in ``location``.
 
 Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
@@ -69,9 +69,8 @@ _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoN
 class CommonRoad:
     """``<key>_V<number>.xml`` for each driver who leaves the road or would meet somebody, were nobody to react.
 
-    Who was struck by a vehicle that the crash had thrown there, or was struck on the trailer, which a planning problem
-    does not have, has nothing to avoid.
-    """
+    A vehicle that struck a party that the crash had thrown there, or the trailer, which a planning problem does not
+    have, has nothing to avoid."""
 
     def __init__(self, keys: Sequence[str]) -> None:
         """Prepare nothing."""

@@ -1,10 +1,9 @@
 """ASAM OSI traces: a ``GroundTruth`` message for every moment of the crash, as players of OSI 3.8 read them.
 
 ``<key>_gt.osi`` is a single-channel trace: each message after its length, four bytes, little-endian. Moving objects
-are in each message, at the middle of their bounding boxes; lanes, their borders with what is painted there, crosswalks,
-lights, signs, fixed objects, time, light and weather, which do not change, are in the first one. What a light showed is
-not known. Frame: the crash's local frame, named in ``proj_string``.
-"""
+are in each message, at the middle of their bounding boxes; lanes, their borders with what is painted there,
+crosswalks, lights, signs, fixed objects, time, light and weather, which do not change, are in the first one. The
+phases of a light are unknown. Frame: the crash's local frame, named in ``proj_string``."""
 
 from __future__ import annotations
 

@@ -2,8 +2,7 @@
 glTF.
 
 Lanes for geographic tools are in WGS84, longitude first; all else is in the map's local frame, as in its OpenDRIVE.
-What a form needs is loaded when it is asked for: most maps are wanted as OpenDRIVE alone.
-"""
+The modules of a form are loaded when it is asked for: most maps are wanted as OpenDRIVE alone."""
 
 from __future__ import annotations
 

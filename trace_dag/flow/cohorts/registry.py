@@ -268,8 +268,8 @@ class Registry:
     def drop_maps(self, files: Collection[str], cohort: str | None = None) -> dict[str, tuple[str, ...]]:
         """Forget map files, given by path or name, in one cohort or in all; what was forgotten, by cohort.
 
-        What was cut from them is made anew by the next run. Raises :class:`UserError` for a file that no cohort has.
-        """
+        Extracts cut from them are made anew by the next run. Raises :class:`UserError` for a file that no cohort
+        has."""
         cohorts = [self.cohort(cohort)] if cohort is not None else list(self.cohorts().values())
         gone = {each.name: {file: found for file in files if (found := _dropped(each, file))} for each in cohorts}
         for file in files:
@@ -298,8 +298,7 @@ class Registry:
     def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
         """Forget a cohort, or some of its crashes; the crashes that are registered no more, in order.
 
-        What was made of them stays in storage. Raises as :meth:`leaving`.
-        """
+        Their results stay in storage. Raises as :meth:`leaving`."""
         gone = self.leaving(cohort, only)
         if not only:
             for folder in (_COPIES, _FOLDER):  # a copy without its file would be a loss

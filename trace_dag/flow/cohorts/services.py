@@ -89,8 +89,7 @@ class Services:
     def estimator(self, settings: StateSettings) -> Estimator:
         """Return the estimator the settings name.
 
-        What it asks, its budget and rate are kept where all workers find them.
-        """
+        Its answers, budget and rate are kept where all workers find them."""
         return _estimator(settings, self.storage, self.run_id or "run")
 
 

@@ -129,7 +129,7 @@ class TableSource:
 
 @dataclass(frozen=True)
 class CrashApiSource:
-    """The CrashAPI. What a list of cases does not say is looked up in the reports, which stay in the cache."""
+    """The CrashAPI. Facts missing in a list of cases are looked up in the reports, which stay in the cache."""
 
     client: CrashApiClient
     progress: OnProgress | None = None

@@ -1,9 +1,8 @@
 """The seven stages: one module each, a thin function between stored artefacts and the domain packages.
 
 Belongs here: which entry point of a domain package makes which artefact from which others, and the few figures of it
-that a person looks at first. What a stage is made from is its function's signature (:mod:`trace_dag.flow.contract`);
-its code has a number here. Does not belong here: how any of it is done.
-"""
+that a person looks at first. The inputs of a stage are its function's parameters (:mod:`trace_dag.flow.contract`);
+its code has a number here. Does not belong here: how any of it is done."""
 
 from __future__ import annotations
 

@@ -30,8 +30,7 @@ def osm_extract(
 ) -> Mapping[str, StageProduct | Rejection | Failure]:
     """Return the roads around each crash, from one reading of each map file.
 
-    Where none has it, from the cohort's service.
-    """
+    If none has it, ask the cohort's service."""
     answers: dict[str, StageProduct | Rejection | Failure] = {}
     by_maps: dict[tuple[tuple[RegisteredMap, ...], str | None], list[Site]] = {}
     for key, of_crash in record.items():

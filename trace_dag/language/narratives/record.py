@@ -160,8 +160,7 @@ _ELSEWHERE: Final = {
 def merged(coded: CrashRecord, narrated: CrashRecord) -> CrashRecord:
     """Return a register's record with what only its narrative says.
 
-    Where both say something else, the register's value stands and the contradiction is named.
-    """
+    If both say something else, the register's value stands and the contradiction is named."""
     merger = _Merger(narrated)
     record = merger.taken(coded, narrated, "crash")
     by_number = {each.number: each for each in narrated.vehicles}

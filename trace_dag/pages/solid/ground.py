@@ -256,8 +256,7 @@ def _paint(colour: str) -> Material:
 def _strokes(lines: Sequence[FloatArray], heights: Heights, width_m: float) -> Mesh:
     """Return the painted lines, shape (n, 2) each.
 
-    Where the road bends their points are as dense as the lines have them.
-    """
+    If the road bends their points are as dense as the lines have them."""
     painted = [line for line in lines if len(line) > 1]
     if not painted:
         return joined([])

@@ -58,7 +58,7 @@ def crash_glb(
 ) -> bytes:
     """Return the crash as one GLB file: the log's bodies in their poses, dented as deep as the log says, on the road.
 
-    Where an agent drives, the recorded vehicle is there too, to be seen through. The same input gives the same bytes.
+    If an agent drives, the recorded vehicle is there too, to be seen through. The same input gives the same bytes.
 
     >>> crash_glb(record.key, network, log)[:4]
     b'glTF'

@@ -89,7 +89,7 @@ def keep_lane(
 ) -> Option:
     """Keep along the lane, ``offset_m`` left of its centre.
 
-    What the manoeuvre is called depends on the record and the road.
+    The manoeuvre's name depends on the record and the road.
 
     ``turn``: the turn that the lane itself makes, if the record calls it a turn.
 

@@ -122,8 +122,8 @@ def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
 class SpeedProfile:
     """Constant speed up to ``change_time_s`` before the impact, then a constant rate to the speed at impact.
 
-    A ``change_time_s`` of 0 belongs to equal speeds. Who starts longer ago than the lead time is in the middle of it.
-    """
+    A ``change_time_s`` of 0 belongs to equal speeds. A vehicle that starts longer ago than the lead time is in the
+    middle of it."""
 
     initial_mps: float
     impact_mps: float
@@ -134,8 +134,8 @@ class SpeedProfile:
 
         The impact is one of the samples.
 
-        After the impact the speed stays the same, as if nothing had happened. Who brakes begins within the lead time,
-        and loses no more speed in it than tyres hold.
+        After the impact the speed stays the same, as if nothing had happened. A vehicle that brakes begins within the
+        lead time, and loses no more speed in it than tyres hold.
 
         >>> _, _, speeds = SpeedProfile(30.0, 12.0, 4.0).sample(2.5, 0.0)
         >>> float(speeds[0]), round(float(speeds[-1]), 1)  # 2 s at 0.75 g

@@ -1,10 +1,9 @@
 """Later contacts of one more vehicle with a party whose motion has been simulated: arriving, standing in its way, slow.
 
-Every way the report leaves open for the vehicle, at every time from the contact before on, or standing anywhere along
-it, is moved forward beside everybody who is there already. What counts is whom it touches first, and when and where:
-it has to be the right party, after the contact before. Frame: the local frame; times from the beginning of the
-reconstruction.
-"""
+Every way the report leaves open for the vehicle, at every time from the contact before on, or standing anywhere
+along it, is moved forward beside everybody who is there already. The first party that it touches counts, with time
+and place: it has to be the right party, after the contact before. Frame: the local frame; times from the beginning
+of the reconstruction."""
 
 from __future__ import annotations
 

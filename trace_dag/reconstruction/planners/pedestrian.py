@@ -1,9 +1,8 @@
 """A vehicle strikes a person or an animal: as the first event of a crash, or later, where a person lies on the road.
 
-Who is struck again lies where the strike before threw it. The next vehicle is led over the place once the person has
-come to rest there. A driver whom another one follows stops at the side, or else in the lane: wherever the other one
-gets past.
-"""
+A person who is struck again lies where the strike before threw them. The next vehicle is led over the place once the
+person has come to rest there. A driver whom another one follows stops at the side, or else in the lane: wherever the
+other one gets past."""
 
 from __future__ import annotations
 
@@ -84,7 +83,7 @@ def strike_hypotheses(
 ) -> tuple[Hypothesis, ...]:
     """Return the ranked hypotheses of a first strike, at most so many.
 
-    Where another vehicle comes later there are two of each name: the driver stops at the side, or in the lane.
+    If another vehicle comes later there are two of each name: the driver stops at the side, or in the lane.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no way of the vehicle leads it to them as reported.
     """

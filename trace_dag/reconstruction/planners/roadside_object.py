@@ -39,8 +39,7 @@ _CLEAR_ZONE_M: Final = 9.1  # 30 ft, AASHTO Roadside Design Guide
 def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
     """Yield places for the object on the ways that the vehicle can have gone on, first those where the map has it.
 
-    Of a way without any, why.
-    """
+    For a way without any, yield the reason."""
     number = event.vehicle.number
     since_s = course.last_event_s(number)
     if since_s is None:

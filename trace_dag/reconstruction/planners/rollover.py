@@ -2,10 +2,9 @@
 it.
 
 The vehicle leaves its lane as it would to strike an object, out of control and turned across its course; beyond the
-edge, or on the roadway where the report has it there, nobody holds it any more. Whether, where and how it then
-overturns is physics: it is simulated, with the usual settings, and the whole motion is moved along the road until the
-overturn is where the report says. A motorcycle falls.
-"""
+edge, or on the roadway where the report has it there, nobody holds it any more. The overturn itself is physics: it
+is simulated, with the usual settings, and the whole motion is moved along the road until the overturn is at the
+reported place. A motorcycle falls."""
 
 from __future__ import annotations
 

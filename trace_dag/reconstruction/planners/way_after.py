@@ -1,9 +1,8 @@
 """The way of a vehicle after its first contact, and its alternatives: the ground for later events.
 
 Nobody drives after a crash of vehicles, and who strikes a person or an animal drives on: where a vehicle goes is
-simulated. Where that does not lead to what is reported, the vehicle is taken to be out of control with its front wheels
-turned, by as little as leads there: what led it is not reported.
-"""
+simulated. If that does not lead to what is reported, the vehicle is taken to be out of control with its front wheels
+turned, by as little as leads there: what led it is not reported."""
 
 from __future__ import annotations
 
@@ -55,9 +54,8 @@ def ways_on(
 
     Turned wheels lead nowhere where it moves at less than ``least_mps`` by the time that it can lose control.
 
-    Where it is ``tripped`` its wheels dig in, or catch at a kerb, and it may spin instead: nearly all vehicles that
-    overturn are tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report says by what.
-    """
+    If it is ``tripped`` its wheels dig in, or catch at a kerb, and it may spin instead: nearly all vehicles that
+    overturn are tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report says by what."""
     yield course, ""
     state, since_s = course.state_of(number), course.last_event_s(number)
     if since_s is None or state.vehicle_class is VehicleClass.MOTORCYCLE:

@@ -44,11 +44,10 @@ def on_free_ground(
     """Return the object where it can stand, or None where it cannot: on a lane or shoulder, off the bridge whose rail
     it is, in another object.
 
-    Of a lengthwise object it is the part around the place where it is struck that lies across no roadway, and nearer to
+    A lengthwise object keeps the part around the place where it is struck that lies across no roadway, and nearer to
     that place than to where another lengthwise one is struck: of one rail that is struck twice each has its part.
-    ``relation``: the ``REL_ROAD`` of the event. What is struck on the roadway, by that, may stand there (an island's
-    kerb), and so may what lay there.
-    """
+    ``relation``: the ``REL_ROAD`` of the event. An object that is struck on the roadway may stand there (an island's
+    kerb), and so may one that lay there."""
     if relation in ON_ROADWAY or item.code in LYING_OBJECTS:
         return item
     pose, reach_m = item.pose, item.length_m + item.width_m

@@ -1,10 +1,9 @@
 """Comparison of American street names: ``SR-41/FRANKLIN TRNPK`` and ``Franklin Turnpike``, ``VA 41``.
 
 Police write abbreviations and route numbers, OpenStreetMap writes names out and puts numbers into ``ref``. A text is
-split into route numbers (system and number) and plain names (core words, type, directions). How alike two texts are is
-how alike their best pair of routes or names is. Abbreviations of street types and directions are those of the US Postal
-Service's Publication 28 (appendices B and C1), as far as FARS and OSM use them, and a few that police use.
-"""
+split into route numbers (system and number) and plain names (core words, type, directions). Two texts are as alike
+as their best pair of routes or names. Abbreviations of street types and directions are those of the US Postal
+Service's Publication 28 (appendices B and C1), as far as FARS and OSM use them, and a few that police use."""
 
 from __future__ import annotations
 
@@ -251,7 +250,7 @@ class StreetIndex:
     def same(self, reported: str) -> list[tuple[str, ...]]:
         """Return the streets of that name: those that are spelled as reported.
 
-        Where there is none, with a typing error.
+        If there is none, with a typing error.
 
         >>> StreetIndex([("Elder Street",), ("Main Street", "US 1"), ("Maine Road",)]).same("N MAIN ST")
         [('Main Street', 'US 1')]

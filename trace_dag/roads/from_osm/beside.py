@@ -1,10 +1,10 @@
 """Sidewalks, cycle lanes and usual shoulders beside the roads of a street.
 
 They are laid outside the finished lanes of the traffic, so that no road moves for them: cycle lanes next to the
-traffic, then shoulders, sidewalks outermost. The verge between carriageway and sidewalk is a lane of type "none". Where
-another road's carriageway lies, there is none of them; a shoulder leaves room for that road's shoulder, too. Shoulders
-end at junctions; the others go through them on roads of their own (:mod:`trace_dag.roads.from_osm.corners`).
-"""
+traffic, then shoulders, sidewalks outermost. The verge between carriageway and sidewalk is a lane of type "none". If
+another road's carriageway lies, there is none of them; a shoulder leaves room for that road's shoulder, too.
+Shoulders end at junctions; the others go through them on roads of their own
+(:mod:`trace_dag.roads.from_osm.corners`)."""
 
 from __future__ import annotations
 

@@ -150,9 +150,8 @@ def _separate(
 ) -> tuple[FloatArray, bool]:
     """Return heights nowhere steeper than the attempt's grade, nearest to the ground, with a storey between every pair.
 
-    Where a pair lacks height, its upper road is asked to rise (or its lower one to dive) by what is missing; what that
-    does to other pairs is seen in the next round. The flag says whether all of them have what they need.
-    """
+    If a pair lacks height, its upper road is asked to rise (or its lower one to dive) by what is missing; what that
+    does to other pairs is seen in the next round. The flag says whether all of them have what they need."""
     least: dict[NodeId, float] = {}
     most: dict[NodeId, float] = {}
     heights, reached = ground, False

@@ -1,6 +1,6 @@
 """Reads how many lanes a road has in each direction, and what is said of each, from its tags.
 
-The tags of lanes contradict each other often. What is more particular is trusted more; what is not followed is said:
+The tags of lanes contradict each other often. More particular tags are trusted more; the others are reported:
 
 1. ``oneway``, but for what ``oneway:bus=no`` and its like let go against it on lanes of its own;
 2. of a road both ways ``lanes:forward``, ``lanes:backward`` and ``lanes:both_ways``; of one one way ``lanes``;

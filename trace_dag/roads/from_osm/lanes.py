@@ -1,10 +1,9 @@
 """Lane sections of a street: which lane continues which, and how widths and offsets change in between.
 
-Where one way continues another with other lanes, the new lanes open and the ending ones close over a taper, so that
+If one way continues another with other lanes, the new lanes open and the ending ones close over a taper, so that
 every lane border is continuous in position and direction. The boundary between two sections has only the lanes that
 match, at widths that fit both sides. A section goes from the widths at its start over its full cross-section to the
-widths at its end.
-"""
+widths at its end."""
 
 from __future__ import annotations
 

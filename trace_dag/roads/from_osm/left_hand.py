@@ -1,9 +1,8 @@
 """Traffic on the left: the map of the mirrored place, mirrored back.
 
-Everything that is made of streets here is made for traffic on the right. Where traffic keeps left the place is seen in
-a mirror: its geometry, and every tag that has a side. What comes out is mirrored back, so that lanes, turns, signals
-and signs are on the other side (OpenDRIVE 1.7, 9.1, ``rule="LHT"``).
-"""
+Everything that is made of streets here is made for traffic on the right. If traffic keeps left the place is seen in
+a mirror: its geometry, and every tag that has a side. The result is mirrored back, so that lanes, turns, signals and
+signs are on the other side (OpenDRIVE 1.7, 9.1, ``rule="LHT"``)."""
 
 from __future__ import annotations
 

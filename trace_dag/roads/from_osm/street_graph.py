@@ -44,9 +44,8 @@ class Span:
 class Street:
     """A piece of road between two junction nodes (or dead ends). One-way stretches all run along it.
 
-    ``start_node`` and ``end_node`` are junction nodes, or None at a dead end. Where two arms meet but cannot be one
-    street (a hairpin, one-ways head-on, the seam of a closed ring), that node is a junction too.
-    """
+    ``start_node`` and ``end_node`` are junction nodes, or None at a dead end. If two arms meet but cannot be one
+    street (a hairpin, one-ways head-on, the seam of a closed ring), that node is a junction too."""
 
     node_ids: list[int]
     points: list[Point]

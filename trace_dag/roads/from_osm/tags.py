@@ -2,9 +2,8 @@
 
 Real tags have all kinds of values (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``). A value
 that cannot be read counts as untagged, and the usual value for the road's class is used instead
-(:mod:`trace_dag.osm.road_classes`); the profile says so. How many lanes there are is read by
-:mod:`trace_dag.roads.from_osm.lane_tags`. No geometry here.
-"""
+(:mod:`trace_dag.osm.road_classes`); the profile says so. The number of lanes is read by
+:mod:`trace_dag.roads.from_osm.lane_tags`. No geometry here."""
 
 from __future__ import annotations
 

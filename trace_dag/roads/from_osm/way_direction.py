@@ -1,10 +1,9 @@
 """Turns ways so that one-way traffic goes along them, before anything else is read from them.
 
-A way with ``oneway=-1`` is reversed, with every tag that has a side or a direction. Of a reversible or alternating road
-all lanes go one way at a time. ``oneway:conditional`` and the time of the crash decide which; where they do not, it is
-the way as drawn, and the tag :data:`REVERSIBLE_TAG` says that it may have been the other one. Nothing that comes later
-knows any of these values.
-"""
+A way with ``oneway=-1`` is reversed, with every tag that has a side or a direction. All lanes of a reversible or
+alternating road go one way at a time. ``oneway:conditional`` and the time of the crash decide which; where they do
+not, it is the way as drawn, and the tag :data:`REVERSIBLE_TAG` says that it may have been the other one. Nothing
+that comes later knows any of these values."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def polygon(geometry: LaneGeometry) -> shapely.Polygon:
 def united(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) -> shapely.MultiPolygon:
     """Unite surfaces of lanes without slivers between them; they may cross themselves.
 
-    Of what lies ``within`` a box (west, south, east, north; m) alone, if one is given.
+    Only areas ``within`` a box (west, south, east, north; m) count, if one is given.
 
     >>> united([shapely.box(0.0, 0.0, 5.0, 3.5), shapely.box(0.0, 3.51, 5.0, 7.0)]).area  # 1 cm apart
     35.0

@@ -213,8 +213,7 @@ class Road:
     def lanes_under(self, signal: Signal) -> tuple[int, ...]:
         """Return the ids of the lanes that a signal of this road applies to, centre turn lanes left out.
 
-        Where it stands between two lane sections, they are those of the section that traffic comes from.
-        """
+        If it stands between two lane sections, they are those of the section that traffic comes from."""
         sense = {"+": 1, "-": -1}.get(signal.orientation)
         before_m = signal.s_m if sense == -1 else math.nextafter(signal.s_m, 0.0)
         begun = [section for section in self.lane_sections if section.s_m <= before_m]

@@ -1,10 +1,9 @@
 """Beside the road: for any point its road, how far beyond the carriageway's edge it is, and its zone.
 
-OpenStreetMap seldom has shoulders and never has rights-of-way. Where the map has no shoulder lane its width is what
-roads of the class commonly have (:func:`trace_dag.osm.road_classes.usual_shoulder_m`), and the trafficway is taken to
-end 15 m beyond the edge of a freeway and 9 m beyond that of other roads (the clear zone of AASHTO's Roadside Design
-Guide, 2011, which agencies seek to own).
-"""
+OpenStreetMap seldom has shoulders and never has rights-of-way. If the map has no shoulder lane its width is what
+roads of the class commonly have (:func:`trace_dag.osm.road_classes.usual_shoulder_m`), and the trafficway is taken
+to end 15 m beyond the edge of a freeway and 9 m beyond that of other roads (the clear zone of AASHTO's Roadside
+Design Guide, 2011, which agencies seek to own)."""
 
 from __future__ import annotations
 

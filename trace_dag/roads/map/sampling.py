@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 class Stations(NamedTuple):
     """``s_m`` on several lines or lanes, those of one after those of the other, (n,); which of them each is on.
 
-    Where the first of each is, and how many all are.
-    """
+    Return the index of the first of each, and the number of all."""
 
     s_m: FloatArray
     owner: IntArray

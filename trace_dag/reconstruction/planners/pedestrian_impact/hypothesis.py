@@ -1,8 +1,7 @@
 """Parties of strikes on people: the first strike's vehicle and people, and vehicles that come later.
 
-The first strike is planned by :mod:`trace_dag.reconstruction.planners.pedestrian_impact.planner`. Where the people are
-thrown is found by a simulator, see :mod:`trace_dag.reconstruction.planners.pedestrian`.
-"""
+The first strike is planned by :mod:`trace_dag.reconstruction.planners.pedestrian_impact.planner`. A simulator finds
+where the people are thrown, see :mod:`trace_dag.reconstruction.planners.pedestrian`."""
 
 from __future__ import annotations
 

@@ -102,8 +102,7 @@ def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
     """Return the map's crosswalks near the place, if the person was in one by the report, or if it does not say where
     on the road the person was at an intersection; else None.
 
-    Where none is drawn people cross the roads where they meet.
-    """
+    If none is drawn people cross the roads where they meet."""
     told = in_crosswalk(person)
     if not told and not (is_at_intersection(scene.record) and may_have_crossed_in_crosswalk(person)):
         return None

@@ -1,9 +1,8 @@
 """One vehicle strikes one person or animal: every way the vehicle can have come, with every course of the person.
 
-Where the person was touched on the vehicle (the reported area), the way the vehicle came and the reported place give
-the vehicle's pose at the strike. The person is then at that spot of the vehicle, and both motions are followed backward
-from there. Frame: the local frame; stations along the vehicle's path.
-"""
+The vehicle's pose at the strike follows from the area that struck the person, the way that the vehicle came, and the
+reported place. The person is then at that spot of the vehicle, and both motions are followed backward from there.
+Frame: the local frame; stations along the vehicle's path."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ Maps seldom have the objects, and the reported point lies on the road: what is k
 side, the kind of object and where on the vehicle it was struck. So the vehicle leaves its lane there to that side, in
 the reported manner. The object is put where the vehicle's area of impact then is, as far beyond the edge as such
 objects usually stand. Objects behind one that breaks or is driven over follow along the same course. Every such object
-says that the program placed it. Where OpenStreetMap has one of the kind
+says that the program placed it. If OpenStreetMap has one of the kind
 (:mod:`trace_dag.reconstruction.scene.mapped_objects`), the vehicle is led to that instead.
 
 A vehicle out of control skids: it goes on along its course and turns about itself, so far that the area of impact faces

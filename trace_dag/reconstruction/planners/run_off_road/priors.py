@@ -1,9 +1,8 @@
 """The ways of leaving the road that a report allows: how sharply, and how far the body is turned from its course.
 
-How sharply nobody reports. Each manner has several lateral accelerations, and what angle to the road each leads to is
-weighed by the angles that were measured. A vehicle out of control skids: it goes on along its course and turns about
-itself, so far that the area of impact faces the object.
-"""
+The sharpness is not reported. Each manner has several lateral accelerations, and what angle to the road each leads
+to is weighed by the angles that were measured. A vehicle out of control skids: it goes on along its course and turns
+about itself, so far that the area of impact faces the object."""
 
 from __future__ import annotations
 
