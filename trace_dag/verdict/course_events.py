@@ -101,11 +101,7 @@ def _missed_departures(
                 yield _doubt(Doubt.RETURN_MISSED, event, f"{vehicle} does not come back onto the road then")
             continue
         current = next((each for each in remaining if each.left_s >= begin_s - _STEP_S), None)
-        if (
-            judged
-            and event.party_1 == beside.sequence.first.vehicle.number
-            and event.number < beside.sequence.first.number
-        ):
+        if judged and event.number == beside.sequence.first.departure:
             continue
         side = SIDE_OF_EVENT.get(event.code)
         if current is None or current.left_s > end_s:
@@ -149,6 +145,8 @@ def _crosses(
         course_rad = math.atan2(float(driven.velocity_y_mps[k]), float(driven.velocity_x_mps[k]))
         for x_m, y_m in rectangle_corners(pose, body.length_m, body.width_m).tolist():
             for lane in network.nearest_lanes(x_m, y_m, 0.0, z_m=pose.z_m):
+                if median and network.road_by_id[lane.lane.road_id].junction_id is not None:
+                    continue  # who turns drives over lanes of oncoming traffic there, and over no median
                 if math.cos(network.pose(lane.lane, lane.s_m).heading_rad - course_rad) <= _OPPOSED:
                     return True
         if median:

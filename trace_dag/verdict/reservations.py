@@ -23,6 +23,7 @@ from trace_dag.verdict.observation import ObservedCrash
 from trace_dag.verdict.place_facts import names_at
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, EventOutcome, Happening, Reservation
+from trace_dag.verdict.way_doubts import way_doubts
 
 _OTHER_ROAD: Final[Mapping[str, tuple[float, str]]] = {
     "speed limit": (-1.0, "the speed limit differs by 14 mph or more"),
@@ -65,6 +66,7 @@ def simulation_doubts(beside: Comparison, events: Sequence[EventOutcome]) -> tup
         *([] if harmless is None else [harmless]),
         *_other_roads(record, observed),
         *course_doubts(beside),
+        *way_doubts(beside),
     )
 
 

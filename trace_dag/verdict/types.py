@@ -140,6 +140,14 @@ class Doubt(StrEnum):
     NOT_AIRBORNE = "not_airborne"
     OTHER_ZONE = "other_zone"
     UNREPORTED_OVERTURN = "unreported_overturn"
+    NO_STREET = "no_street"  # where a vehicle was going to drive
+    FAR_OFF_ROAD = "far_off_road"
+    SPUN = "spun"  # before the first event
+    STARTS_IN_LANE = "starts_in_lane"  # of a person who crosses
+    OTHER_JUNCTION = "other_junction"
+    OTHER_FACE = "other_face"  # of a vehicle, within the positions that a criterion allows
+    OBJECTS_OVERLAP = "objects_overlap"
+    OBJECT_AT_REST = "object_at_rest"  # placed where the vehicle stops anyway
     NO_AREAS = "no_areas"  # of impact, in a register that has none
 
     @property

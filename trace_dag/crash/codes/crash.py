@@ -12,7 +12,9 @@ RELJCT2 = code_table("RELJCT2")
 AWAY_FROM_JUNCTION: Final = 1
 NON_JUNCTION: Final = frozenset({1, 4, 8, 16, 17, 18})
 """``RELJCT2`` values at which the roadway itself has no intersection."""
-AT_INTERSECTION: Final = frozenset({2, 3})
+IN_INTERSECTION: Final = 2
+INTERSECTION_RELATED: Final = 3  # on an approach or an exit
+AT_INTERSECTION: Final = frozenset({IN_INTERSECTION, INTERSECTION_RELATED})
 
 REL_ROAD = code_table("REL_ROAD")
 LGT_COND = code_table("LGT_COND")
