@@ -8,7 +8,7 @@ from pathlib import Path
 
 import duckdb
 import pytest
-from sample_runs import finished, trace_dag
+from sample_runs import SAMPLE, finished, reports_of, trace_dag
 
 VERIFIED = "2023-319003"
 
@@ -80,6 +80,28 @@ def test_a_folder_in_a_files_place_is_put_aside_and_the_file_made_again(root):
     assert all((root / name).is_file() for name in names)
     aside = {path.name for path in (root / "quarantine").rglob("*") if path.is_dir()}
     assert aside >= {Path(name).name for name in names}
+
+
+def test_of_several_cohorts_one_that_is_gone_with_its_copy_is_missed_and_its_crashes_keep_their_pages(root, tmp_path):
+    trace_dag(root, "cohort", "remove", "sample", "--only", VERIFIED)
+    again = ("--reports", str(reports_of(tmp_path / "reports", [VERIFIED])), "--maps", str(SAMPLE / "osm"))
+    assert trace_dag(root, "ingest", *again, "--cohort", "other").returncode == 0
+    assert trace_dag(root, "run").returncode == 0
+    page = root / f"benchmark/crashes/{VERIFIED}.html"
+    assert page.is_file()
+    for name in ("cohorts/other.json", "cohorts/copies/other.json"):
+        (root / name).unlink()
+    for command in ("status", "run"):
+        said = trace_dag(root, command)
+        assert (said.returncode, said.stderr.count("\n")) == (1, 1), said.stderr
+        assert "cohorts/other.json: damaged: it is not there" in said.stderr
+    done = trace_dag(root, "verify", "--repair")
+    assert done.returncode == 0, done.stdout
+    assert page.is_file()
+    status = json.loads(trace_dag(root, "status", "--json").stdout)["crashes"]
+    assert (status[VERIFIED]["cohort"], status[VERIFIED]["final_state"], len(status)) == ("recovered", "verified", 10)
+    trace_dag(root, "cohort", "remove", "recovered")
+    assert trace_dag(root, "status").returncode == 0, "a cohort that was taken away is not missed"
 
 
 def test_a_root_of_an_earlier_version_is_outdated_and_not_damaged(root):

@@ -243,15 +243,20 @@ def _listed(value: object) -> list[str]:
 
 def summary_is_current(workspace: Workspace, instance: DagsterInstance) -> bool:
     """Return whether the last thing done was bringing the warehouse and the benchmark up to date, by the code there is
-    now.
+    now and with the crashes that are registered now.
     """
     from trace_dag.export.build import is_made_by_this_code
     from trace_dag.warehouse.build import is_built_by_this_code
+    from trace_dag.warehouse.query import query
 
     newest = instance.get_runs(limit=1)
     done = bool(newest) and newest[0].job_name == SUMMARY and newest[0].status is DagsterRunStatus.SUCCESS
     made = not workspace.pages_in_runs or is_made_by_this_code(Storage(workspace.root))
-    return done and is_built_by_this_code(workspace.warehouse) and made
+    if not (done and made and is_built_by_this_code(workspace.warehouse)):
+        return False
+    return {row[0] for row in query(workspace.warehouse, "SELECT key FROM crashes")[1]} == set(
+        workspace.registry.keys()
+    )
 
 
 def _quiet(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import count, filterfalse
 from pathlib import PurePosixPath
 
 from trace_dag.common.messages.logs import print_problem
@@ -15,13 +17,16 @@ from trace_dag.flow.records import read_records
 COHORT = "recovered"
 
 
-def register_again(storage: Storage) -> None:
-    """Register every crash with a record of its report, in cohorts called ``recovered``.
+def register_again(storage: Storage, lost: Iterable[str]) -> None:
+    """Forget lost cohorts, and register every crash with a record of its report that none has, in new ones called
+    ``recovered``.
 
     Its report is the one that the first stage kept, or asked of the service again. Only a digest of the maps is
     known, so that their results stay as they are; crashes that still need one fail until maps are registered again."""
-    left_out = []
-    keys = {crash_of(name) for name in storage.list(Stage.RAW_REPORT.value)}
+    left_out, registry = [], Registry(storage)
+    for cohort in lost:
+        registry.forget(cohort)
+    keys = {crash_of(name) for name in storage.list(Stage.RAW_REPORT.value)} - set(registry.keys())
     by_maps: dict[str, dict[str, ReportSource]] = {}
     for key, records in read_records(storage, sorted(keys)).items():
         record, extract = records.get(Stage.RAW_REPORT), records.get(Stage.OSM_EXTRACT)
@@ -43,9 +48,10 @@ def register_again(storage: Storage) -> None:
     unknown = by_maps.pop("", {})
     first = min(by_maps, default="")
     by_maps[first] = by_maps.get(first, {}) | unknown
-    for number, (maps, reports) in enumerate(sorted(each for each in by_maps.items() if each[1]), 1):
-        name = COHORT if number == 1 else f"{COHORT}-{number}"
-        Registry(storage).register(name, reports, origin="records of a lost registry", lost_maps=maps or None)
+    names = (COHORT if number == 1 else f"{COHORT}-{number}" for number in count(1))
+    free = filterfalse(registry.cohorts().__contains__, names)
+    for name, (maps, reports) in zip(free, sorted(each for each in by_maps.items() if each[1]), strict=False):
+        registry.register(name, reports, origin="records of a lost registry", lost_maps=maps or None)
     if left_out:
         print_problem(
             f"not registered again, since nothing is kept of the report: {', '.join(left_out)}; ingest it again"

@@ -59,7 +59,7 @@ _VARIATION = re.compile(r"-v\d+$")
 class DisagreementKind(Enum):
     """A way in which two of storage, Dagster and the warehouse disagree: its name, and what mends it."""
 
-    LOST_COHORT = "lost or damaged cohort", "--repair puts it back from its copy; without one, ingest it again"
+    LOST_COHORT = "lost or damaged cohort", "--repair puts it back, from its copy or from records"
     LOST_REGISTRY = "lost cohorts", "--repair registers the crashes again from their records; ingest their maps again"
     DAMAGED_PAGE = "damaged page or package", "--repair makes it again"
     DAMAGED_RESULT = "damaged result", "--repair puts it aside with all that was made together; make it again"
@@ -185,15 +185,16 @@ def repair_storage(storage: Storage, found: Iterable[Disagreement], aside: Quara
     """Repair storage where possible, and put aside files that are damaged or of no record, so that the next run makes
     them again.
     """
+    lost: set[str] = set()  # cohorts whose file and copy are both damaged or gone
     for each in found:
         if each.file is None:
             continue
         if each.kind is DisagreementKind.LOST_COHORT:
-            if storage.exists(each.file):
-                aside.copy(each.file, each.detail)
-            Registry(storage).put_back(each.file)
+            aside.copy(each.file, each.detail)
+            if not Registry(storage).put_back(each.file):
+                lost.add(Path(each.file).stem)
         elif each.kind is DisagreementKind.LOST_REGISTRY:
-            register_again(storage)
+            lost.add(each.file)
         elif each.kind is DisagreementKind.DAMAGED_REPORT:
             _copy_of_report(storage, each, aside)
         elif each.kind is DisagreementKind.DAMAGED_RESULT:
@@ -209,6 +210,8 @@ def repair_storage(storage: Storage, found: Iterable[Disagreement], aside: Quara
             if each.kind is DisagreementKind.DAMAGED_PICTURE and each.key and each.stage:
                 record = read_records(storage, [each.key], [each.stage])[each.key][each.stage]
                 write_record(storage, replace(record, fingerprint=""))
+    if lost:
+        register_again(storage, lost)
 
 
 class Quarantine:
@@ -233,8 +236,8 @@ class Quarantine:
         """Keep what a file holds that is going to be replaced."""
         try:
             self._storage.write(f"{self._folder}/{name}", self._storage.read(name))
-        except DamagedFile:
-            return  # no right to read it, a folder in its place, or a bad sector
+        except (FileNotFoundError, DamagedFile):
+            return  # gone, no right to read it, a folder in its place, or a bad sector
         self._why[name] = why
 
     def __enter__(self) -> Quarantine:

@@ -8,6 +8,7 @@ changed is noted as changed. Does not belong here: reading reports or maps.
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -26,7 +27,8 @@ from trace_dag.flow.cohorts.choice import Choice
 
 _FOLDER = "cohorts"
 _COPIES = "cohorts/copies"  # of each file, in case one is lost: nothing else says where reports and maps are
-_REMEDY = "trace-dag verify --repair puts it back from its copy"
+_NAMES = "cohorts/names"  # of the cohorts there are: so one is missed whose file and copy are both lost
+_REMEDY = "trace-dag verify --repair puts it back from its copy, or else registers its crashes from their records"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 
 
@@ -139,7 +141,7 @@ class Registry:
     def cohorts(self) -> dict[str, Cohort]:
         """Return all cohorts by name; :class:`DamagedFile` for one that is lost or not as it was written."""
         names = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")}
-        for name in sorted(self._copied() - names):
+        for name in sorted((self._copied() | self._noted()) - names):
             raise DamagedFile(name, "it is not there", _REMEDY)
         found = {}
         for name, data in sorted(self._storage.read_many(names).items()):
@@ -151,7 +153,8 @@ class Registry:
 
     def damage(self) -> list[DamagedFile]:
         """Return the files of cohorts, and their copies, that are lost or not as they were written."""
-        there = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")} | self._copied()
+        there = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")}
+        there |= self._copied() | self._noted()
         found = []
         for name in sorted(there):
             for each in (name, _copy_of(name)):
@@ -177,10 +180,29 @@ class Registry:
     def _copied(self) -> set[str]:
         return {name.replace(_COPIES, _FOLDER) for name in self._storage.list(_COPIES) if name.endswith(".json")}
 
+    def _noted(self) -> set[str]:
+        """Return the files of the cohorts, by their list; none where it is damaged or was never kept."""
+        try:
+            return set(checked(self._storage.read(_NAMES), name=_NAMES)["names"])
+        except (FileNotFoundError, DamagedFile):
+            return set()
+
+    def _note(self, names: Collection[str]) -> None:
+        self._storage.write(_NAMES, with_checksum(json.dumps({"names": sorted(names)}).encode()))
+
     def _write(self, cohort: Cohort) -> None:
         data = with_checksum(_COHORTS.dump_json(cohort))
-        for name in (f"{_FOLDER}/{cohort.name}.json", f"{_COPIES}/{cohort.name}.json"):
+        first = f"{_FOLDER}/{cohort.name}.json"
+        for name in (first, _copy_of(first)):
             self._storage.write(name, data)
+        if first not in (noted := self._noted()):
+            self._note(noted | self._copied())
+
+    def forget(self, cohort: str) -> None:
+        """Delete what there is of a cohort."""
+        self._note(self._noted() - {f"{_FOLDER}/{cohort}.json"})
+        for folder in (_COPIES, _FOLDER):  # a copy without its file would be a loss
+            self._storage.delete(f"{folder}/{cohort}.json")
 
     def listed(self) -> str:
         """Return a digest (SHA-256, hexadecimal) of how the files of the cohorts are listed: another once one has
@@ -301,8 +323,7 @@ class Registry:
         Their results stay in storage. Raises as :meth:`leaving`."""
         gone = self.leaving(cohort, only)
         if not only:
-            for folder in (_COPIES, _FOLDER):  # a copy without its file would be a loss
-                self._storage.delete(f"{folder}/{cohort}.json")
+            self.forget(cohort)
             return gone
         before = self.cohort(cohort)
         left = {key: report for key, report in before.reports.items() if key not in only}
