@@ -15,6 +15,7 @@ from sample_runs import SAMPLE, finished, ingest, reports_of, trace_dag
 
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.settings import CrashSettings
+from trace_dag.common.storage.files import writable_folder
 from trace_dag.crash.parse import read_report
 from trace_dag.reading.opening import open_place
 
@@ -148,12 +149,14 @@ def read_only(monkeypatch: pytest.MonkeyPatch) -> Path:
 
     monkeypatch.setattr("trace_dag.common.storage.files.tempfile.TemporaryFile", refused)
     monkeypatch.setattr("trace_dag.common.storage.files.Storage.write", refused)
+    allowed = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK and allowed(path, mode))
     return root
 
 
-@pytest.mark.parametrize("command", ["run", "verify", "ui"])
-def test_what_writes_says_in_a_line_that_a_root_can_only_be_read(read_only: Path, command: str):
-    done = trace_dag(read_only, command)
+@pytest.mark.parametrize("command", [("run",), ("verify", "--repair"), ("ui",)])
+def test_what_writes_says_in_a_line_that_a_root_can_only_be_read(read_only: Path, command: tuple[str, ...]):
+    done = trace_dag(read_only, *command)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert "cannot read and write there" in line
@@ -161,12 +164,33 @@ def test_what_writes_says_in_a_line_that_a_root_can_only_be_read(read_only: Path
 
 
 @pytest.mark.parametrize(
-    "command", [("status",), ("sql", "FROM verdicts"), ("tables",), ("show", KEY), ("cohort", "list"), ("settings",)]
+    "command",
+    [
+        *(("status",), ("sql", "FROM verdicts"), ("tables",), ("show", KEY), ("cohort", "list"), ("settings",)),
+        ("verify",),
+    ],
 )
 def test_what_only_reads_works_on_a_root_that_can_only_be_read(read_only: Path, command: tuple[str, ...]):
     done = trace_dag(read_only, *command)
     assert done.returncode == 0, done.stderr
     assert done.stdout
+
+
+def test_dagsters_records_of_a_root_that_can_only_be_read_are_looked_at_in_a_copy(
+    read_only: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """SQLite writes beside its databases even to read them."""
+    started = []
+    monkeypatch.setattr(os, "execv", lambda program, words: started.append(words))
+    before = {path: path.stat().st_mtime_ns for path in (read_only / "dagster").rglob("*")}
+    done = trace_dag(read_only, "ui", "--read-only", "--port", "39473")
+    assert done.returncode == 0, done.stderr
+    assert [words[-1] for words in started] == ["read-only"]
+    assert {path: path.stat().st_mtime_ns for path in (read_only / "dagster").rglob("*")} == before
+    with writable_folder(read_only / "dagster") as copy:
+        assert copy != read_only / "dagster"
+        assert {path.name for path in copy.iterdir()} == {path.name for path in (read_only / "dagster").iterdir()}
+    assert not copy.exists()
 
 
 def test_python_opens_a_root_that_can_only_be_read(read_only: Path):

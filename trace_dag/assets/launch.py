@@ -35,7 +35,7 @@ from trace_dag.common.errors import DamagedFile, Failure, UserError
 from trace_dag.common.processes import is_gone, this_process
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.disk_errors import disk_failure
-from trace_dag.common.storage.files import Storage
+from trace_dag.common.storage.files import Storage, writable_folder
 from trace_dag.flow.selection import PlannedBatch, Selection, has_large_map, plan, plan_maps_first
 from trace_dag.flow.workspace import ROOT_VARIABLE, Workspace
 
@@ -82,9 +82,8 @@ class RunReport:
     errors: tuple[str, ...] = field(default=())
 
 
-def prepare_dagster_home(workspace: Workspace) -> Path:
-    """Return dagster's folder of this root, made if need be, and named in this process's environment."""
-    folder = workspace.dagster_home
+def _prepare_dagster_home(workspace: Workspace, folder: Path) -> None:
+    """Make Dagster's folder of a root if need be, and name it in this process's environment."""
     settings = folder / "dagster.yaml"
     if settings.is_file() and _OLDER in settings.read_bytes():
         aside = folder.with_name(f"{folder.name}-of-earlier-version")
@@ -95,15 +94,13 @@ def prepare_dagster_home(workspace: Workspace) -> Path:
         settings.write_text(_INSTANCE_SETTINGS + (_ON_POSTGRES if POSTGRES_VARIABLE in os.environ else ""))
     os.environ["DAGSTER_HOME"] = str(folder)
     os.environ[ROOT_VARIABLE] = Storage(workspace.root).root
-    return folder
 
 
-def open_instance(workspace: Workspace) -> DagsterInstance:
-    """Open Dagster's records of this root. Runs whose process is gone are closed as failed.
-
-    Runs whose process is gone are closed as failed.
-    """
-    folder = str(prepare_dagster_home(workspace))
+def open_instance(workspace: Workspace, home: Path | None = None) -> DagsterInstance:
+    """Open Dagster's records of this root, or those in ``home``. Runs whose process is gone are closed as failed."""
+    home = home or workspace.dagster_home
+    _prepare_dagster_home(workspace, home)
+    folder = str(home)
     if _ON_POSTGRES in (Path(folder) / "dagster.yaml").read_text(errors="replace"):
         _reach_postgres(folder)
     try:
@@ -117,13 +114,11 @@ def open_instance(workspace: Workspace) -> DagsterInstance:
 
 @contextmanager
 def dagster_records(workspace: Workspace) -> Iterator[DagsterInstance]:
-    """Open Dagster's instance for a command.
+    """Open Dagster's instance for a command; on a disk that can only be read, a copy of it.
 
     An error of its databases meanwhile is a :class:`Failure`, too: most of a damaged file shows only when it is read.
-
-    An error of its databases meanwhile is a :class:`Failure`, too: most of a damaged file shows only when it is
-    read."""
-    with open_instance(workspace) as instance:
+    """
+    with writable_folder(workspace.dagster_home) as home, open_instance(workspace, home) as instance:
         try:
             yield instance
         except SQLAlchemyError as error:

@@ -18,6 +18,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
@@ -27,7 +28,7 @@ import click
 
 from trace_dag.assets.asgi import App, Message, Receive, Send, again, read_body, send_bytes
 from trace_dag.assets.site import PREFIX, REPLAY, BenchmarkSite
-from trace_dag.common.storage.files import Storage
+from trace_dag.common.storage.files import Storage, writable_folder
 
 log = logging.getLogger(__name__)
 
@@ -154,6 +155,13 @@ def serve(root: str, host: str, port: int, *, allowed: tuple[str, ...] = (), rea
 
     The address is printed once it answers, so that a script can wait for that line.
     """
+    with writable_folder(Path(os.environ["DAGSTER_HOME"])) as home:
+        os.environ["DAGSTER_HOME"] = str(home)
+        os.chdir(home)
+        _serve(root, host, port, allowed, read_only=read_only)
+
+
+def _serve(root: str, host: str, port: int, allowed: Sequence[str], *, read_only: bool) -> None:
     cli: Any = importlib.import_module("dagster_webserver.cli")
     hosts = (*_LOCAL, host, *allowed)
     unguarded = cli.create_app_from_workspace_process_context

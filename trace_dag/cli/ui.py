@@ -36,11 +36,11 @@ def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: boo
     from trace_dag.flow.workspace import Workspace
 
     _refuse_port_in_use(host, port)
-    workspace = Workspace.open(root)
+    workspace = Workspace.open(root, to_read=read_only)
     schedules(workspace.settings.automation)  # a mistake in them is one line here, and a traceback of Dagster's servers
     with dagster_records(workspace) as instance:
         add_partitions(instance, workspace.registry.keys())
-    os.chdir(workspace.dagster_home)
+    os.environ["DAGSTER_HOME"] = str(workspace.dagster_home)
     os.environ.setdefault("PYTHONWARNINGS", "ignore")  # Dagster's to its own developers, one for each process
     command = [sys.executable, "-m", "trace_dag.assets.webserver", str(workspace.root), host, str(port)]
     command += ["read-only" if read_only else "-", *allowed]

@@ -49,7 +49,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.build import is_outdated
 
-    workspace = Workspace.open(root)
+    workspace = Workspace.open(root, to_read=not repair)
     storage = workspace.storage
     if not any(map(storage.list, ("cohorts", *Stage))):  # as where a disk is not mounted
         raise UserError(f"verify: {storage.root} holds no cohort and no result; see that its disk is mounted")

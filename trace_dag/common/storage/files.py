@@ -15,10 +15,12 @@ import errno
 import hashlib
 import os
 import re
+import shutil
 import stat
 import tempfile
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -80,6 +82,22 @@ def check_name(name: str) -> str:
     if not _SAFE_NAME.fullmatch(name):
         raise ValueError(f"unsafe name in storage: {name!r} (letters, digits, '.', '_', '-' and '/' only)")
     return name
+
+
+@contextmanager
+def writable_folder(folder: Path) -> Iterator[Path]:
+    """Yield a folder itself, or a temporary copy where it cannot be written to: SQLite writes even to read."""
+    there = next(each for each in (folder, *folder.parents) if each.exists())
+    if os.access(there, os.W_OK):
+        yield folder
+        return
+    with tempfile.TemporaryDirectory(prefix="trace-dag-") as temporary:
+        copy = Path(temporary) / folder.name
+        if folder.is_dir():
+            shutil.copytree(folder, copy, copy_function=shutil.copyfile)
+            for each in (copy, *copy.rglob("*")):
+                each.chmod(0o700)
+        yield copy
 
 
 class Storage:
