@@ -15,14 +15,14 @@ from typing import Final
 from trace_dag.common.errors import Failure, Rejection, UserError
 from trace_dag.common.messages.progress import OnProgress, silent
 from trace_dag.common.units import wrap_angle
-from trace_dag.crash.completed_record import without_headings
+from trace_dag.crash.completed_record import drop_headings
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.record import CrashRecord, Moment, VehicleRecord
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.pool import Lost
-from trace_dag.flow.stored_crashes import crash_files, drawn
+from trace_dag.flow.stored_crashes import crash_files, draw_sample
 from trace_dag.flow.workspace import Workspace
 from trace_dag.reconstruction.alternatives import bearing_from_rad
 from trace_dag.simulation.states import Hypothesis, ParticipantState, StateEstimate
@@ -73,7 +73,7 @@ def hidden_directions(
             f"cohort {cohort!r} has no mapped crash of two vehicles with both directions reported; "
             f"trace-dag run --cohort {cohort} makes the maps, and FARS has no directions"
         )
-    tasks = [_Task(each.unread()) for each in drawn(asked, most, seed)]
+    tasks = [_Task(each.unread()) for each in draw_sample(asked, most, seed)]
     rows: list[DirectionRow] = []
     on_progress(0, len(tasks))
     with workspace.executing() as executor:
@@ -103,7 +103,7 @@ def _compared(task: _Task) -> DirectionRow:
         directions_fit(record, pair),
         0.0,
     )
-    hidden, told = _estimate(crash, without_headings(record)), _estimate(crash, record)
+    hidden, told = _estimate(crash, drop_headings(record)), _estimate(crash, record)
     if told is not None:
         row = replace(row, told_right=headed_as_reported(told.best, pair))
     if hidden is None:

@@ -16,7 +16,7 @@ from lab.estimator_rows import EstimateErrors, EstimatorAttempt, EstimatorRow, c
 from lab.truth.vehicles import SampleTruth, score_truth
 from trace_dag.common.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.common.messages.progress import OnProgress
-from trace_dag.common.plugins import PluginKind, offered
+from trace_dag.common.plugins import PluginKind, list_plugins
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import StoredFile
@@ -48,15 +48,15 @@ def settings_of(estimator: str, states: StateSettings) -> StateSettings:
     settings. Raises :class:`UserError` for any other name.
     """
     name, variant = _NAME.fullmatch(estimator).groups()  # type: ignore[union-attr] # it matches anything
-    if name not in offered(PluginKind.ESTIMATOR):
-        raise UserError(f"{estimator!r} is not an estimator; give {', '.join(offered(PluginKind.ESTIMATOR))}")
+    if name not in list_plugins(PluginKind.ESTIMATOR):
+        raise UserError(f"{estimator!r} is not an estimator; give {', '.join(list_plugins(PluginKind.ESTIMATOR))}")
     chosen = states.model_copy(update={"estimator": name})
     return estimator_factory(chosen).variant(chosen, variant) if variant else chosen
 
 
 def usual_estimators(states: StateSettings) -> list[str]:
     """The default choice: the estimator of the settings, and all others that are installed."""
-    return [states.estimator, *(name for name in offered(PluginKind.ESTIMATOR) if name != states.estimator)]
+    return [states.estimator, *(name for name in list_plugins(PluginKind.ESTIMATOR) if name != states.estimator)]
 
 
 def estimates_folder(estimator: str) -> str:

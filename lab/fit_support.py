@@ -44,7 +44,7 @@ from trace_dag.simulation.run import simulate
 from trace_dag.verdict.controls import in_place_of
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.support import Weight, facts_of, facts_of_course, grade_of, supported, weights_of
+from trace_dag.verdict.support import Weight, assess_support, facts_of, facts_of_course, grade_of, weights_of
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade
 
 TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.csv"
@@ -122,7 +122,7 @@ def print_rates(rows: list[Judged]) -> None:
     for row in rows:
         crashes[row.begins].add(min(row.keys))
         if row.kind != "other report":
-            support = supported(row.facts, weights[min(row.keys)])
+            support = assess_support(row.facts, weights[min(row.keys)])
             rates[row.kind, row.begins][grade_of(row.accepted, support)] += 1
     for (kind, begins), grades in sorted(rates.items()):
         total, corroborated = grades.total(), grades[Grade.CORROBORATED]

@@ -29,7 +29,7 @@ import shapely
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.roads import judges
-from trace_dag.carla.osm2odr import run_osm2odr, with_way_tags
+from trace_dag.carla.osm2odr import add_way_tags, run_osm2odr
 from trace_dag.common.errors import Failure, Rejection, UserError
 from trace_dag.common.geometry import LocalFrame
 from trace_dag.common.settings import OsmSettings, RoadSettings
@@ -170,7 +170,7 @@ def convert(row: Row, name: str, place: str, extract: OsmExtract, frame: LocalFr
         xodr = CONVERTERS[name](extract, frame, folder)
         row.times_s.append(time.perf_counter() - start)
         network = read_opendrive(xodr, name=name)
-        row.measure(network if name == "trace-dag" else with_way_tags(network, extract), extract)
+        row.measure(network if name == "trace-dag" else add_way_tags(network, extract), extract)
     except _TROUBLE as error:
         print(f"{name}, {place}: {type(error).__name__}: {str(error)[:200]}", file=sys.stderr)
         return

@@ -52,7 +52,7 @@ from trace_dag.common.geometry import Pose
 from trace_dag.common.units import bearing_to_clock_h, clock_difference_h, mps_to_mph, wrap_angle
 from trace_dag.crash.record import PreCrashMovement
 from trace_dag.reconstruction.analytic_hypotheses import NAME as ANALYTIC
-from trace_dag.reconstruction.samples.simulated import SampledRuns, weighted_quantiles
+from trace_dag.reconstruction.samples.simulated import SampledRuns, compute_weighted_quantiles
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.states import Manoeuvre, ParticipantState, StateEstimate
 
@@ -133,7 +133,7 @@ def recovered(crashes: Mapping[str, Crashes]) -> Iterator[Figure]:
          for name, rows in speeds.items()},
         _pairs(hidden, lambda one, two: abs(one - two) <= WITHIN_MPH),
     )  # fmt: skip
-    low, high = weighted_quantiles([(true, 1.0) for true in hidden], (0.1, 0.9))
+    low, high = compute_weighted_quantiles([(true, 1.0) for true in hidden], (0.1, 0.9))
     wide = statistics.median(found[2] - found[0] for _, found in ours if found is not None)
     yield _figure(
         "travel speed, in the interval of 80 %",
@@ -232,7 +232,7 @@ def speed_rows(crashes: Crashes) -> Iterator[tuple[float, tuple[float, ...] | No
                 for draw in states.samples[contact.sample].parties
                 if draw.number == vehicle.number
             ]
-            yield hidden, tuple(mps_to_mph(each) for each in weighted_quantiles(travelled, (0.1, 0.5, 0.9)))
+            yield hidden, tuple(mps_to_mph(each) for each in compute_weighted_quantiles(travelled, (0.1, 0.5, 0.9)))
 
 
 def area_rows(crashes: Crashes) -> Iterator[tuple[float, float | None]]:
@@ -296,7 +296,7 @@ def angle_rows(crashes: Crashes) -> Iterator[tuple[float, float | None]]:
 
 def _angle_deg(drawn: SampledRuns) -> float | None:
     angles = [(each.angle_deg, each.weight) for each in drawn.contacts if each.angle_deg is not None]
-    return weighted_quantiles(angles, (0.5,))[0] if angles else None
+    return compute_weighted_quantiles(angles, (0.5,))[0] if angles else None
 
 
 def lane_rows(crashes: Crashes) -> Iterator[tuple[bool, int]]:

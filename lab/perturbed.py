@@ -17,7 +17,7 @@ from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrid
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.problems import Problems
 from trace_dag.cli.progress import progress_bar
-from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
+from trace_dag.cli.study import apply_rules, into_warehouse, rules_option, run_for_cohorts
 from trace_dag.flow.workspace import Workspace
 from trace_dag.verdict.types import Grade
 
@@ -67,11 +67,11 @@ def perturbed(
     simulations the changed report accepts (own). Every changed report enters the warehouse, as table
     perturbed_controls.
     """
-    workspace = judged_by(Workspace.open(root), rules)
+    workspace = apply_rules(Workspace.open(root), rules)
     workspace = workspace.with_settings({"execution": execution_overrides(executor, workers)})
     request, problems = Request(most, only, kinds, draws, seed), Problems()
     with progress_bar("changed reports") as on_progress:
-        found = of_cohorts(
+        found = run_for_cohorts(
             workspace,
             cohort,
             lambda name: perturbed_controls(workspace, name, request, on_progress=on_progress, on_problem=problems.add),

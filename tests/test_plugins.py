@@ -8,13 +8,13 @@ import pytest
 from sample_runs import trace_dag_process
 
 from trace_dag.common.errors import UserError
-from trace_dag.common.plugins import PluginKind, load, offered
+from trace_dag.common.plugins import PluginKind, list_plugins, load
 
 
 @pytest.mark.parametrize("kind", PluginKind)
 def test_what_is_ours_is_registered_like_what_is_not(kind: PluginKind) -> None:
-    assert {each.package for each in offered(kind).values() if each.is_ours} <= {"trace-dag"}
-    assert all(callable(load(kind, name)) for name in offered(kind))
+    assert {each.package for each in list_plugins(kind).values() if each.is_ours} <= {"trace-dag"}
+    assert all(callable(load(kind, name)) for name in list_plugins(kind))
 
 
 def test_a_name_nobody_offers_is_said_with_those_there_are() -> None:
@@ -23,13 +23,13 @@ def test_a_name_nobody_offers_is_said_with_those_there_are() -> None:
 
 
 def test_an_installation_from_before_a_kind_of_plugins_says_to_install_again(monkeypatch) -> None:
-    offered.cache_clear()
+    list_plugins.cache_clear()
     monkeypatch.setattr("trace_dag.common.plugins.metadata.entry_points", lambda group: ())
     try:
         with pytest.raises(UserError, match=r"knows no estimator.*pip install -e \."):
             load(PluginKind.ESTIMATOR, "analytic")
     finally:
-        offered.cache_clear()
+        list_plugins.cache_clear()
 
 
 def test_a_setting_that_names_no_plugin_is_one_line(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from lxml import etree
 from lab.changed_reports.report import ChangedReport, add, code_in, keep, put
 from lab.changed_reports.scene import PerturbedScene
 from trace_dag.common.geometry import LocalFrame
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, NO_SECOND_VEHICLE
 
@@ -139,7 +139,7 @@ def set_road(
             done += [put(vehicle, element, value) for vehicle in _vehicles(report, scene)]
     if not any(done):
         return None
-    lanes_said = counted(lanes, "lane") if lanes else ""
+    lanes_said = count_of(lanes, "lane") if lanes else ""
     said = ("an interstate" * interstate, lanes_said, f"{limit_mph} mph" * bool(limit_mph))
     return ", ".join(word for word in said if word)
 

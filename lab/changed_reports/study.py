@@ -26,9 +26,9 @@ from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState
 from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.pool import Lost
-from trace_dag.flow.records import OnProblem, raised
+from trace_dag.flow.records import OnProblem, raise_problem
 from trace_dag.flow.stages.osm_extract import catalog_of
-from trace_dag.flow.stored_crashes import crash_files, drawn
+from trace_dag.flow.stored_crashes import crash_files, draw_sample
 from trace_dag.flow.study_tables import PERTURBED as PERTURBED_TABLE
 from trace_dag.flow.study_tables import store
 from trace_dag.flow.workspace import Workspace
@@ -72,7 +72,7 @@ def perturbed_controls(
     request: Request,
     *,
     on_progress: OnProgress = silent,
-    on_problem: OnProblem = raised,
+    on_problem: OnProblem = raise_problem,
 ) -> list[PerturbedRow]:
     """Verified crashes of a cohort, drawn at random, each with its report changed in every way that applies to it.
 
@@ -108,7 +108,7 @@ def perturbed_controls(
     for begins in sorted(PERTURBED):
         alike = [each for each in verified if _begins(each) is begins]
         asked_for = [each for each in alike if not request.only or each.key in request.only]
-        crashes = drawn(asked_for, request.most, request.seed)
+        crashes = draw_sample(asked_for, request.most, request.seed)
         tasks += _tasks(workspace, crashes, alike, [kind for kind in kinds if begins in kind.of], request)
     rows = _run(workspace, tasks, on_progress)
     store(workspace, PERTURBED_TABLE, cohort, rows)

@@ -15,7 +15,7 @@ from trace_dag.reconstruction.samples.draws import draw_samples
 from trace_dag.reconstruction.samples.simulated import SampledContact, SampledRuns, simulate_samples
 from trace_dag.reconstruction.scene.scene import place_of
 from trace_dag.scenario.driving_files import ensemble_to_json
-from trace_dag.scenario.ensemble import drawn, likely_draws
+from trace_dag.scenario.ensemble import draw_course, likely_draws
 from trace_dag.simulation.embedded import EmbeddedBackend
 from trace_dag.simulation.run import simulate
 from trace_dag.simulation.states import StateEstimate
@@ -59,7 +59,7 @@ def test_where_no_draw_agrees_there_are_no_courses() -> None:
 def test_a_course_begins_as_long_before_the_impact_as_the_crash_at_the_draws_travel_speed(crash) -> None:
     states, sampled = crash
     for sample, _ in likely_draws(sampled):
-        course = drawn(states, sample)
+        course = draw_course(states, sample)
         assert course.impact_time_s == course.hypothesis.impact_time_s
         for own, draw in zip(course.participants, states.samples[sample].parties, strict=True):
             plan = own.trajectory
@@ -71,7 +71,7 @@ def test_a_course_begins_as_long_before_the_impact_as_the_crash_at_the_draws_tra
 def test_a_course_is_as_long_as_its_speeds_say(crash) -> None:
     states, sampled = crash
     for sample, _ in likely_draws(sampled):
-        for own in drawn(states, sample).participants:
+        for own in draw_course(states, sample).participants:
             plan = own.trajectory
             way_m = np.hypot(np.diff(plan.x_m), np.diff(plan.y_m)).sum()
             assert way_m == pytest.approx(np.trapezoid(np.abs(plan.speed_mps), plan.time_s), rel=0.02)

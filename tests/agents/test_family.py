@@ -9,7 +9,7 @@ import pytest
 
 from tests.agents.cases import BACKEND, crossing, rear_end
 from trace_dag.agents.variations.family import Criteria, VariationKind, family
-from trace_dag.agents.variations.motion import perturbed
+from trace_dag.agents.variations.motion import perturb_motion
 from trace_dag.agents.variations.perturbation import Bounds, Perturbation, VehiclePerturbation, draw
 
 NOTHING = VehiclePerturbation(1, 1.0, 0.0, 0.0, 0.0), VehiclePerturbation(2, 1.0, 0.0, 0.0, 0.0)
@@ -17,7 +17,7 @@ NOTHING = VehiclePerturbation(1, 1.0, 0.0, 0.0, 0.0), VehiclePerturbation(2, 1.0
 
 def test_no_perturbation_is_the_recorded_motion():
     of = crossing()
-    same, impact_s = perturbed(of.participants, Perturbation(NOTHING, 1.0), of.impact_time_s)
+    same, impact_s = perturb_motion(of.participants, Perturbation(NOTHING, 1.0), of.impact_time_s)
     assert impact_s == of.impact_time_s
     for ours, theirs in zip(same, of.participants, strict=True):
         t, u = ours.trajectory, theirs.trajectory
@@ -28,7 +28,7 @@ def test_no_perturbation_is_the_recorded_motion():
 def test_each_perturbation_does_what_it_says():
     of = crossing(15.0)
     faster, late = VehiclePerturbation(1, 1.1, 0.0, 0.3, 0.0), VehiclePerturbation(2, 1.0, 0.2, 0.0, 0.0)
-    (one, two), impact_s = perturbed(of.participants, Perturbation((faster, late), 1.0), of.impact_time_s)
+    (one, two), impact_s = perturb_motion(of.participants, Perturbation((faster, late), 1.0), of.impact_time_s)
     assert one.initial_speed_mps == pytest.approx(16.5)
     at_impact = np.interp(impact_s, one.trajectory.time_s, one.trajectory.x_m)
     assert at_impact == pytest.approx(0.0, abs=0.01), "speed alone does not change where it is at the impact"
@@ -39,7 +39,7 @@ def test_each_perturbation_does_what_it_says():
 def test_who_reacts_brakes_at_five_metres_per_second_squared():
     of = rear_end(20.0)
     brakes = VehiclePerturbation(1, 1.0, 0.0, 0.0, 1.0), NOTHING[1]
-    (one, _), impact_s = perturbed(of.participants, Perturbation(brakes, 1.0), of.impact_time_s)
+    (one, _), impact_s = perturb_motion(of.participants, Perturbation(brakes, 1.0), of.impact_time_s)
     t = one.trajectory
     assert np.interp(impact_s - 1.0, t.time_s, t.speed_mps) == pytest.approx(20.0, abs=0.11)
     assert np.interp(impact_s, t.time_s, t.speed_mps) == pytest.approx(15.0, abs=0.2)

@@ -14,7 +14,7 @@ from trace_dag.agents.evaluation.agents import Action, AgentFault, Motion, Obser
 from trace_dag.agents.evaluation.evaluate import Conditions
 from trace_dag.agents.evaluation.metrics import DriveOutcome
 from trace_dag.agents.evaluation.observation import Sensing, Sensor
-from trace_dag.agents.evaluation.registry import make_agent, offered, resolve, with_arguments
+from trace_dag.agents.evaluation.registry import list_agents, make_agent, resolve, set_arguments
 from trace_dag.common.errors import UserError
 from trace_dag.scenario.cases import Scenario
 from trace_dag.simulation.driving import BodyState, Pedals
@@ -139,7 +139,7 @@ def test_noise_is_of_the_given_size_and_the_same_for_a_seed():
 
 # --- names -------------------------------------------------------------------------------------------------------
 def test_baselines_are_offered_by_name():
-    assert {"replay", "brake", "idm", "cautious"} <= offered().keys()
+    assert {"replay", "brake", "idm", "cautious"} <= list_agents().keys()
 
 
 @pytest.mark.parametrize("name", ["nobody", "no_such_package:Agent", "os.path:", "a b:C"])
@@ -161,12 +161,12 @@ class Trained:
 
 
 def test_an_agent_is_made_with_its_arguments():
-    agent = resolve(with_arguments(f"{__name__}:Trained", ["checkpoint=runs/a b&c=1.pt", "device="]))
+    agent = resolve(set_arguments(f"{__name__}:Trained", ["checkpoint=runs/a b&c=1.pt", "device="]))
     assert make_agent(agent) == Trained("runs/a b&c=1.pt", "")
     with pytest.raises(AgentFault, match="checkpoint"):
         make_agent(f"{__name__}:Trained")
     with pytest.raises(UserError, match="--agent-arg checkpoint: expected NAME=VALUE"):
-        with_arguments("idm", ["checkpoint"])
+        set_arguments("idm", ["checkpoint"])
 
 
 @pytest.mark.parametrize("reference", ["math:pi", "math:no_such_thing", "json:JSONDecoder"])

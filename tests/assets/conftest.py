@@ -10,7 +10,7 @@ import fake_flow
 import pytest
 from dagster import AssetKey, DagsterInstance
 
-from trace_dag.assets.launch import RunReport, open_instance, planned, run_batches
+from trace_dag.assets.launch import RunReport, open_instance, plan_runs, run_batches
 from trace_dag.assets.partitions import CRASHES, add_partitions
 from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import Selection, select_stale
@@ -31,7 +31,7 @@ class Campaign:
 
     def run(self, selection: Selection | None = None, settings: Mapping[str, Any] = SETTINGS) -> RunReport:
         workspace = self.workspace.with_settings(settings)
-        batches = planned(workspace, self.instance, selection or select_stale(workspace))
+        batches = plan_runs(workspace, self.instance, selection or select_stale(workspace))
         return run_batches(self.workspace, self.instance, batches, settings=settings)
 
     def statuses(self) -> dict[tuple[str, str], str]:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from sample_runs import trace_dag
 
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import add_checksum, check_document
 
 AGENT = "trace_dag.agents.evaluation.baselines:BrakeOnTimeToCollision"
 NAME = "trace_dag.agents.evaluation.baselines.BrakeOnTimeToCollision"
@@ -35,9 +35,9 @@ def here(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def changed(file: Path, target: Path, change: Callable[[dict[str, Any]], object]) -> Path:
     """The file with something changed, and the checksum made anew by whoever changed it."""
-    document = checked(file.read_bytes(), name="results")
+    document = check_document(file.read_bytes(), name="results")
     change(document)
-    target.write_bytes(with_checksum(json.dumps(document).encode()))
+    target.write_bytes(add_checksum(json.dumps(document).encode()))
     return target
 
 

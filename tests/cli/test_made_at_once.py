@@ -14,11 +14,11 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.export.build import build_benchmark
 from trace_dag.export.crash_files import (
     made_of,
+    make_at_once,
     make_files,
-    making_at_once,
     note_made,
-    noted,
     package_name,
+    read_notes,
     replay_name,
     thumbnail_name,
 )
@@ -41,7 +41,7 @@ def workspace(tmp_path: Path) -> Workspace:
 
 def run(workspace: Workspace) -> dict[str, MadeFiles]:
     keys = workspace.registry.keys()
-    events = run_stages(workspace, keys, run_id="x", afterwards=making_at_once(workspace.storage, keys))
+    events = run_stages(workspace, keys, run_id="x", afterwards=make_at_once(workspace.storage, keys))
     return {event.key: event.made for event in events if event.made is not None}
 
 
@@ -62,18 +62,18 @@ def test_a_worker_makes_what_would_be_made_later(workspace: Workspace) -> None:
 
 def test_it_is_noted_until_the_benchmark_lists_it(workspace: Workspace) -> None:
     made = run(workspace)
-    assert noted(workspace.storage) == {}
+    assert read_notes(workspace.storage) == {}
     note_made(workspace.storage, {REJECTED: made[REJECTED]})
     note_made(workspace.storage, {VERIFIED: made[VERIFIED]})
-    found = noted(workspace.storage)
+    found = read_notes(workspace.storage)
     assert {key: (set(each.files), each.made_of) for key, each in found.items()} == {
         key: (set(each.files), each.made_of) for key, each in made.items()
     }
     workspace.storage.delete(package_name(VERIFIED))
-    assert noted(workspace.storage).keys() == {REJECTED}
+    assert read_notes(workspace.storage).keys() == {REJECTED}
     build_warehouse(workspace.storage, workspace.local_folder)
     build_benchmark(workspace)
-    assert noted(workspace.storage) == {}
+    assert read_notes(workspace.storage) == {}
 
 
 def test_what_is_there_already_is_left_to_who_builds_the_benchmark(workspace: Workspace) -> None:
@@ -85,5 +85,5 @@ def test_what_is_there_already_is_left_to_who_builds_the_benchmark(workspace: Wo
 
 def test_what_is_there_costs_an_object_store_a_listing_of_each_kind_and_nothing_for_each_crash() -> None:
     TroubledStore.reset()
-    making_at_once(Storage("troubled://bucket/root"), [f"2023-51{number:04}" for number in range(100)])
+    make_at_once(Storage("troubled://bucket/root"), [f"2023-51{number:04}" for number in range(100)])
     assert TroubledStore.requests == {"list": 3}, "of replays, packages and thumbnails"

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from trace_dag.common.messages.markdown import code_block, code_span, escaped, table
+from trace_dag.common.messages.markdown import code_block, code_span, escape, table
 
 RENDERER = MarkdownIt("commonmark", {"html": True}).enable("table").enable("strikethrough")
 HOSTILE = (
@@ -48,12 +48,12 @@ def plain(text: str) -> str:
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_hostile_text_is_shown_as_written(text: str):
-    assert said(escaped(text)) == plain(text)
+    assert said(escape(text)) == plain(text)
 
 
 @given(TEXT)
 def test_any_text_is_shown_as_written(text: str):
-    assert said(f"x{escaped(text)}x") == f"x{plain(text)}x"
+    assert said(f"x{escape(text)}x") == f"x{plain(text)}x"
 
 
 @given(TEXT)

@@ -14,7 +14,7 @@ from crash_reports import own_events, parties, report
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fars.csv_tables import FarsCsvSource
-from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merged
+from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merge_sequences
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
 
@@ -128,7 +128,7 @@ def test_pairings_of_a_national_year(shared_data: Path) -> None:
             ]
             for number, own_rows in rows[case].items()
         }
-        events, _ = merged(sequences, vehicles, NO_MANNER)
+        events, _ = merge_sequences(sequences, vehicles, NO_MANNER)
         found = [frozenset((event.party_1, event.party_2)) for event in events if event.is_vehicle_contact]
         right[Counter(found) == Counter(reported[case])] += 1
     assert right == {True: 172}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from trace_dag.crash.completed_record import complete_record, without_headings
+from trace_dag.crash.completed_record import complete_record, drop_headings
 from trace_dag.crash.record import (
     CrashRecord,
     EventRecord,
@@ -69,4 +69,4 @@ def test_types_are_set_where_one_configuration_fits(man_coll, one, two, types):
 def test_without_headings_a_record_is_what_it_would_be_without_them(man_coll, courses):
     with_them = complete_record(crash(man_coll, *courses))
     hidden = complete_record(crash(man_coll, *((movement, None) for movement, _ in courses)))
-    assert without_headings(with_them) == hidden
+    assert drop_headings(with_them) == hidden

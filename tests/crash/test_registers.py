@@ -16,7 +16,7 @@ from trace_dag.crash.keys import parse_key, register_key
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import Heading, Moment, Octant, Origin, PreCrashMovement, Severity, origins
-from trace_dag.crash.registers.mapping import read_mapping, shipped
+from trace_dag.crash.registers.mapping import list_shipped_mappings, read_mapping
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import FromCrossing, Place
 from trace_dag.crash.table_reports import report_from_json, report_to_json
@@ -331,7 +331,7 @@ def test_a_mapping_that_is_not_there_names_those_that_are():
 
 
 def test_shipped_mappings_say_where_their_tables_are_from():
-    for name in shipped():
+    for name in list_shipped_mappings():
         mapping = read_mapping(name)
         assert mapping.register_name == name
         assert mapping.source.startswith("https://")

@@ -15,7 +15,7 @@ from sample_runs import finished, trace_dag
 from trace_dag.agents.evaluations import all_rows
 from trace_dag.agents.replays import replay
 from trace_dag.common.errors import DamagedFile, Failure
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage
 from trace_dag.export.export import accepted_keys, export
 from trace_dag.export.release import build_release
@@ -62,15 +62,15 @@ def packages() -> dict[str, bytes]:
 # --- checksums and manifests ---------------------------------------------------------------------------------------
 def test_a_checksum_finds_every_flipped_bit_and_leaves_a_document_of_json() -> None:
     document = b'{\n "name": "a",\n "length_m": 4.5\n}'
-    stored = with_checksum(document)
+    stored = add_checksum(document)
     assert json.loads(stored) | {"checksum": ""} == {"name": "a", "length_m": 4.5, "checksum": ""}
-    assert checked(stored, name="x.json") == json.loads(document)
+    assert check_document(stored, name="x.json") == json.loads(document)
     for place in range(len(stored)):
         for bit in range(8):
             changed = bytearray(stored)
             changed[place] ^= 1 << bit
             with pytest.raises(DamagedFile, match=r"x\.json"):
-                checked(bytes(changed), name="x.json")
+                check_document(bytes(changed), name="x.json")
 
 
 @DAMAGES

@@ -6,7 +6,7 @@ import inspect
 
 import pytest
 
-from trace_dag.common.references import referred, signature_of
+from trace_dag.common.references import resolve_reference, signature_of
 from trace_dag.common.settings import Settings
 from trace_dag.common.stage import Stage
 from trace_dag.flow.stages import FLOW
@@ -21,7 +21,7 @@ def test_parameters_have_the_types_of_what_they_are_named_after(definition):
             assert annotation in {info.annotation.__name__ for info in Settings.model_fields.values()}
         elif parameter.name in FLOW.artefacts:
             reader = FLOW.artefacts[parameter.name].reader
-            returned = inspect.signature(referred(reader)).return_annotation if reader else "bytes"
+            returned = inspect.signature(resolve_reference(reader)).return_annotation if reader else "bytes"
             expected = f"Mapping[str, {returned}]" if definition.for_several else returned
             assert annotation.removesuffix(" | None") == expected
         else:

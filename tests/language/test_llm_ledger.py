@@ -15,7 +15,7 @@ from model_server import COST_USD, KEY, knowing, llm_settings
 
 from trace_dag.common.errors import Failure, TransientFailure
 from trace_dag.common.settings import StateSettings
-from trace_dag.common.storage.checksums import with_checksum
+from trace_dag.common.storage.checksums import add_checksum
 from trace_dag.common.storage.files import Storage
 from trace_dag.language.hypotheses import llm_client
 from trace_dag.language.ledger import FOLDER, Page, SpendingLedger
@@ -60,7 +60,7 @@ def test_who_has_waited_longer_comes_first(files):
     time = Time()
     (two,) = ledgers(files, 1, time, requests_per_minute=60.0)
     waiting = Page("another process", waiting_since_s=time.now_s - 0.5)  # it is about to take its turn
-    files.write(f"{FOLDER}/run/another.json", with_checksum(json.dumps(asdict(waiting)).encode()))
+    files.write(f"{FOLDER}/run/another.json", add_checksum(json.dumps(asdict(waiting)).encode()))
     two.reserve()
     assert time.slept == pytest.approx([1.0])
     time.now_s += 100.0  # and died before it did

@@ -22,7 +22,7 @@ from trace_dag.crash.record import CrashRecord, Heading, Moment, Octant, Origin,
 from trace_dag.crash.registers.mapping import read_mapping
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import Place
-from trace_dag.language.narratives.reading import Fact, Happening, complaint_about
+from trace_dag.language.narratives.reading import Fact, NarrativeEvent, complaint_about
 from trace_dag.language.narratives.source import NarratedTable, NarrativeFolder, Reader, narratives_in
 from trace_dag.language.narratives.vocabulary import vocabulary
 from trace_dag.language.store import StoredAnswer
@@ -270,7 +270,7 @@ def test_answers_written_by_hand_keep_to_the_vocabulary_and_the_narratives():
         said = answers[narrative.id]
         facts = [Fact(unit=u, field=f, value=v, words=w) for u, f, v, w in said["facts"]]
         events = [
-            Happening(event=e, unit=u, other_unit=o, area=a, other_area=b, words=w)
+            NarrativeEvent(event=e, unit=u, other_unit=o, area=a, other_area=b, words=w)
             for e, u, o, a, b, w in said["events"]
         ]
         wrong += [

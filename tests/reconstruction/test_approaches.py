@@ -22,7 +22,7 @@ from trace_dag.reconstruction.pre_crash_scenarios import party, pre_crash_scenar
 from trace_dag.reconstruction.scene.approaches import Approach
 from trace_dag.reconstruction.scene.roundabouts import ring_through
 from trace_dag.reconstruction.scene.scene import Scene
-from trace_dag.roads.from_osm.left_hand import mirrored_network
+from trace_dag.roads.from_osm.left_hand import mirror_network
 
 FOUR_WAY, T, ROUNDABOUT, CENTRE_LANE, STRAIGHT, DIVIDED, CORNER = (
     "2023-319001",
@@ -206,7 +206,7 @@ def test_where_traffic_keeps_left_everything_is_as_in_a_mirror():
     case = sample_case(FOUR_WAY)
     placement = replace(case.report.placement, x_m=-case.report.placement.x_m)
     mirrored = build_scene(
-        case.record, mirrored_network(case.network), replace(case.report, placement=placement), lead_time_s=5.0
+        case.record, mirror_network(case.network), replace(case.report, placement=placement), lead_time_s=5.0
     )
     vehicle, other_side = case.record.vehicles[0], {Turn.LEFT: Turn.RIGHT, Turn.RIGHT: Turn.LEFT, None: None}
 

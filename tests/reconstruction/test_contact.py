@@ -15,7 +15,7 @@ from trace_dag.common.paths import Path, TurnShape, straight, turned
 from trace_dag.common.units import bearing_to_clock_h, clock_difference_h
 from trace_dag.crash.codes.bodies import TRACTOR_OF_TRAILER
 from trace_dag.crash.codes.trailers import trailer_of
-from trace_dag.reconstruction.motion.contact import Mover, first_contacts, touching
+from trace_dag.reconstruction.motion.contact import Mover, find_contact_points, first_contacts
 
 
 def outline(mover: Mover, time_s: float) -> shapely.Polygon:
@@ -186,7 +186,7 @@ def test_last_bits_do_not_move_a_contact_to_one_side(off_m: float) -> None:
     """A car of 1.84 m and one of 2.04 m meet in line: the outer corners are as far out as corners still touch."""
     one = (np.zeros(1), np.zeros(1), np.zeros(1))
     two = (np.array([5.0]), np.array([off_m]), np.array([math.pi]))
-    touch = touching(one, (5.0, 1.84), two, (5.0, 2.04))
+    touch = find_contact_points(one, (5.0, 1.84), two, (5.0, 2.04))
     assert [touch.x_m[0], touch.y_m[0], touch.bearing_1_rad[0], touch.bearing_2_rad[0]] == pytest.approx(
         [2.5, 0.0, 0.0, 0.0], abs=1e-9
     )

@@ -17,7 +17,7 @@ from trace_dag.simulation.embedded import EmbeddedBackend
 from trace_dag.simulation.run import simulate
 from trace_dag.simulation.states import SpeedSource, StateEstimate
 from trace_dag.simulation.types import SimulationLog, overturned_at
-from trace_dag.verdict.changed_plans import mirrored_departure
+from trace_dag.verdict.changed_plans import mirror_departure
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Verdict
@@ -93,6 +93,6 @@ def test_the_other_side_is_rejected() -> None:
     made, logs, verdict = reconstructed(crash)
     h = verdict.hypothesis
     judged = JudgedCrash(crash, STREET, made.hypotheses[h], logs[h])
-    row = row_of_change(judged, "mirrored", mirrored_departure(judged))
+    row = row_of_change(judged, "mirrored", mirror_departure(judged))
     assert row.verified is False
     assert row.reason in (Reason.WRONG_SIDE, Reason.NO_DEPARTURE, Reason.NO_OVERTURN)

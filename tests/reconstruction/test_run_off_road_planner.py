@@ -23,7 +23,7 @@ from trace_dag.simulation.objects import PlacedBy
 from trace_dag.simulation.run import simulate
 from trace_dag.simulation.states import StateEstimate
 from trace_dag.simulation.types import SimulationLog
-from trace_dag.verdict.changed_plans import mirrored_departure, object_moved
+from trace_dag.verdict.changed_plans import mirror_departure, object_moved
 from trace_dag.verdict.controls import JudgedCrash, changed_reports
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Verdict
@@ -158,7 +158,7 @@ def test_another_side_zone_or_object_is_not_what_happened() -> None:
 @pytest.mark.parametrize("code", [TREE, GUARDRAIL])
 def test_the_other_side_and_a_moved_object_are_rejected(code: int) -> None:
     crash = judged_crash(left_road(code))
-    mirrored = row_of_change(crash, "mirrored", mirrored_departure(crash))
+    mirrored = row_of_change(crash, "mirrored", mirror_departure(crash))
     moved = row_of_change(crash, "moved", object_moved(crash, VerdictSettings()))
     assert (mirrored.verified, moved.verified) == (False, False)
     assert mirrored.reason in (Reason.WRONG_SIDE, Reason.NO_DEPARTURE)

@@ -11,7 +11,7 @@ from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay
-from trace_dag.roads.crash_site.crossings import with_kinds
+from trace_dag.roads.crash_site.crossings import add_kinds
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.map.network import RoadNetwork
@@ -58,7 +58,7 @@ class Town:
     def network(self) -> RoadNetwork:
         """What the converter makes of it."""
         extract = along_traffic(self.extract())
-        return with_kinds(convert(extract, FRAME, SETTINGS), extract)
+        return add_kinds(convert(extract, FRAME, SETTINGS), extract)
 
     def _node(self, x_m: float, y_m: float, level: str) -> OsmNode:
         key = (float(x_m), float(y_m), level)

@@ -20,7 +20,7 @@ from trace_dag.reconstruction.estimate import estimate
 from trace_dag.simulation.embedded import EmbeddedBackend
 from trace_dag.simulation.run import simulate
 from trace_dag.simulation.types import overturned_at
-from trace_dag.verdict.changed_plans import changed_plans
+from trace_dag.verdict.changed_plans import make_changed_plans
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Verdict
@@ -68,7 +68,7 @@ def test_the_other_side_and_a_moved_object_are_refused(judged: dict[str, tuple[J
     for key, (crash, verdict) in judged.items():
         if not verdict.accepted or key == ON_ROADWAY:
             continue
-        for name, changed in changed_plans(crash, SETTINGS.verdict):
+        for name, changed in make_changed_plans(crash, SETTINGS.verdict):
             assert row_of_change(crash, name, changed).verified is False, key
             refused += 1
     assert refused >= 12

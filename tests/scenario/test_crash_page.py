@@ -23,9 +23,9 @@ from trace_dag.verdict.types import (
     Criterion,
     Doubt,
     EventOutcome,
+    EventResult,
     Fact,
     Grade,
-    Happening,
     Label,
     Reservation,
     Support,
@@ -233,9 +233,9 @@ def test_no_error_is_counted_from_an_impact_that_nobody_reported():
 def test_doubts_and_events_that_do_not_happen_are_said_without_unfolding():
     doubts = tuple(Reservation(Doubt.EVENT_MISSED, f"event {number}: does not happen") for number in range(2, 10))
     events = (
-        EventOutcome(1, 12, Happening.HAPPENED),
-        EventOutcome(2, 1, Happening.MISSED, "not simulated"),
-        EventOutcome(3, 2, Happening.NOT_MODELLED),
+        EventOutcome(1, 12, EventResult.HAPPENED),
+        EventOutcome(2, 1, EventResult.MISSED, "not simulated"),
+        EventOutcome(3, 2, EventResult.NOT_MODELLED),
     )
     unsure = "vehicle 1 from the west (50 %) or from the east (45 %): the report does not say"
     verdict = replace(VERDICT, reservations=doubts, events=events, alternatives=unsure)

@@ -15,10 +15,10 @@ from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.parties import party_label
 from trace_dag.pages.replay import write_html_player
 from trace_dag.pages.solid.objects import object_parts
-from trace_dag.pages.thumbnail import moving_thumbnail
+from trace_dag.pages.thumbnail import draw_thumbnail
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.scenario.object_shapes import OBJECT_NOTE, in_words, object_category, outline
-from trace_dag.scenario.opendrive_objects import fixed_objects, with_objects
+from trace_dag.scenario.object_shapes import OBJECT_NOTE, describe_object, object_category, outline
+from trace_dag.scenario.opendrive_objects import add_objects, fixed_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.openscenario_objects import misc_object
 from trace_dag.simulation.types import moment_of
@@ -28,7 +28,7 @@ CRASH = record(vehicle(1, 12), vehicle(1, 12))
 
 def test_an_object_says_that_the_program_placed_it() -> None:
     tree = item(TREE, 6.0, 0.0)
-    assert in_words(tree) == f"tree ({OBJECT_NOTE})"
+    assert describe_object(tree) == f"tree ({OBJECT_NOTE})"
     assert object_category(tree) == "tree"
     assert party_label(tree.number) == "O2"
     assert np.hypot(*(outline(tree) - (6.0, 0.0)).T).max() <= 0.5
@@ -37,13 +37,13 @@ def test_an_object_says_that_the_program_placed_it() -> None:
 def test_objects_are_in_the_map_where_they_stand() -> None:
     """OpenDRIVE 1.7, section 11: s and t on the road, the heading relative to it. The street runs from x = -200."""
     rail = item(GUARDRAIL, 10.0, -5.0, math.radians(10))
-    root = etree.fromstring(with_objects(write_opendrive(STREET), fixed_objects(STREET, [rail])))
+    root = etree.fromstring(add_objects(write_opendrive(STREET), fixed_objects(STREET, [rail])))
     (found,) = root.xpath("//object[@type='barrier']")
     assert (float(found.get("s")), float(found.get("t"))) == (pytest.approx(210.0), pytest.approx(-5.0))
     assert float(found.get("hdg")) == pytest.approx(math.radians(10), abs=1e-4)
     assert found.find("userData[@code='placedBy']").get("value") == "program"
     assert OBJECT_NOTE in found.get("name")
-    assert with_objects(b"<OpenDRIVE/>", []) == b"<OpenDRIVE/>"
+    assert add_objects(b"<OpenDRIVE/>", []) == b"<OpenDRIVE/>"
 
 
 def test_objects_are_misc_objects_in_a_scenario_but_not_for_carla() -> None:
@@ -95,7 +95,7 @@ def test_replays_and_thumbnails_show_an_overturn_without_a_contact() -> None:
     assert moment.numbers == (1,)
     page = write_html_player(CRASH, STREET, log).decode()
     assert '"overturns":[{"time":' in page
-    assert moving_thumbnail(STREET, log).startswith("<svg")
+    assert draw_thumbnail(STREET, log).startswith("<svg")
 
 
 def test_the_replay_lists_objects() -> None:

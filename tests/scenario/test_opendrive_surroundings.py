@@ -12,7 +12,7 @@ from lxml import etree
 from tests.verdict.crashes import STREET
 from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.scenario.opendrive_objects import with_objects
+from trace_dag.scenario.opendrive_objects import add_objects
 from trace_dag.scenario.opendrive_surroundings import surrounding_objects
 
 
@@ -26,7 +26,7 @@ def feature(shape: shapely.Geometry, number: int = 1, **tags: str) -> OsmFeature
 def objects(*features: OsmFeature, **options) -> list[etree._Element]:
     """The objects on the map as another program reads them. The street runs east from x = -300, where s = 0."""
     placed = surrounding_objects(STREET, features, **options)
-    return etree.fromstring(with_objects(write_opendrive(STREET), placed)).findall("road/objects/object[@name]")
+    return etree.fromstring(add_objects(write_opendrive(STREET), placed)).findall("road/objects/object[@name]")
 
 
 def test_a_building_has_its_corners_and_its_height():
@@ -57,8 +57,8 @@ def test_trees_are_round_and_walls_are_open_lines():
 
 def test_ids_are_whole_numbers_that_no_two_objects_share():
     trees = [feature(shapely.Point(x, 12.0), number, natural="tree") for number, x in enumerate((-50.0, 0.0, 50.0))]
-    once = with_objects(write_opendrive(STREET), surrounding_objects(STREET, trees))
-    twice = etree.fromstring(with_objects(once, surrounding_objects(STREET, trees)))
+    once = add_objects(write_opendrive(STREET), surrounding_objects(STREET, trees))
+    twice = etree.fromstring(add_objects(once, surrounding_objects(STREET, trees)))
     ids = [int(each.get("id")) for each in twice.findall("road/objects/object")]
     assert len(ids) == len(set(ids)) == 6
 

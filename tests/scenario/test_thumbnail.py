@@ -9,7 +9,7 @@ import sample_runs
 from lxml import etree
 
 import trace_dag
-from trace_dag.pages.thumbnail import moving_thumbnail
+from trace_dag.pages.thumbnail import draw_thumbnail
 
 
 @pytest.fixture(scope="module", params=["2023-319022", "2023-319024"])
@@ -25,7 +25,7 @@ def values(group, kind):
 
 def test_bodies_are_drawn_where_the_log_has_them(crash):
     network, log = crash
-    drawn = etree.fromstring(moving_thumbnail(network, log))
+    drawn = etree.fromstring(draw_thumbnail(network, log))
     groups = [group for group in drawn.iter("{*}g") if group.find("{*}animateTransform") is not None]
     assert len(groups) == len(log.vehicles)
     contact = log.first_contact
@@ -43,10 +43,10 @@ def test_bodies_are_drawn_where_the_log_has_them(crash):
 
 
 def test_stays_small(crash):
-    assert len(moving_thumbnail(*crash)) < 40_000
+    assert len(draw_thumbnail(*crash)) < 40_000
 
 
 def test_without_a_contact_there_is_nothing_to_show(crash):
     network, log = crash
     with pytest.raises(ValueError, match="without a contact"):
-        moving_thumbnail(network, replace(log, contacts=()))
+        draw_thumbnail(network, replace(log, contacts=()))

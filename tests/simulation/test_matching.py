@@ -9,7 +9,7 @@ import pytest
 
 from tests.simulation.motions import log_of, meeting
 from trace_dag.common.geometry import Pose
-from trace_dag.simulation.matching import Expected, Happening, Pair, happenings, happenings_of, match
+from trace_dag.simulation.matching import Expected, Pair, SimulatedEvent, happenings, happenings_of, match
 from trace_dag.simulation.types import Contact
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -41,7 +41,7 @@ def contacts(*pairs: Pair) -> list[Contact]:
     ]
 
 
-def seconds(found: tuple[Happening | None, ...]) -> list[float | None]:
+def seconds(found: tuple[SimulatedEvent | None, ...]) -> list[float | None]:
     return [each and each.time_s for each in found]
 
 
@@ -88,7 +88,7 @@ def test_an_object_may_be_left_out(happened: list[Pair], matched: list[int | Non
 
 
 def test_overturns_are_matched_in_their_turn_and_are_never_strange() -> None:
-    overturns = Happening(1.5, OVER)
+    overturns = SimulatedEvent(1.5, OVER)
     struck, pole = happenings(contacts((1, 2), POLE))
     seen = [struck, overturns, pole]
     assert match(seen, [STRUCK, LATER_OVERTURN, LATER_POLE]).matched == (struck, overturns, pole)
@@ -146,12 +146,12 @@ def test_events_of_other_parties_that_may_be_left_out_come_in_any_order(
 ) -> None:
     last = Expected((1, 4)) if (1, 4) in happened else Expected((1, 1), required=False)
     expected = [Expected((1, 2)), Expected((3, 3), required=False), last]
-    seen = [Happening(float(second), pair) for second, pair in enumerate(happened, start=1)]
+    seen = [SimulatedEvent(float(second), pair) for second, pair in enumerate(happened, start=1)]
     assert seconds(match(seen, expected).matched) == matched
 
 
 def test_an_event_of_a_vehicle_before_its_own_earlier_one_does_not_count() -> None:
     """Overturned before the pole it is reported to strike first: only what comes in its turn happens."""
     expected = [Expected((1, 2)), LATER_POLE, LATER_OVERTURN]
-    seen = [Happening(1.0, (1, 2)), Happening(2.0, OVER), Happening(3.0, POLE)]
+    seen = [SimulatedEvent(1.0, (1, 2)), SimulatedEvent(2.0, OVER), SimulatedEvent(3.0, POLE)]
     assert seconds(match(seen, expected).matched) == [1.0, None, 2.0]

@@ -17,7 +17,7 @@ from trace_dag.simulation.plan import tracking_errors
 from trace_dag.simulation.run import simulate
 from trace_dag.simulation.states import StateEstimate
 from trace_dag.simulation.types import SimulationLog, Termination
-from trace_dag.verdict.changed_plans import changed_plans
+from trace_dag.verdict.changed_plans import make_changed_plans
 from trace_dag.verdict.controls import JudgedCrash, changed_reports, true_pairing
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Verdict
@@ -124,7 +124,7 @@ def test_negative_controls(cohort: list[Ours]) -> None:
     differ = [row for row in rows if row.reports_differ]
     assert acceptance_rate(differ) <= 0.06  # two reports that contradict each other are told apart
     assert acceptance_rate(rows) <= 0.4  # a third of the cohort are head-on crashes with the same codes
-    changed = [(crash, *each) for crash in crashes for each in changed_plans(crash, SETTINGS.verdict)]
+    changed = [(crash, *each) for crash in crashes for each in make_changed_plans(crash, SETTINGS.verdict)]
     shifted = [row_of_change(*each) for each in changed]
     assert acceptance_rate(shifted) <= 0.02
     assert sum(row.verified is not None for row in shifted) >= 28

@@ -16,8 +16,8 @@ from trace_dag.crash.event_sequence import EventSequence, sequence_of
 from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement
 from trace_dag.simulation.states import Hypothesis, Trajectory
 from trace_dag.simulation.types import SimulationLog
-from trace_dag.verdict.changed_plans import parked_moved
-from trace_dag.verdict.controls import JudgedCrash, changed_reports, dropped, in_place_of, swapped
+from trace_dag.verdict.changed_plans import move_parked
+from trace_dag.verdict.controls import JudgedCrash, changed_reports, drop_contact, in_place_of, swap_contacts
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.types import Verdict
 
@@ -129,7 +129,7 @@ def test_a_parked_vehicle_stands_in_the_reported_zone(zone: int, y_m: float, rea
 def test_a_parked_vehicle_that_is_moved_aside_is_missed() -> None:
     made = simulated(straight(-47.25, -4.7, 0.0, 15.0), standing(2.25, -4.7))
     parked = JudgedCrash(parked_report(7), STREET, *made)
-    changed = parked_moved(parked, 2)
+    changed = move_parked(parked, 2)
     moved = next(state for state in changed.hypothesis.participants if state.vehicle_number == 2)
     assert abs(moved.initial_pose.y_m + 4.7) == pytest.approx(3.0)
     assert (moved.trajectory.y_m == moved.initial_pose.y_m).all()
@@ -152,14 +152,14 @@ def test_what_is_dropped_and_swapped() -> None:
         return [[event.pair for event in sequence.events] for sequence in changed]
 
     sequence = sequence_of(queue_report())
-    assert pairs(dropped(sequence)) == [[(2, 3)], [(1, 2)]]
-    assert pairs(swapped(sequence)) == [[(2, 3), (1, 2)]]
-    assert pairs(swapped(replace(sequence, order_known=False))) == []
-    assert pairs(dropped(replace(sequence, events=sequence.events[:1]))) == []
+    assert pairs(drop_contact(sequence)) == [[(2, 3)], [(1, 2)]]
+    assert pairs(swap_contacts(sequence)) == [[(2, 3), (1, 2)]]
+    assert pairs(swap_contacts(replace(sequence, order_known=False))) == []
+    assert pairs(drop_contact(replace(sequence, events=sequence.events[:1]))) == []
     again = sequence_of(
         queue_report(contact(1, 1, 12, 2, 6), contact(2, 2, 12, 3, 6), contact(3, 1, 12, 2, 6), contact(4, 1, 12, 3, 6))
     )
-    assert pairs(dropped(again)) == [[(1, 2), (1, 2), (1, 3)], [(1, 2), (2, 3), (1, 2)]]
+    assert pairs(drop_contact(again)) == [[(1, 2), (1, 2), (1, 3)], [(1, 2), (2, 3), (1, 2)]]
 
 
 def test_another_report_is_refused_where_it_says_something_else() -> None:

@@ -13,7 +13,7 @@ from trace_dag.common.errors import Reason
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.verdict.departed_street import DepartedStreet, departed_street, street_likeness
+from trace_dag.verdict.departed_street import DepartedStreet, find_departed_street, street_likeness
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.rules import Comparison, criteria
 
@@ -74,6 +74,6 @@ def test_the_street_is_that_under_the_vehicle_before_it_leaves() -> None:
     log = judged_crash(left_road(TREE)).log
     [driven] = log.vehicles
     assert log.first_contact is not None
-    assert departed_street(named, driven, log.first_contact.time_s).names == {ELM}
+    assert find_departed_street(named, driven, log.first_contact.time_s).names == {ELM}
     beside = replace(driven, y_m=np.full_like(driven.y_m, 50.0))
-    assert departed_street(named, beside, log.first_contact.time_s).names == frozenset()
+    assert find_departed_street(named, beside, log.first_contact.time_s).names == frozenset()

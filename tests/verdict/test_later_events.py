@@ -25,7 +25,7 @@ from trace_dag.simulation.states import LossOfControl, StateEstimate
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.simulation.vehicles import vehicle_model
 from trace_dag.verdict.judge import judge
-from trace_dag.verdict.types import Criterion, Doubt, Happening, Verdict
+from trace_dag.verdict.types import Criterion, Doubt, EventResult, Verdict
 
 TREE, CURB, OVERTURN = 42, 33, 1
 RIGHT, LEFT = 63, 64
@@ -83,7 +83,7 @@ def test_an_object_stands_on_the_reported_side_and_is_struck_after_the_contact(t
     (check,) = made.best.later_events
     assert (check.name, check.passed) == ("object of event 3", True)
     assert "its front wheels turned by 1°" in check.detail
-    assert [each.outcome for each in verdict.events if each.code < 60] == [Happening.HAPPENED] * 2
+    assert [each.outcome for each in verdict.events if each.code < 60] == [EventResult.HAPPENED] * 2
 
 
 def test_what_comes_after_a_contact_leaves_the_contact_as_it_is() -> None:
@@ -112,7 +112,7 @@ def test_an_event_that_cannot_be_met_is_shown_with_what_was_measured() -> None:
     assert not later.passed
     edge_m = LANE_WIDTH_M / 2 - CAR.width_m / 2  # it stays in the middle of its lane
     missed = verdict.events[-1]
-    assert (missed.event_number, missed.outcome) == (3, Happening.MISSED)
+    assert (missed.event_number, missed.outcome) == (3, EventResult.MISSED)
     assert missed.why == f"vehicle 2 stays on the carriageway: it comes to {edge_m:.1f} m from its edge"
 
 
@@ -123,7 +123,7 @@ def test_an_overturn_that_does_not_happen_is_missed() -> None:
     assert verdict.accepted, verdict.detail
     later = shown(verdict, "later_overturn")
     assert not later.passed
-    assert verdict.events[-1].outcome is Happening.MISSED
+    assert verdict.events[-1].outcome is EventResult.MISSED
     assert "vehicle 2 stays on its wheels" in verdict.events[-1].why
 
 

@@ -19,7 +19,7 @@ from trace_dag.verdict.judge import judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
 from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.types import Doubt, EventOutcome, Grade, Happening, Label
+from trace_dag.verdict.types import Doubt, EventOutcome, EventResult, Grade, Label
 
 RECORD = example_objects.record_of("record")  # a car turns left across a motorcycle
 MADE = example_objects.made_of("record")
@@ -77,9 +77,9 @@ def test_an_event_that_does_not_happen_is_doubted_one_that_cannot_be_simulated_i
     best = replace(MADE.state_estimate.hypotheses[0], later_events=(planned,))
     events = outcomes(record, observed(hypothesis=best))
     assert [(each.event_number, each.code, each.outcome, each.why) for each in events] == [
-        (1, 12, Happening.HAPPENED, ""),
-        (2, 1, Happening.MISSED, "it tilts by 4 degrees at most"),
-        (3, 2, Happening.NOT_MODELLED, ""),
+        (1, 12, EventResult.HAPPENED, ""),
+        (2, 1, EventResult.MISSED, "it tilts by 4 degrees at most"),
+        (3, 2, EventResult.NOT_MODELLED, ""),
     ]
     found = doubts(record, events=events)
     assert list(found) == [Doubt.EVENT_MISSED]
@@ -89,7 +89,7 @@ def test_an_event_that_does_not_happen_is_doubted_one_that_cannot_be_simulated_i
 def test_events_at_once_between_the_same_two_are_one_that_goes_on():
     first = RECORD.events[0]
     again = replace(RECORD, events=(first, replace(first, number=2)))
-    assert [each.outcome for each in outcomes(again, observed())] == [Happening.HAPPENED, Happening.HAPPENED]
+    assert [each.outcome for each in outcomes(again, observed())] == [EventResult.HAPPENED, EventResult.HAPPENED]
 
 
 def test_a_report_without_events_has_the_one_that_its_first_harmful_event_implies():
@@ -105,8 +105,8 @@ def test_what_came_before_the_first_harmful_event_is_missed():
     tree = EventRecord(1, 42, 1, None, 2001, None)
     record = replace(RECORD, first_harmful_event_code=12, events=(tree, replace(RECORD.events[0], number=2)))
     before, first = outcomes(record, observed())
-    assert (before.outcome, before.why) == (Happening.MISSED, "it comes before the first harmful event")
-    assert first.outcome is Happening.HAPPENED
+    assert (before.outcome, before.why) == (EventResult.MISSED, "it comes before the first harmful event")
+    assert first.outcome is EventResult.HAPPENED
 
 
 def test_the_sides_that_a_report_leaves_open_are_an_attribute_and_no_bar_to_corroboration():

@@ -15,7 +15,7 @@ from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.simulation.run import participants
 from trace_dag.simulation.states import Manoeuvre
-from trace_dag.verdict.changed_plans import late_person, mirrored_person
+from trace_dag.verdict.changed_plans import late_person, mirror_person
 from trace_dag.verdict.controls import ControlRow, JudgedCrash, changed_reports, in_place_of, reports_differ
 
 SETTINGS = VerdictSettings()
@@ -107,7 +107,7 @@ def test_no_delay_makes_a_cyclist_miss_a_standing_car() -> None:
 
 def test_a_person_from_the_other_side_is_refused() -> None:
     crash = judged()
-    other_side = mirrored_person(crash)
+    other_side = mirror_person(crash)
     assert other_side is not None
     person, was = other_side.hypothesis.participants[1], crash.hypothesis.participants[1]
     assert was.manoeuvre is Manoeuvre.CROSS_FROM_RIGHT
@@ -118,4 +118,4 @@ def test_a_person_from_the_other_side_is_refused() -> None:
 
 
 def test_a_side_that_is_not_coded_has_no_mirror() -> None:
-    assert mirrored_person(planned(struck(walker(pedestrian_type_code=760)))) is None
+    assert mirror_person(planned(struck(walker(pedestrian_type_code=760)))) is None

@@ -16,7 +16,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge
-from trace_dag.verdict.support import LEAST_FACTS, LEAST_SUPPORT, Weight, fitted_weights, grade_of, supported
+from trace_dag.verdict.support import LEAST_FACTS, LEAST_SUPPORT, Weight, assess_support, fitted_weights, grade_of
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Verdict
 
 HALF = CAR.length_m / 2
@@ -59,7 +59,7 @@ def test_a_weight_is_the_log_of_how_much_likelier_a_fact_is_in_a_true_report() -
 def test_weights_add_up_and_what_both_vehicles_report_counts_once() -> None:
     weights = {("limit", Agreement.AGREES): 1.5, ("lanes", Agreement.DIFFERS): -1.0, ("impact", Agreement.AGREES): 2.0}
     facts = (fact("limit"), fact("lanes", Agreement.DIFFERS), fact("impact", number=1), fact("impact", number=2))
-    found = supported(facts, weights)
+    found = assess_support(facts, weights)
     assert found.total == pytest.approx(1.5 - 1.0 + 2.0)
     assert found.independent_facts == 2
 
@@ -69,13 +69,13 @@ def test_enough_facts_and_support_and_nothing_against_is_corroborated() -> None:
     strong = {(name, Agreement.AGREES): LEAST_SUPPORT / LEAST_FACTS + 0.01 for name in names}
     weak = {(name, Agreement.AGREES): LEAST_SUPPORT / LEAST_FACTS - 0.01 for name in names}
     facts = [fact(name) for name in names]
-    assert grade_of(supported(facts, strong)) is Grade.CORROBORATED
-    assert grade_of(supported(facts, weak)) is Grade.CONSISTENT
-    assert grade_of(supported(facts[1:], dict.fromkeys(strong, 9.0))) is Grade.CONSISTENT
+    assert grade_of(assess_support(facts, strong)) is Grade.CORROBORATED
+    assert grade_of(assess_support(facts, weak)) is Grade.CONSISTENT
+    assert grade_of(assess_support(facts[1:], dict.fromkeys(strong, 9.0))) is Grade.CONSISTENT
     against = [*facts, fact("street", Agreement.DIFFERS, essential=True)]
-    assert grade_of(supported(against, dict.fromkeys(strong, 9.0))) is Grade.CONSISTENT
+    assert grade_of(assess_support(against, dict.fromkeys(strong, 9.0))) is Grade.CONSISTENT
     near = [*facts, fact("street", Agreement.NEAR, essential=True)]
-    assert grade_of(supported(near, strong)) is Grade.CORROBORATED
+    assert grade_of(assess_support(near, strong)) is Grade.CORROBORATED
 
 
 def test_a_report_as_it_was_is_refuted_by_nothing() -> None:

@@ -125,7 +125,7 @@ def _in_pool(pool: Pool[LoadedCase, Step, Evaluation], tasks: Sequence[Task[Step
         yield from pool.run(tasks)
 
 
-def evaluating_code(settings: SimSettings) -> str:
+def evaluation_code_version(settings: SimSettings) -> str:
     """Return the version of the code that evaluates: measures of one code are not compared with those of another."""
     return f"{VERSION}, mujoco {libraries_of(settings)['mujoco']}"
 
@@ -146,7 +146,7 @@ class _Chunk:
 
 
 def _on_cluster(workspace: Workspace, work: EvaluationWork, tasks: Sequence[Task[Step]]) -> Answers:
-    code = evaluating_code(work.settings)
+    code = evaluation_code_version(work.settings)
     agents = {step.reference: agent_code(step.reference) for task in tasks for step in task.steps}
     unread = {name: replace(case, files=case.files.unread()) for name, case in work.cases.items()}
     with workspace.executing() as executor:
@@ -167,7 +167,7 @@ def _on_cluster(workspace: Workspace, work: EvaluationWork, tasks: Sequence[Task
 def _evaluate_chunk(chunk: _Chunk) -> list[StepAnswer[Step, Evaluation]]:
     """Return the evaluations of a chunk, in order."""
     for what, theirs, ours in (
-        ("what evaluates", chunk.code, evaluating_code(chunk.work.settings)),
+        ("what evaluates", chunk.code, evaluation_code_version(chunk.work.settings)),
         *((f"agent {reference}", code, agent_code(reference)) for reference, code in chunk.agents.items()),
     ):
         if theirs != ours:

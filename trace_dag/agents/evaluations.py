@@ -19,14 +19,14 @@ from trace_dag.agents.evaluation.isolation import Isolation
 from trace_dag.agents.evaluation.registry import label, resolve
 from trace_dag.agents.evaluation.splits import Split
 from trace_dag.agents.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
-from trace_dag.agents.evaluation_work import EvaluationWork, Step, answers, evaluating_code
+from trace_dag.agents.evaluation_work import EvaluationWork, Step, answers, evaluation_code_version
 from trace_dag.agents.stored_cases import AgentRole, StoredCase, load_case, number_of
 from trace_dag.common.errors import DamagedFile, Failure, UserError
 from trace_dag.common.provenance import now
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
 from trace_dag.flow.pool import Lost, Task
-from trace_dag.flow.records import OnProblem, raised
+from trace_dag.flow.records import OnProblem, raise_problem
 from trace_dag.flow.workspace import Workspace
 
 FOLDER = "evaluations"
@@ -46,7 +46,7 @@ def evaluate_agents(
     split: Split | None = None,
     isolation: Isolation | None = None,
     on_progress: Callable[[Row], None] = lambda _: None,
-    on_problem: OnProblem = raised,
+    on_problem: OnProblem = raise_problem,
 ) -> list[Row]:
     """Return every agent in every role of every case, as rows in a fixed order, stored under the root.
 
@@ -58,7 +58,7 @@ def evaluate_agents(
     by_id = {case.case_id: case for case in cases}
     work = EvaluationWork(workspace.settings.sim, by_id, conditions, limits, isolation)
     steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
-    code = evaluating_code(workspace.settings.sim)
+    code = evaluation_code_version(workspace.settings.sim)
     digests = {name: agent_code(reference) for name, reference in references.items()}
     results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, on_problem)
     try:
@@ -114,7 +114,7 @@ class _Results:
 
 
 def store_rows(
-    storage: Storage, agent: str, reference: str, rows: Sequence[Row], on_problem: OnProblem = raised
+    storage: Storage, agent: str, reference: str, rows: Sequence[Row], on_problem: OnProblem = raise_problem
 ) -> None:
     """Store evaluations of one agent, a label: a row for the same case and vehicle replaces the one before.
 
@@ -184,7 +184,7 @@ def remove_agent(storage: Storage, agent: str) -> int:
     return rows
 
 
-def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
+def all_rows(storage: Storage, *, on_problem: OnProblem = raise_problem) -> list[Row]:
     """Return every stored evaluation, of all agents; ``on_problem`` is called with the agents whose table is
     damaged."""
     found: list[Row] = []

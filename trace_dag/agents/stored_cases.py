@@ -12,14 +12,14 @@ from trace_dag.agents.evaluation.crash_parts import part_of
 from trace_dag.agents.evaluation.splits import Split, splits_of
 from trace_dag.agents.stored_variations import families, read_variation
 from trace_dag.common.errors import UserError
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.stage import Stage
 from trace_dag.crash.event_sequence import OFF_THE_ROAD, sequence_of
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, SAMPLED, VERDICT, XODR, CrashArtefacts
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState, status_of_valid
-from trace_dag.flow.records import OnProblem, log_problem, raised
-from trace_dag.flow.selection import registered
+from trace_dag.flow.records import OnProblem, log_problem, raise_problem
+from trace_dag.flow.selection import select_registered
 from trace_dag.flow.stored_crashes import crash_files
 from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.cases import Case
@@ -94,11 +94,11 @@ def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
 
 def _drawn_case(case_id: str, files: CrashFiles, sample: int) -> Case:
     """Return a likely course, simulated to know what an agent in it has to avoid."""
-    from trace_dag.scenario.ensemble import drawn
+    from trace_dag.scenario.ensemble import draw_course
     from trace_dag.simulation.backends import backend
 
     crash = case_of(files, files.settings.sim)
-    course = drawn(files.load(ESTIMATE), sample)
+    course = draw_course(files.load(ESTIMATE), sample)
     case = replace(
         crash,
         case_id=case_id,
@@ -173,7 +173,7 @@ def verified_cases(
 
     ``on_problem`` is called for damaged records: whether their crash is verified cannot be told.
     """
-    keys = registered(workspace, cohort, only)
+    keys = select_registered(workspace, cohort, only)
     cases = [
         StoredCase(files)
         for files in crash_files(workspace, keys, on_problem=on_problem)
@@ -215,7 +215,7 @@ def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
     ]
     if not found:
         raise UserError(
-            f"of {counted(len(cases), 'crash', 'crashes')} asked for, no draw agrees with the report; "
+            f"of {count_of(len(cases), 'crash', 'crashes')} asked for, no draw agrees with the report; "
             "the setting samples says how many are made"
         )
     return found
@@ -238,7 +238,7 @@ def stored_case(workspace: Workspace, case_id: str) -> StoredCase:
 
 
 def stored_variations(
-    workspace: Workspace, cases: Sequence[StoredCase], *, on_problem: OnProblem = raised
+    workspace: Workspace, cases: Sequence[StoredCase], *, on_problem: OnProblem = raise_problem
 ) -> list[StoredCase]:
     """Return the stored variations of some crashes that were made of them as they are now.
 
@@ -253,6 +253,6 @@ def stored_variations(
     ]
     if not found:
         raise UserError(
-            f"of {counted(len(cases), 'crash', 'crashes')} asked for, no variation is stored; trace-dag vary makes them"
+            f"of {count_of(len(cases), 'crash', 'crashes')} have no stored variation; trace-dag vary makes them"
         )
     return found

@@ -19,7 +19,7 @@ from trace_dag.common.errors import DamagedFile
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.manifests import read_listed, sound_manifest
-from trace_dag.flow.records import OnProblem, raised
+from trace_dag.flow.records import OnProblem, raise_problem
 from trace_dag.reconstruction.json_io import estimate_from_json
 from trace_dag.simulation.log_io import logs_from_files
 from trace_dag.simulation.states import Hypothesis, StateEstimate
@@ -87,7 +87,7 @@ def read_variation(storage: Storage, name: str) -> StoredVariation:
     return StoredVariation(about, estimate, log)
 
 
-def all_rows(storage: Storage, *, on_problem: OnProblem = raised) -> list[Row]:
+def all_rows(storage: Storage, *, on_problem: OnProblem = raise_problem) -> list[Row]:
     """Return every stored variation as a row; ``on_problem`` is called with the families that are damaged."""
     return [each for rows in families(storage, on_problem).values() for each in rows]
 

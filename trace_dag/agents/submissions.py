@@ -20,13 +20,13 @@ from trace_dag.agents.evaluation.rejudging import problem_of_drive
 from trace_dag.agents.evaluation.splits import Split
 from trace_dag.agents.evaluation.table import EVALUATIONS, Row
 from trace_dag.agents.evaluation.traffic import Traffic
-from trace_dag.agents.evaluation_work import evaluating_code
+from trace_dag.agents.evaluation_work import evaluation_code_version
 from trace_dag.agents.evaluations import agents_of
 from trace_dag.agents.stored_cases import AgentRole, StoredCase, load_case, number_of, verified_cases
 from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.schemas import ColumnType
-from trace_dag.common.storage.checksums import checked, with_checksum
-from trace_dag.flow.records import OnProblem, raised
+from trace_dag.common.storage.checksums import add_checksum, check_document
+from trace_dag.flow.records import OnProblem, raise_problem
 from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.cases import Case
 from trace_dag.version import __version__
@@ -54,10 +54,12 @@ def results_file(rows: Sequence[Row], split: Split, cohort: str | None) -> bytes
             {column.name: row.get(column.name) for column in EVALUATIONS.columns} | {"handed_in": True} for row in rows
         ],
     }
-    return with_checksum(json.dumps(document).encode())
+    return add_checksum(json.dumps(document).encode())
 
 
-def check(workspace: Workspace, data: bytes, name: str, *, on_problem: OnProblem = raised) -> dict[str, list[Row]]:
+def check(
+    workspace: Workspace, data: bytes, name: str, *, on_problem: OnProblem = raise_problem
+) -> dict[str, list[Row]]:
     """Return the runs of a file by agent.
 
     Raises :class:`UserError` saying why a file is refused.
@@ -65,7 +67,7 @@ def check(workspace: Workspace, data: bytes, name: str, *, on_problem: OnProblem
     split, cohort, by_agent = _read(data, name)
     _check_names(name, by_agent, agents_of(workspace.storage))
     cases = verified_cases(workspace, cohort, (), split=split, on_problem=on_problem)
-    code = evaluating_code(workspace.settings.sim)
+    code = evaluation_code_version(workspace.settings.sim)
     if not {row["key"] for rows in by_agent.values() for row in rows} & {case.key for case in cases}:
         raise UserError(f"{name}: none of its crashes is among the {len(cases)} of the part {split} of this root")
     for agent, rows in by_agent.items():
@@ -94,7 +96,7 @@ def _check_names(name: str, agents: Collection[str], taken: Collection[str]) -> 
 
 def _read(data: bytes, name: str) -> tuple[Split, str | None, dict[str, list[Row]]]:
     try:
-        document: dict[str, Any] = checked(data, name=name)
+        document: dict[str, Any] = check_document(data, name=name)
         if document["format"] != _FORMAT:
             raise UserError(f"{name}: format {document['format']!r}; expected {_FORMAT!r}")
         split, cohort, runs = Split(document["split"]), document["cohort"], document["runs"]

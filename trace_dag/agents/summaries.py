@@ -135,7 +135,7 @@ def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
     return StudyTable(names, lines)
 
 
-def weighted_table(runs: Sequence[Row], weights: Mapping[str, float]) -> StudyTable:
+def weigh_table(runs: Sequence[Row], weights: Mapping[str, float]) -> StudyTable:
     """Return each agent's share of avoided crashes, each crash as one and by its weight."""
     lines: list[tuple[Any, ...]] = []
     for agent in sorted({run["agent"] for run in runs}):

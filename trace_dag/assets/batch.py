@@ -28,11 +28,11 @@ from trace_dag.assets.scenarios import SCENARIOS
 from trace_dag.assets.verdicts import VERDICTS
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages import markdown
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.processes import this_process
 from trace_dag.common.settings import ExecutionSettings
 from trace_dag.common.stage import Stage
-from trace_dag.export.crash_files import making_at_once, note_made
+from trace_dag.export.crash_files import make_at_once, note_made
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.run_summary import RunSummary
 from trace_dag.flow.tasks import MadeFiles, StageEvent
@@ -83,7 +83,7 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             stages,
             run_id=context.run.run_id,
             force=force,
-            afterwards=making_at_once(workspace.storage, context.partition_keys) if workspace.pages_in_runs else None,
+            afterwards=make_at_once(workspace.storage, context.partition_keys) if workspace.pages_in_runs else None,
         )
         summary, checks = RunSummary(), CrashChecks(context)
         failed: dict[str, StageEvent] = {}
@@ -106,7 +106,7 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
     yield from finished_checks
     done = summary.in_words()
     if not summary.computed and not failed:
-        done = f"Nothing was to do: {counted(len(context.partition_keys), 'crash is', 'crashes are')} up to date."
+        done = f"Nothing was to do: {count_of(len(context.partition_keys), 'crash is', 'crashes are')} up to date."
         context.log.info(HOW_TO_FORCE)
     context.log.info(done)
     context.instance.add_run_tags(context.run.run_id, {SUMMARY_TAG: done})
@@ -138,7 +138,7 @@ def _tags(workspace: Workspace, keys: Sequence[str]) -> dict[str, str]:
 def _summary(failed: dict[str, StageEvent], total: int) -> str:
     named = [f"{key} in {_stage(event)} ({_detail(event)})" for key, event in list(failed.items())[:_FAILURES_NAMED]]
     more = f" and {len(failed) - len(named)} more" if len(failed) > len(named) else ""
-    return f"{len(failed)} of {counted(total, 'crash', 'crashes')} failed: {', '.join(named)}{more}"
+    return f"{len(failed)} of {count_of(total, 'crash', 'crashes')} failed: {', '.join(named)}{more}"
 
 
 def _table(failed: dict[str, StageEvent]) -> str:

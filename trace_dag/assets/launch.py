@@ -161,7 +161,7 @@ def _unusable(folder: str, error: BaseException) -> Failure:
     return disk_failure(error, f"a database of Dagster in {folder}") or DamagedFile(folder, found, remedy)
 
 
-def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[str, Stage]:
+def find_missing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[str, Stage]:
     """Return crashes with a stage that Dagster does not show as materialized, and the first such stage."""
     partitions = instance.get_dynamic_partitions("crashes")
     wanted = set(keys)
@@ -175,7 +175,7 @@ def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[st
     return found
 
 
-def planned(workspace: Workspace, instance: DagsterInstance, selection: Selection) -> list[PlannedBatch]:
+def plan_runs(workspace: Workspace, instance: DagsterInstance, selection: Selection) -> list[PlannedBatch]:
     """Return a selection as runs.
 
     Crashes that are up to date but unknown to Dagster are run too, so that it records them.
@@ -183,7 +183,7 @@ def planned(workspace: Workspace, instance: DagsterInstance, selection: Selectio
     add_partitions(instance, workspace.registry.keys())
     start = dict(selection.start)
     if not selection.exact:
-        for key, stage in needing_records(instance, selection.asked).items():
+        for key, stage in find_missing_records(instance, selection.asked).items():
             start[key] = min(start.get(key, stage), stage, key=lambda each: each.position)
     partitions = instance.get_dynamic_partitions("crashes")
     planning = plan_maps_first if has_large_map(workspace) else plan

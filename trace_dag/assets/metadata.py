@@ -15,7 +15,7 @@ from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.export.build import page_name
 from trace_dag.flow.tasks import Action, StageEvent
-from trace_dag.pages.canvas import reduced
+from trace_dag.pages.canvas import reduce_picture
 
 DATA_VERSION = "dagster/data_version"
 _SMALL_PX = 320
@@ -105,7 +105,7 @@ def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | No
     if picture is None:
         return {}
     try:
-        small = base64.b64encode(reduced(storage.read_whole(picture), _SMALL_PX)).decode()
+        small = base64.b64encode(reduce_picture(storage.read_whole(picture), _SMALL_PX)).decode()
     except DamagedFile as damaged:
         return {"picture": str(damaged)}
     return {

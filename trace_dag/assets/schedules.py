@@ -18,7 +18,7 @@ from trace_dag.assets.jobs import STAGES
 from trace_dag.assets.partitions import add_partitions
 from trace_dag.assets.run_requests import run_requests
 from trace_dag.common.errors import UserError
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import AutomationSettings, Schedule
 from trace_dag.common.stage import Stage
 from trace_dag.flow.cohorts.new_cases import register_new_cases
@@ -74,7 +74,7 @@ def _new_cases(settings: AutomationSettings) -> ScheduleDefinition:
         if not cases.followers:
             return SkipReason("No cohort follows the CrashAPI; trace-dag ingest --crashapi --watch makes one.")
         if not cases.keys:
-            return SkipReason(f"Nothing new for {counted(cases.followers, 'cohort')}.")
+            return SkipReason(f"Nothing new for {count_of(cases.followers, 'cohort')}.")
         add_partitions(context.instance, cases.keys)
         # Exact, so that the report is asked for again although nothing else has changed.
         selection = Selection(cases.keys, dict.fromkeys(cases.keys, Stage.RAW_REPORT), exact=True)

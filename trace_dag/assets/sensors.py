@@ -16,7 +16,7 @@ from dagster import (
 from trace_dag.assets.jobs import STAGES
 from trace_dag.assets.partitions import add_partitions
 from trace_dag.assets.run_requests import UNFINISHED, keys_of, run_requests
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.stage import Stage
 from trace_dag.flow.cohorts.watched_folders import register_arrivals
@@ -44,7 +44,7 @@ def arriving_reports(
         context.log.warning(arrivals.unread)
     if not arrivals.keys:
         context.update_cursor(arrivals.seen)
-        return SkipReason(f"Nothing new in {counted(arrivals.folders, 'folder')}. {arrivals.unread}".rstrip())
+        return SkipReason(f"Nothing new in {count_of(arrivals.folders, 'folder')}. {arrivals.unread}".rstrip())
     add_partitions(context.instance, arrivals.keys)
     return SensorResult(run_requests=_runs(context, workspace, arrivals.keys, arrivals.state), cursor=arrivals.seen)
 
@@ -68,7 +68,7 @@ def registered_crashes(
     waiting = _never_run(context, workspace, keys) if workspace.settings.automation.run_registered else []
     if not waiting:
         context.update_cursor(listed)
-        return SkipReason(f"{counted(added, 'crash', 'crashes')} more than before.")
+        return SkipReason(f"{count_of(added, 'crash', 'crashes')} more than before.")
     return SensorResult(run_requests=_runs(context, workspace, waiting, listed), cursor=listed)
 
 

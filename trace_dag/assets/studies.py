@@ -33,11 +33,11 @@ from trace_dag.assets.specs import OWNERS
 from trace_dag.common.errors import Failure as BrokenPart
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages import markdown
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.stage import Stage
 from trace_dag.export.release import build_release
 from trace_dag.flow.controls import negative_controls
-from trace_dag.flow.stored_crashes import cohorts_of, of_each
+from trace_dag.flow.stored_crashes import cohorts_of, study_each
 from trace_dag.flow.workspace import Workspace
 
 GROUP = "studies"
@@ -138,7 +138,7 @@ def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Ca
 
 
 def _of_each(workspace: Workspace, config: CohortConfig, study: Callable[[str], Found]) -> dict[str, Found]:
-    return of_each(cohorts_of(workspace, config.cohort or None), study)
+    return study_each(cohorts_of(workspace, config.cohort or None), study)
 
 
 def _cases(workspace: Workspace, cohort: str, left_out: _LeftOut) -> list[StoredCase]:
@@ -228,7 +228,7 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
     )
     if made.missing:
         raise Failure(
-            f"{made.folder} is not finished, for it lacks {counted(made.missing, 'crash', 'crashes')}: "
+            f"{made.folder} is not finished, for it lacks {count_of(made.missing, 'crash', 'crashes')}: "
             + "; ".join(left_out[:10])
         )
     table = StudyTable(["folder", "packages", "files written"], [(str(made.folder), made.packages, made.written)])

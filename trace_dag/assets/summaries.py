@@ -9,7 +9,7 @@ from dagster import AssetExecutionContext, Failure, MaterializeResult, MetadataV
 
 from trace_dag.assets.specs import OWNERS, as_markdown
 from trace_dag.common.messages import markdown
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.network.alerts import alerts_go_out, send
 from trace_dag.common.stage import Stage
 from trace_dag.export.build import INDEX, PAGES_LATER, build_benchmark
@@ -81,7 +81,7 @@ def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
     if report.errors:
         named = list(report.errors.items())[:_ERRORS_NAMED]
         raise Failure(
-            f"no page of {len(report.errors)} of {counted(report.pages, 'crash', 'crashes')}: "
+            f"no page of {len(report.errors)} of {count_of(report.pages, 'crash', 'crashes')}: "
             + "; ".join(map(_said, named)),
             metadata={key: MetadataValue.text(error) for key, error in named},
             allow_retries=False,

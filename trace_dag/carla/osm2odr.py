@@ -102,7 +102,7 @@ def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
         converter=f"CARLA Osm2Odr {importlib.metadata.version('carla')}",
         attribution=extract.attribution,
     )
-    return with_way_tags(merge_directions(without_dangling_links(network)), extract)
+    return add_way_tags(merge_directions(drop_dangling_links(network)), extract)
 
 
 def _require_osm2odr() -> None:
@@ -148,7 +148,7 @@ Path(target).write_text(carla.Osm2Odr.convert(Path(source).read_text(encoding="u
 """
 
 
-def without_dangling_links(network: RoadNetwork) -> RoadNetwork:
+def drop_dangling_links(network: RoadNetwork) -> RoadNetwork:
     """Return the network without links to junctions that it does not have: Osm2Odr links dead ends to such."""
 
     def kept(link: RoadLink | None) -> RoadLink | None:
@@ -299,11 +299,11 @@ def _moved_connection(connection: Connection, merged: Mapping[str, str]) -> Conn
 
 
 # --- what the ways say -------------------------------------------------------------------------------------------
-def with_way_tags(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
+def add_way_tags(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
     """Return the network with class, names, speed and sources of each road taken from the ways it lies on.
 
     >>> nameless = replace(network, roads=tuple(replace(road, names=(), name="") for road in network.roads))
-    >>> with_way_tags(nameless, extract).roads[0].names
+    >>> add_way_tags(nameless, extract).roads[0].names
     ('Cedar Street', 'NE 97')
     """
     ways = [way for way in extract.ways if is_drivable(way.tags, service_roads=True)]

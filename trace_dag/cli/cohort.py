@@ -14,7 +14,7 @@ from trace_dag.cli.options import ManyValuesCommand, OutputFile, examples, pass_
 from trace_dag.cli.printing import one_line, print_table, say, write_json
 from trace_dag.common.errors import Failure, UserError
 from trace_dag.common.messages.logs import print_problem
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 
 if TYPE_CHECKING:
     from trace_dag.flow.cohorts.registry import Cohort
@@ -92,7 +92,7 @@ def show(root: str, name: str, as_json: bool) -> None:
             }
         )
         return
-    say(f"Cohort {found.name}: {counted(len(found.reports), 'crash', 'crashes')}, made {found.created_at}")
+    say(f"Cohort {found.name}: {count_of(len(found.reports), 'crash', 'crashes')}, made {found.created_at}")
     for kind, crashes in kinds.items():
         say(f"  {crashes} {kind} ({crashes / len(found.reports):.1%})")
     for origin in found.origins:
@@ -173,7 +173,7 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
         raise UserError(f"cohort {name}: no report at hand says where its crash was")
     settings = workspace.settings.osm
     output.write_text(osmium_config(sites, max(settings.radius_m, settings.surroundings_radius_m), map_name))
-    crashes = counted(len(reports), "crash", "crashes")
+    crashes = count_of(len(reports), "crash", "crashes")
     say(f"{output}: the places of {len(sites)} of {crashes}; osmium extract --config {output} and a map file")
 
 
@@ -218,8 +218,8 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
         except Failure as failure:
             errors = (str(failure),)
     say(
-        f"Cohort {name}: {counted(len(gone), 'crash', 'crashes')} removed"
-        + (f", {counted(deleted, 'file')} deleted." if artefacts else "; what was made of them is kept.")
+        f"Cohort {name}: {count_of(len(gone), 'crash', 'crashes')} removed"
+        + (f", {count_of(deleted, 'file')} deleted." if artefacts else "; what was made of them is kept.")
     )
     for error in errors:
         print_problem(f"failed: {one_line(error, 500)}")

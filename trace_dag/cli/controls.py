@@ -13,7 +13,7 @@ from trace_dag.cli.options import (
 )
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_bar
-from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
+from trace_dag.cli.study import apply_rules, into_warehouse, rules_option, run_for_cohorts
 
 if TYPE_CHECKING:
     from trace_dag.common.settings import RuleSetName
@@ -60,9 +60,9 @@ def controls(
 
     workspace = Workspace.open(root)
     problems = Problems()
-    workspace = judged_by(workspace, rules)
+    workspace = apply_rules(workspace, rules)
     with progress_bar("read, then judged") as on_progress:
-        found = of_cohorts(
+        found = run_for_cohorts(
             workspace,
             cohort,
             lambda name: negative_controls(

@@ -23,7 +23,7 @@ from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
 from trace_dag.common.messages.logs import print_problem
-from trace_dag.common.storage.disk_errors import naming
+from trace_dag.common.storage.disk_errors import name_file_in_errors
 
 if TYPE_CHECKING:
     from trace_dag.agents.evaluation.table import Row
@@ -155,7 +155,7 @@ def evaluate(
     from trace_dag.agents.evaluation.evaluate import Conditions
     from trace_dag.agents.evaluation.isolation import isolation
     from trace_dag.agents.evaluation.observation import Sensing
-    from trace_dag.agents.evaluation.registry import BASELINES, with_arguments
+    from trace_dag.agents.evaluation.registry import BASELINES, set_arguments
     from trace_dag.agents.evaluation.splits import Split
     from trace_dag.agents.evaluation.traffic import Traffic
     from trace_dag.agents.evaluations import evaluate_agents, remove_agent, try_agents
@@ -191,7 +191,7 @@ def evaluate(
         cases = stored_variations(workspace, cases, on_problem=problems.add)
     if courses:
         cases = likely_courses(cases)
-    names = tuple(with_arguments(agent, arguments) for agent in agents or BASELINES)
+    names = tuple(set_arguments(agent, arguments) for agent in agents or BASELINES)
     limits = AgentLimits(time_s=time_limit_s, memory_mb=memory_limit_mb)
     around = isolation(str(Path(root).absolute())) if isolate else None
     try_agents(names, limits, around)  # before anything begins
@@ -212,7 +212,7 @@ def evaluate(
     into_warehouse(workspace, problems)
     publish_leaderboard(workspace.storage, workspace.warehouse)
     if results and part:
-        with naming(results):
+        with name_file_in_errors(results):
             results.write_bytes(results_file(rows, part, cohort))
     if as_json:
         write_json(rows)

@@ -10,7 +10,7 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, examples, pass_root
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_of
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 
 
 @click.command(
@@ -58,7 +58,7 @@ def export(root: str, export_format: str, cohort: str | None, only: tuple[str, .
         written = write(
             workspace, keys, folder, export_format, told=on_progress, on_problem=problems.add, left_out=left_out.append
         )
-    say(f"{folder}  {counted(exported, 'crash', 'crashes')}, {counted(written, 'file')} written")
+    say(f"{folder}  {count_of(exported, 'crash', 'crashes')}, {count_of(written, 'file')} written")
     for why in left_out:
         say(f"left out  {why}")
     sys.exit(problems.print_all())

@@ -16,7 +16,7 @@ from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
 from trace_dag.common.errors import Failure, UserError, UserErrors
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 
 if TYPE_CHECKING:
     from trace_dag.common.messages.progress import OnProgress
@@ -121,7 +121,7 @@ def ingest(
     Each crash finds the map that covers it. Ingesting again adds what is new and changes nothing else; maps can be
     added later by themselves.
     """
-    from trace_dag.common.plugins import PluginKind, offered
+    from trace_dag.common.plugins import PluginKind, list_plugins
     from trace_dag.common.storage.files import Storage
     from trace_dag.crash.registers.check import check_table
     from trace_dag.flow.cohorts.ingest import ingest as ingest_into
@@ -131,7 +131,7 @@ def ingest(
     from trace_dag.flow.workspace import Workspace
 
     choice = choice_of(options)
-    services = [path for path in maps if path in offered(PluginKind.MAP_SOURCE)]
+    services = [path for path in maps if path in list_plugins(PluginKind.MAP_SOURCE)]
     map_files = [Path(path) for path in maps if path not in services]
     read = _read_sources(root, register, narratives, map_files)
     if check:
@@ -292,7 +292,7 @@ def _coverage(workspace: Workspace, cohort: str) -> list[str]:
     within = sum(
         is_on_earth(site) and any(may_cover(header, box_around(site, 1.0)) for header in headers) for site in sites
     )
-    return [f"Coverage: {within} of {counted(len(registered.reports), 'crash', 'crashes')} lie where the maps reach."]
+    return [f"Coverage: {within} of {count_of(len(registered.reports), 'crash', 'crashes')} lie where the maps reach."]
 
 
 def _add_partitions(root: str) -> None:
@@ -310,13 +310,13 @@ def _lines(report: IngestReport, cohort: str) -> list[str]:
     done = report.registration
     lines = [
         *report.notes,
-        f"Cohort {cohort}: {counted(len(done.added), 'crash', 'crashes')} registered, "
+        f"Cohort {cohort}: {count_of(len(done.added), 'crash', 'crashes')} registered, "
         f"{len(done.known)} known already, {len(done.changed)} with a changed report; "
-        f"{counted(report.maps, 'map file')}, {done.maps_added} of them new.",
+        f"{count_of(report.maps, 'map file')}, {done.maps_added} of them new.",
     ]
     registered = len(done.added) + len(done.known) + len(done.changed) + len(done.elsewhere)
     if registered < report.offered:
-        lines.append(f"Chosen: {registered} of {counted(report.offered, 'crash', 'crashes')} in question.")
+        lines.append(f"Chosen: {registered} of {count_of(report.offered, 'crash', 'crashes')} in question.")
     for title, items in (
         ("in another cohort already, left there", [f"{key} ({other})" for key, other in done.elsewhere.items()]),
         ("the same report twice, merged", [f"{each.path} = {each.kept}" for each in report.duplicates]),

@@ -10,7 +10,7 @@ import click
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say
 from trace_dag.cli.study import into_warehouse
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 
 
 @click.group(epilog=examples("trace-dag leaderboard add results.json"))
@@ -26,7 +26,7 @@ def weighted(root: str, bench: Path) -> None:
 
     With 95 % intervals, the crash as the unit, and how many crashes of equal weight the weighted share rests on.
     """
-    from trace_dag.agents.summaries import weighted_table
+    from trace_dag.agents.summaries import weigh_table
     from trace_dag.common.errors import UserError
     from trace_dag.export.trace_bench import read_definition
     from trace_dag.flow.workspace import Workspace
@@ -39,7 +39,7 @@ def weighted(root: str, bench: Path) -> None:
         raise UserError(f"{bench}: without weights; release --national makes them")
     weights = {key: crash["weight"] for key, crash in definition["crashes"].items()}
     runs = [run for run in rows(Workspace.open(root, to_read=True).warehouse, "evaluations") if run["key"] in weights]
-    print_table(*weighted_table(runs, weights)[:2])
+    print_table(*weigh_table(runs, weights)[:2])
 
 
 @leaderboard.command(epilog=examples("trace-dag leaderboard add results.json"))
@@ -63,7 +63,7 @@ def add(root: str, file: Path) -> None:
     agents = check(workspace, file.read_bytes(), str(file), on_problem=problems.add)
     for agent, rows in agents.items():
         store_rows(workspace.storage, agent, f"handed in: {file.name}", rows, problems.add)
-        say(f"{agent}  {counted(len(rows), 'run')} entered")
+        say(f"{agent}  {count_of(len(rows), 'run')} entered")
     into_warehouse(workspace, problems)
     publish_leaderboard(workspace.storage, workspace.warehouse)
     sys.exit(problems.print_all())

@@ -9,7 +9,7 @@ import click
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import say
 from trace_dag.common.messages.logs import print_problem
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.export.formats import MAP_FORMS
 
 
@@ -84,16 +84,16 @@ def map_command(
     Needs no storage root and no crash. map.json says what was measured of the map (its gates, for every road), and
     which tags it does not follow.
     """
-    from trace_dag.common.storage.disk_errors import naming
+    from trace_dag.common.storage.disk_errors import name_file_in_errors
     from trace_dag.reading.road_map import make_map
 
     made = make_map(osm, at=at, radius_m=radius_m, box=box, left_hand=traffic == "left")
-    with naming(output):
+    with name_file_in_errors(output):
         written = made.save(output, dict.fromkeys(forms))
     failed = [gate for gate in made.gates if gate.passed is False]
     roads = sum(road.junction_id is None for road in made.network.roads)
     holds = f"{len(made.gates) - len(failed)} of {len(made.gates)} gates hold"
-    say(f"{counted(roads, 'road')}, {counted(len(made.network.junctions), 'junction')}, {holds}")
+    say(f"{count_of(roads, 'road')}, {count_of(len(made.network.junctions), 'junction')}, {holds}")
     for gate in failed:
         where = f", road {', '.join(gate.road_ids)}" if gate.road_ids else ""
         print_problem(f"does not hold: {gate.name.replace('_', ' ')}{where}: {gate.detail or gate.value}")

@@ -29,11 +29,11 @@ def national_coverage(root: str, tables: tuple[Path, ...], cohorts: tuple[str, .
     nothing of a kind and are left out of its rate.
     """
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.warehouse.national import count_kinds, coverage_of_country, stored_kinds, thin_reports
+    from trace_dag.warehouse.national import count_kinds, count_stored_kinds, coverage_of_country, thin_reports
 
     workspace = Workspace.open(root, to_read=True)
     chosen = [workspace.registry.cohort(name).name for name in cohorts] or sorted(workspace.registry.cohorts())
-    found = coverage_of_country(count_kinds(tables), stored_kinds(workspace.warehouse, chosen))
+    found = coverage_of_country(count_kinds(tables), count_stored_kinds(workspace.warehouse, chosen))
     thin = thin_reports(workspace.warehouse, chosen)
     if as_json:
         write_json(asdict(found) | {"thin_reports": thin})

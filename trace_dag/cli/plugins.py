@@ -15,12 +15,12 @@ def plugins(as_json: bool) -> None:
 
     Any installed package can offer more, as entry points; the documentation says how.
     """
-    from trace_dag.common.plugins import PluginKind, offered
+    from trace_dag.common.plugins import PluginKind, list_plugins
 
     rows = [
         (kind.value.replace("_", " "), each.name, each.package, each.version, each.reference)
         for kind in PluginKind
-        for each in offered(kind).values()
+        for each in list_plugins(kind).values()
     ]
     names = ["kind", "name", "package", "version", "what it is"]
     if as_json:

@@ -13,7 +13,7 @@ from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import say
 from trace_dag.cli.progress import progress_bar
 from trace_dag.cli.study import into_warehouse
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 
 if TYPE_CHECKING:
     from trace_dag.export.release_files import ArchiveFormat
@@ -85,14 +85,14 @@ def release(
         )
     if made.missing:
         say(
-            f"{made.folder}  {counted(made.packages, 'package')}; not finished, "
-            f"missing: {counted(made.missing, 'crash', 'crashes')}"
+            f"{made.folder}  {count_of(made.packages, 'package')}; not finished, "
+            f"missing: {count_of(made.missing, 'crash', 'crashes')}"
         )
         problems.print_all()
         say("Mend them and release again; what is there is kept.")
         sys.exit(1)
-    state = f"{counted(made.written, 'file')} written" if made.written else "up to date"
-    say(f"{made.folder}  {counted(made.packages, 'package')}, {state}")
+    state = f"{count_of(made.written, 'file')} written" if made.written else "up to date"
+    say(f"{made.folder}  {count_of(made.packages, 'package')}, {state}")
     say("Where to look:")
     say(f"  {made.folder}/README.md  what it is")
     say(f"  {made.folder}/DATASHEET.md  where it comes from, with counts, and its limits")

@@ -10,7 +10,7 @@ import click
 
 from trace_dag.cli.options import OutputFile, agent_arguments, examples, kind_of_file, pass_root, traffic_option
 from trace_dag.cli.printing import say
-from trace_dag.common.storage.disk_errors import naming
+from trace_dag.common.storage.disk_errors import name_file_in_errors
 
 if TYPE_CHECKING:
     from trace_dag.agents.replays import ReplayFormat
@@ -66,7 +66,7 @@ def replay(
 
     With an agent KEY may also be one of its variations or likely courses, as evaluations name them.
     """
-    from trace_dag.agents.evaluation.registry import with_arguments
+    from trace_dag.agents.evaluation.registry import set_arguments
     from trace_dag.agents.evaluation.traffic import Traffic
     from trace_dag.agents.replays import replay as made_of
     from trace_dag.agents.replays import replay_with
@@ -83,12 +83,12 @@ def replay(
         content = replay_with(
             workspace,
             key,
-            [with_arguments(agent, arguments) for agent in agents],
+            [set_arguments(agent, arguments) for agent in agents],
             AgentRole(ego),
             Traffic(traffic),
             replay_format,
         )
     target = output or Path(f"replay-{key}.{replay_format}")
-    with naming(target):
+    with name_file_in_errors(target):
         target.write_bytes(content)
     say(f"{target}  {len(content) // 1024} kB")

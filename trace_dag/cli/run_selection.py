@@ -77,13 +77,13 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
 def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
     with gc_paused():  # which takes an eighth of the time it takes to load Dagster
-        from trace_dag.assets.launch import dagster_records, planned, run_batches, summarise, summary_is_current
+        from trace_dag.assets.launch import dagster_records, plan_runs, run_batches, summarise, summary_is_current
         from trace_dag.export.build import PAGES_LATER, benchmark_is_whole
         from trace_dag.flow.run_summary import RunSummary
 
     errors: tuple[str, ...] = ()
     with dagster_records(workspace) as instance:
-        batches = planned(workspace, instance, selection)
+        batches = plan_runs(workspace, instance, selection)
         if batches:
             summary, counts = RunSummary(), Counter[str]()
             stages = sum(len(batch.keys) * len(batch.stages) for batch in batches)

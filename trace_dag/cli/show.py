@@ -27,11 +27,11 @@ def show(root: str, key: str, as_json: bool) -> None:
     """Show one crash: what happened, where it stands and why, what can be done, and where its files are."""
     from trace_dag.flow.crash_status import crash_status, valid_records
     from trace_dag.flow.records import read_records
-    from trace_dag.flow.selection import registered
+    from trace_dag.flow.selection import select_registered
     from trace_dag.flow.workspace import Workspace
 
     workspace = Workspace.open(root, to_read=True)
-    registered(workspace, None, [key])
+    select_registered(workspace, None, [key])
     records = valid_records(read_records(workspace.storage, [key])[key])
     said = _said(workspace, crash_status(key, records), records)
     if as_json:

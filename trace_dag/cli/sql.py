@@ -11,8 +11,8 @@ from trace_dag.cli.options import OutputFile, examples, kind_of_file, pass_root
 from trace_dag.cli.printing import print_table, say, write_csv, write_json
 from trace_dag.cli.row_files import FORMATS, PRINTED, write_rows
 from trace_dag.common.errors import UserError
-from trace_dag.common.messages.wording import counted
-from trace_dag.common.storage.disk_errors import naming
+from trace_dag.common.messages.wording import count_of
+from trace_dag.common.storage.disk_errors import name_file_in_errors
 
 
 @click.command(
@@ -54,9 +54,9 @@ def sql(root: str, query: str, output: str | None, path: Path | None) -> None:
     how: Any = query_typed if output == "parquet" else rows_of
     names, rows = ask(workspace.warehouse, query, workspace.settings.warehouse, how)
     if path is not None:
-        with naming(path):
+        with name_file_in_errors(path):
             write_rows(path, str(output), names, rows)
-        say(f"{path}  {counted(len(rows), 'row')}")
+        say(f"{path}  {count_of(len(rows), 'row')}")
     elif output == "csv":
         write_csv(names, rows)
     elif output == "json":

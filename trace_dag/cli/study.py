@@ -22,20 +22,20 @@ rules_option = click.option(
 )
 
 
-def judged_by(workspace: Workspace, rules: RuleSetName | None) -> Workspace:
+def apply_rules(workspace: Workspace, rules: RuleSetName | None) -> Workspace:
     """Return the workspace with other rules to judge by; itself where none are given."""
     return workspace.with_settings({"verdict": {"rule_set": rules}} if rules else {})
 
 
-def of_cohorts(
+def run_for_cohorts(
     workspace: Workspace, cohort: str | None, study: Callable[[str], Found], problems: Problems
 ) -> dict[str, Found]:
     """Return a study of one cohort, or of each; if nothing can be studied, complaints are printed before the error."""
     from trace_dag.common.errors import UserError
-    from trace_dag.flow.stored_crashes import cohorts_of, of_each
+    from trace_dag.flow.stored_crashes import cohorts_of, study_each
 
     try:
-        return of_each(cohorts_of(workspace, cohort), study)
+        return study_each(cohorts_of(workspace, cohort), study)
     except UserError:
         problems.print_all()
         raise

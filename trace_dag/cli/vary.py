@@ -12,7 +12,7 @@ from trace_dag.cli.options import ManyValuesCommand, Within, examples, pass_root
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
-from trace_dag.common.storage.disk_errors import naming
+from trace_dag.common.storage.disk_errors import name_file_in_errors
 
 _SHARE, _SECONDS, _METRES = Within(0, 1, max_open=True), Within(0, 60), Within(0, 50)
 
@@ -113,7 +113,7 @@ def vary(
             for case in stored:
                 try:
                     archive = zip_files(package_of_variation(case), folder=case.case_id)
-                    with naming(target := output / f"{case.case_id}.zip"):
+                    with name_file_in_errors(target := output / f"{case.case_id}.zip"):
                         target.write_bytes(archive)
                 except Failure as failure:
                     problems.add(failure)

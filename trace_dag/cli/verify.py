@@ -13,7 +13,7 @@ from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import one_line, print_stale, print_table, say, write_json
 from trace_dag.cli.progress import progress_bar
 from trace_dag.common.messages.logs import print_problem
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 
 if TYPE_CHECKING:
     from trace_dag.flow.batch import StaleResult
@@ -170,16 +170,16 @@ def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: boo
     lines = [
         ", ".join(
             (
-                counted(figures["crashes"], "crash", "crashes"),
-                counted(figures["records"], "stage outcome"),
-                counted(figures["files"], "file"),
+                count_of(figures["crashes"], "crash", "crashes"),
+                count_of(figures["records"], "stage outcome"),
+                count_of(figures["files"], "file"),
             )
         )
     ]
     if figures["interrupted"]:
-        lines.append(f"interrupted: {counted(figures['interrupted'], 'stage')}; trace-dag run finishes what was begun")
+        lines.append(f"interrupted: {count_of(figures['interrupted'], 'stage')}; trace-dag run finishes what was begun")
     if figures["unregistered"]:
-        lines.append(f"kept, though registered no more: {counted(figures['unregistered'], 'crash', 'crashes')}")
+        lines.append(f"kept, though registered no more: {count_of(figures['unregistered'], 'crash', 'crashes')}")
     if outdated:
         lines.append(
             "made by an earlier version of the program; trace-dag run brings it up to date and keeps its reports"
@@ -188,7 +188,7 @@ def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: boo
         counts = Counter(each.kind.title for each in found)
         named = ", ".join(f"{count} {title}" for title, count in counts.most_common())
         lines.append(
-            f"{counted(len(found), 'disagreement')}: {named}" + ("" if repaired else "; --repair mends what can be")
+            f"{count_of(len(found), 'disagreement')}: {named}" + ("" if repaired else "; --repair mends what can be")
         )
     elif not outdated:
         lines.append("storage, Dagster and the warehouse agree")

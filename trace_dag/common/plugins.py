@@ -54,7 +54,7 @@ class Plugin:
 
 
 @cache
-def offered(kind: PluginKind) -> dict[str, Plugin]:
+def list_plugins(kind: PluginKind) -> dict[str, Plugin]:
     """Return everything of a kind that is installed, by name.
 
     Nothing of it is imported.
@@ -71,7 +71,7 @@ def plugin(kind: PluginKind, name: str) -> Plugin:
 
     Raises :class:`UserError` that lists the names there are.
     """
-    there_are = offered(kind)
+    there_are = list_plugins(kind)
     if name in there_are:
         return there_are[name]
     what = kind.value.replace("_", " ").removesuffix("s")

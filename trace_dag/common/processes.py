@@ -109,11 +109,11 @@ def how_it_ended(exit_code: int | None) -> str:
 
 
 def temporary_prefix(kind: str) -> str:
-    """Return the beginning of the names of this process's temporary files and folders, for :func:`abandoned`."""
+    """Return the beginning of the names of this process's temporary files and folders, for :func:`is_abandoned`."""
     return f"{kind}{this_process()}:"
 
 
-def abandoned(path: Path, kind: str) -> bool:
+def is_abandoned(path: Path, kind: str) -> bool:
     """Return whether the process that made a temporary file or folder is gone.
 
     For one of another machine, after a day.

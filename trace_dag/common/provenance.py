@@ -26,7 +26,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from trace_dag.common.errors import DamagedFile, Reason
 from trace_dag.common.plugins import Plugin, PluginKind, plugin
 from trace_dag.common.stage import Stage
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import StoredFile
 
 LIBRARIES: Final = ("lxml", "mujoco", "numpy", "osmium", "pyarrow", "pyproj", "scipy", "shapely")
@@ -212,13 +212,13 @@ def artefact_name(stage: Stage, key: str, extension: str) -> str:
 
 def record_to_json(record: OutcomeRecord) -> bytes:
     """Return the record as stored, with its checksum."""
-    return with_checksum(_RECORDS.dump_json(record))
+    return add_checksum(_RECORDS.dump_json(record))
 
 
 def record_from_json(data: bytes, *, name: str) -> OutcomeRecord:
     """Return a stored record; :class:`DamagedFile` if it is not one, or that of another stage or crash."""
     try:
-        record = _RECORDS.validate_python(checked(data, name=name))
+        record = _RECORDS.validate_python(check_document(data, name=name))
     except ValidationError as error:
         raise DamagedFile(name, f"not an outcome record ({error.errors()[0]['msg']})", MADE_AGAIN) from error
     except DamagedFile as damaged:
@@ -276,6 +276,6 @@ def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
     return tuple(chosen)
 
 
-def combined_digest(parts: Mapping[str, str]) -> str:
+def combine_digests(parts: Mapping[str, str]) -> str:
     """Return one SHA-256 for several named digests, whatever their order."""
     return hashlib.sha256(json.dumps(dict(parts), sort_keys=True).encode()).hexdigest()

@@ -40,7 +40,7 @@ def signature_of(reference: str) -> Signature:
     raise ValueError(f"{reference}: there is no such function")
 
 
-def referred(reference: str) -> Any:
+def resolve_reference(reference: str) -> Any:
     """Import and return what ``module:name`` names."""
     module, _, name = reference.partition(":")
     return getattr(import_module(module), name)

@@ -14,12 +14,12 @@ from trace_dag.crash.contradictions import contradictions_of
 from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.derive import (
     UNSAID_MOVEMENTS,
+    add_crash_types,
+    add_impacts,
     implied_movement,
     movement_of_crash,
-    with_crash_types,
-    with_impacts,
 )
-from trace_dag.crash.implied_types import with_implied_types
+from trace_dag.crash.implied_types import add_implied_types
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.summary import summarise
 
@@ -35,8 +35,8 @@ def complete_record(record: CrashRecord) -> CrashRecord:
     man_coll, typ_int = record.manner_of_collision_code, record.intersection_type_code
     vehicles = record.vehicles
     if "crash_type_code" in record.register_lacks:
-        vehicles = with_implied_types(vehicles, record.events, man_coll)
-    vehicles = with_impacts(with_crash_types(vehicles, record.events), record.events, man_coll)
+        vehicles = add_implied_types(vehicles, record.events, man_coll)
+    vehicles = add_impacts(add_crash_types(vehicles, record.events), record.events, man_coll)
     topology = road_topology(typ_int, record.junction_relation_code)
     topology_implied = TYP_INT.known(typ_int) is None and topology is RoadTopology.NOT_AN_INTERSECTION
     completed = replace(
@@ -52,10 +52,10 @@ def complete_record(record: CrashRecord) -> CrashRecord:
     return replace(completed, summary=summarise(completed))
 
 
-def without_headings(record: CrashRecord) -> CrashRecord:
+def drop_headings(record: CrashRecord) -> CrashRecord:
     """Return the record as it would be had its register no directions of travel: without them and all that they imply.
 
-    >>> without_headings(record) == record  # FARS has none
+    >>> drop_headings(record) == record  # FARS has none
     True
     """
     headings = [vehicle.heading for vehicle in record.vehicles] + [person.heading for person in record.non_motorists]

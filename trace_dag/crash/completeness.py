@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trace_dag.common.errors import Reason, Rejection, UserError
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.codes.crash import REL_ROAD, TYP_INT
@@ -150,7 +150,7 @@ def _number_of_vehicles(wanted: int) -> Rule:
             return None
         parked = sum(not vehicle.in_transport for vehicle in record.vehicles)
         beside = f" (and {parked} parked or working)" if parked else ""
-        return f"{counted(found, 'motor vehicle')} in transport{beside}; the cohort takes {wanted}"
+        return f"{count_of(found, 'motor vehicle')} in transport{beside}; the cohort takes {wanted}"
 
     return Rule(
         "number_of_vehicles",

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.codes.crash import AT_INTERSECTION, AWAY_FROM_JUNCTION, FUNC_SYS, MAN_COLL, RELJCT2, ROUTE, TYP_INT
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
@@ -71,13 +71,13 @@ def contradictions_of(record: CrashRecord) -> tuple[str, ...]:
     >>> contradictions_of(record)
     ()
     """
-    return tuple(sentence for _, sentence in named_contradictions(record))
+    return tuple(sentence for _, sentence in name_contradictions(record))
 
 
-def named_contradictions(record: CrashRecord) -> Iterator[tuple[str, str]]:
+def name_contradictions(record: CrashRecord) -> Iterator[tuple[str, str]]:
     """Yield every disagreement found: what it is about, in a word or two that stay the same, and its sentence.
 
-    >>> list(named_contradictions(record))
+    >>> list(name_contradictions(record))
     []
     """
     for about, check in _CHECKS.items():
@@ -88,7 +88,7 @@ def named_contradictions(record: CrashRecord) -> Iterator[tuple[str, str]]:
 def _vehicle_counts(record: CrashRecord) -> Iterator[str]:
     stated, listed = record.vehicles_in_transport, sum(vehicle.in_transport for vehicle in record.vehicles)
     if stated is not None and stated != listed:
-        yield f"VE_FORMS says {counted(stated, 'vehicle')} in transport, but the report lists {listed}"
+        yield f"VE_FORMS says {count_of(stated, 'vehicle')} in transport, but the report lists {listed}"
 
 
 def _crash_types(record: CrashRecord) -> Iterator[str]:

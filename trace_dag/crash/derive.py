@@ -63,11 +63,11 @@ def impact_area(code: int | None) -> ImpactArea | None:
 _CRASH_TYPE_UNKNOWN: Final = 99
 
 
-def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]) -> tuple[VehicleRecord, ...]:
+def add_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]) -> tuple[VehicleRecord, ...]:
     """Return the vehicles, the one of a pair without ``ACC_TYPE`` with the type its partner's implies, marked.
 
     >>> silent = replace(record.vehicles[0], crash_type_code=None)
-    >>> car, motorcycle = with_crash_types([silent, record.vehicles[1]], record.events)
+    >>> car, motorcycle = add_crash_types([silent, record.vehicles[1]], record.events)
     >>> motorcycle.crash_type_code, car.crash_type_code, car.implied  # 69 crossed the turn of a 68
     (69, 68, ('crash_type_code',))
     """
@@ -246,7 +246,7 @@ def is_near(area: ImpactArea, clock_h: float, tolerance_h: float = SAME_AREA_H) 
     return clock_difference_h(area.clock_h, clock_h) <= reach_h
 
 
-def with_impacts(
+def add_impacts(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
 ) -> tuple[VehicleRecord, ...]:
     """Return the vehicles with ``impact`` set as far as any field says it, marked as implied unless ``IMPACT1`` does.
@@ -255,7 +255,7 @@ def with_impacts(
     with the other vehicle has its collision's area in the event, and that is the one a reconstruction needs.
 
     >>> silent = [replace(vehicle, impact=None, initial_impact_code=None) for vehicle in record.vehicles]
-    >>> [vehicle.impact.clock_h for vehicle in with_impacts(silent, record.events, 6)]  # by the event's areas
+    >>> [vehicle.impact.clock_h for vehicle in add_impacts(silent, record.events, 6)]  # by the event's areas
     [3.0, 1.0]
     """
     collision = first_vehicle_contact(events)

@@ -40,7 +40,7 @@ class EventParties:
     ambiguities: tuple[str, ...] = ()
 
 
-def with_event_parties(
+def add_event_parties(
     events: Sequence[EventRecord], persons: Sequence[NonMotorist], *, order_known: bool = True
 ) -> EventParties:
     """Name the second party of every event that strikes a person, an object, an animal or a train.
@@ -52,7 +52,7 @@ def with_event_parties(
             two vehicles struck somebody first.
 
     >>> unnamed = [replace(event, party_2=None) for event in pedestrian_record.events]
-    >>> with_event_parties(unnamed, pedestrian_record.non_motorists).events[0].party_2  # person 1
+    >>> add_event_parties(unnamed, pedestrian_record.non_motorists).events[0].party_2  # person 1
     1001
     """
     strikes = [event for event in events if event.kind is EventKind.PERSON_STRUCK]

@@ -25,14 +25,14 @@ _CROSSED_STRAIGHT: Final = 91
 _TURNED_LEFT_FROM_RIGHT: Final = 82  # into the opposite direction of the one that came straight on (83)
 
 
-def with_implied_types(
+def add_implied_types(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
 ) -> tuple[VehicleRecord, ...]:
     """Return the vehicles, the two of the first contact with the types that are implied, marked.
 
     >>> ahead = replace(queue_record.vehicles[1], crash_type_code=None)  # P_CRASH1 5: stopped
     >>> behind = replace(queue_record.vehicles[0], crash_type_code=None)
-    >>> [each.crash_type_code for each in with_implied_types([behind, ahead], queue_record.events, 1)]
+    >>> [each.crash_type_code for each in add_implied_types([behind, ahead], queue_record.events, 1)]
     [20, 21]
     """
     contact = first_vehicle_contact(events)

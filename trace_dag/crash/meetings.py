@@ -49,7 +49,7 @@ class FirstEvent:
     man_coll: int | None
 
 
-def merged(
+def merge_sequences(
     by_vehicle: Mapping[int, Sequence[VehicleEvent]], vehicles: Sequence[VehicleRecord], first: FirstEvent
 ) -> tuple[tuple[EventRecord, ...], bool]:
     """Return the crash's sequence put together from the vehicles' own, and whether the order of contacts had to be
@@ -62,7 +62,7 @@ def merged(
     crashes of 2016). Else the second party stays None.
 
     >>> own = {1: [VehicleEvent(1, 12, None)], 2: [VehicleEvent(2, 12, None)]}  # each met another vehicle in transport
-    >>> (event,), chosen = merged(own, record.vehicles, FirstEvent(contact=True, man_coll=6))
+    >>> (event,), chosen = merge_sequences(own, record.vehicles, FirstEvent(contact=True, man_coll=6))
     >>> event.party_1, event.party_2, chosen
     (1, 2, False)
     """

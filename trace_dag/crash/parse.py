@@ -19,13 +19,13 @@ from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes.table import FIRST_YEAR, UnknownCodeError
 from trace_dag.crash.completed_record import complete_record
-from trace_dag.crash.event_parties import with_event_parties
+from trace_dag.crash.event_parties import add_event_parties
 from trace_dag.crash.fields import Fields, local_name, malformed
 from trace_dag.crash.keys import crash_key, state_of
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.persons import read_non_motorists
 from trace_dag.crash.record import CrashRecord, EventRecord, VehicleRecord
-from trace_dag.crash.sequence import known_by_events_alone, read_sequence, struck_standing_only
+from trace_dag.crash.sequence import has_struck_standing_only, known_by_events_alone, read_sequence
 from trace_dag.crash.table_reports import is_json, report_from_json
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
@@ -153,7 +153,7 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
     vehicles = _vehicles(fields)
     sequence = read_sequence(fields, vehicles)
     persons = read_non_motorists(fields, vehicles)
-    struck = with_event_parties(sequence.events, persons.non_motorists, order_known=sequence.order_known)
+    struck = add_event_parties(sequence.events, persons.non_motorists, order_known=sequence.order_known)
     function_class, land_use, class_implied = _function_class(fields)
     return CrashRecord(
         key=key,
@@ -277,7 +277,7 @@ def _unreported_vehicles(
     moving = sum(vehicle.in_transport for vehicle in reported)
     standing = len(reported) - moving
     for element in elements:
-        parked = struck_standing_only(Fields(element, crash.where, crash.year))
+        parked = has_struck_standing_only(Fields(element, crash.where, crash.year))
         if parked and (in_transport is None or total is None or standing < total - in_transport):
             standing += 1
             yield read_parked_vehicle(element, crash)

@@ -24,7 +24,7 @@ from trace_dag.crash.codes.crash import MAN_COLL
 from trace_dag.crash.crash_types import Side, crash_type
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields
-from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merged
+from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merge_sequences
 from trace_dag.crash.record import EventRecord, VehicleRecord
 
 _DEPARTURES: Final = {Side.RIGHT: codes.RAN_OFF_RIGHT, Side.LEFT: codes.RAN_OFF_LEFT, None: codes.RAN_OFF}
@@ -81,7 +81,7 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
     if rows:
         first = FirstEvent(harm_ev in codes.VEHICLE_CONTACTS, crash.known_code(MAN_COLL))
         mended = _mended(rows, vehicles, harm_ev)
-        events, chosen = merged(mended, vehicles, first)
+        events, chosen = merge_sequences(mended, vehicles, first)
         implied = ("events", "order_of_contacts") if chosen else ("events",)
         return ReadSequence(events, implied, strays, order_known=False)
     events = _first_harmful(crash, vehicles, harm_ev)
@@ -95,7 +95,7 @@ def known_by_events_alone(vehicle: Fields) -> bool:
     return not vehicle.names() - {"VEH_NO"}
 
 
-def struck_standing_only(vehicle: Fields) -> bool:
+def has_struck_standing_only(vehicle: Fields) -> bool:
     """Return whether a vehicle's own events are those of one that stands: it was struck while parked or at work."""
     found = {row.code for row in _rows_of(vehicle)}
     return bool(found) and found <= codes.STRUCK_STANDING

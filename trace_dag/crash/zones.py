@@ -52,7 +52,7 @@ _IN_CROSSWALK: Final = frozenset({1, 2, 10})  # LOCATION
 _CROSSWALK: Final = 2  # PEDPOS
 
 
-def in_crosswalk(person: NonMotorist) -> bool:
+def is_in_crosswalk(person: NonMotorist) -> bool:
     """Return whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``."""
     return person.pedestrian_position_code == _CROSSWALK or person.location_code in _IN_CROSSWALK
 

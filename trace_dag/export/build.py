@@ -33,8 +33,8 @@ from trace_dag.export.crash_files import (
     VERSION,
     made_of,
     make_files,
-    noted,
     package_name,
+    read_notes,
     replay_name,
     thumbnail_name,
 )
@@ -188,7 +188,7 @@ def _crashes(
     for row in stage_outcomes:
         outcomes.setdefault(row["key"], []).append(row)
     rights = _rights(table, records)
-    at_once = noted(workspace.storage)
+    at_once = read_notes(workspace.storage)
     crashes = []
     for crash in table:
         key, said = crash["key"], tuple(outcomes.get(crash["key"], ()))

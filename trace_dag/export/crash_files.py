@@ -1,6 +1,6 @@
 """Files of one crash in the benchmark beside its page: replay, scenario package, moving picture.
 
-A run lets its workers make them when the last stage of a crash is done (:func:`making_at_once`): all that the stages
+A run lets its workers make them when the last stage of a crash is done (:func:`make_at_once`): all that the stages
 made is at hand then, where whoever builds the benchmark would have to read it back, and the workers have something to
 do to the end. The manifest of the benchmark says what was made so; the rest is made when the benchmark is built. Does
 not belong here: pages, and what all crashes have together (:mod:`trace_dag.export.build`).
@@ -58,7 +58,7 @@ def make_files(files: CrashFiles, *, accepted: bool) -> tuple[StoredFile, ...]:
     from trace_dag.agents.replays import content_of
     from trace_dag.export.package import zip_files
     from trace_dag.pages.replay import replay_script
-    from trace_dag.pages.thumbnail import moving_thumbnail
+    from trace_dag.pages.thumbnail import draw_thumbnail
 
     storage, key, log = files.storage, files.key, files.shown_log()
     if log is None:
@@ -67,7 +67,7 @@ def make_files(files: CrashFiles, *, accepted: bool) -> tuple[StoredFile, ...]:
     made = {replay_name(key): replay_script(replay)}
     if accepted:
         made[package_name(key)] = zip_files(package_of(files, replay), folder=key)
-        made[thumbnail_name(key)] = moving_thumbnail(files.load(ROAD_MAP), log, surroundings_of(files)).encode()
+        made[thumbnail_name(key)] = draw_thumbnail(files.load(ROAD_MAP), log, surroundings_of(files)).encode()
     return tuple(storage.write(name, data) for name, data in made.items())
 
 
@@ -77,7 +77,7 @@ def made_of(records: Records) -> str:
     return hashlib.sha256(json.dumps([VERSION, listed]).encode()).hexdigest()
 
 
-def making_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:
+def make_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:
     """Return the function that makes the files of a crash at its end, for :func:`trace_dag.flow.batch.run_stages`.
 
     It makes none where some are there already, which its manifest lists: they are for whoever builds it to replace;
@@ -108,7 +108,7 @@ def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:
     write_manifest(storage, FOLDER, Manifest(files, made_of))
 
 
-def noted(storage: Storage) -> dict[str, MadeFiles]:
+def read_notes(storage: Storage) -> dict[str, MadeFiles]:
     """Return the files that workers have made since the benchmark was last built, by crash, where all are still
     there."""
     manifest = sound_manifest(storage, FOLDER)

@@ -8,8 +8,8 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.common.messages.markdown import code_span, escaped
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.markdown import code_span, escape
+from trace_dag.common.messages.wording import count_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -31,7 +31,7 @@ def render_document(template: str, **values: Any) -> bytes:
 
 
 def _shown(value: object) -> object:
-    return escaped(value) if isinstance(value, str) and not isinstance(value, _Markdown) else value
+    return escape(value) if isinstance(value, str) and not isinstance(value, _Markdown) else value
 
 
 @cache
@@ -46,6 +46,6 @@ def _templates(*, markdown: bool) -> Environment:
         finalize=_shown if markdown else None,
     )
     environment.filters["code"] = lambda value: _Markdown(code_span(str(value)))
-    environment.filters["counted"] = counted
+    environment.filters["counted"] = count_of
     environment.filters["words"] = lambda value: str(value).replace("_", " ")
     return environment

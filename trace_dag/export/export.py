@@ -15,7 +15,7 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.crash.keys import parse_key
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import crash_status
-from trace_dag.flow.records import OnProblem, log_problem, raised, read_records
+from trace_dag.flow.records import OnProblem, log_problem, raise_problem, read_records
 from trace_dag.flow.stored_crashes import crash_files
 from trace_dag.flow.workspace import Workspace
 
@@ -56,7 +56,7 @@ def export(
     export_format: str,
     *,
     told: Callable[[str], None] = lambda _key: None,
-    on_problem: OnProblem = raised,
+    on_problem: OnProblem = raise_problem,
     left_out: Callable[[str], None] = lambda _why: None,
 ) -> int:
     """Write verified crashes below ``folder`` in a format that an installed exporter writes.

@@ -35,7 +35,7 @@ from trace_dag.roads.report import MapReport
 from trace_dag.scenario.drives import Drive
 from trace_dag.scenario.driving_files import courses_to_json, ensemble_to_json, lanes_to_json
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
-from trace_dag.scenario.opendrive_objects import PlacedObject, fixed_objects, with_objects
+from trace_dag.scenario.opendrive_objects import PlacedObject, add_objects, fixed_objects
 from trace_dag.scenario.opendrive_surroundings import surrounding_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.trajectories import log_to_json
@@ -153,8 +153,8 @@ def _map_objects(crash: PackageInput) -> list[PlacedObject]:
 def _sources(crash: PackageInput) -> list[_File]:
     objects = crash.log.objects
     beside = _map_objects(crash)
-    legal = with_objects(write_opendrive(crash.network, marks="legal"), beside)
-    crossable = with_objects(crash.map_xodr, beside)
+    legal = add_objects(write_opendrive(crash.network, marks="legal"), beside)
+    crossable = add_objects(crash.map_xodr, beside)
     stand = f", with the {names(objects)} of the report" if objects else ": any may be crossed"
     rights = crash.rights
     name, data = crash.report

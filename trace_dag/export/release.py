@@ -20,7 +20,7 @@ from typing import Any
 from trace_dag.agents.evaluation.shares import effective_number
 from trace_dag.agents.evaluation.splits import splits_of
 from trace_dag.common.errors import Failure, UserError
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.export.build import build_benchmark
@@ -39,7 +39,7 @@ from trace_dag.export.release_files import (
 )
 from trace_dag.export.trace_bench import FILE, definition, differences, read_definition
 from trace_dag.flow.manifests import read_manifest
-from trace_dag.flow.records import OnProblem, raised, read_records
+from trace_dag.flow.records import OnProblem, raise_problem, read_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.warehouse import query
 from trace_dag.warehouse.weights import classes_of, national_margins, rake
@@ -94,7 +94,7 @@ def build_release(
     bench: Path | None = None,
     national: Sequence[Path] = (),
     unknown: Collection[str] = (),
-    on_problem: OnProblem = raised,
+    on_problem: OnProblem = raise_problem,
 ) -> ReleaseReport:
     """Release the accepted crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
@@ -211,7 +211,7 @@ def _finish(target: Storage, documents: Mapping[str, bytes], sums: Mapping[str, 
 def _other_content(folder: Path, version: str, complete: Mapping[str, str], sums: Mapping[str, str]) -> str:
     differ = sum(complete.get(name) != sums.get(name) for name in complete.keys() | sums.keys())
     return (
-        f"{folder}: version {version} was released with other content ({counted(differ, 'file')} not the same); "
+        f"{folder}: version {version} was released with other content ({count_of(differ, 'file')} not the same); "
         "a version is not changed: choose another --version, or delete the folder"
     )
 

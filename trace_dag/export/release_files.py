@@ -22,7 +22,7 @@ from typing import Any, Literal
 
 from trace_dag.agents.evaluation.splits import SITE_M, Split
 from trace_dag.common.errors import Reason
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType, TableSchema
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.keys import FARS
@@ -267,7 +267,7 @@ def _card(release: BenchmarkRelease) -> bytes:
 
 def _about(release: BenchmarkRelease) -> str:
     what = "fictional" if release.rights.fictional else "police-reported"
-    crashes = counted(len(release.packages), f"{what} crash", f"{what} crashes")
+    crashes = count_of(len(release.packages), f"{what} crash", f"{what} crashes")
     return (
         f"{crashes}, each with its report, an OpenDRIVE map of the road, the simulated "
         "motion of everybody, OpenSCENARIO files and the verdict by which it agrees with the report; split by place "

@@ -17,7 +17,7 @@ from trace_dag.agents.evaluation.evaluate import Conditions
 from trace_dag.agents.evaluation.metrics import ENTERED_TTC_S
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.common.errors import UserError
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.stage import Stage
 from trace_dag.flow.records import Records
 from trace_dag.scenario.cases import MOST_TIMES
@@ -123,5 +123,5 @@ def differences(given: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:
 
 
 def _named(what: str, names: Sequence[str]) -> str:
-    more = f" and {counted(len(names) - _SHOWN, 'other')}" if len(names) > _SHOWN else ""
+    more = f" and {count_of(len(names) - _SHOWN, 'other')}" if len(names) > _SHOWN else ""
     return f"{what}: {', '.join(names[:_SHOWN])}{more}" if names else ""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from trace_dag.common.errors import Failure
 from trace_dag.common.provenance import Outcome, now
-from trace_dag.common.references import referred
+from trace_dag.common.references import resolve_reference
 from trace_dag.common.stage import Stage
 from trace_dag.flow.cohorts.registry import CrashSource
 from trace_dag.flow.cohorts.services import Services
@@ -23,7 +23,7 @@ from trace_dag.flow.crash_store import CrashStore
 from trace_dag.flow.executors import Executor, run_redoing_lost
 from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import Records, intact, read_records, write_index
-from trace_dag.flow.staleness import FAILED, MISSING, made_from, why_to_run
+from trace_dag.flow.staleness import FAILED, MISSING, current_inputs, why_to_run
 from trace_dag.flow.tasks import (
     Action,
     Attempt,
@@ -34,7 +34,7 @@ from trace_dag.flow.tasks import (
     Work,
     log_outcome,
 )
-from trace_dag.flow.worker import installed, work_on_chunk
+from trace_dag.flow.worker import installed_versions, work_on_chunk
 from trace_dag.flow.workspace import Workspace
 
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ def work_of(
 ) -> Work:
     """Return the shared facts for the workers of a run."""
     flow, settings = workspace.flow, workspace.settings
-    return Work(workspace.storage, settings, flow, run_id, installed(), frozenset(force), afterwards)
+    return Work(workspace.storage, settings, flow, run_id, installed_versions(), frozenset(force), afterwards)
 
 
 def first_stale(workspace: Workspace, keys: Sequence[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Stage]:
@@ -84,7 +84,7 @@ def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[
     for key, of_crash in records.items():
         for stage, recipe in recipes.items():
             record = of_crash.get(stage)
-            why = why_to_run(record, made_from(recipe, sources[key], of_crash), whole)
+            why = why_to_run(record, current_inputs(recipe, sources[key], of_crash), whole)
             if why and why not in ((MISSING,), (FAILED,)):
                 found.append(StaleResult(key, stage, why))
             if why or record is None or record.outcome is not Outcome.ACCEPTED:
@@ -103,7 +103,7 @@ def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: 
     services = Services(workspace.storage, workspace.settings.services, run_id)
     for definition in workspace.flow.stages:
         if definition.stage in stages and definition.requires is not None:
-            referred(definition.requires)(workspace.settings, services)
+            resolve_reference(definition.requires)(workspace.settings, services)
 
 
 def run_stages(
@@ -141,7 +141,7 @@ class _Crashes:
 
     def has_work(self, crash: CrashTask, definition: StageDefinition) -> bool:
         """Return whether a stage has to run for a crash that reaches it."""
-        now = made_from(self.work.recipes[definition.stage], crash.source, crash.records)
+        now = current_inputs(self.work.recipes[definition.stage], crash.source, crash.records)
         record = crash.records.get(definition.stage)
         return definition.stage in self.work.force or bool(why_to_run(record, now, self._whole))
 
@@ -281,7 +281,9 @@ class _Batch:
         if definition.grouping is None:
             return []
         try:
-            return [list(group) for group in referred(definition.grouping)([self._files(each) for each in crashes])]
+            return [
+                list(group) for group in resolve_reference(definition.grouping)([self._files(each) for each in crashes])
+            ]
         except Exception as error:
             # What is broken breaks again in the stage itself, and is then the failure of the crashes it concerns.
             told = not isinstance(error, Failure)
@@ -298,7 +300,7 @@ class _Batch:
         for stuck in segment:
             record = records.get(stuck.stage)
             forced = stuck.stage in self.work.force and (record is None or record.run_id != self.work.run_id)
-            provenance = made_from(self.work.recipes[stuck.stage], task.source, records)
+            provenance = current_inputs(self.work.recipes[stuck.stage], task.source, records)
             if forced or why_to_run(record, provenance, {}):
                 break
             events.append(StageEvent(task.key, stuck.stage, Action.COMPUTED, record))

@@ -29,7 +29,7 @@ from pydantic import BaseModel
 
 from trace_dag.common.errors import DamagedFile, Rejection
 from trace_dag.common.provenance import OutcomeRecord, artefact_name, libraries_of, settings_of
-from trace_dag.common.references import referred, signature_of
+from trace_dag.common.references import resolve_reference, signature_of
 from trace_dag.common.settings import Settings
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage, StoredFile
@@ -161,7 +161,7 @@ class CrashFiles:
         name = artefact_name(artefact.stage, self.key, artefact.extensions[0])
         if name not in self._parsed:
             named = {"name": name.partition("/")[2]} if artefact.named else {}
-            self._parsed[name] = referred(artefact.reader)(*contents, **named)
+            self._parsed[name] = resolve_reference(artefact.reader)(*contents, **named)
         value: T = self._parsed[name]
         return value
 
@@ -287,7 +287,7 @@ class Flow:
 
     def make(self, definition: StageDefinition, crash: CrashFiles) -> StageProduct:
         """Return a stage made for one crash."""
-        product: StageProduct = referred(definition.function)(**self._arguments(definition, crash))
+        product: StageProduct = resolve_reference(definition.function)(**self._arguments(definition, crash))
         return product
 
     def make_for_several(
@@ -300,7 +300,7 @@ class Flow:
             name: {key: each[name] for key, each in arguments.items()} if name in of_crash else value
             for name, value in arguments[crashes[0].key].items()
         }
-        products: Mapping[str, StageProduct | Rejection | Exception] = referred(definition.function)(**given)
+        products: Mapping[str, StageProduct | Rejection | Exception] = resolve_reference(definition.function)(**given)
         return products
 
     def _arguments(self, definition: StageDefinition, crash: CrashFiles) -> dict[str, object]:

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.progress import OnProgress, silent
-from trace_dag.flow.records import OnProblem, raised
+from trace_dag.flow.records import OnProblem, raise_problem
 from trace_dag.flow.stored_crashes import judged_crashes
 from trace_dag.flow.study_tables import CONTROLS, store
 from trace_dag.flow.workspace import Workspace
-from trace_dag.verdict.changed_plans import changed_estimate, changed_plans, changed_row
+from trace_dag.verdict.changed_plans import changed_estimate, changed_row, make_changed_plans
 from trace_dag.verdict.controls import ControlRow, changed_reports, true_pairing
 
 
@@ -21,7 +21,7 @@ def negative_controls(
     *,
     most: int,
     on_progress: OnProgress = silent,
-    on_problem: OnProblem = raised,
+    on_problem: OnProblem = raise_problem,
 ) -> list[ControlRow]:
     """Return every judged crash of a cohort against its own report, every verified one against every other's report of
     its kind and with one vehicle late; of a crash with people the person late, and from the other side; of a vehicle
@@ -51,7 +51,7 @@ def negative_controls(
 
     for done, crash in enumerate(verified, 1):
         rows += changed_reports(crash, verified, settings.verdict)
-        for name, changed in changed_plans(crash, settings.verdict):
+        for name, changed in make_changed_plans(crash, settings.verdict):
             log = None
             if changed is not None:
                 states = changed_estimate(crash, changed)

@@ -25,11 +25,11 @@ def crash_picture(crash: CrashFiles) -> dict[str, bytes]:
 
     Nothing before it has a map, even a rejected one.
     """
-    svg = drawn(crash)
+    svg = draw_sketch(crash)
     return {} if svg is None else {"png": as_png(pixels_of(svg, WIDTH_PX))}
 
 
-def drawn(crash: CrashArtefacts) -> str | None:
+def draw_sketch(crash: CrashArtefacts) -> str | None:
     """Return the same as an SVG; None before it has a map, even a rejected one."""
     if isinstance(crash, CrashFiles) and crash.has(REJECTED_MAP):
         why = crash.records[Stage.ROAD_MAP].detail

@@ -23,12 +23,12 @@ from dataclasses import replace
 
 from trace_dag.common.errors import Failure, Rejection
 from trace_dag.common.provenance import Outcome, OutcomeRecord, artefact_name
-from trace_dag.common.storage.file_locks import locked
+from trace_dag.common.storage.file_locks import lock_file
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import intact, read_records, write_record
-from trace_dag.flow.tasks import Attempt, CrashTask, Work, failed_record, made_record
+from trace_dag.flow.tasks import Attempt, CrashTask, Work, build_failed_record, build_record
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ def picture_name(key: str, extension: str = "png") -> str:
 
 
 @contextmanager
-def opened(work: Work, crashes: Sequence[CrashTask]) -> Iterator[list[CrashStore]]:
+def open_crashes(work: Work, crashes: Sequence[CrashTask]) -> Iterator[list[CrashStore]]:
     """Open some crashes, locked against other runs; where another run held one, with the records it has left."""
     keys = [crash.key for crash in crashes]
     with _locked(work.storage, keys) as waited:
@@ -82,7 +82,7 @@ class CrashStore:
         try:
             self._begin(earlier)
             stored = [self._storage.write(name, data) for name, data in contents.items()]
-            record = made_record(attempt, product, stored).superseding(earlier)
+            record = build_record(attempt, product, stored).superseding(earlier)
             write_record(self._storage, record)
         except Exception as error:
             return self._failed(attempt, error, old | contents.keys())
@@ -125,7 +125,7 @@ class CrashStore:
 
     def _failed(self, attempt: Attempt, error: Exception, files: Set[str]) -> OutcomeRecord:
         """Record a failure; of the ``files`` of the stage those stay that belong to what stands then."""
-        failed, standing = failed_record(attempt, error), self.records.get(attempt.stage)
+        failed, standing = build_failed_record(attempt, error), self.records.get(attempt.stage)
         try:
             stands = _after_failure(self._storage, standing, failed)
             write_record(self._storage, stands)
@@ -187,5 +187,5 @@ def _locked(storage: Storage, keys: Iterable[str]) -> Iterator[bool]:
     with ExitStack() as stack:
         # In one order for all, so that no two wait for each other.
         for number in sorted({hashlib.sha256(key.encode()).digest()[0] % _LOCKS for key in keys}):
-            waited |= stack.enter_context(locked(folder / f"{number:02x}"))
+            waited |= stack.enter_context(lock_file(folder / f"{number:02x}"))
         yield waited

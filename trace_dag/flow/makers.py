@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.provenance import OutcomeRecord
 
 
@@ -41,4 +41,4 @@ def makers_in_words(estimates: Iterable[Made]) -> str:
             counts.items(), key=lambda item: (item[0].fallback_from is not None, item[0].estimator)
         )
     ]
-    return f"{counted(total, 'estimate')}: {', '.join(parts)}"
+    return f"{count_of(total, 'estimate')}: {', '.join(parts)}"

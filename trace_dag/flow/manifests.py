@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from trace_dag.common.errors import DamagedFile
 from trace_dag.common.schemas import table_from_parquet
-from trace_dag.common.storage.checksums import checked, with_checksum
-from trace_dag.common.storage.file_locks import locked
+from trace_dag.common.storage.checksums import add_checksum, check_document
+from trace_dag.common.storage.file_locks import lock_file
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.cohorts.registry import Registry
 
@@ -61,7 +61,7 @@ def read_manifest(storage: Storage, folder: str) -> Manifest:
 
     name = manifest_name(folder)
     try:
-        return _manifests().validate_python(checked(storage.read(name), name=name))
+        return _manifests().validate_python(check_document(storage.read(name), name=name))
     except FileNotFoundError:
         return Manifest()
     except ValidationError as error:
@@ -79,7 +79,7 @@ def sound_manifest(storage: Storage, folder: str) -> Manifest:
 def write_manifest(storage: Storage, folder: str, manifest: Manifest) -> None:
     """Store the manifest of a folder in place of the one before."""
     in_order = Manifest(dict(sorted(manifest.files.items())), dict(sorted(manifest.made_of.items())))
-    storage.write(manifest_name(folder), with_checksum(_manifests().dump_json(in_order)))
+    storage.write(manifest_name(folder), add_checksum(_manifests().dump_json(in_order)))
 
 
 def is_of_older_version(storage: Storage) -> bool:
@@ -140,10 +140,10 @@ def read_listed(storage: Storage, name: str, *, remedy: str) -> bytes:
             raise DamagedFile(name, f"{manifest_name(folder)} does not list it")
         return storage.read_whole(file)
 
-    return agreed(look, remedy=remedy)
+    return check_listed(look, remedy=remedy)
 
 
-def agreed(look: Callable[[], T], *, remedy: str) -> T:
+def check_listed(look: Callable[[], T], *, remedy: str) -> T:
     """Return what ``look`` finds; it raises :class:`DamagedFile` where a file is not as listed.
 
     Files that are being replaced agree with their list a moment later, so it looks several times.
@@ -206,7 +206,7 @@ def _alone(storage: Storage, folder: str) -> Iterator[None]:
         yield
         return
     (storage.local_root / "locks").mkdir(exist_ok=True)
-    with locked(storage.local_root / "locks" / folder):
+    with lock_file(storage.local_root / "locks" / folder):
         yield
 
 

@@ -30,7 +30,7 @@ FOLDER = "outcomes"
 _READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
 
 
-def raised(failure: Failure) -> None:
+def raise_problem(failure: Failure) -> None:
     """Raise the error, for callers that need everything."""
     raise failure
 
@@ -86,7 +86,7 @@ def _contents(storage: Storage, names: Sequence[str], on_problem: OnProblem) -> 
     for folder in {name.partition("/")[0] for name in names}:
         listed.update(storage.list(folder))
     present = [name for name in names if name in listed]
-    found = indexed(storage, present, listed)
+    found = read_index(storage, present, listed)
     return found | storage.read_many([name for name in present if name not in found])
 
 
@@ -113,7 +113,7 @@ def write_index(storage: Storage, run_id: str, records: Iterable[OutcomeRecord])
         log.warning("%s; the records of this run will be read one by one", error)
 
 
-def indexed(storage: Storage, names: Collection[str], listed: Mapping[str, Entry]) -> dict[str, bytes]:
+def read_index(storage: Storage, names: Collection[str], listed: Mapping[str, Entry]) -> dict[str, bytes]:
     """Return contents of those of the records ``names`` that an index holds as they are now, by the record's name."""
     wanted, found = set(names), {}
     for file, data in storage.read_many(storage.list(FOLDER)).items():

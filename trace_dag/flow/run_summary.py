@@ -10,7 +10,7 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.provenance import Outcome
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.stage import Stage
@@ -100,7 +100,7 @@ class RunSummary:
     def in_words(self) -> str:
         """Return the summary as one line."""
         figures = self.figures()
-        crashes = counted(len(self._crashes), "crash", "crashes")
+        crashes = count_of(len(self._crashes), "crash", "crashes")
         parts = [
             f"{self.computed} of {crashes} computed in {figures['elapsed_s']:.1f} s"
             f" ({figures['crashes_per_minute']:.0f} per minute)"
@@ -108,7 +108,7 @@ class RunSummary:
         if figures["slowest"]:
             parts.append(f"slowest {figures['slowest']}")
             parts.append(f"most time in {figures['slowest_stage']}")
-        parts.append(counted(self.retries, "retry", "retries"))
+        parts.append(count_of(self.retries, "retry", "retries"))
         parts.append(f"${self.cost_usd:.4f} for language models" if self.cost_usd else "no cost")
         if any(made.estimator != _USUAL_ESTIMATOR or made.fallback_from for made in self.estimates):
             parts.append(makers_in_words(self.estimates))

@@ -37,7 +37,7 @@ class Selection:
     exact: bool = False
 
 
-def registered(workspace: Workspace, cohort: str | None, only: Collection[str]) -> tuple[str, ...]:
+def select_registered(workspace: Workspace, cohort: str | None, only: Collection[str]) -> tuple[str, ...]:
     """Return the crashes asked for, in order; :class:`UserError` for keys or cohorts that are not registered."""
     keys = workspace.registry.keys(cohort)
     if not keys:
@@ -64,7 +64,7 @@ def select_stale(
     workspace: Workspace, cohort: str | None = None, only: Collection[str] = (), first: Stage | None = None
 ) -> Selection:
     """Return crashes that are not up to date; with ``first`` all crashes, from that stage on at the latest."""
-    asked = registered(workspace, cohort, only)
+    asked = select_registered(workspace, cohort, only)
     start = first_stale(workspace, asked)
     if first is None:
         return Selection(asked, start)
@@ -85,7 +85,7 @@ def select_again(
     """Return crashes to run again: that failed or are outdated, that were rejected for a reason, or that reached a
     stage.
     """
-    asked = registered(workspace, cohort, only)
+    asked = select_registered(workspace, cohort, only)
     records = read_records(workspace.storage, asked)
     start: dict[str, Stage] = {}
     for key, crash in crash_statuses(records).items():

@@ -34,7 +34,7 @@ class Recipe:
     artefacts: tuple[tuple[Stage, str], ...]
 
 
-def made_from(recipe: Recipe, source: CrashSource, records: Mapping[Stage, OutcomeRecord]) -> Provenance:
+def current_inputs(recipe: Recipe, source: CrashSource, records: Mapping[Stage, OutcomeRecord]) -> Provenance:
     """Return the inputs that a stage's result would have now, for a crash with that source and those records."""
     inputs = {}
     if "report" in recipe.sources:

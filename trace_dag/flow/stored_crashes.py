@@ -16,7 +16,7 @@ from trace_dag.common.messages.progress import OnProgress, silent
 from trace_dag.flow.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import valid_records
-from trace_dag.flow.records import OnProblem, log_problem, raised, read_records
+from trace_dag.flow.records import OnProblem, log_problem, raise_problem, read_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.verdict.controls import JudgedCrash
 
@@ -45,7 +45,7 @@ def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
     return names
 
 
-def of_each(cohorts: Iterable[str], study: Callable[[str], Found]) -> dict[str, Found]:
+def study_each(cohorts: Iterable[str], study: Callable[[str], Found]) -> dict[str, Found]:
     """Return a study's results for every cohort it can be made of.
 
     The last cohort's :class:`UserError` if there is none.
@@ -90,7 +90,7 @@ def judged_crashes(
     *,
     most: int | None = None,
     on_progress: OnProgress = silent,
-    on_problem: OnProblem = raised,
+    on_problem: OnProblem = raise_problem,
 ) -> list[StoredCrash]:
     """Return those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
 
@@ -99,7 +99,7 @@ def judged_crashes(
     """
     judged = [each for each in crash_files(workspace, keys, on_problem=on_problem) if each.has(VERDICT)]
     if most is not None:
-        judged = drawn(judged, most, _SEED)
+        judged = draw_sample(judged, most, _SEED)
     found = []
     for done, each in enumerate(judged, 1):
         on_progress(done, len(judged))
@@ -122,7 +122,7 @@ def read_judged(files: CrashFiles) -> StoredCrash:
     return StoredCrash(files, crash, verdict.verified)
 
 
-def drawn(crashes: Sequence[CrashFiles], most: int, seed: int) -> list[CrashFiles]:
+def draw_sample(crashes: Sequence[CrashFiles], most: int, seed: int) -> list[CrashFiles]:
     """Return all crashes, or ``most`` of them drawn at random, in their order."""
     if len(crashes) <= most:
         return list(crashes)

@@ -36,7 +36,7 @@ _MADE_BY = {
 }
 
 
-def comparison_is_whole(storage: Storage, name: str, on_problem: OnProblem) -> bool:
+def is_comparison_whole(storage: Storage, name: str, on_problem: OnProblem) -> bool:
     """Return whether a stored comparison is undamaged; if not, ``on_problem`` is called."""
     kind, _, cohort = name.removeprefix(f"{FOLDER}/").removesuffix(".json").partition("-")
     try:

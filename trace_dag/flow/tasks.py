@@ -15,7 +15,7 @@ from enum import StrEnum
 from functools import cached_property
 
 from trace_dag.common.errors import Failure, TransientFailure
-from trace_dag.common.messages.logs import at_work, figures
+from trace_dag.common.messages.logs import figures, log_context
 from trace_dag.common.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.common.settings import Settings
 from trace_dag.common.stage import Stage
@@ -151,7 +151,7 @@ class Attempt:
         )
 
 
-def made_record(attempt: Attempt, product: StageProduct, stored: Sequence[StoredFile]) -> OutcomeRecord:
+def build_record(attempt: Attempt, product: StageProduct, stored: Sequence[StoredFile]) -> OutcomeRecord:
     """Return the record of a stage that accepted or rejected the crash, with the files it stored."""
     rejection = product.rejection
     return replace(
@@ -165,7 +165,7 @@ def made_record(attempt: Attempt, product: StageProduct, stored: Sequence[Stored
     )
 
 
-def failed_record(attempt: Attempt, error: Exception) -> OutcomeRecord:
+def build_failed_record(attempt: Attempt, error: Exception) -> OutcomeRecord:
     """Return the record of a stage that failed."""
     return replace(
         attempt.record(Outcome.FAILED),
@@ -177,7 +177,7 @@ def failed_record(attempt: Attempt, error: Exception) -> OutcomeRecord:
 
 def log_outcome(record: OutcomeRecord) -> None:
     """Log an outcome, with the figures of the record as fields."""
-    with at_work(record.key, record.stage):
+    with log_context(record.key, record.stage):
         log.info(
             "%s %s: %s in %.2f s",
             record.key,

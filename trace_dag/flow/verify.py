@@ -24,14 +24,14 @@ from shutil import rmtree
 
 from trace_dag.common.errors import DamagedFile
 from trace_dag.common.messages.progress import OnProgress
-from trace_dag.common.messages.wording import counted
-from trace_dag.common.network.http import damaged_answers
-from trace_dag.common.processes import abandoned
+from trace_dag.common.messages.wording import count_of
+from trace_dag.common.network.http import find_damaged_answers
+from trace_dag.common.processes import is_abandoned
 from trace_dag.common.provenance import MADE_AGAIN, Outcome, crash_of, record_name
 from trace_dag.common.stage import Stage
-from trace_dag.common.storage.checksums import checked
+from trace_dag.common.storage.checksums import check_document
 from trace_dag.common.storage.files import Entry, Storage, StoredFile, check_name
-from trace_dag.flow.cohorts.kept_maps import unused_map_copies
+from trace_dag.flow.cohorts.kept_maps import find_unused_map_copies
 from trace_dag.flow.cohorts.listings import FILE as LISTINGS
 from trace_dag.flow.cohorts.registry import Cohort, Registry
 from trace_dag.flow.cohorts.services import CACHE_FOLDER
@@ -150,11 +150,11 @@ def verify_storage(
     disagreements += _report_disagreements(storage, cohorts, contents)
     disagreements += _cache_disagreements(storage)
     if not lost and not cohorts and any(everything.values()):
-        detail = f"no cohort is registered, though there are results of {counted(len(everything), 'crash', 'crashes')}"
+        detail = f"no cohort is registered, though there are results of {count_of(len(everything), 'crash', 'crashes')}"
         disagreements.append(Disagreement(DisagreementKind.LOST_REGISTRY, detail, file="cohorts"))
     left = [*storage.leftovers(), *_unfinished_builds(local_folder)]
     if not lost:
-        left += unused_map_copies(storage)
+        left += find_unused_map_copies(storage)
     if storage.local_root is not None:
         disagreements += [
             Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} has no name of ours", file=name) for name in foreign
@@ -409,12 +409,12 @@ def _cache_disagreements(storage: Storage) -> Iterator[Disagreement]:
     answers = sorted((root / _ANSWERS).rglob("*.json")) if root is not None else []
     names = [path.relative_to(root).as_posix() for path in answers if root is not None]
     notes = [LISTINGS, *(name for name in storage.list(CACHE_FOLDER) if name.endswith(".json"))]
-    for path in damaged_answers(storage.local_folder / CACHE_FOLDER):
+    for path in find_damaged_answers(storage.local_folder / CACHE_FOLDER):
         detail = f"{path} is not the answer that was kept"
         yield Disagreement(DisagreementKind.DAMAGED_ANSWER, detail, file=str(path))
     for name, data in storage.read_many([*names, *notes], unreadable=lambda _: None).items():
         try:
-            checked(data, name=name)
+            check_document(data, name=name)
         except DamagedFile as damaged:
             yield Disagreement(DisagreementKind.DAMAGED_CACHE, str(damaged), file=name)
 
@@ -451,7 +451,7 @@ def _put_aside_made_together(storage: Storage, name: str, why: str, aside: Quara
 
 
 def _unfinished_builds(local_folder: Path) -> list[Path]:
-    return [path for path in local_folder.glob(f"{BUILDING}*") if abandoned(path, BUILDING)]
+    return [path for path in local_folder.glob(f"{BUILDING}*") if is_abandoned(path, BUILDING)]
 
 
 def _remove(path: Path) -> None:

@@ -17,7 +17,7 @@ from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_at
 
 from trace_dag.common.errors import Failure, Rejection, TransientFailure
 from trace_dag.common.gc_pause import gc_paused
-from trace_dag.common.messages.logs import at_work
+from trace_dag.common.messages.logs import log_context
 from trace_dag.common.provenance import (
     Outcome,
     OutcomeRecord,
@@ -25,13 +25,13 @@ from trace_dag.common.provenance import (
     libraries_of,
     now,
 )
-from trace_dag.common.references import referred
+from trace_dag.common.references import resolve_reference
 from trace_dag.common.stage import Stage
 from trace_dag.flow.contract import DamagedArtefactError, Flow, StageDefinition
-from trace_dag.flow.crash_store import CrashStore, opened
+from trace_dag.flow.crash_store import CrashStore, open_crashes
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import intact, read_records
-from trace_dag.flow.staleness import made_from, why_to_run
+from trace_dag.flow.staleness import current_inputs, why_to_run
 from trace_dag.flow.tasks import (
     Action,
     Attempt,
@@ -67,14 +67,14 @@ def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
     for definition in flow.stages:
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:
-                referred(reference)
+                resolve_reference(reference)
     for name in (*_IMPORTED_WHERE_USED, *modules, *([flow.picture.partition(":")[0]] if flow.picture else [])):
         import_module(name)
     gc.collect()
     gc.freeze()
 
 
-def installed() -> dict[str, str]:
+def installed_versions() -> dict[str, str]:
     """Return versions of this package, of its stages and of the libraries that decide, in this process."""
     from trace_dag.flow.stages import VERSIONS
 
@@ -85,7 +85,7 @@ def installed() -> dict[str, str]:
 def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
     """Run the chunk's stages; one event for each crash and stage it got to, in order."""
     work = chunk.work
-    for name, version in installed().items():
+    for name, version in installed_versions().items():
         if version != work.installed[name]:
             raise Failure(f"this worker has {name} {version}, the run has {work.installed[name]}; update the workers")
     if chunk.again:
@@ -93,14 +93,14 @@ def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
         chunk = replace(chunk, crashes=tuple(replace(crash, records=stored[crash.key]) for crash in chunk.crashes))
     definitions = [work.flow.definition(stage) for stage in chunk.stages]
     if definitions[0].for_several:
-        with opened(work, chunk.crashes) as stores:
+        with open_crashes(work, chunk.crashes) as stores:
             return _work_on_group(chunk, stores, definitions[0])
     return [event for crash in chunk.crashes for event in _work_on_crash(work, crash, chunk)]
 
 
 @gc_paused()  # until the crash is let go: then hardly anything is left to look through
 def _work_on_crash(work: Work, crash: CrashTask, chunk: Chunk) -> list[StageEvent]:
-    with opened(work, [crash]) as (store,):
+    with open_crashes(work, [crash]) as (store,):
         return _CrashWorker(work, store).run(chunk.stages, chunk.last)
 
 
@@ -147,7 +147,7 @@ class _CrashWorker:
         return not why_to_run(earlier, provenance, whole)
 
     def provenance(self, definition: StageDefinition) -> Provenance:
-        return made_from(self.work.recipes[definition.stage], self.store.source, self.store.records)
+        return current_inputs(self.work.recipes[definition.stage], self.store.source, self.store.records)
 
     def compute(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord:
         execution = self.work.settings.execution
@@ -169,7 +169,7 @@ class _CrashWorker:
     def _make(self, definition: StageDefinition) -> StageProduct:
         limit_s = self.work.settings.execution.stage_time_limit_s
         what = f"{definition.stage} of {self.store.key}"
-        with at_work(self.store.key, definition.stage):
+        with log_context(self.store.key, definition.stage):
             return within(limit_s, what, lambda: self.work.flow.make(definition, self.store.files))
 
     def conclude(
@@ -206,7 +206,9 @@ class _CrashWorker:
             self.store.delete_pictures()
             return events
         try:
-            last = replace(last, record=self.store.put_pictures(last.record, referred(draws)(self.store.files)))
+            last = replace(
+                last, record=self.store.put_pictures(last.record, resolve_reference(draws)(self.store.files))
+            )
         except Exception as error:
             # A missing picture does not fail the crash: the run names those without one. The picture drawn before shows
             # an earlier state of the crash, so it is deleted.

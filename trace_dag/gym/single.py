@@ -55,7 +55,7 @@ class EpisodeDriver:
         if self._episode.log is None:
             return reward, {}
         metrics = measure(self._episode.case, self.ego, self._episode.log)
-        return reward + self._reward.in_the_end(metrics), told(metrics)
+        return reward + self._reward.in_the_end(metrics), build_final_info(metrics)
 
 
 def about(case: Case, ego: int) -> dict[str, Any]:
@@ -64,7 +64,7 @@ def about(case: Case, ego: int) -> dict[str, Any]:
     return {"key": case.key, "case_id": case.case_id, "ego": ego}
 
 
-def told(metrics: Metrics) -> dict[str, Any]:
+def build_final_info(metrics: Metrics) -> dict[str, Any]:
     """Return the ``info`` of the last step: ``outcome``, and every measure."""
     return {"outcome": str(outcome_of(metrics)), "metrics": asdict(metrics)}
 

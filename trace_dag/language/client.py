@@ -165,11 +165,11 @@ class LlmClient:
         except _TooSlowError:
             raise _NoAnswer(f"{self.model}: Timeout: no whole answer within {timeout_s:.1f} s", None) from None
         except litellm.exceptions.ContentPolicyViolationError as error:
-            return StoredAnswer(without_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
+            return StoredAnswer(mask_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
         except litellm.exceptions.ContextWindowExceededError as error:  # with the answers so far it became too long
-            return StoredAnswer(without_secrets(str(error))[:500], TOO_LONG, self.model, 0, 0, 0.0, 0.0)
+            return StoredAnswer(mask_secrets(str(error))[:500], TOO_LONG, self.model, 0, 0, 0.0, 0.0)
         except Exception as error:  # errors of litellm, of its HTTP clients, and others that it lets through
-            said = without_secrets(str(error)).partition(_ITS_TRACEBACK)[0]
+            said = mask_secrets(str(error)).partition(_ITS_TRACEBACK)[0]
             what = f"{self.model}: {type(error).__name__}: {' '.join(said.split())[:_LONGEST_MESSAGE]}"
             wanted = _KEY_WANTED.search(said) or getattr(error, "status_code", None) in _REFUSED_STATUS
             if wanted and (missing := _missing_keys(litellm, self.model)):
@@ -193,7 +193,7 @@ class LlmClient:
             text, finish = text[:_LONGEST_ANSWER], "length"
         usage = getattr(response, "usage", None)
         return StoredAnswer(
-            text=without_secrets(text),  # a model may repeat what it was sent, headers included
+            text=mask_secrets(text),  # a model may repeat what it was sent, headers included
             finish_reason=finish,
             model=_model_name(str(getattr(response, "model", None) or self.model)),
             prompt_tokens=max(int(getattr(usage, "prompt_tokens", 0) or 0), 0),
@@ -308,11 +308,11 @@ def endpoint_of(model: str) -> str:
     return address._replace(netloc=address.netloc.rpartition("@")[2]).geturl().rstrip("/")
 
 
-def without_secrets(text: str) -> str:
+def mask_secrets(text: str) -> str:
     """Return the text with the values of secret environment variables, and anything shaped like a key, replaced by
     stars.
 
-    >>> without_secrets("invalid key sk-0123456789abcdefghijklmnop")
+    >>> mask_secrets("invalid key sk-0123456789abcdefghijklmnop")
     'invalid key ***'
     """
     for name, value in os.environ.items():

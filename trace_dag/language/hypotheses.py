@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import StateSettings
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
@@ -18,7 +18,7 @@ from trace_dag.language.prompt import Prompt, ask_again
 from trace_dag.language.store import AnswerFiles, AnswerStore, StoredAnswer
 from trace_dag.reconstruction.analytic_hypotheses import NAME as ANALYTIC
 from trace_dag.reconstruction.analytic_hypotheses import VERSION as ANALYTIC_VERSION
-from trace_dag.reconstruction.analytic_hypotheses import first_contact, parties, ranked, solve_all
+from trace_dag.reconstruction.analytic_hypotheses import first_contact, parties, rank_hypotheses, solve_all
 from trace_dag.reconstruction.candidates import candidates
 from trace_dag.reconstruction.estimate import UnusableAnswers
 from trace_dag.reconstruction.pre_crash_scenarios import pre_crash_scenarios
@@ -144,7 +144,7 @@ def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, clien
         tally.add(answer, [])
         return StateEstimate(record.key, hypotheses, tally.run(settings), ambiguity)
     last = "; ".join(str(each) for each in _complaints(tally))
-    tries = counted(len(tally.answers), "attempt")
+    tries = count_of(len(tally.answers), "attempt")
     slow = f", {tally.latency_s:.0f} s" if len(tally.answers) < settings.llm_max_attempts else ""
     why = f"{settings.llm_model} gave no usable answer in {tries}{slow}; the last: {last}"
     asked = tally.run(settings)
@@ -181,7 +181,7 @@ def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tu
         raise WrongAnswer(
             [f"No manoeuvre the report allows leads to the crash on {ids} together: no path to the crash exists."]
         )
-    hypotheses, ambiguity = ranked(choices.scene, solve_all(choices.scene, chosen), settings)
+    hypotheses, ambiguity = rank_hypotheses(choices.scene, solve_all(choices.scene, chosen), settings)
     if not hypotheses:
         raise WrongAnswer([f"On {ids} the vehicles do not touch near the reported place."])
     failed = [check for check in hypotheses[0].checks if not check.passed]
@@ -196,5 +196,5 @@ def _unavoidable(choices: Choices, settings: StateSettings) -> set[str]:
     """Return checks that fail for every choice of approaches: the record contradicts itself or the map, and another
     answer would not help.
     """
-    best, _ = ranked(choices.scene, solve_all(choices.scene, list(choices.found)), settings)
+    best, _ = rank_hypotheses(choices.scene, solve_all(choices.scene, list(choices.found)), settings)
     return {check.name for check in best[0].checks if not check.passed} if best else set()

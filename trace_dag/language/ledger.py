@@ -22,7 +22,7 @@ from typing import Protocol
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.common.errors import BudgetSpent, DamagedFile, TransientFailure
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import add_checksum, check_document
 
 FOLDER = "llm_ledgers"
 MOST_UNANSWERED = 3
@@ -149,7 +149,7 @@ class SpendingLedger:
 
     def _put(self) -> None:
         if self.files is not None:
-            self.files.write(f"{self._folder}/{self._page.owner}.json", with_checksum(_pages.dump_json(self._page)))
+            self.files.write(f"{self._folder}/{self._page.owner}.json", add_checksum(_pages.dump_json(self._page)))
 
     def _all_pages(self) -> list[Page]:
         """Return the pages of all processes; this one's own from memory."""
@@ -157,7 +157,7 @@ class SpendingLedger:
         if self.files is not None:
             for data in self.files.read_many(sorted(self.files.list(self._folder))).values():
                 try:
-                    page = _pages.validate_python(checked(data, name=self._folder))
+                    page = _pages.validate_python(check_document(data, name=self._folder))
                 except (DamagedFile, ValidationError):
                     continue  # not a page of this ledger
                 if page.owner != self._page.owner:

@@ -54,7 +54,7 @@ class Prompt:
     def messages(self, record: CrashRecord, choices: Choices, *, lead_time_s: float) -> list[Message]:
         """Return the first question about a crash."""
         schema = json.dumps(form(self.kind).model_json_schema(), sort_keys=True)
-        data = fenced(_data(record, choices))
+        data = fence(_data(record, choices))
         values = {"lead_time_s": f"{lead_time_s:g}", "schema": schema, "data": data}
         return [
             {"role": "system", "content": self.system.substitute(values).strip()},
@@ -68,7 +68,7 @@ def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> li
     >>> [each["role"] for each in ask_again([], "{}", ["crash: Field required"])]
     ['assistant', 'user']
     """
-    listed = "\n".join(f"- {fenced(complaint)}" for complaint in complaints)
+    listed = "\n".join(f"- {fence(complaint)}" for complaint in complaints)
     return [
         *messages,
         {"role": "assistant", "content": answer or "(no answer)"},
@@ -80,11 +80,11 @@ def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> li
     ]
 
 
-def fenced(value: object, *, longest: int = _LONGEST_TEXT) -> str:
+def fence(value: object, *, longest: int = _LONGEST_TEXT) -> str:
     """Return a value as JSON that cannot close a fence: angle brackets escaped, control characters removed, texts cut
     that are longer than ``longest`` characters.
 
-    >>> print(fenced('MAIN ST </data>'))
+    >>> print(fence('MAIN ST </data>'))
     "MAIN ST \\u003c/data\\u003e"
     """
     text = json.dumps(_clean(value, longest), ensure_ascii=False)

@@ -13,7 +13,7 @@ from typing import Protocol
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.common.errors import DamagedFile
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import add_checksum, check_document
 
 FOLDER = "llm_answers"
 REFUSED = "refused"
@@ -62,7 +62,7 @@ class AnswerStore:
         if self._files is None:
             return self._memory.get(key)
         try:
-            return _answers.validate_python(checked(self._files.read(_name(key)), name=_name(key)))
+            return _answers.validate_python(check_document(self._files.read(_name(key)), name=_name(key)))
         except (FileNotFoundError, DamagedFile, ValidationError):
             return None
 
@@ -71,7 +71,7 @@ class AnswerStore:
         if self._files is None:
             self._memory[key] = answer
         else:
-            self._files.write(_name(key), with_checksum(_answers.dump_json(answer)))
+            self._files.write(_name(key), add_checksum(_answers.dump_json(answer)))
 
 
 def question_key(**question: object) -> str:

@@ -17,7 +17,7 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.clip import clip_roads
 from trace_dag.osm.extraction import Around, FileHeader, FilePass, read_around, read_header
-from trace_dag.osm.joining import joined_ways, neighbours
+from trace_dag.osm.joining import join_ways, neighbours
 from trace_dag.osm.map_check import MapChecker
 from trace_dag.osm.plausibility import UnreadableMapError, check_roads
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, Site
@@ -321,7 +321,7 @@ def _joined(parts: Sequence[_Part]) -> OsmExtract:
 
 
 def _cut(parts: Sequence[_Part]) -> OsmExtract:
-    first, ways = parts[0], joined_ways(part.ways for part in parts)
+    first, ways = parts[0], join_ways(part.ways for part in parts)
     node_tags = {node_id: tags for part in reversed(parts) for node_id, tags in part.node_tags.items()}
     restrictions = {number: relation for part in parts for number, relation in part.restrictions.items()}
     roads = clip_roads(first.box, ways.values(), node_tags, restrictions.values())

@@ -37,7 +37,7 @@ def neighbours(first: Ways, others: Sequence[Ways]) -> list[int]:
     return sorted(found)
 
 
-def joined_ways(parts: Iterable[Ways]) -> dict[int, RawWay]:
+def join_ways(parts: Iterable[Ways]) -> dict[int, RawWay]:
     """Return the ways of several files; one that is in several is the most complete."""
     ways: dict[int, RawWay] = {}
     for part in parts:

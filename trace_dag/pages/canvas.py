@@ -305,7 +305,7 @@ def as_png(picture: Image, colours: int = 128) -> bytes:
     return stream.getvalue()
 
 
-def reduced(png: bytes, width_px: int) -> bytes:
+def reduce_picture(png: bytes, width_px: int) -> bytes:
     """Return a picture as a smaller one of few colours, to be shown in a table."""
     import io
 

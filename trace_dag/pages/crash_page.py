@@ -25,10 +25,16 @@ from trace_dag.pages.page_templates import templates, words
 from trace_dag.reconstruction.samples.simulated import Interval, SampledRuns
 from trace_dag.roads.report import MapReport, RejectedMapReport
 from trace_dag.scenario.colours import vehicle_colour
-from trace_dag.scenario.object_shapes import in_words
+from trace_dag.scenario.object_shapes import describe_object
 from trace_dag.simulation.states import StateEstimate
-from trace_dag.verdict.in_words import events_in_words, label_in_words, length_in_words, numbers_of, reporting_impact
-from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Happening, Label, Verdict
+from trace_dag.verdict.in_words import (
+    events_in_words,
+    find_reported_impacts,
+    label_in_words,
+    length_in_words,
+    numbers_of,
+)
+from trace_dag.verdict.types import Agreement, Criterion, EventResult, Fact, Grade, Label, Verdict
 from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
@@ -112,7 +118,7 @@ def _happens(verdict: Verdict) -> list[tuple[bool, str]]:
     """Return the reported harmful events: whether each happens in the simulation, and the reason if not, in words."""
     return [
         (
-            each.outcome is Happening.HAPPENED,
+            each.outcome is EventResult.HAPPENED,
             _SOE.sub("", event_named(each.event_number, each.code)) + (f" ({each.why})" if each.why else ""),
         )
         for each in verdict.events
@@ -174,7 +180,7 @@ def _objects(page: CrashPage) -> list[str]:
     if page.estimate is None:
         return []
     chosen = page.verdict.hypothesis if page.verdict else 0
-    return [f"event {item.event_number}: {in_words(item)}" for item in page.estimate.hypotheses[chosen].objects]
+    return [f"event {item.event_number}: {describe_object(item)}" for item in page.estimate.hypotheses[chosen].objects]
 
 
 _QUANTITIES = {
@@ -310,7 +316,7 @@ def _clocks(verdict: Verdict, record: CrashRecord) -> list[Dial]:
     reported = {
         (each.vehicle_number, each.event_number): each.value
         for each in verdict.criteria
-        if each.name == "reported_clock" and each.vehicle_number in reporting_impact(record)
+        if each.name == "reported_clock" and each.vehicle_number in find_reported_impacts(record)
     }
     numbers = sorted({each.vehicle_number for each in clocks if each.vehicle_number is not None})
     several = len({each.event_number for each in clocks}) > 1

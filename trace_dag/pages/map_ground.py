@@ -15,7 +15,7 @@ import numpy as np
 
 from trace_dag.pages.canvas import Canvas, Ink
 from trace_dag.pages.map_scene import MapScene, SeenLane, SeenSection, Shapes, Window
-from trace_dag.pages.paving import paved_gaps
+from trace_dag.pages.paving import find_paved_gaps
 from trace_dag.roads.map.model import LaneType, RoadMark
 from trace_dag.roads.map.people import crosswalks
 
@@ -130,7 +130,7 @@ def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> li
         if lane_type is LaneType.BIDIRECTIONAL or (lane_type.drivable and junction is not None):
             paved.append(lane)
     gaps: list[tuple[FloatArray, str]] = []
-    for gap in paved_gaps([lane.outline_m for lane in paved], through.values()):
+    for gap in find_paved_gaps([lane.outline_m for lane in paved], through.values()):
         bordering = [paved[number] for number in gap.lanes]
         if shade is not None:
             gaps.append((gap.outline_m, shade.of(float(np.mean([lane.inner_m[:, 2].mean() for lane in bordering])))))

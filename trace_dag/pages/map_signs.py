@@ -35,7 +35,7 @@ class Signs:
 
     def __init__(self, scene: MapScene) -> None:
         kinds: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
-        for each in placed_signs(scene):
+        for each in place_signs(scene):
             kinds[each.signal.type, each.text].append(each.xy_m)
         self._kinds = {kind: np.array(places) for kind, places in sorted(kinds.items())}
 
@@ -74,7 +74,7 @@ class PlacedSign(NamedTuple):
     text: str
 
 
-def placed_signs(scene: MapScene) -> Iterator[PlacedSign]:
+def place_signs(scene: MapScene) -> Iterator[PlacedSign]:
     """Yield the traffic lights, and the signs of the kinds that are drawn."""
     for road in {section.road.id: section.road for section in scene.sections}.values():
         line = scene.network.road_geometry(road.id).line

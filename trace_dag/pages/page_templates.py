@@ -78,23 +78,23 @@ def templates() -> Environment:
     return environment
 
 
-def zipped(data: bytes) -> bytes:
+def compress(data: bytes) -> bytes:
     """Compress large content of pages with gzip.
 
     The same data gives the same bytes.
 
     >>> import gzip
-    >>> gzip.decompress(zipped(b"a log"))
+    >>> gzip.decompress(compress(b"a log"))
     b'a log'
     """
     return gzip.compress(data, 6, mtime=0)
 
 
-def in_base64(data: bytes) -> str:
+def encode_base64(data: bytes) -> str:
     """Return bytes as a page holds them: ``bytes_of_base64`` of its script (``templates/unzipped.js``) makes them
     again.
 
-    >>> in_base64(b"a log")
+    >>> encode_base64(b"a log")
     'YSBsb2c='
     """
     return base64.b64encode(data).decode()

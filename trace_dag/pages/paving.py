@@ -26,7 +26,7 @@ class PavedGap(NamedTuple):
     lanes: tuple[int, ...]
 
 
-def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) -> Iterator[PavedGap]:
+def find_paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) -> Iterator[PavedGap]:
     """Yield the paved places beside the lanes of some junctions.
 
     ``lanes`` are outlines of lanes on one level, shape (n, 2), m: those through junctions, of which ``junctions`` has
@@ -35,7 +35,7 @@ def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) 
     is not a gap.
 
     >>> lane = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 3.5], [0.0, 3.5]])
-    >>> list(paved_gaps([lane], [[0]]))  # a single lane leaves nothing between
+    >>> list(find_paved_gaps([lane], [[0]]))  # a single lane leaves nothing between
     []
     """
     outlines = np.array([shapely.make_valid(shapely.Polygon(lane)) for lane in lanes], object)

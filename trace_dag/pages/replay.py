@@ -17,16 +17,16 @@ import numpy as np
 from trace_dag.crash.record import CrashRecord
 from trace_dag.pages.drive import AgentDrive
 from trace_dag.pages.map_scene import Window
-from trace_dag.pages.page_templates import in_base64, templates, zipped
+from trace_dag.pages.page_templates import compress, encode_base64, templates
 from trace_dag.pages.replay_content import (
     ReplayContent,
     ReplayWindows,
+    choose_windows,
     place_in_words,
     replay_content,
-    shown_windows,
     square,
 )
-from trace_dag.pages.replay_library import packed_library
+from trace_dag.pages.replay_library import pack_library
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.types import Verdict
@@ -57,9 +57,9 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
             paired=paired,
             in_3d=solid is not None,
             data=_script_safe(content.said),
-            map_svg=in_base64(content.zipped_map),
-            solid=in_base64(zipped(solid)) if solid is not None else "",
-            library=packed_library() if solid is not None else "",
+            map_svg=encode_base64(content.zipped_map),
+            solid=encode_base64(compress(solid)) if solid is not None else "",
+            library=pack_library() if solid is not None else "",
         )
         .encode()
     )
@@ -74,10 +74,10 @@ def replay_script(content: ReplayContent) -> bytes:
     b'replay({'
     """
     said = json.dumps(content.said, separators=(",", ":"), allow_nan=False)
-    parts = {"data": zipped(said.encode()), "map": content.zipped_map}
+    parts = {"data": compress(said.encode()), "map": content.zipped_map}
     if content.solid is not None:
-        parts["solid"] = zipped(content.solid)
-    held = ",".join(f'"{name}":"{in_base64(data)}"' for name, data in parts.items())
+        parts["solid"] = compress(content.solid)
+    held = ",".join(f'"{name}":"{encode_base64(data)}"' for name, data in parts.items())
     return f"replay({{{held}}})\n".encode()
 
 
@@ -116,7 +116,7 @@ def write_html_pair(
     """Return the drives of several agents in the same crash, beside each other on one page with one time line and one
     view.
     """
-    each = [shown_windows(log, drive) for drive, log in driven]
+    each = [choose_windows(log, drive) for drive, log in driven]
     windows = ReplayWindows(_around([one.overview for one in each]), each[0].impact)
     sides = [
         (

@@ -22,17 +22,17 @@ from trace_dag.pages.canvas import Canvas
 from trace_dag.pages.drive import AgentDrive
 from trace_dag.pages.map_scene import Window
 from trace_dag.pages.maps import MapDrawing
-from trace_dag.pages.page_templates import zipped
+from trace_dag.pages.page_templates import compress
 from trace_dag.pages.solid.scene import crash_glb
 from trace_dag.reconstruction.samples.courses import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
-from trace_dag.scenario.object_shapes import in_words, is_ours, outline
+from trace_dag.scenario.object_shapes import describe_object, is_ours, outline
 from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.simulation.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.in_words import label_in_words
-from trace_dag.verdict.types import Happening, Verdict
+from trace_dag.verdict.types import EventResult, Verdict
 
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
@@ -91,7 +91,7 @@ class ReplayContent:
     @cached_property
     def zipped_map(self) -> bytes:
         """Return the map as pages hold it, before it is written in base64."""
-        return zipped(self.map_svg.encode())
+        return compress(self.map_svg.encode())
 
 
 def replay_content(
@@ -115,7 +115,7 @@ def replay_content(
     >>> content.solid is None, content.map_svg[:4]
     (True, '<svg')
     """
-    windows = beside or shown_windows(log, drive)
+    windows = beside or choose_windows(log, drive)
     west, south, east, north = windows.overview
     wider = (east - west) * (_MAP_WIDER - 1) / 2
     map_window = (west - wider, south, east + wider, north)
@@ -144,7 +144,7 @@ def replay_content(
     )
 
 
-def shown_windows(log: SimulationLog, drive: AgentDrive | None) -> ReplayWindows:
+def choose_windows(log: SimulationLog, drive: AgentDrive | None) -> ReplayWindows:
     """Return the windows; where an agent drives, around the conflict that it was to avoid."""
     windows = replay_windows(log)
     return windows if drive is None else replace(windows, impact=replay_windows(drive.recorded).impact)
@@ -165,7 +165,7 @@ def _events(verdict: Verdict) -> list[dict[str, object]]:
     marks: list[dict[str, object]] = []
     for each in verdict.events:
         what = event_named(each.event_number, each.code)
-        if each.outcome is Happening.HAPPENED and each.time_s is None:
+        if each.outcome is EventResult.HAPPENED and each.time_s is None:
             continue  # it goes on with the one before it
         how = "" if each.time_s is not None else ": does not happen" + (f" ({each.why})" if each.why else "")
         marks.append({"number": each.event_number, "time": each.time_s, "words": f"{what}{how}"})
@@ -219,7 +219,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
         "later": [{"numbers": [each.number_1, each.number_2], **_place_of(each)} for each in log.first_of_each[1:]],
         "overturns": [_overturn(each, k) for each in log.vehicles if (k := overturned_at(each)) is not None],
         "objects": [
-            {"name": in_words(item), "corners": np.round(outline(item), 2).tolist(), "ours": is_ours(item)}
+            {"name": describe_object(item), "corners": np.round(outline(item), 2).tolist(), "ours": is_ours(item)}
             for item in log.objects
         ],
         "object_colour": OBJECT_COLOUR,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Final
 
-from trace_dag.pages.page_templates import in_base64, read, templates, zipped
+from trace_dag.pages.page_templates import compress, encode_base64, read, templates
 
 PAGE: Final = "replay.html"
 """The page of a site that shows every replay of it: ``replay.html?KEY``."""
@@ -19,9 +19,9 @@ LIBRARY: Final = "replay3d.js"
 
 
 @cache
-def packed_library() -> str:
+def pack_library() -> str:
     """Return the script, for a page that stands alone."""
-    return in_base64(zipped(read(LIBRARY).encode()))
+    return encode_base64(compress(read(LIBRARY).encode()))
 
 
 def site_files() -> dict[str, bytes]:

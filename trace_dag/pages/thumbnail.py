@@ -29,12 +29,12 @@ _STEP_S = 0.1
 _PERSON_RADIUS_M = 1.1  # drawn larger than to scale, to be visible
 
 
-def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Sequence[OsmFeature] = ()) -> str:
+def draw_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Sequence[OsmFeature] = ()) -> str:
     """Return the SVG of a crash; ``surroundings`` lie behind the roads.
 
     Raises ValueError if there was neither a contact nor an overturn: there is no moment to show.
 
-    >>> moving_thumbnail(network, log)[:4]
+    >>> draw_thumbnail(network, log)[:4]
     '<svg'
     """
     moment = moment_of(log)

@@ -300,11 +300,11 @@ class Crash:
     # --- to look at ------------------------------------------------------------------------------------------------
     def figure(self) -> Image:
         """Draw the crash from above, as a picture (Pillow) of 1170 by 648 pixels."""
-        from trace_dag.flow.crash_picture import drawn
+        from trace_dag.flow.crash_picture import draw_sketch
         from trace_dag.pages.canvas import pixels_of
         from trace_dag.pages.pictures import WIDTH_PX
 
-        svg = drawn(self._stored)
+        svg = draw_sketch(self._stored)
         if svg is None:
             raise self._missing("road_map")
         return pixels_of(svg, WIDTH_PX)

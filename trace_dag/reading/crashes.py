@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from weakref import WeakSet
 
 from trace_dag.common.errors import UserError
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.reading.crash import Crash
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ class Crashes(Mapping[str, Crash], ABC):
     __hash__ = object.__hash__
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.place}: {counted(len(self), 'crash', 'crashes')}>"
+        return f"<{type(self).__name__} {self.place}: {count_of(len(self), 'crash', 'crashes')}>"
 
 
 class Home(Crashes):

@@ -8,7 +8,7 @@ from pathlib import Path
 from trace_dag.common.errors import UserError
 from trace_dag.flow.workspace import Workspace, storage_root
 from trace_dag.reading.crashes import Crashes, Home
-from trace_dag.reading.packed import ArchiveFiles, FolderFiles, packed_in
+from trace_dag.reading.packed import ArchiveFiles, FolderFiles, list_packages
 
 
 def open_place(place: str | os.PathLike[str] | None) -> Crashes:
@@ -18,13 +18,13 @@ def open_place(place: str | os.PathLike[str] | None) -> Crashes:
         return Home(Workspace.open(text, to_read=True))
     path = Path(text.removeprefix("file://")).expanduser()
     if path.is_file():
-        found = packed_in(ArchiveFiles.of(path, str(path)))
+        found = list_packages(ArchiveFiles.of(path, str(path)))
         if found is None:
             raise UserError(f"{path}: an archive without {_EXPECTED}")
         return found
     if not path.is_dir():
         raise UserError(f"{path}: there is nothing; trace-dag demo makes {storage_root()} with the bundled sample")
-    packed = packed_in(FolderFiles(path))
+    packed = list_packages(FolderFiles(path))
     if packed is not None:
         return packed
     if not (path / "cohorts").is_dir():

@@ -39,7 +39,7 @@ from trace_dag.flow.artefacts import (
 )
 from trace_dag.reading.crashes import Crashes
 from trace_dag.reading.untrusted import GET_AGAIN, MOST_BYTES, check_json, check_size
-from trace_dag.verdict.types import Happening
+from trace_dag.verdict.types import EventResult
 
 if TYPE_CHECKING:
     import duckdb
@@ -260,11 +260,11 @@ class PackedCrash:
 
     def load(self, artefact: Artefact[T]) -> T:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`. Raises :class:`DamagedFile`."""
-        from trace_dag.common.references import referred
+        from trace_dag.common.references import resolve_reference
 
         if not artefact.reader:
             return self._read(self._name(artefact))  # type: ignore[return-value] # an artefact without a reader is one of bytes
-        found: T = self._once(artefact.reader, lambda: self._parse(artefact, referred(artefact.reader)))
+        found: T = self._once(artefact.reader, lambda: self._parse(artefact, resolve_reference(artefact.reader)))
         return found
 
     def _parse(self, artefact: Artefact[T], reader: Any) -> T:
@@ -345,7 +345,7 @@ class Package(Crashes):
             "contact_distance_m": verdict.worst("reported_distance"),
             "delta_v_max_mps": verdict.worst("delta_v"),
             "events_reported": len(verdict.events),
-            "events_happened": sum(event.outcome is Happening.HAPPENED for event in verdict.events),
+            "events_happened": sum(event.outcome is EventResult.HAPPENED for event in verdict.events),
         }
         return _with_mph(pd.DataFrame([row], index=pd.Index([record.key], name="key")))
 
@@ -392,7 +392,7 @@ class Release(Crashes):
         return _connection(self.crashes)
 
 
-def packed_in(files: Files) -> Crashes | None:
+def list_packages(files: Files) -> Crashes | None:
     """Return the package or release that some files are; None if they are neither."""
     if files.has(MANIFEST):
         return Package(files)

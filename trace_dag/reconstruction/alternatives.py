@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.parties import party_in_words
 from trace_dag.reconstruction.ranking import ambiguity, first_of_groups, likelihood
@@ -71,7 +71,7 @@ def alternatives(estimate: StateEstimate) -> Alternatives | None:
         return Alternatives(f"{'; '.join(clauses)}: the report does not say", tuple(sides))
     if estimate.ambiguity <= _UNSURE:
         return None
-    others = counted(len(estimate.hypotheses) - 1, "other course")
+    others = count_of(len(estimate.hypotheses) - 1, "other course")
     share = f"{100 * estimate.ambiguity:.0f} % together"
     have = "has" if len(estimate.hypotheses) == 2 else "have"
     return Alternatives(f"{others}, in other lanes or at other speeds, {have} {share}: the report does not say")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 
 from trace_dag.common.errors import Reason, Rejection
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import StateSettings
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
@@ -17,7 +17,7 @@ from trace_dag.reconstruction.candidates import Candidate, candidates
 from trace_dag.reconstruction.checks import ESSENTIAL
 from trace_dag.reconstruction.motion.solver import Solution, solve
 from trace_dag.reconstruction.pre_crash_scenarios import Party, PreCrashScenario, party, pre_crash_scenarios
-from trace_dag.reconstruction.ranking import ambiguity, first_of_groups, in_front, leaders_first
+from trace_dag.reconstruction.ranking import ambiguity, first_of_groups, leaders_first, move_to_front
 from trace_dag.reconstruction.scene.approach_finder import ApproachFinder
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.roads.map.network import RoadNetwork
@@ -69,7 +69,7 @@ def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> t
     """
     readings = pre_crash_scenarios(scene.record, *parties(scene.record, event))
     found = [candidate for reading in readings for candidate in candidates(scene, reading)]
-    hypotheses, unsure = ranked(scene, solve_all(scene, found), settings)
+    hypotheses, unsure = rank_hypotheses(scene, solve_all(scene, found), settings)
     if not hypotheses:
         raise Rejection(Reason.NO_FEASIBLE_STATE, _why_not(scene, readings, found), measured=len(found))
     return hypotheses, unsure
@@ -89,12 +89,14 @@ def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
     order = sorted(range(len(found)), key=lambda index: (-round(found[index].log_prior, 6), index))
     best = found[order[0]].log_prior
     likely = [found[i] for i in order if found[i].log_prior >= best - PRIOR_REACH]
-    worth = in_front(likely, first_of_groups(likely, _sides))[:MAX_SOLVED]
+    worth = move_to_front(likely, first_of_groups(likely, _sides))[:MAX_SOLVED]
     solved = [solution for each in worth if (solution := solve(each, scene.record, *scene.place_xy_m)) is not None]
     return sorted(solved, key=lambda solution: (-solution.score, solution.name))
 
 
-def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
+def rank_hypotheses(
+    scene: Scene, solutions: list[Solution], settings: StateSettings
+) -> tuple[tuple[Hypothesis, ...], float]:
     """Return the hypotheses to keep, those that pass every check first, and the posterior share of all but the best.
 
     ``solutions``: best first, as :func:`solve_all` has them.
@@ -102,7 +104,7 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
     Hypotheses from the same sides, with the same roles, differ in detail only. The best of each such group comes first,
     then all the others.
 
-    >>> ranked(scene, [], StateSettings())  # nothing to keep
+    >>> rank_hypotheses(scene, [], StateSettings())  # nothing to keep
     ((), 0.0)
     """
 
@@ -141,5 +143,5 @@ def _why_not(scene: Scene, readings: tuple[PreCrashScenario, ...], found: list[C
     relations = ", ".join(dict.fromkeys(reading.relation.value for reading in readings))
     if not found:
         return scene.no_way_that(f"lets the vehicles meet as reported ({relations})")
-    examined = counted(len(found), "pair of paths", "pairs of paths")
+    examined = count_of(len(found), "pair of paths", "pairs of paths")
     return f"{examined} examined ({relations}), in none do the bodies touch near the crash"

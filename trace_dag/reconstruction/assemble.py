@@ -84,7 +84,7 @@ def _participant(
     after_s = AFTER_IMPACT_S
     if profile.impact_mps > 0:
         after_s = min(max(after_s, AFTER_IMPACT_M / profile.impact_mps), LONGEST_AFTER_S)
-    state = driven(
+    state = drive_along(
         network,
         party.vehicle,
         placed.option,
@@ -98,7 +98,7 @@ def _participant(
     return replace(state, impact_clock_h=round(bearing_to_clock_h(placed.bearing_rad), 3))
 
 
-def driven(
+def drive_along(
     network: RoadNetwork,
     vehicle: VehicleRecord,
     option: Option,
@@ -116,7 +116,7 @@ def driven(
     >>> from trace_dag.simulation.states import SpeedSource
     >>> car, way = tree_record.vehicles[0], way_past_the_tree
     >>> speed, steady = TravelSpeed(20.0, SpeedSource.REPORTED), SpeedProfile(20.0, 20.0)
-    >>> state = driven(network, car, way, way.path(), way.station_m, speed, steady, lead_time_s=5.0, after_s=1.0)
+    >>> state = drive_along(network, car, way, way.path(), way.station_m, speed, steady, lead_time_s=5.0, after_s=1.0)
     >>> t = state.trajectory
     >>> round(math.dist((t.x_m[0], t.y_m[0]), (t.x_m[-1], t.y_m[-1])), 1), float(t.time_s[-1])  # 6 s at 20 m/s
     (120.0, 6.0)
@@ -126,7 +126,7 @@ def driven(
     trailing = _trailing(vehicle, path, station_m + distance, heading)
     if option.backing:
         heading, speeds, trailing = heading + math.pi, -speeds, heading + math.pi
-    trajectory = rounded(time, x, y, z, heading, speeds)
+    trajectory = round_trajectory(time, x, y, z, heading, speeds)
     impact = int(np.argmin(np.abs(trajectory.time_s - lead_time_s)))
     state = _of_vehicle(network, vehicle, option.manoeuvre, speed.source, trajectory, impact)
     return replace(
@@ -136,10 +136,10 @@ def driven(
     )
 
 
-def driven_still(network: RoadNetwork, vehicle: VehicleRecord, pose: Pose) -> ParticipantState:
+def stand_still(network: RoadNetwork, vehicle: VehicleRecord, pose: Pose) -> ParticipantState:
     """Return a vehicle that stands at a pose throughout.
 
-    >>> state = driven_still(network, record.vehicles[0], Pose(1.0, 2.0, 0.5))
+    >>> state = stand_still(network, record.vehicles[0], Pose(1.0, 2.0, 0.5))
     >>> state.initial_speed_mps, (state.initial_pose.x_m, state.initial_pose.y_m)
     (0.0, (1.0, 2.0))
     """
@@ -192,7 +192,7 @@ def _trailing(vehicle: VehicleRecord, path: Path, stations_m: FloatArray, headin
     return following[-len(stations_m) :]
 
 
-def rounded(
+def round_trajectory(
     time_s: FloatArray,
     x_m: FloatArray,
     y_m: FloatArray,
@@ -203,7 +203,7 @@ def rounded(
     """Return the trajectory rounded to a micrometre, with its first heading between -pi and pi.
 
     >>> still = np.zeros(1)
-    >>> rounded(still, still, still, still, still + 7.0, still).heading_rad.tolist()  # 7 rad less a full turn
+    >>> round_trajectory(still, still, still, still, still + 7.0, still).heading_rad.tolist()  # 7 rad less a full turn
     [0.716815]
     """
     heading_rad = heading_rad - math.tau * round(float(heading_rad[0]) / math.tau)

@@ -11,7 +11,7 @@ from trace_dag.reconstruction.default_simulation import DEFAULTS
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.simulation.crash_run import CrashRun
 from trace_dag.simulation.embedded import EmbeddedSimulation
-from trace_dag.simulation.matching import Happening, Matching, expected_of, happenings, happenings_of, match
+from trace_dag.simulation.matching import Matching, SimulatedEvent, expect_events, happenings, happenings_of, match
 from trace_dag.simulation.objects import FixedObject
 from trace_dag.simulation.run import participant
 from trace_dag.simulation.states import LossOfControl, ParticipantState
@@ -66,7 +66,7 @@ class Course:
     @property
     def comes_right(self) -> bool:
         """Return whether every required event happens, and no contact that nobody reported."""
-        needed = zip(self.matching.matched, expected_of(self.events), strict=True)
+        needed = zip(self.matching.matched, expect_events(self.events), strict=True)
         return not self.matching.strange and all(seen is not None or not each.required for seen, each in needed)
 
     def state_of(self, number: int) -> ParticipantState:
@@ -99,13 +99,13 @@ class Search:
         plan: Plan,
         events: Sequence[CrashEvent],
         before: Course | None = None,
-        tolerated: Sequence[Happening] = (),
+        tolerated: Sequence[SimulatedEvent] = (),
     ) -> Course:
         """Return a plan simulated up to its end, or to a contact that comes too early or that nobody reported, but for
         those that are tolerated.
         """
         usual = {each.pair for each in tolerated}
-        expected, known = expected_of(events), self.sequence.order_known
+        expected, known = expect_events(events), self.sequence.order_known
 
         def comes_right(contacts: Sequence[Contact]) -> bool:
             strange = match(happenings(contacts), expected, order_known=known).strange
@@ -153,4 +153,4 @@ class Search:
 
     def matching(self, log: SimulationLog, events: Sequence[CrashEvent]) -> Matching:
         """Return the events in a simulation."""
-        return match(happenings_of(log), expected_of(events), order_known=self.sequence.order_known)
+        return match(happenings_of(log), expect_events(events), order_known=self.sequence.order_known)

@@ -73,13 +73,13 @@ def leaders_first(ordered: Sequence[Ranked], group_of: Callable[[Ranked], Hashab
     leaders = [
         each for each in first_of_groups(ordered, group_of) if likelihood(each.score, ordered[0].score) >= _NAMED
     ]
-    return in_front(ordered, leaders)
+    return move_to_front(ordered, leaders)
 
 
-def in_front(ordered: Sequence[Found], leaders: Sequence[Found]) -> list[Found]:
+def move_to_front(ordered: Sequence[Found], leaders: Sequence[Found]) -> list[Found]:
     """Return some of a sequence and then its others, both in their order.
 
-    >>> in_front("abcd", "bd")
+    >>> move_to_front("abcd", "bd")
     ['b', 'd', 'a', 'c']
     """
     leading = {id(each) for each in leaders}

@@ -20,7 +20,7 @@ from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.geometry import contact_clock_h
 from trace_dag.common.settings import StateSettings, VerdictSettings
 from trace_dag.common.units import clock_difference_h
-from trace_dag.crash.completed_record import without_headings
+from trace_dag.crash.completed_record import drop_headings
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence, sequence_of
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord
@@ -33,10 +33,10 @@ from trace_dag.reconstruction.on_mapped_ground import on_mapped_ground
 from trace_dag.reconstruction.planners.later_vehicle import LONGEST_WAIT_S, arrival_plans
 from trace_dag.reconstruction.planners.pedestrian import (
     LONGEST_CHAIN_S,
+    assume_animal,
     companions_of,
     crossing_lead_s,
     lying_plans,
-    with_assumed_animal,
 )
 from trace_dag.reconstruction.planners.roadside_object import object_plans
 from trace_dag.reconstruction.planners.rollover import later_overturn_plans
@@ -45,7 +45,7 @@ from trace_dag.reconstruction.planners.way_after import ways_on
 from trace_dag.reconstruction.ranking import leaders_first
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.simulation.matching import Happening
+from trace_dag.simulation.matching import SimulatedEvent
 from trace_dag.simulation.objects import Resistance
 from trace_dag.simulation.states import EstimateCheck, EstimatorRun, Hypothesis, PlannedEvent, StateEstimate
 
@@ -78,7 +78,7 @@ def estimate_by_record(
     """
 
     if not settings.reported_headings:
-        record = without_headings(record)
+        record = drop_headings(record)
 
     def made_with(lead_s: float, most: int) -> StateEstimate:
         wanted = settings.model_copy(update={"lead_time_s": lead_s, "max_hypotheses": most})
@@ -100,7 +100,7 @@ def _estimate(
     record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings, first_planner: FirstPlanner
 ) -> StateEstimate:
     """Return the ranked hypotheses with the lead time of the settings, wherever the map ends."""
-    sequence = with_assumed_animal(sequence_of(record), settings)
+    sequence = assume_animal(sequence_of(record), settings)
     lead_s = settings.lead_time_s
     longest_s = LONGEST_WAIT_S if sequence.first.kind is EventKind.VEHICLE_CONTACT else LONGEST_CHAIN_S
     scene = build_scene(record, network, report, lead_time_s=lead_s + (longest_s if _later_contacts(sequence) else 0.0))
@@ -376,7 +376,7 @@ def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tupl
     return as_it_is, EstimateCheck(event.name, False, why_not or f"vehicle {number} stays on its wheels")
 
 
-def _grazes(course: Course, seen: Happening) -> bool:
+def _grazes(course: Course, seen: SimulatedEvent) -> bool:
     """Return whether an object that stands firm is touched so lightly that nothing comes of it."""
     item = course.log.object_of(seen.pair[1])
     stands = item is not None and item.resistance in (Resistance.RIGID, Resistance.YIELDING)

@@ -16,12 +16,12 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.crash_site.agreement import NOT_COMPARABLE, compare
 from trace_dag.roads.crash_site.beside_road import things_near
-from trace_dag.roads.crash_site.crossings import with_kinds
+from trace_dag.roads.crash_site.crossings import add_kinds
 from trace_dag.roads.crash_site.gap_filling import fill_gaps
 from trace_dag.roads.crash_site.near_streets import near_streets
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.converter import Converter, WayHints
-from trace_dag.roads.from_osm.left_hand import LEFT_HAND_STATES, mirrored_extract, mirrored_network
+from trace_dag.roads.from_osm.left_hand import LEFT_HAND_STATES, mirror_extract, mirror_network
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.gates import check_map, require
@@ -175,8 +175,8 @@ def _network(
 ) -> RoadNetwork:
     convert = road_converter(settings).convert
     if not left_hand:
-        return with_kinds(convert(extract, frame, settings, hints), extract)
-    return with_kinds(mirrored_network(convert(mirrored_extract(extract, frame), frame, settings, hints)), extract)
+        return add_kinds(convert(extract, frame, settings, hints), extract)
+    return add_kinds(mirror_network(convert(mirror_extract(extract, frame), frame, settings, hints)), extract)
 
 
 def tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> tuple[TagNotFollowed, ...]:

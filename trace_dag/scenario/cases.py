@@ -145,7 +145,7 @@ class Case:
             losses = tuple(loss for loss in losses if loss.from_s < self.impact_time_s)
         trajectory = participant.trajectory
         if math.isinf(participant.skids_from_s):
-            trajectory = extended(trajectory, MOST_TIMES * self.end_s + _EXTENSION_STEP_S)
+            trajectory = extend_motion(trajectory, MOST_TIMES * self.end_s + _EXTENSION_STEP_S)
         return replace(participant, trajectory=trajectory, losses_of_control=losses)
 
     @cached_property
@@ -179,7 +179,7 @@ class Case:
         )
 
 
-def extended(trajectory: Trajectory, until_s: float) -> Trajectory:
+def extend_motion(trajectory: Trajectory, until_s: float) -> Trajectory:
     """Return the same motion, going on straight at its last speed until a time.
 
     Unchanged where it lasts that long or is one point to stand on.

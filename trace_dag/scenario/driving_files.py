@@ -29,7 +29,7 @@ from trace_dag.scenario.drives import (
     Goal,
     course_of,
 )
-from trace_dag.scenario.ensemble import drawn, likely_draws
+from trace_dag.scenario.ensemble import draw_course, likely_draws
 from trace_dag.scenario.polylines import worth_keeping
 from trace_dag.simulation.states import StateEstimate
 
@@ -113,7 +113,7 @@ def ensemble_to_json(key: str, estimate: StateEstimate, sampled: SampledRuns) ->
 
     The same bytes for the same crash.
     """
-    courses = [(sample, weight, drawn(estimate, sample)) for sample, weight in likely_draws(sampled)]
+    courses = [(sample, weight, draw_course(estimate, sample)) for sample, weight in likely_draws(sampled)]
     document = {
         "key": key,
         "frame": _FRAME,

@@ -1,8 +1,8 @@
 """A crash as an ensemble: what its report leaves open, as weighted courses that an agent can be put into.
 
 The draws of an estimate are weighed by the report (:mod:`trace_dag.reconstruction.samples.simulated`).
-:func:`likely_draws` takes at most :data:`MOST_COURSES` of them, :func:`drawn` makes the plans of one from the beginning
-of the recorded crash. An agent's result in a crash is then a probability (the warehouse's view
+:func:`likely_draws` takes at most :data:`MOST_COURSES` of them, :func:`draw_course` makes the plans of one from the
+beginning of the recorded crash. An agent's result in a crash is then a probability (the warehouse's view
 ``agent_probabilities``).
 """
 
@@ -48,7 +48,7 @@ def likely_draws(sampled: SampledRuns, most: int = MOST_COURSES) -> list[tuple[i
     return sorted(found, key=lambda each: (-each[1], each[0]))
 
 
-def drawn(estimate: StateEstimate, sample: int) -> DrawnCourse:
+def draw_course(estimate: StateEstimate, sample: int) -> DrawnCourse:
     """Return a draw that has a contact, from as long before the impact as the crash begins."""
     draw = estimate.samples[sample]
     hypothesis = estimate.hypotheses[draw.hypothesis]

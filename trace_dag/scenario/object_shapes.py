@@ -41,10 +41,10 @@ def is_ours(item: FixedObject) -> bool:
     return item.placed_by is PlacedBy.PROGRAM
 
 
-def in_words(item: FixedObject) -> str:
+def describe_object(item: FixedObject) -> str:
     """Return the object's kind and the origin of its place.
 
-    >>> in_words(tree)
+    >>> describe_object(tree)
     'tree (placed by the program: the map has none of the kind there)'
     """
     return f"{item.name} ({OBJECT_NOTE if is_ours(item) else 'OpenStreetMap ' + item.osm_id})"

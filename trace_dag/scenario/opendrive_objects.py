@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from lxml import etree
 
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.object_shapes import in_words, object_category
+from trace_dag.scenario.object_shapes import describe_object, object_category
 from trace_dag.simulation.objects import FixedObject, base_m
 
 _LOOK_AROUND_M: Final = 100.0
@@ -28,7 +28,7 @@ class PlacedObject(NamedTuple):
     element: etree._Element
 
 
-def with_objects(xodr: bytes, objects: Sequence[PlacedObject]) -> bytes:
+def add_objects(xodr: bytes, objects: Sequence[PlacedObject]) -> bytes:
     """Return the map with the objects on it, numbered on from its own; the same bytes where there are none."""
     if not objects:
         return xodr
@@ -73,10 +73,10 @@ def new_object(
     '-4.5'
     """
     s_m, t_m, turned_rad = place
-    attributes = {"id": "", "type": category, "name": name, "s": rounded(max(s_m, 0.0)), "t": rounded(t_m)}
-    turned = rounded(math.remainder(turned_rad, math.tau))
+    attributes = {"id": "", "type": category, "name": name, "s": round_value(max(s_m, 0.0)), "t": round_value(t_m)}
+    turned = round_value(math.remainder(turned_rad, math.tau))
     attributes |= {"zOffset": "0", "orientation": "none", "hdg": turned, "pitch": "0", "roll": "0"}
-    return etree.Element("object", attributes | {key: rounded(value) for key, value in size_m.items()})
+    return etree.Element("object", attributes | {key: round_value(value) for key, value in size_m.items()})
 
 
 def add_notes(made: etree._Element, notes: Mapping[str, object]) -> None:
@@ -93,10 +93,10 @@ def add_notes(made: etree._Element, notes: Mapping[str, object]) -> None:
             etree.SubElement(made, "userData", code=code, value=str(value))
 
 
-def rounded(value: float) -> str:
+def round_value(value: float) -> str:
     """Return a number as text, to four decimals.
 
-    >>> rounded(-0.00001), rounded(1.25)
+    >>> round_value(-0.00001), round_value(1.25)
     ('0', '1.25')
     """
     return f"{round(value, 4) + 0.0:g}"
@@ -114,7 +114,7 @@ def _objects_of(road: etree._Element) -> etree._Element:
 
 def _fixed_object(item: FixedObject, s_m: float, t_m: float, turned_rad: float) -> etree._Element:
     size_m = {"height": item.height_m, "length": item.length_m, "width": item.width_m}
-    made = new_object(object_category(item), in_words(item), (s_m, t_m, turned_rad), size_m)
-    made.set("zOffset", rounded(base_m(item)))
+    made = new_object(object_category(item), describe_object(item), (s_m, t_m, turned_rad), size_m)
+    made.set("zOffset", round_value(base_m(item)))
     add_notes(made, {"placedBy": item.placed_by, "osmId": item.osm_id, "event": item.event_number, "soe": item.code})
     return made

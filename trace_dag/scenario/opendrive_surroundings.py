@@ -16,7 +16,7 @@ import shapely
 from lxml import etree
 
 from trace_dag.roads.from_osm.tag_values import parse_length_m
-from trace_dag.scenario.opendrive_objects import PlacedObject, add_notes, new_object, rounded
+from trace_dag.scenario.opendrive_objects import PlacedObject, add_notes, new_object, round_value
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -195,4 +195,6 @@ def _told_height_m(feature: OsmFeature) -> float | None:
 def _add_outline(made: etree._Element, local_m: FloatArray, height_m: float, *, closed: bool) -> None:
     outline = etree.SubElement(etree.SubElement(made, "outlines"), "outline", id="0", closed=str(closed).lower())
     for u, v in local_m.tolist():
-        etree.SubElement(outline, "cornerLocal", u=rounded(u), v=rounded(v), z="0", height=rounded(height_m))
+        etree.SubElement(
+            outline, "cornerLocal", u=round_value(u), v=round_value(v), z="0", height=round_value(height_m)
+        )

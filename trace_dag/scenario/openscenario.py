@@ -31,7 +31,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.trailer import Trailer
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario_conflict import KeptConflict
-from trace_dag.scenario.openscenario_elements import Element, element, properties, teleported
+from trace_dag.scenario.openscenario_elements import Element, element, properties, teleport_action
 from trace_dag.scenario.openscenario_environment import environment
 from trace_dag.scenario.openscenario_motion import SAME_TIME_S, PlayedMotion, TimedPoses
 from trace_dag.scenario.openscenario_objects import misc_object, standing_at
@@ -274,7 +274,7 @@ def _storyboard(record: CrashRecord, log: SimulationLog, flavour: Flavour, drive
         met = flavour.free if flavour.keeps_conflict and not free else None
         kept = None if met is None else KeptConflict.of(log, met, logged[name].number, driven)
         waits = kept is not None and kept.walks  # with a speed it would walk before it sets out
-        begins = [teleported(*motion.poses[0]), _speed(0.0 if waits else logged[name].speed_mps[0], flavour)]
+        begins = [teleport_action(*motion.poses[0]), _speed(0.0 if waits else logged[name].speed_mps[0], flavour)]
         actions.append(element("Private", *begins, _handing_over(flavour) if free else None, entityRef=name))
         if not free:
             act.append(_follow(name, motion, flavour, kept))

@@ -39,8 +39,8 @@ def bounding_box(width_m: float, length_m: float, height_m: float, *, ahead_m: f
     """
     return element(
         "BoundingBox",
-        element("Center", x=rounded_m(ahead_m), y=0.0, z=rounded_m(up_m)),
-        element("Dimensions", width=rounded_m(width_m), length=rounded_m(length_m), height=rounded_m(height_m)),
+        element("Center", x=round_m(ahead_m), y=0.0, z=round_m(up_m)),
+        element("Dimensions", width=round_m(width_m), length=round_m(length_m), height=round_m(height_m)),
     )
 
 
@@ -62,21 +62,21 @@ def properties(values: Mapping[str, str]) -> Element:
     return element("Properties", *(element("Property", name=name, value=value) for name, value in values.items()))
 
 
-def teleported(*pose: float) -> Element:
+def teleport_action(*pose: float) -> Element:
     """Return the action that puts an entity somewhere: x, y, z (m), heading, and pitch and roll (rad) where they are
     told.
 
-    >>> etree.tostring(teleported(1.0, 2.0, 0.0, 0.5)).count(b"WorldPosition")
+    >>> etree.tostring(teleport_action(1.0, 2.0, 0.0, 0.5)).count(b"WorldPosition")
     1
     """
     position = element("Position", element("WorldPosition", **dict(zip("xyzhpr", pose, strict=False))))
     return element("PrivateAction", element("TeleportAction", position))
 
 
-def rounded_m(value_m: float) -> float:
+def round_m(value_m: float) -> float:
     """Round to a tenth of a millimetre, without a negative zero.
 
-    >>> rounded_m(1.23456), rounded_m(-0.00001)
+    >>> round_m(1.23456), round_m(-0.00001)
     (1.2346, 0.0)
     """
     return round(value_m, 4) + 0.0

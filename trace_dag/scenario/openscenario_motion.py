@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.common.geometry import FloatArray
-from trace_dag.scenario.openscenario_vertices import kept_by_filters
-from trace_dag.scenario.polylines import needed_in_time
+from trace_dag.scenario.openscenario_vertices import select_vertices
+from trace_dag.scenario.polylines import simplify_in_time
 from trace_dag.simulation.outlines import Outline, separation
 from trace_dag.simulation.surface import Surface
 from trace_dag.simulation.types import DEEPEST_EVERY_S, Contact, SimulationLog, VehicleLog
@@ -96,7 +96,7 @@ class PlayedMotion:
         vehicle, body = self.vehicle, self.log.bodies[self.vehicle.number]
         if np.abs(vehicle.roll_rad).max(initial=0.0) > 0 and not body.is_figure:
             vertices = _rolled(vertices, vehicle, body.height_m)
-        return TimedPoses(*kept_by_filters(_thinned(vertices, self.log, vehicle.number, self.seen_s), self.seen_s).T)
+        return TimedPoses(*select_vertices(_thinned(vertices, self.log, vehicle.number, self.seen_s), self.seen_s).T)
 
 
 def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequence[tuple[float, ...]]) -> FloatArray:
@@ -109,7 +109,7 @@ def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequ
     turned_rad = np.abs(np.diff(vertices[:, 4:], axis=0, prepend=vertices[:1, 4:])).sum(axis=1).cumsum()
     turns = np.flatnonzero(np.diff(turned_rad // _TURN_RAD, prepend=0.0))
     values = np.column_stack([vertices[:, 1:4], vertices[:, 4:] * (_NEEDLESS_M / _NEEDLESS_RAD)])
-    kept = needed_in_time(time_s, values, _NEEDLESS_M, also=np.concatenate([asked, turns]))
+    kept = simplify_in_time(time_s, values, _NEEDLESS_M, also=np.concatenate([asked, turns]))
     needed: FloatArray = vertices[kept]
     return needed
 

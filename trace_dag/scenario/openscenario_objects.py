@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from trace_dag.scenario.object_shapes import object_category
-from trace_dag.scenario.openscenario_elements import Element, bounding_box, element, properties, teleported
+from trace_dag.scenario.openscenario_elements import Element, bounding_box, element, properties, teleport_action
 from trace_dag.simulation.objects import FixedObject, base_m
 
 _MASS_KG: Final = 1e5  # the standard wants one; nothing moves it
@@ -41,4 +41,4 @@ def misc_object(item: FixedObject) -> Element:
 def standing_at(item: FixedObject) -> Element:
     """Return puts an object where it stands."""
     pose = item.pose
-    return teleported(*(round(value, 6) + 0.0 for value in (pose.x_m, pose.y_m, pose.z_m, pose.heading_rad)))
+    return teleport_action(*(round(value, 6) + 0.0 for value in (pose.x_m, pose.y_m, pose.z_m, pose.heading_rad)))

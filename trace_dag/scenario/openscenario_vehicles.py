@@ -14,7 +14,7 @@ from typing import Final
 from trace_dag.crash.record import HEAVY_VEHICLES, VehicleClass
 from trace_dag.crash.trailer import Trailer
 from trace_dag.scenario.carla_blueprints import BLUEPRINTS, choose_blueprint
-from trace_dag.scenario.openscenario_elements import Element, box_of, element, properties, rounded_m
+from trace_dag.scenario.openscenario_elements import Element, box_of, element, properties, round_m
 from trace_dag.simulation.types import Body
 from trace_dag.simulation.vehicles import trailer_model, vehicle_model
 
@@ -100,8 +100,8 @@ def axles(wheel_m: float, track_m: float, wheelbase_m: float, *, max_steer_rad: 
             name,
             maxSteering=steer_rad,
             wheelDiameter=wheel_m,
-            trackWidth=rounded_m(track_m),
-            positionX=rounded_m(ahead_m),
+            trackWidth=round_m(track_m),
+            positionX=round_m(ahead_m),
             positionZ=wheel_m / 2,
         )
 

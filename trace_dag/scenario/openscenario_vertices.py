@@ -24,14 +24,14 @@ _SAME_TIME_S = 1e-5
 _WITHIN_M = FILTER_RADIUS_M - _ROUNDED_M
 
 
-def kept_by_filters(rows: FloatArray, moments_s: Sequence[tuple[float, ...]]) -> FloatArray:
+def select_vertices(rows: FloatArray, moments_s: Sequence[tuple[float, ...]]) -> FloatArray:
     """Return the vertices, rows of time, x, y and more, such that moments outlast a filter, the earliest first.
 
     In each group of moments the first possible one is taken: a moment is impossible where the vehicle comes back to
     where it was within the filter's radius, or has not moved so far since the start or the moment before.
 
     >>> rows = np.column_stack([np.arange(3.0), 10.0 * np.arange(3.0), np.zeros(3)])  # 10 m a second
-    >>> kept_by_filters(rows, [(1.0,)])[:, 0].round(3).tolist()  # one more just outside a radius of 0.1 m
+    >>> select_vertices(rows, [(1.0,)])[:, 0].round(3).tolist()  # one more just outside a radius of 0.1 m
     [0.0, 1.0, 1.01, 2.0]
     """
     kept_s: list[float] = []

@@ -44,7 +44,7 @@ def worth_keeping(groups: Sequence[Sequence[FloatArray]], by_m: float) -> list[l
     return [np.flatnonzero(kept[start:end]).tolist() for start, end in pairwise(starts.tolist())]
 
 
-def needed_in_time(
+def simplify_in_time(
     time_s: FloatArray, values: FloatArray, by: float, *, also: Sequence[int] | NDArray[np.intp] = ()
 ) -> NDArray[np.intp]:
     """Return the rows of values over time, shape (n, k), to keep so that every number of the others is within ``by`` of
@@ -53,7 +53,7 @@ def needed_in_time(
     Indices in order, both ends among them, and those that are ``also`` kept.
 
     >>> time_s = np.array([0.0, 1.0, 2.0, 3.0])
-    >>> needed_in_time(time_s, np.array([[0.0], [1.0], [2.0], [9.0]]), 0.1).tolist()  # even until 2 s
+    >>> simplify_in_time(time_s, np.array([[0.0], [1.0], [2.0], [9.0]]), 0.1).tolist()  # even until 2 s
     [0, 2, 3]
     """
     ends = np.zeros(len(time_s), bool)

@@ -24,14 +24,14 @@ _ASIDE, _AHEAD = math.sin(math.radians(30)), math.sin(math.radians(60))
 can be called either."""
 
 
-def left_road(
+def find_departure(
     network: RoadNetwork, driven: VehicleLog, body: Body, until_s: float, *, came_rad: float | None = None
 ) -> tuple[float | None, tuple[DepartureSide, ...]]:
     """Return when a corner of the vehicle left the carriageway for good before a time, and to which side: seen along
     its course, and along ``came_rad`` as well.
 
     >>> turning = log.vehicles[0]
-    >>> left_road(network, turning, log.bodies[1], 1.0)  # drives in its lane then
+    >>> find_departure(network, turning, log.bodies[1], 1.0)  # drives in its lane then
     (None, ())
     """
     now = [float(np.interp(until_s, driven.time_s, values)) for values in (driven.x_m, driven.y_m, driven.z_m)]
@@ -57,7 +57,7 @@ def left_road(
     return time_s, tuple(dict.fromkeys(side for along in seen for side in _sides(out_rad - along)))
 
 
-def left_road_after_contact(
+def find_departure_after_contact(
     network: RoadNetwork, log: SimulationLog, number: int, until_s: float
 ) -> tuple[DepartureSide, ...]:
     """Return the sides to which a vehicle that touched somebody left the carriageway before a time.
@@ -66,14 +66,14 @@ def left_road_after_contact(
 
     Seen along its course, or along the way it came to its first contact: a report can mean either.
 
-    >>> left_road_after_contact(network, log, 1, log.first_contact.time_s)  # strikes the other on the crossing
+    >>> find_departure_after_contact(network, log, 1, log.first_contact.time_s)  # strikes the other on the crossing
     ()
     """
     driven = log.vehicle_log(number)
     first = next((each for each in log.meetings if number in (each.number_1, each.number_2)), None)
     pose = None if first is None else log.pose_at_contact(first, number)
     came_rad = None if pose is None else pose.heading_rad
-    return left_road(network, driven, log.bodies[number], until_s, came_rad=came_rad)[1]
+    return find_departure(network, driven, log.bodies[number], until_s, came_rad=came_rad)[1]
 
 
 def _sides(out_rad: float) -> tuple[DepartureSide, ...]:

@@ -22,7 +22,7 @@ _STANDS_MPS: Final = 0.5
 
 
 @dataclass(frozen=True)
-class Happening:
+class SimulatedEvent:
     """Something that happens in a simulation: when (s), to which parties (lower number first), by which contact.
 
     A vehicle that overturns has its own number twice and no contact.
@@ -48,8 +48,8 @@ class Matching:
     ``strange``: contacts of pairs that are not expected at all or not yet, in order.
     """
 
-    matched: tuple[Happening | None, ...]
-    strange: tuple[Happening, ...]
+    matched: tuple[SimulatedEvent | None, ...]
+    strange: tuple[SimulatedEvent, ...]
 
     @property
     def happened(self) -> int:
@@ -67,17 +67,17 @@ def pair_of(contact: Contact) -> Pair:
     return one, two
 
 
-def expected_of(events: Iterable[CrashEvent]) -> list[Expected]:
+def expect_events(events: Iterable[CrashEvent]) -> list[Expected]:
     """Return the expectations of reported events: contacts are required, and whatever comes first.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> expected_of(sequence_of(tree_record).events)  # a tree that event 2 has
+    >>> expect_events(sequence_of(tree_record).events)  # a tree that event 2 has
     [Expected(pair=(1, 2002), required=True)]
     """
     return [Expected(event.pair, place == 0 or event.is_contact) for place, event in enumerate(events)]
 
 
-def happenings(contacts: Iterable[Contact]) -> list[Happening]:
+def happenings(contacts: Iterable[Contact]) -> list[SimulatedEvent]:
     """Return contacts as they happen, in order of time.
 
     Left out is that somebody who was struck before is thrown against a vehicle that stands: no report tells of it.
@@ -85,27 +85,27 @@ def happenings(contacts: Iterable[Contact]) -> list[Happening]:
     >>> [each.pair for each in happenings(log.contacts)]
     [(1, 2)]
     """
-    found: list[Happening] = []
+    found: list[SimulatedEvent] = []
     touched: set[int] = set()
     for contact in sorted(contacts, key=lambda each: each.time_s):
         thrown = contact.number_2 in touched and not is_vehicle(contact.number_2)
         if not (thrown and math.hypot(*contact.velocity_1_mps) <= _STANDS_MPS):
-            found.append(Happening(contact.time_s, pair_of(contact), contact))
+            found.append(SimulatedEvent(contact.time_s, pair_of(contact), contact))
         touched.add(contact.number_2)
     return found
 
 
-def happenings_of(log: SimulationLog) -> list[Happening]:
+def happenings_of(log: SimulationLog) -> list[SimulatedEvent]:
     """Return all that happens in a simulation: contacts, and vehicles that overturn."""
     overturns = []
     for vehicle in log.parties:
         step = overturned_at(vehicle)
         if step is not None:
-            overturns.append(Happening(float(vehicle.time_s[step]), (vehicle.number, vehicle.number)))
+            overturns.append(SimulatedEvent(float(vehicle.time_s[step]), (vehicle.number, vehicle.number)))
     return sorted([*happenings(log.contacts), *overturns], key=lambda each: each.time_s)
 
 
-def match(seen: Sequence[Happening], expected: Sequence[Expected], *, order_known: bool = True) -> Matching:
+def match(seen: Sequence[SimulatedEvent], expected: Sequence[Expected], *, order_known: bool = True) -> Matching:
     """Match the simulated events with the expected ones.
 
     A pair that has met may touch again at any time: bodies come to lie against each other. If the order of the events
@@ -120,14 +120,14 @@ def match(seen: Sequence[Happening], expected: Sequence[Expected], *, order_know
     return max(_in_any_order(seen, expected), key=lambda each: (each.happened, -len(each.strange)))
 
 
-def _in_any_order(seen: Sequence[Happening], expected: Sequence[Expected]) -> Iterable[Matching]:
+def _in_any_order(seen: Sequence[SimulatedEvent], expected: Sequence[Expected]) -> Iterable[Matching]:
     """Yield the matchings for every order of the required events; the others count whenever they happen."""
     required = [place for place, each in enumerate(expected) if each.required]
     free = {each.pair: place for place, each in enumerate(expected) if not each.required}
     waiting = [each for each in seen if each.pair not in free]
     for places in permutations(required):
         walked = _walked(waiting, [expected[place] for place in places])
-        matched: list[Happening | None] = [None] * len(expected)
+        matched: list[SimulatedEvent | None] = [None] * len(expected)
         for place, each in zip(places, walked.matched, strict=True):
             matched[place] = each
         for pair, place in free.items():
@@ -135,9 +135,9 @@ def _in_any_order(seen: Sequence[Happening], expected: Sequence[Expected]) -> It
         yield Matching(tuple(matched), walked.strange)
 
 
-def _walked(seen: Sequence[Happening], expected: Sequence[Expected]) -> Matching:
-    matched: list[Happening | None] = [None] * len(expected)
-    strange: list[Happening] = []
+def _walked(seen: Sequence[SimulatedEvent], expected: Sequence[Expected]) -> Matching:
+    matched: list[SimulatedEvent | None] = [None] * len(expected)
+    strange: list[SimulatedEvent] = []
     turn = 0  # the next expected event
     for each in seen:
         place = _place_of(each.pair, expected, turn)
@@ -152,7 +152,7 @@ def _walked(seen: Sequence[Happening], expected: Sequence[Expected]) -> Matching
 
 
 def _passed_over(
-    pair: Pair, expected: Sequence[Expected], matched: Sequence[Happening | None], turn: int
+    pair: Pair, expected: Sequence[Expected], matched: Sequence[SimulatedEvent | None], turn: int
 ) -> int | None:
     """Return the event with these parties that was left out for one of other parties, if there is one."""
     for place in reversed(range(turn)):

@@ -50,24 +50,24 @@ class ChangedPlan:
     shift_s: float
 
 
-def changed_plans(crash: JudgedCrash, settings: VerdictSettings) -> Iterator[tuple[str, ChangedPlan | None]]:
+def make_changed_plans(crash: JudgedCrash, settings: VerdictSettings) -> Iterator[tuple[str, ChangedPlan | None]]:
     """Yield every change that applies to a crash, by its name; None where a delay changes nothing.
 
-    >>> [name for name, _ in changed_plans(judged_tree, VerdictSettings())]
+    >>> [name for name, _ in make_changed_plans(judged_tree, VerdictSettings())]
     ['mirrored', 'moved']
     """
     first = crash.sequence.first
     if first.kind in OFF_THE_ROAD:
-        found = [("mirrored", mirrored_departure(crash)), ("moved", object_moved(crash, settings))]
+        found = [("mirrored", mirror_departure(crash)), ("moved", object_moved(crash, settings))]
         yield from ((name, changed) for name, changed in found if changed is not None)
         return
     if first.kind is EventKind.VEHICLE_CONTACT:
         yield "shifted", late_vehicle(crash)
         if first.parked is not None:
-            yield "moved", parked_moved(crash, first.parked.number)
+            yield "moved", move_parked(crash, first.parked.number)
         return
     yield "shifted", late_person(crash)
-    other_side = mirrored_person(crash)
+    other_side = mirror_person(crash)
     if other_side is not None:
         yield "mirrored", other_side
 
@@ -105,7 +105,7 @@ def late_vehicle(crash: JudgedCrash) -> ChangedPlan | None:
     if slower_mps < STANDING_MPS:
         return None
     shift_s = max(LEAST_SHIFT_S, (_MISS_BY_M + (one.length_m + two.length_m) / 2) / slower_mps)
-    return _with(crash.hypothesis, delayed(one, shift_s), shift_s)
+    return _with(crash.hypothesis, delay_party(one, shift_s), shift_s)
 
 
 def late_person(crash: JudgedCrash) -> ChangedPlan | None:
@@ -123,7 +123,7 @@ def late_person(crash: JudgedCrash) -> ChangedPlan | None:
     shift_s = LEAST_SHIFT_S
     if person.manoeuvre not in _CROSSES:
         shift_s = max(shift_s, (_MISS_BY_M + (person.length_m + vehicle.length_m) / 2) / abs(person.impact_speed_mps))
-    return _with(crash.hypothesis, delayed(person, shift_s), shift_s)
+    return _with(crash.hypothesis, delay_party(person, shift_s), shift_s)
 
 
 def _who_meet_first(crash: JudgedCrash) -> tuple[ParticipantState, ParticipantState]:
@@ -133,11 +133,11 @@ def _who_meet_first(crash: JudgedCrash) -> tuple[ParticipantState, ParticipantSt
     return states[one], states[two]
 
 
-def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:
+def delay_party(state: ParticipantState, delay_s: float) -> ParticipantState:
     """Return the same motion, later: the vehicle comes from further back, straight on and at its initial speed.
 
     >>> first = hypothesis.participants[0]
-    >>> late = delayed(first, 2.0)  # at 6.26 m/s
+    >>> late = delay_party(first, 2.0)  # at 6.26 m/s
     >>> round(math.dist(late.initial_pose.xy_m, first.initial_pose.xy_m), 2)  # metres farther back
     12.52
     """
@@ -160,7 +160,7 @@ def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:
 
 
 # --- mirrored --------------------------------------------------------------------------------------------------------
-def mirrored_person(crash: JudgedCrash) -> ChangedPlan | None:
+def mirror_person(crash: JudgedCrash) -> ChangedPlan | None:
     """Return the first person coming from the other side; None where the report does not say the side.
 
     The person's motion is mirrored at the line along which the vehicle strikes it.
@@ -187,7 +187,7 @@ def mirrored_person(crash: JudgedCrash) -> ChangedPlan | None:
     return _with(crash.hypothesis, moved, 0.0)
 
 
-def mirrored_departure(crash: JudgedCrash) -> ChangedPlan | None:
+def mirror_departure(crash: JudgedCrash) -> ChangedPlan | None:
     """Return the vehicle leaving to the other side, and the objects there.
 
     None if it left straight ahead, which is its own mirror image.
@@ -293,7 +293,7 @@ def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> ChangedPlan |
     return _with(hypothesis, state, 0.0, (replace(first, pose=pose), *rest))
 
 
-def parked_moved(crash: JudgedCrash, parked: int) -> ChangedPlan:
+def move_parked(crash: JudgedCrash, parked: int) -> ChangedPlan:
     """Return the parked vehicle of the first contact 3 m farther from where the other one came."""
     states = {state.vehicle_number: state for state in crash.hypothesis.participants}
     (driven,) = (states[number] for number in crash.sequence.first.pair if number != parked)

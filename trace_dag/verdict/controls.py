@@ -101,7 +101,7 @@ def changed_reports(
             verdict = judge_observed(foreign, crash.observed, settings)
             row = row_of("other_report", crash.record.key, verdict, other_key=other.record.key)
             yield replace(row, reports_differ=reports_differ(crash.record, foreign, settings))
-    for kind, changed in (("dropped", dropped(crash.sequence)), ("swapped", swapped(crash.sequence))):
+    for kind, changed in (("dropped", drop_contact(crash.sequence)), ("swapped", swap_contacts(crash.sequence))):
         for sequence in changed:
             verdict = judge_observed(crash.record, crash.observed, settings, sequence=sequence)
             yield row_of(kind, crash.record.key, verdict)
@@ -259,10 +259,10 @@ def _opposite(one: int | None, two: int | None) -> bool:
 
 
 # --- its own report, changed -----------------------------------------------------------------------------------------
-def dropped(sequence: EventSequence) -> Iterator[EventSequence]:
+def drop_contact(sequence: EventSequence) -> Iterator[EventSequence]:
     """Yield the sequence without one of its contacts, for each whose pair does not meet at another time.
 
-    >>> [[event.pair for event in left.events] for left in dropped(sequence_of(queue_record))]
+    >>> [[event.pair for event in left.events] for left in drop_contact(sequence_of(queue_record))]
     [[(2, 3)], [(1, 2)]]
     """
     pairs = [event.pair for event in sequence.contacts]
@@ -271,12 +271,12 @@ def dropped(sequence: EventSequence) -> Iterator[EventSequence]:
             yield replace(sequence, events=tuple(event for event in sequence.events if event is not left_out))
 
 
-def swapped(sequence: EventSequence) -> Iterator[EventSequence]:
+def swap_contacts(sequence: EventSequence) -> Iterator[EventSequence]:
     """Yield the sequence with two contacts that follow each other in the other order, for each two.
 
     None where no order is known.
 
-    >>> [[event.pair for event in left.events] for left in swapped(sequence_of(queue_record))]
+    >>> [[event.pair for event in left.events] for left in swap_contacts(sequence_of(queue_record))]
     [[(2, 3), (1, 2)]]
     """
     places = [place for place, event in enumerate(sequence.events) if event.is_contact]

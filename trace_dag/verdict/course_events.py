@@ -23,7 +23,7 @@ from trace_dag.crash.record import EventRecord, VehicleClass
 from trace_dag.crash.summary import event_in_words
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
-from trace_dag.simulation.leaving_road import left_road
+from trace_dag.simulation.leaving_road import find_departure
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog, overturned_at
 from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone
 from trace_dag.verdict.rules import Comparison
@@ -173,7 +173,7 @@ def _excursions(network: RoadNetwork, log: SimulationLog, number: int) -> Iterat
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         time_s = float(driven.time_s[steps[begin]])
         came_rad = came.heading_rad if came is not None and time_s > came_s else None
-        left_s, sides = left_road(network, driven, body, time_s, came_rad=came_rad)
+        left_s, sides = find_departure(network, driven, body, time_s, came_rad=came_rad)
         back_s = float(driven.time_s[steps[end]]) if end < len(steps) else None
         yield Excursion(time_s if left_s is None else left_s, back_s, sides)
 

@@ -33,12 +33,12 @@ class DepartedStreet:
 NO_STREET: Final = DepartedStreet()
 
 
-def departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) -> DepartedStreet:
+def find_departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) -> DepartedStreet:
     """Return the street under a vehicle when it was last on a lane that goes its way, before a time.
 
     Within a junction it is both the street that the vehicle comes from and the one that it goes to.
 
-    >>> sorted(departed_street(network, log.vehicles[1], 1.0).names)  # vehicle 2 comes along Main Street
+    >>> sorted(find_departed_street(network, log.vehicles[1], 1.0).names)  # vehicle 2 comes along Main Street
     ['Main Street', 'NE 411']
     """
     time_s = until_s

@@ -8,7 +8,7 @@ from trace_dag.crash.record import EventRecord
 from trace_dag.verdict.metrics import clock_error_positions
 from trace_dag.verdict.observation import ObservedEvent
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.types import EventOutcome, Happening
+from trace_dag.verdict.types import EventOutcome, EventResult
 
 
 def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
@@ -34,15 +34,15 @@ def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
         seen = None if event is None else beside.seen(event)
         elsewhere = _struck_elsewhere(event, seen, beside) if event is not None and seen is not None else ""
         if elsewhere:
-            found.append(EventOutcome(number, code, Happening.MISSED, elsewhere))
+            found.append(EventOutcome(number, code, EventResult.MISSED, elsewhere))
         elif seen is not None:
             time_s = round(seen.time_s, 4) if number in planned else None
-            found.append(EventOutcome(number, code, Happening.HAPPENED, time_s=time_s))
+            found.append(EventOutcome(number, code, EventResult.HAPPENED, time_s=time_s))
         elif code not in MODELLED:
-            found.append(EventOutcome(number, code, Happening.NOT_MODELLED))
+            found.append(EventOutcome(number, code, EventResult.NOT_MODELLED))
         else:
             why = beside.sequence.unclear.get(number) or (why_not.get(event.name) if event else None)
-            found.append(EventOutcome(number, code, Happening.MISSED, why or _why(event, number, beside)))
+            found.append(EventOutcome(number, code, EventResult.MISSED, why or _why(event, number, beside)))
     return tuple(found)
 
 

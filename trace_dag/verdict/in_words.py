@@ -5,7 +5,7 @@ from __future__ import annotations
 from trace_dag.common.units import METRES_PER_FOOT, mps_to_mph
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.report import CrashPlacement
-from trace_dag.verdict.types import Happening, Verdict
+from trace_dag.verdict.types import EventResult, Verdict
 
 _MOVED_M = 0.05  # a point moved by less prints as not moved
 
@@ -31,7 +31,7 @@ def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement 
     if placement is not None and placement.moved_m > _MOVED_M:
         by = placement.matched_by
         numbers.append((length_in_words(placement.moved_m), f"that the reported point was moved onto a road (by {by})"))
-    reported = reporting_impact(record)
+    reported = find_reported_impacts(record)
     clock_errors = [c.value for c in verdict.criteria if c.name == "clock_error" and c.vehicle_number in reported]
     if (clock_error := max((each for each in clock_errors if each is not None), default=None)) is not None:
         numbers.append((f"{clock_error:.1f}", "clock positions at most between reported and simulated impact"))
@@ -43,10 +43,10 @@ def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement 
     return numbers
 
 
-def reporting_impact(record: CrashRecord) -> set[int | None]:
+def find_reported_impacts(record: CrashRecord) -> set[int | None]:
     """Return the numbers of the vehicles of which the report says where they were struck.
 
-    >>> reporting_impact(record)
+    >>> find_reported_impacts(record)
     {1, 2}
     """
     return {each.number for each in record.vehicles if each.impact is not None and "impact" not in each.implied}
@@ -93,8 +93,8 @@ def events_in_words(verdict: Verdict) -> str:
     """
     if not verdict.events:
         return ""
-    happened = sum(each.outcome is Happening.HAPPENED for each in verdict.events)
-    beyond = sum(each.outcome is Happening.NOT_MODELLED for each in verdict.events)
+    happened = sum(each.outcome is EventResult.HAPPENED for each in verdict.events)
+    beyond = sum(each.outcome is EventResult.NOT_MODELLED for each in verdict.events)
     reported = len(verdict.events)
     said = f"{happened} of {reported} reported event{'s' if reported > 1 else ''} happen{'s' if reported == 1 else ''}"
     return f"{said} ({beyond} cannot be simulated)" if beyond else said

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from trace_dag.common.errors import Failure, Reason
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import VerdictSettings
-from trace_dag.crash.completed_record import without_headings
+from trace_dag.crash.completed_record import drop_headings
 from trace_dag.crash.event_sequence import EventSequence, sequence_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.reconstruction.alternatives import alternatives
@@ -23,8 +23,8 @@ from trace_dag.verdict.happened import event_outcomes
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
 from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison, criteria, judgement, required_reasons
-from trace_dag.verdict.shown import shown_measures
-from trace_dag.verdict.support import facts_of, grade_of, supported
+from trace_dag.verdict.shown import select_measures
+from trace_dag.verdict.support import assess_support, facts_of, grade_of
 from trace_dag.verdict.types import Criterion, Grade, Label, Reservation, Verdict
 
 
@@ -44,11 +44,11 @@ def judge(
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
-            f"{record.key}: {counted(len(logs), 'simulation log')} for "
-            f"{counted(len(estimate.hypotheses), 'hypothesis', 'hypotheses')}; simulate again"
+            f"{record.key}: {count_of(len(logs), 'simulation log')} for "
+            f"{count_of(len(estimate.hypotheses), 'hypothesis', 'hypotheses')}; simulate again"
         )
     if not settings.reported_headings:
-        record = without_headings(record)
+        record = drop_headings(record)
     sequence = sequence_of(record)
     observed = [observe_crash(network, *each) for each in zip(estimate.hypotheses, logs, strict=True)]
     judged = [
@@ -58,7 +58,7 @@ def judge(
     verdict = max(judged, key=lambda each: (each.verified, each.accepted))  # the first of the best
     seen = observed[verdict.hypothesis]
     beside = Comparison.of(record, sequence, seen, settings)
-    support = supported(facts_of(record, network, report, beside))
+    support = assess_support(facts_of(record, network, report, beside))
     verdict = replace(verdict, support=support)
     if verdict.accepted:
         doubts = (*verdict.reservations, *place_doubts(record, network, report))
@@ -94,7 +94,7 @@ def judge_observed(
     if report is not None:
         found += (_mapped_ground(record, observed, report),)
     result = judgement(found, required_reasons(told, record))
-    found += (*shown_measures(beside), *articulation_shown(record, observed.log))
+    found += (*select_measures(beside), *articulation_shown(record, observed.log))
     detail = result.detail
     if observed.first is not None:
         x_m, y_m = observed.first.xy_m

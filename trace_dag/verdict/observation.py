@@ -21,12 +21,12 @@ from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.parties import is_vehicle
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadsidePlace, RoadZone, roadside_at
-from trace_dag.simulation.leaving_road import left_road
-from trace_dag.simulation.matching import Happening, Pair, happenings_of
+from trace_dag.simulation.leaving_road import find_departure
+from trace_dag.simulation.matching import Pair, SimulatedEvent, happenings_of
 from trace_dag.simulation.plan import tracking_errors
 from trace_dag.simulation.states import Hypothesis, ParticipantState
 from trace_dag.simulation.types import Contact, SimulationLog, VehicleLog
-from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, departed_street
+from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, find_departed_street
 from trace_dag.verdict.directions import direction
 from trace_dag.verdict.throws import Throw, throw_of
 
@@ -117,7 +117,7 @@ class ObservedEvent:
     ``vehicles`` of those that had touched nothing before, or that strike a person, also what led to it.
     """
 
-    happening: Happening
+    happening: SimulatedEvent
     xy_m: tuple[float, float]
     sides: Mapping[int, StruckSide] = field(default_factory=dict)
     vehicles: Mapping[int, ObservedVehicle] = field(default_factory=dict)
@@ -162,7 +162,7 @@ class ObservedCrash:
         """Return the first contact, else the first overturn: where the crash was; None if nothing happened."""
         return next((event for event in self.events if event.happening.contact), None) or next(iter(self.events), None)
 
-    def of(self, happening: Happening | None) -> ObservedEvent | None:
+    def of(self, happening: SimulatedEvent | None) -> ObservedEvent | None:
         """Return the event of a happening."""
         return next((event for event in self.events if event.happening == happening), None)
 
@@ -191,7 +191,7 @@ class _Observer:
         self._met: set[int] = set()
         self._departed: set[int] = set()
 
-    def event(self, happening: Happening) -> ObservedEvent:
+    def event(self, happening: SimulatedEvent) -> ObservedEvent:
         """Measure one event."""
         if happening.contact is None:
             return self._overturn(happening)
@@ -203,7 +203,7 @@ class _Observer:
         event = ObservedEvent(
             happening,
             (contact.x_m, contact.y_m),
-            sides={side.number: struck_side(side, self._log, contact) for side in both},
+            sides={side.number: observe_struck_side(side, self._log, contact) for side in both},
             vehicles={side.number: self._vehicle(side, contact) for side in free},
             outside_m={side.number: outside_m(self._network, side.pose.x_m, side.pose.y_m) for side in free},
             person=self._person(contact) if strikes else None,
@@ -217,7 +217,7 @@ class _Observer:
         state, driven = self._states.get(side.number), self._logs.get(side.number)
         if state is None or driven is None:
             raise Failure(f"the log has vehicle {side.number}, which the hypothesis does not have; simulate again")
-        return observed_vehicle(self._network, side, state, driven, self._log, contact)
+        return observe_vehicle(self._network, side, state, driven, self._log, contact)
 
     def _person(self, contact: Contact) -> ObservedPerson:
         _, side = sides_of(contact)
@@ -243,11 +243,11 @@ class _Observer:
         if number in self._departed:  # how it left the road is told once
             return ObservedDeparture(place, along_m, None, ())
         self._departed.add(number)
-        left_s, sides = left_road(self._network, driven, self._log.bodies[number], until_s)
-        street = departed_street(self._network, driven, until_s if left_s is None else left_s)
+        left_s, sides = find_departure(self._network, driven, self._log.bodies[number], until_s)
+        street = find_departed_street(self._network, driven, until_s if left_s is None else left_s)
         return ObservedDeparture(place, along_m, left_s, sides, street)
 
-    def _overturn(self, happening: Happening) -> ObservedEvent:
+    def _overturn(self, happening: SimulatedEvent) -> ObservedEvent:
         number = happening.pair[0]
         driven = self._logs[number]
         k = int(np.argmin(np.abs(driven.time_s - happening.time_s)))
@@ -287,7 +287,7 @@ def sides_of(contact: Contact) -> tuple[ContactSide, ContactSide]:
     )
 
 
-def observed_vehicle(
+def observe_vehicle(
     network: RoadNetwork,
     side: ContactSide,
     state: ParticipantState,
@@ -299,11 +299,11 @@ def observed_vehicle(
 
     >>> contact = log.meetings[0]
     >>> side, _ = sides_of(contact)
-    >>> seen = observed_vehicle(network, side, hypothesis.participants[0], log.vehicles[0], log, contact)
+    >>> seen = observe_vehicle(network, side, hypothesis.participants[0], log.vehicles[0], log, contact)
     >>> 75.0 < seen.turn_deg < 105.0, round(seen.initial_speed_mps, 2)  # it turns left at 14 mph
     (True, 6.26)
     """
-    struck = struck_side(side, log, contact)
+    struck = observe_struck_side(side, log, contact)
     distance, speed_error = tracking_errors(state.trajectory, driven, contact.time_s)
     planned = np.abs(np.interp(driven.time_s[: len(speed_error)], state.trajectory.time_s, state.trajectory.speed_mps))
     went = direction(network, driven, side.pose, contact.time_s, state.trajectory)
@@ -339,11 +339,11 @@ class StruckSide:
     pdof_deg: float
 
 
-def struck_side(side: ContactSide, log: SimulationLog, contact: Contact) -> StruckSide:
+def observe_struck_side(side: ContactSide, log: SimulationLog, contact: Contact) -> StruckSide:
     """Return where a body was struck in a contact, its speed, and its change of velocity.
 
     >>> side, _ = sides_of(log.meetings[0])
-    >>> round(struck_side(side, log, log.meetings[0]).clock_h)  # in its right side
+    >>> round(observe_struck_side(side, log, log.meetings[0]).clock_h)  # in its right side
     3
     """
     ahead, left = side.pose.to_body(side.other.xy_m)

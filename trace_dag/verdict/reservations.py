@@ -22,7 +22,7 @@ from trace_dag.verdict.course_events import course_doubts
 from trace_dag.verdict.observation import ObservedCrash
 from trace_dag.verdict.place_facts import names_at
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.types import Doubt, EventOutcome, Happening, Reservation
+from trace_dag.verdict.types import Doubt, EventOutcome, EventResult, Reservation
 from trace_dag.verdict.way_doubts import way_doubts
 
 _OTHER_ROAD: Final[Mapping[str, tuple[float, str]]] = {
@@ -110,7 +110,7 @@ def _missed(record: CrashRecord, events: Sequence[EventOutcome]) -> Iterator[Res
     """Yield a doubt for each harmful event of the report that can be modelled and does not happen."""
     by_number = {event.number: event for event in record.events}
     for each in events:
-        if each.outcome is Happening.MISSED:
+        if each.outcome is EventResult.MISSED:
             event = by_number.get(each.event_number)
             what = event_in_words(event) if event else event_named(each.event_number, each.code)
             detail = f"{what}: does not happen in the simulation ({each.why})"

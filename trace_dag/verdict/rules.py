@@ -33,7 +33,7 @@ from trace_dag.crash.road_departure import Departure, departure_of
 from trace_dag.crash.zones import Zone, reported_zones, zones_of_first_event
 from trace_dag.roads.crash_site.street_names import SAME_STREET
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
-from trace_dag.simulation.matching import Happening, Matching, expected_of, happenings_of, match
+from trace_dag.simulation.matching import Matching, SimulatedEvent, expect_events, happenings_of, match
 from trace_dag.verdict.departed_street import street_likeness
 from trace_dag.verdict.metrics import (
     clock_error_positions,
@@ -186,7 +186,7 @@ class Comparison:
         (1, (1, 2))
         """
         seen = happenings_of(observed.log)
-        found = match(seen, expected_of(sequence.events), order_known=sequence.order_known)
+        found = match(seen, expect_events(sequence.events), order_known=sequence.order_known)
         return cls(record, sequence, observed, found, settings)
 
     @property
@@ -604,7 +604,7 @@ def _sequence(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criteri
         yield Criterion("unreported_contact", count, 0.0, "contacts", False, Reason.WRONG_SEQUENCE, detail)
 
 
-def _collide(observed: ObservedCrash, strange: Happening) -> bool:
+def _collide(observed: ObservedCrash, strange: SimulatedEvent) -> bool:
     """Return whether two vehicles touch as hard as an event data recorder records: no report leaves that out."""
     seen = observed.of(strange)
     changes = [side.delta_v_mps for side in seen.sides.values()] if seen is not None else []

@@ -15,12 +15,12 @@ from trace_dag.verdict.rules import Beside, Comparison, at_most
 from trace_dag.verdict.types import Criterion
 
 
-def shown_measures(beside: Comparison) -> Iterator[Criterion]:
+def select_measures(beside: Comparison) -> Iterator[Criterion]:
     """Return the measures shown for every reported event that happens, in order.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
-    >>> shown = list(shown_measures(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
+    >>> shown = list(select_measures(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
     >>> [(each.vehicle_number, each.value) for each in shown if each.name == "reported_clock"]
     [(2, 1.0), (1, 3.0)]
     """

@@ -18,7 +18,7 @@ from functools import cache
 from importlib import resources
 from typing import Final
 
-from trace_dag.crash.contradictions import named_contradictions
+from trace_dag.crash.contradictions import name_contradictions
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
@@ -126,12 +126,12 @@ _COURSE_FACTS: Final[Mapping[EventKind, Callable[[Comparison], Iterator[Fact]]]]
 
 
 def _contradictions(record: CrashRecord) -> Iterator[Fact]:
-    for about, sentence in named_contradictions(record):
+    for about, sentence in name_contradictions(record):
         essential = about in _ESSENTIAL_CONTRADICTIONS
         yield Fact(about, ComparedWith.RECORD, Agreement.DIFFERS, sentence, "the record contradicts itself", essential)
 
 
-def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
+def assess_support(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
     """Return the facts weighed and summed up; ``weights`` are those of the package unless given.
 
     A fact reported of both vehicles is one thing: its weights are averaged, so that what the two forms repeat does not
@@ -139,7 +139,7 @@ def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
 
     >>> fact = Fact("lanes", ComparedWith.MAP, Agreement.AGREES, "4", "4")
     >>> of_both = (replace(fact, vehicle_number=number) for number in (1, 2))
-    >>> support = supported(of_both, {("lanes", Agreement.AGREES): 0.5})
+    >>> support = assess_support(of_both, {("lanes", Agreement.AGREES): 0.5})
     >>> support.total, support.independent_facts  # one thing
     (0.5, 1)
     """

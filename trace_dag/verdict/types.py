@@ -105,7 +105,7 @@ class Support:
     detail: str = ""
 
 
-class Happening(StrEnum):
+class EventResult(StrEnum):
     """Outcomes of a reported harmful event in the simulation."""
 
     HAPPENED = "happened"
@@ -122,7 +122,7 @@ class EventOutcome:
 
     event_number: int
     code: int
-    outcome: Happening
+    outcome: EventResult
     why: str = ""
     time_s: float | None = None
 

@@ -21,7 +21,7 @@ from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes import crash as codes
 from trace_dag.crash.departure_side import SIDE_OF_EVENT
 from trace_dag.crash.parties import EventKind, is_vehicle, party_in_words
-from trace_dag.crash.zones import in_crosswalk
+from trace_dag.crash.zones import is_in_crosswalk
 from trace_dag.roads.map.model import Junction
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.people import crosswalks
@@ -127,7 +127,7 @@ def _people(beside: Comparison) -> Iterator[Reservation]:
         if state.manoeuvre in _CROSSES and inside_m > _IN_LANE_M:
             detail = f"{party_in_words(number)} begins {inside_m:.1f} m within the carriageway"
             yield Reservation(Doubt.STARTS_IN_LANE, detail)
-        drawn = crosswalks(network) if number in persons and in_crosswalk(persons[number]) else []
+        drawn = crosswalks(network) if number in persons and is_in_crosswalk(persons[number]) else []
         if drawn and number in struck:
             away_m = min(each.distance_m(*struck[number].xy_m) for each in drawn)
             if away_m > _CROSSWALK_M:

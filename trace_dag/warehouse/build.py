@@ -28,7 +28,7 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.flow.cohorts.registry import Registry
 from trace_dag.flow.manifests import bring_up_to_date
 from trace_dag.flow.records import OnProblem, log_problem
-from trace_dag.flow.study_tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, comparison_is_whole
+from trace_dag.flow.study_tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, is_comparison_whole
 from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
 from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
@@ -38,7 +38,7 @@ from trace_dag.warehouse.query import stray_log
 from trace_dag.warehouse.reports import code_meanings, crash_kinds, state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
 from trace_dag.warehouse.tables import TABLES
-from trace_dag.warehouse.updating import changed_since_built, listed_for_build, note_crashes, update_tables
+from trace_dag.warehouse.updating import changed_since_built, list_for_build, note_crashes, update_tables
 
 if TYPE_CHECKING:
     import duckdb
@@ -140,7 +140,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
     cohorts = Registry(storage).cohorts().values()
     cohort_of = {key: cohort.name for cohort in cohorts for key in cohort.reports}
     path = folder / WAREHOUSE_FILE
-    now = listed_for_build(storage, cohorts)
+    now = list_for_build(storage, cohorts)
     changed = changed_since_built(target, now) if is_built_by_this_code(target) else None
     if changed is not None:
         shutil.copyfile(target, path)
@@ -166,7 +166,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
             names = [
                 name
                 for name in comparisons
-                if name.startswith(f"{FOLDER}/{kind}-") and comparison_is_whole(storage, name, on_problem)
+                if name.startswith(f"{FOLDER}/{kind}-") and is_comparison_whole(storage, name, on_problem)
             ]
             files = local_files(storage, names, folder)
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})

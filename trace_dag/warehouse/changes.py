@@ -16,10 +16,10 @@ _SQL = "SELECT key, final_state, outdated, stage_reached, reason, detail, outdat
 _BUDGET = f"{BudgetSpent.__module__}.{BudgetSpent.__qualname__}:"
 
 
-def troubled(final_state: str, outdated: str | None) -> bool:
+def find_troubled(final_state: str, outdated: str | None) -> bool:
     """Return whether a crash stands failed, or with a result that could not be made anew.
 
-    >>> troubled("failed", None), troubled("verified", None)
+    >>> find_troubled("failed", None), find_troubled("verified", None)
     (True, False)
     """
     return final_state == FinalState.FAILED or outdated is not None
@@ -28,7 +28,7 @@ def troubled(final_state: str, outdated: str | None) -> bool:
 def standings_in(warehouse: Path) -> dict[str, tuple[str, bool]]:
     """Return the states of the crashes in a warehouse, and those in trouble; nothing where there is none."""
     try:
-        return {row[0]: (row[1], troubled(row[1], row[2])) for row in query(warehouse, _SQL)[1]}
+        return {row[0]: (row[1], find_troubled(row[1], row[2])) for row in query(warehouse, _SQL)[1]}
     except (UserError, DamagedFile):
         return {}
 
@@ -38,7 +38,7 @@ def alerts_since(before: Mapping[str, tuple[str, bool]], storage: Storage, wareh
     failed, fallen = [], []
     for key, state, outdated, stage, reason, detail, because in query(warehouse, _SQL)[1]:
         stood, was_troubled = before.get(key, (None, False))
-        if troubled(state, outdated) and not was_troubled:
+        if find_troubled(state, outdated) and not was_troubled:
             failed.append(AlertedCrash(key, str(outdated or stage), "", because if outdated else detail))
         elif stood == FinalState.VERIFIED and state == FinalState.REJECTED:
             fallen.append(AlertedCrash(key, str(stage), str(reason), detail))

@@ -142,7 +142,7 @@ def thin_reports(warehouse: Path, cohorts: Sequence[str]) -> int:
     return int(crashes)
 
 
-def stored_kinds(warehouse: Path, cohorts: Sequence[str]) -> dict[CrashKind, StoredKind]:
+def count_stored_kinds(warehouse: Path, cohorts: Sequence[str]) -> dict[CrashKind, StoredKind]:
     """Count the outcomes of the stored crashes of some cohorts, by kind."""
     found = _asked(warehouse, _RATES, cohorts)
     return {

@@ -13,9 +13,9 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from trace_dag.common.errors import DamagedFile, Failure, UserError
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage
-from trace_dag.flow.manifests import agreed
+from trace_dag.flow.manifests import check_listed
 
 if TYPE_CHECKING:
     import duckdb
@@ -71,7 +71,7 @@ def check_warehouse(path: Path) -> str:
 
     Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not as it was built.
     """
-    return agreed(lambda: _check(path), remedy=_BUILT_AGAIN)
+    return check_listed(lambda: _check(path), remedy=_BUILT_AGAIN)
 
 
 def stray_log(path: Path) -> Path:
@@ -93,12 +93,12 @@ def _check(path: Path) -> str:
 
 def note_built(path: Path, sha256: str) -> None:
     """Note beside a warehouse with what content it was built."""
-    Storage(path.parent).write(_BESIDE, with_checksum(json.dumps({"sha256": sha256}).encode()))
+    Storage(path.parent).write(_BESIDE, add_checksum(json.dumps({"sha256": sha256}).encode()))
 
 
 def _built(path: Path) -> str:
     try:
-        return str(checked(Storage(path.parent).read(_BESIDE), name=_BESIDE)["sha256"])
+        return str(check_document(Storage(path.parent).read(_BESIDE), name=_BESIDE)["sha256"])
     except (FileNotFoundError, KeyError) as error:
         raise DamagedFile(str(path), "nothing says with what content it was built") from error
 

@@ -19,7 +19,7 @@ from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.stage import Stage
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.cohorts.registry import Cohort
 from trace_dag.warehouse.documents import DOCUMENTS
@@ -38,18 +38,18 @@ Listed = Mapping[str, str]
 """For each crash a digest of how all that a warehouse reads of it is listed."""
 
 
-def listed_for_build(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
+def list_for_build(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
     """Return the listing of the registered crashes now."""
     about = {
         key: f"{cohort.name} {report.location} {report.sha256}\n"
         for cohort in cohorts
         for key, report in cohort.reports.items()
     }
-    return listed(storage, about)
+    return digest_listing(storage, about)
 
 
 @gc_paused()
-def listed(storage: Storage, about: Mapping[str, str]) -> Listed:
+def digest_listing(storage: Storage, about: Mapping[str, str]) -> Listed:
     """Return for each crash a digest of the listing that a warehouse reads of it, and of the facts ``about`` it."""
     lines = {key: [text] for key, text in about.items()}
     for stage in Stage:
@@ -75,13 +75,13 @@ def note_crashes(warehouse: Path, sha256: str, crashes: Listed, unsettled: Colle
     """Note what a warehouse was built from; ``unsettled`` crashes are read again by the next build."""
     settled = {key: digest for key, digest in crashes.items() if key not in unsettled}
     note = json.dumps({"warehouse": sha256, "crashes": settled}, sort_keys=True).encode()
-    Storage(warehouse.parent).write(_NOTE, with_checksum(note))
+    Storage(warehouse.parent).write(_NOTE, add_checksum(note))
 
 
 def _noted(warehouse: Path, sha256: str | None) -> Listed | None:
     """Return the listing of the crashes in a warehouse with that content; None if there is none."""
     try:
-        note = checked(Storage(warehouse.parent).read(_NOTE), name=_NOTE)
+        note = check_document(Storage(warehouse.parent).read(_NOTE), name=_NOTE)
     except (FileNotFoundError, DamagedFile):
         return None
     return note["crashes"] if note["warehouse"] == sha256 else None

@@ -12,7 +12,7 @@ from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.crash_site.agreement import AGREES, DIFFERS, NOT_COMPARABLE, compare
-from trace_dag.roads.crash_site.crossings import with_kinds
+from trace_dag.roads.crash_site.crossings import add_kinds
 from trace_dag.roads.crash_site.gap_filling import GapFilling, fill_gaps
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.convert import convert
@@ -277,7 +277,7 @@ def test_a_reported_stop_sign_stands_before_the_crossing_on_the_lesser_street_an
 def refs_of(extract: OsmExtract) -> None:
     for way in extract.ways:
         assert all(node_id in extract.nodes for node_id in way.node_ids)
-    with_kinds(convert(extract, FRAME, SETTINGS), extract)
+    add_kinds(convert(extract, FRAME, SETTINGS), extract)
 
 
 def test_a_control_that_osm_has_is_left_alone() -> None:

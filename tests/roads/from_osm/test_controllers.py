@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 from tests.roads.towns import Town
-from trace_dag.roads.gates.measures import link_gaps, one_sided_links, stranded_lanes
+from trace_dag.roads.gates.measures import find_stranded_lanes, link_gaps, one_sided_links
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.rules import find_violations
@@ -105,7 +105,7 @@ def test_a_ring_at_the_end_of_a_street_is_two_roads_that_meet_its_junction_once_
     assert len(touching) == 3
     assert len(set(touching)) == 3
     assert not one_sided_links(network)
-    assert not stranded_lanes(network)
+    assert not find_stranded_lanes(network)
     assert max(gap.position_m for gap in link_gaps(network)) < 0.01
 
 

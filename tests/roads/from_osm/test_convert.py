@@ -12,7 +12,7 @@ from tests.roads.towns import FRAME, SETTINGS, Town
 from trace_dag.osm.types import OsmExtract, OsmMember, OsmRelation
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.from_osm.converter import WayHints
-from trace_dag.roads.gates.measures import link_gaps, one_sided_links, stranded_lanes
+from trace_dag.roads.gates.measures import find_stranded_lanes, link_gaps, one_sided_links
 from trace_dag.roads.map.model import ContactPoint, LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -345,6 +345,6 @@ def test_hints_fill_what_is_untagged() -> None:
 def test_links_are_mutual_and_leave_no_gap() -> None:
     network = cross(lanes="4").network()
     assert not one_sided_links(network)
-    assert stranded_lanes(network) == []
+    assert find_stranded_lanes(network) == []
     assert max(gap.position_m for gap in link_gaps(network)) < 0.02
     assert {c.contact_point for junction in network.junctions for c in junction.connections} == {ContactPoint.START}

@@ -8,7 +8,7 @@ import pytest
 
 from tests.roads.towns import FRAME, SETTINGS, Town
 from trace_dag.roads.from_osm.convert import convert
-from trace_dag.roads.from_osm.left_hand import mirrored_extract, mirrored_network, mirrored_tags
+from trace_dag.roads.from_osm.left_hand import mirror_extract, mirror_network, mirror_tags
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.rules import find_violations
@@ -23,8 +23,8 @@ def _network() -> RoadNetwork:
     town.street([(0, 0), (100, 0)], lanes="2", name="Main")
     town.street([(0, 0), (0, 100)], oneway="yes", lanes="1", parking__left="lane", name="North")
     town.sign(0, 0, highway="traffic_signals")
-    made = convert(mirrored_extract(town.extract(), FRAME), FRAME, SETTINGS)
-    xodr = write_opendrive(mirrored_network(made))
+    made = convert(mirror_extract(town.extract(), FRAME), FRAME, SETTINGS)
+    xodr = write_opendrive(mirror_network(made))
     assert find_violations(xodr) == []
     assert b'rule="RHT"' not in xodr
     return read_opendrive(xodr, name="left")
@@ -74,5 +74,5 @@ def test_lights_stand_on_the_left_of_their_traffic(network: RoadNetwork) -> None
     ],
 )
 def test_tags_in_a_mirror(before: dict[str, str], after: dict[str, str]) -> None:
-    assert mirrored_tags(before) == after
-    assert mirrored_tags(after) == before
+    assert mirror_tags(before) == after
+    assert mirror_tags(after) == before

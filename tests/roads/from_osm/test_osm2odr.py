@@ -41,7 +41,7 @@ def site() -> tuple[OsmExtract, LocalFrame]:
 def raw(site: tuple[OsmExtract, LocalFrame]) -> RoadNetwork:
     pytest.importorskip("carla", reason="the carla extra is not installed")
     extract, frame = site
-    return osm2odr.without_dangling_links(read_opendrive(osm2odr.run_osm2odr(write_osm(extract), frame), name="raw"))
+    return osm2odr.drop_dangling_links(read_opendrive(osm2odr.run_osm2odr(write_osm(extract), frame), name="raw"))
 
 
 def _drives(network: RoadNetwork) -> set[tuple[tuple[float, ...], ...]]:

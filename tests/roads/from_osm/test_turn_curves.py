@@ -15,10 +15,10 @@ from trace_dag.roads.from_osm.turn_curves import (
     TIGHTEST_RADIUS_M,
     drivable_turn,
     tightest_radius_m,
-    without_tight_bends,
+    widen_tight_bends,
 )
 from trace_dag.roads.gates.measures import shortest_element, tightest_turns
-from trace_dag.roads.map.curves import PlanPose, PlanView, join_plans, plan_pose, without_slivers
+from trace_dag.roads.map.curves import PlanPose, PlanView, drop_slivers, join_plans, plan_pose
 from trace_dag.roads.map.model import PlanElement, Road
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -142,7 +142,7 @@ def _plan(*pieces: tuple[float, float]) -> PlanView:
 )
 def test_pieces_shorter_than_a_centimetre_go_and_the_line_stays(pieces: list[tuple[float, float]]) -> None:
     before = _plan(*pieces)
-    after = without_slivers(before)
+    after = drop_slivers(before)
     assert min(element.length_m for element in after.elements) >= 0.01
     assert after.length_m == pytest.approx(before.length_m, abs=1e-3)
     for share in (0.0, 0.2, 0.5, 0.8, 1.0):
@@ -173,7 +173,7 @@ def test_wider_bends_begin_and_end_as_before(turns: list[float], steps_m: list[f
         x, y = points[-1]
         points.append((x + step_m * math.cos(heading), y + step_m * math.sin(heading)))
     plan = fit_plan(points, radius_m)
-    wider = without_tight_bends(plan, radius_m)
+    wider = widen_tight_bends(plan, radius_m)
     for before, after in ((0.0, 0.0), (plan.length_m, wider.length_m)):
         assert plan_pose(wider, after)[:2] == pytest.approx(plan_pose(plan, before)[:2], abs=1e-5)
     assert tightest_radius_m(wider) >= min(tightest_radius_m(plan), radius_m) * (1 - 1e-5)

@@ -11,7 +11,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates.gates import require
-from trace_dag.roads.gates.scope import CheckedMap, check_in_scope, roads_in_use, without_roads
+from trace_dag.roads.gates.scope import CheckedMap, check_in_scope, drop_roads, roads_in_use
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.rules import find_violations
 from trace_dag.roads.map.writer import write_opendrive
@@ -88,7 +88,7 @@ def test_roads_are_in_use_up_to_200_m_along_the_streets() -> None:
 
 def test_nothing_is_left_of_a_road_that_is_left_out(network: RoadNetwork) -> None:
     for road in network.roads:
-        xodr = write_opendrive(without_roads(network, [road.id]))
+        xodr = write_opendrive(drop_roads(network, [road.id]))
         assert find_violations(xodr) == []
         for named in ("elementId", "incomingRoad", "connectingRoad"):
             assert f'{named}="{road.id}"' not in xodr.decode().replace(f'"junction" elementId="{road.id}"', "")

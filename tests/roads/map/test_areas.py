@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from tests.roads.networks import WIDTH_M, crossroads, one_road
-from trace_dag.roads.map.lane_index import polygon, united
+from trace_dag.roads.map.lane_index import polygon, unite_areas
 from trace_dag.roads.map.model import PlanElement
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -51,7 +51,7 @@ def test_how_far_a_point_is_beyond_the_edge(x_m: float, y_m: float, beyond_m: fl
 
 def test_many_points_are_answered_as_the_surfaces_of_all_lanes_answer() -> None:
     network = crossroads()
-    whole = united(polygon(network.geometry(ref)) for ref in network.drivable_lanes())
+    whole = unite_areas(polygon(network.geometry(ref)) for ref in network.drivable_lanes())
     x, y = (each.ravel() for each in np.meshgrid(np.arange(-120.25, 120.0, 3.0), np.arange(-30.25, 30.0, 3.0)))
     assert (network.drivable_area.contains(x, y) == shapely.contains_xy(whole, x, y)).all()
     assert [network.drivable_area.has(*xy) for xy in zip(x, y, strict=True)] == shapely.contains_xy(
@@ -62,7 +62,7 @@ def test_many_points_are_answered_as_the_surfaces_of_all_lanes_answer() -> None:
 @pytest.mark.parametrize(("x_m", "y_m"), [(5.0, 9.0), (31.9, -9.0), (-40.0, 14.0), (64.0, 5.0)])
 def test_near_a_place_the_edge_is_that_of_all_lanes(x_m: float, y_m: float) -> None:
     network = crossroads()
-    whole = united(polygon(network.geometry(ref)) for ref in network.drivable_lanes())
+    whole = unite_areas(polygon(network.geometry(ref)) for ref in network.drivable_lanes())
     near = shapely.Point(x_m, y_m).buffer(11.9)
     edges = [shapely.intersection(edge, near) for edge in (whole.boundary, network.drivable_area.edge_near(x_m, y_m))]
     assert edges[0].length > 1.0
@@ -82,7 +82,7 @@ def test_near_a_place_the_edge_is_that_of_all_lanes(x_m: float, y_m: float) -> N
 )
 def test_borders_that_cross_at_sharp_angles_lose_nothing(outlines: list[list[tuple[float, float]]]) -> None:
     surfaces = [shapely.Polygon(outline) for outline in outlines]
-    together = united(surfaces)
+    together = unite_areas(surfaces)
     assert together.is_valid
     assert together.area >= shapely.union_all(shapely.make_valid(surfaces)).area
 
@@ -96,7 +96,7 @@ def test_surfaces_that_geos_cannot_unite_exactly_are_united_on_a_grid(monkeypatc
         return union_all(areas, grid_size=grid_size)
 
     monkeypatch.setattr(shapely, "union_all", refusing)
-    assert united([shapely.box(0.0, 0.0, 5.0, 3.5), shapely.box(0.0, 3.5, 5.0, 7.0)]).area == pytest.approx(35.0)
+    assert unite_areas([shapely.box(0.0, 0.0, 5.0, 3.5), shapely.box(0.0, 3.5, 5.0, 7.0)]).area == pytest.approx(35.0)
 
 
 def test_no_lane_at_the_level_of_a_place_is_an_empty_area() -> None:

@@ -11,7 +11,7 @@ from lxml import etree
 
 from tests.roads.judges import carla_landmarks, carla_map, carla_steps
 from tests.roads.towns import FRAME, Town
-from trace_dag.roads.from_osm.left_hand import mirrored_network
+from trace_dag.roads.from_osm.left_hand import mirror_network
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
@@ -176,7 +176,7 @@ def test_carla_gives_each_lane_its_approachs_lights_and_signs_and_no_others(left
     town.sign(0, 0, highway="stop")
     town.sign(200, 0, highway="give_way")
     whole = town.network()
-    network = mirrored_network(whole) if left_hand else whole
+    network = mirror_network(whole) if left_hand else whole
     found = defaultdict(set)
     for ref, types in carla_landmarks(network, carla_map(write_opendrive(network))).items():
         found[network.road_by_id[ref.road_id].name, network.direction(ref)].add(" ".join(types))

@@ -27,10 +27,10 @@ from typing import TYPE_CHECKING, Any
 from trace_dag.agents.evaluation.agent_protocol import (
     LENGTH,
     READY,
+    add_length,
     answer_to_bytes,
-    described,
+    describe_exception,
     fault_to_bytes,
-    framed,
 )
 from trace_dag.agents.evaluation.agents import Agent, AgentFault, Observation
 from trace_dag.agents.evaluation.registry import make_agent
@@ -128,12 +128,12 @@ def _serve(channel: BufferedRWPair, agent: Agent) -> None:
                 agent.reset(Scenario(lane_map=lane_map, **asked.rest))
                 answer = READY
         except BaseException as error:  # KeyboardInterrupt and SystemExit, too, are its doing
-            answer = fault_to_bytes(described(error))
+            answer = fault_to_bytes(describe_exception(error))
         _send(channel, answer)
 
 
 def _send(channel: BufferedRWPair, message: bytes) -> None:
-    channel.write(framed(message))
+    channel.write(add_length(message))
     channel.flush()
 
 

@@ -21,8 +21,8 @@ from trace_dag.agents.evaluation.agent_protocol import (
     MOST_PATH_POINTS,
     NO_ANSWER,
     READY,
+    add_length,
     answer_from_bytes,
-    framed,
     one_line,
 )
 from trace_dag.agents.evaluation.agents import Action, AgentFault, Observation
@@ -135,7 +135,7 @@ class AgentProcess:
 
         Raises :class:`AgentFault`.
         """
-        data = memoryview(framed(pickle.dumps(message)))
+        data = memoryview(add_length(pickle.dumps(message)))
         while data:
             try:
                 data = data[self._alive.connection.send(data) :]

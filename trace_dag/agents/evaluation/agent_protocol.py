@@ -27,10 +27,10 @@ READY = b'{"ready": true}'
 NO_ANSWER = "answered bytes that are not an answer"
 
 
-def framed(message: bytes) -> bytes:
+def add_length(message: bytes) -> bytes:
     """Return a message with its length before it.
 
-    >>> framed(b"abc")
+    >>> add_length(b"abc")
     b'\\x03\\x00\\x00\\x00abc'
     """
     return LENGTH.pack(len(message)) + message
@@ -139,7 +139,7 @@ def _problem_of_motion(action: Motion) -> str:
     return ""
 
 
-def described(error: BaseException) -> str:
+def describe_exception(error: BaseException) -> str:
     """Return an agent's exception in one line: what it was, and the last line of code it came through."""
     frames = traceback.extract_tb(error.__traceback__)
     where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""

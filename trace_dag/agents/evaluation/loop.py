@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from trace_dag.agents.evaluation.agent_protocol import described, problem_of
+from trace_dag.agents.evaluation.agent_protocol import describe_exception, problem_of
 from trace_dag.agents.evaluation.agents import Agent, AgentFault, Recorded
 from trace_dag.agents.evaluation.control import MotionController
 from trace_dag.agents.evaluation.observation import Sensor
@@ -64,4 +64,4 @@ def _faults(when: str) -> Iterator[None]:
     except AgentFault as fault:
         raise AgentFault(f"{when}: {fault}") from fault
     except (Exception, SystemExit) as error:
-        raise AgentFault(f"{when}: {described(error)}") from error
+        raise AgentFault(f"{when}: {describe_exception(error)}") from error

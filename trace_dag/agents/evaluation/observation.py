@@ -57,7 +57,7 @@ class Sensor:
                 continue
             # A vehicle hides what is behind it; past a person one sees.
             between = [outlines[k] for k, each in enumerate(others) if k != index and not self._is_person(each)]
-            if self._sensing.occlusion and not in_sight(own, outlines[index], between):
+            if self._sensing.occlusion and not is_in_sight(own, outlines[index], between):
                 continue
             seen.append(self._as_seen(state, noise))
         return Observation(
@@ -98,7 +98,7 @@ class Sensor:
         )
 
 
-def in_sight(eye: BodyState, target: Outline, bodies: Sequence[Outline]) -> bool:
+def is_in_sight(eye: BodyState, target: Outline, bodies: Sequence[Outline]) -> bool:
     """Return whether any corner or the centre of a body can be seen from another's centre, past some bodies."""
     pose = Pose(target.x_m, target.y_m, target.heading_rad)
     corners = rectangle_corners(pose, 2 * target.half_length_m, 2 * target.half_width_m).tolist()

@@ -117,7 +117,7 @@ class KeptConflict:
         self._clock = PlanClock()
         self._looked_s = 0.0
         self._goes_on_per_s: float | None = None  # how the pace changes after the agent's last moment to react
-        other = met_by(case, ego)
+        other = find_met_party(case, ego)
         self._other = None if other is None else RecordedWay(case, other)
         self._is_ahead = other is not None and _is_ahead(case, ego, other, self._way.conflict_s)
         body = None if other is None else case.bodies[other]
@@ -199,7 +199,7 @@ def persistent_drivers(case: Case, ego: int, *, period_s: float) -> dict[int, Dr
     }
 
 
-def met_by(case: Case, number: int) -> int | None:
+def find_met_party(case: Case, number: int) -> int | None:
     """Return the participant that another one first met in the recorded crash, of a near miss in the planned one.
 
     None for who met nobody.

@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from urllib.parse import parse_qsl, quote
 
-from trace_dag.agents.evaluation.agent_protocol import described
+from trace_dag.agents.evaluation.agent_protocol import describe_exception
 from trace_dag.agents.evaluation.agents import Agent, AgentFault
 from trace_dag.common.errors import UserError
 from trace_dag.common.plugins import PluginKind
-from trace_dag.common.plugins import offered as offered_plugins
+from trace_dag.common.plugins import list_plugins as offered_plugins
 
 BASELINES = ("replay", "brake", "idm", "cautious", "r157")
 
@@ -24,17 +24,17 @@ _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]+")
 _REFERENCE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
-def offered() -> dict[str, str]:
+def list_agents() -> dict[str, str]:
     """Return the agents that installed packages offer: ``module:Class`` by name."""
     return {name: plugin.reference for name, plugin in offered_plugins(PluginKind.AGENT).items()}
 
 
-def with_arguments(agent: str, arguments: Sequence[str]) -> str:
+def set_arguments(agent: str, arguments: Sequence[str]) -> str:
     """Return the agent with arguments for its class, each ``NAME=VALUE``.
 
     Raises :class:`UserError` for what is none.
 
-    >>> with_arguments('my_stack:Agent', ['checkpoint=runs/a b.pt'])
+    >>> set_arguments('my_stack:Agent', ['checkpoint=runs/a b.pt'])
     'my_stack:Agent?checkpoint=runs/a%20b.pt'
     """
     pairs = []
@@ -57,7 +57,7 @@ def resolve(agent: str) -> str:
     'json:JSONDecoder?strict=no'
     """
     name, question_mark, arguments = agent.partition("?")
-    known = offered()
+    known = list_agents()
     reference = known.get(name, name)
     if not _REFERENCE.fullmatch(reference):
         raise UserError(f"--agent {agent}: expected {', '.join(sorted(known))}, or module:Class")
@@ -83,7 +83,7 @@ def make_agent(reference: str) -> Agent:
     except AgentFault:
         raise
     except BaseException as error:  # KeyboardInterrupt, too: in the process of an agent nobody else raises it
-        raise AgentFault(f"{reference} cannot be made: {described(error)}") from error
+        raise AgentFault(f"{reference} cannot be made: {describe_exception(error)}") from error
     missing = [method for method in ("reset", "act") if not callable(getattr(agent, method, None))]
     if missing:
         raise AgentFault(f"{reference} is not an agent: it has no method {' and '.join(missing)}")

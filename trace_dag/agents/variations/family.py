@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from trace_dag.agents.variations.motion import perturbed
+from trace_dag.agents.variations.motion import perturb_motion
 from trace_dag.agents.variations.perturbation import Bounds, Perturbation, draw
 from trace_dag.scenario.cases import Case
 from trace_dag.simulation.outlines import Outline, separation
@@ -107,7 +107,7 @@ def _drawn(case: Case, backend: Backend, seed: int, bounds: Bounds, criteria: Cr
 def _tried(
     case: Case, perturbation: Perturbation, backend: Backend, criteria: Criteria, allowed_m: Mapping[int, float]
 ) -> Variation | None:
-    participants, impact_s = perturbed(case.participants, perturbation, case.impact_time_s)
+    participants, impact_s = perturb_motion(case.participants, perturbation, case.impact_time_s)
     friction = case.friction * perturbation.friction_factor
     varied = replace(case, participants=participants, friction=friction, impact_time_s=impact_s)
     if any(_farthest_outside_m(varied, each, allowed_m[each.number]) > allowed_m[each.number] for each in participants):

@@ -24,7 +24,7 @@ _STEP_S = 0.02
 _STANDS_M = 0.05
 
 
-def perturbed(
+def perturb_motion(
     participants: Sequence[Participant], perturbation: Perturbation, impact_time_s: float
 ) -> tuple[tuple[Participant, ...], float]:
     """Return the participants as perturbed, and the time of the recorded impact on their clock, which begins when all

@@ -35,7 +35,7 @@ _AT_WORK: ContextVar[tuple[str, str]] = ContextVar("at_work", default=("", ""))
 
 
 @contextmanager
-def at_work(crash: str, stage: str) -> Iterator[None]:
+def log_context(crash: str, stage: str) -> Iterator[None]:
     """Name this crash and stage in every message logged inside."""
     token = _AT_WORK.set((crash, stage))
     try:

@@ -16,10 +16,10 @@ _MARKUP = re.compile(r"[\\`*\[\]|~$]|(?<![^\W_])_|_(?![^\W_])|^#")
 _TICKS = re.compile("`+")
 
 
-def escaped(text: str) -> str:
+def escape(text: str) -> str:
     """Return ``text`` in one line, to stand in a paragraph or a table's cell.
 
-    >>> escaped('<b>MAIN</b> ST')
+    >>> escape('<b>MAIN</b> ST')
     '&lt;b&gt;MAIN&lt;/b&gt; ST'
     """
     line = " ".join(_UNSEEN.sub(" ", text).split(" "))
@@ -60,6 +60,6 @@ def table(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     | Main St | 4 |
     | Elder St |  |
     """
-    lines = [" | ".join(map(escaped, names)), " | ".join("---" for _ in names)]
-    lines += [" | ".join("" if value is None else escaped(str(value)) for value in row) for row in rows]
+    lines = [" | ".join(map(escape, names)), " | ".join("---" for _ in names)]
+    lines += [" | ".join("" if value is None else escape(str(value)) for value in row) for row in rows]
     return "\n".join(f"| {line} |" for line in lines)

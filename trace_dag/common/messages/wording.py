@@ -21,15 +21,15 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() or c in "\n\t" else "\ufffd" for c in text)
 
 
-def counted(number: int, noun: str, plural: str = "") -> str:
+def count_of(number: int, noun: str, plural: str = "") -> str:
     """Return a number with its noun, in the singular for one.
 
     Args:
         plural: Of the noun; where empty, the noun with an s.
 
-    >>> counted(1, "crash", "crashes")
+    >>> count_of(1, "crash", "crashes")
     '1 crash'
-    >>> counted(0, "vehicle")
+    >>> count_of(0, "vehicle")
     '0 vehicles'
     """
     return f"{number} {noun if number == 1 else plural or noun + 's'}"

@@ -37,7 +37,7 @@ from tenacity import (
 )
 
 from trace_dag.common.errors import Failure, TransientFailure
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.network.rate_limit import take_turn
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ class HttpClient:
             body = retrying(self._ask_once, method, url, params, data, check, to)
         except _AskAgain as error:
             self._down = True
-            raise TransientFailure(f"{error} (after {counted(attempts, 'attempt')})") from error
+            raise TransientFailure(f"{error} (after {count_of(attempts, 'attempt')})") from error
         self._down = False
         if cached is not None and (lasts is None or lasts(body)):
             _store(cached, body, {"method": method, "url": url, "params": dict(params or {}), "data": dict(data or {})})
@@ -346,14 +346,14 @@ def send_json(url: str, document: Mapping[str, object], *, attempts: int = 3, ti
     try:
         trying(once)
     except RetryError as error:
-        raise Failure(f"{error.last_attempt.exception()} (after {counted(attempts, 'attempt')})") from None
+        raise Failure(f"{error.last_attempt.exception()} (after {count_of(attempts, 'attempt')})") from None
 
 
 def _status(response: httpx.Response) -> str:
     return f"{response.status_code} {response.reason_phrase}".strip()
 
 
-def damaged_answers(folder: Path) -> Iterator[Path]:
+def find_damaged_answers(folder: Path) -> Iterator[Path]:
     """Yield the kept answers, of all services with a cache below a folder, that are not as they were kept, and what
     says so.
     """

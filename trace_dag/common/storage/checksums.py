@@ -17,22 +17,22 @@ _FIELD = "checksum"
 _OLDER = "sha256"  # documents of the versions before had a SHA-256 of their bytes in this field
 
 
-def with_checksum(document: bytes) -> bytes:
+def add_checksum(document: bytes) -> bytes:
     """Return a JSON object with its checksum.
 
-    >>> list(json.loads(with_checksum(b'{"a": 1}')))
+    >>> list(json.loads(add_checksum(b'{"a": 1}')))
     ['a', 'checksum']
     """
     content = json.loads(document)
     return json.dumps({**content, _FIELD: _of(content)}, indent=1, ensure_ascii=False).encode()
 
 
-def checked(data: bytes, *, name: str) -> dict[str, Any]:
+def check_document(data: bytes, *, name: str) -> dict[str, Any]:
     """Return the fields of a document without its checksum.
 
     Raises :class:`DamagedFile` if it has none, or another.
 
-    >>> checked(with_checksum(b'{"a": 1}'), name="a.json")
+    >>> check_document(add_checksum(b'{"a": 1}'), name="a.json")
     {'a': 1}
     """
     try:

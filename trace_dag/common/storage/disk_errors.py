@@ -74,7 +74,7 @@ def disk_failure(error: BaseException, database: str = "a database") -> Failure 
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
+def name_file_in_errors(path: Path) -> Iterator[None]:
     """Name the file in errors of a disk, which those of writing to an open one do not."""
     try:
         yield

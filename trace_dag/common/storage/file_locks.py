@@ -13,7 +13,7 @@ if sys.platform != "win32":
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[bool]:
+def lock_file(path: Path) -> Iterator[bool]:
     """Hold a lock. Yields whether another process had to be waited for. Windows has none of these: it goes on."""
     if sys.platform == "win32":
         yield False

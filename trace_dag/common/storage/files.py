@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from trace_dag.common.errors import DamagedFile, Failure, TransientFailure, UserError
-from trace_dag.common.processes import abandoned, temporary_prefix
+from trace_dag.common.processes import is_abandoned, temporary_prefix
 from trace_dag.common.storage.disk_errors import remedy_of
 
 T = TypeVar("T")
@@ -375,7 +375,7 @@ class Storage:
             return ()
         pattern = f"{_TEMPORARY}*"
         found = (self.local_root / check_name(folder)).glob(pattern) if folder else self.local_root.rglob(pattern)
-        return tuple(file for file in found if abandoned(file, _TEMPORARY))
+        return tuple(file for file in found if is_abandoned(file, _TEMPORARY))
 
     def remove_leftovers(self, folder: str) -> int:
         """Delete what :meth:`leftovers` finds; how many there were."""

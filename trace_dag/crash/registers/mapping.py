@@ -233,10 +233,10 @@ class RegisterMapping(_Part):
         return name.replace("{unit}", unit)
 
 
-def shipped() -> list[str]:
+def list_shipped_mappings() -> list[str]:
     """Return names of the registers whose mappings are part of the package.
 
-    >>> shipped()
+    >>> list_shipped_mappings()
     ['montgomery', 'tempe']
     """
     folder = resources.files("trace_dag.crash.registers")
@@ -252,14 +252,14 @@ def read_mapping(name: str) -> RegisterMapping:
     'Incidentid'
     """
     try:
-        if name in shipped():
+        if name in list_shipped_mappings():
             data = resources.files("trace_dag.crash.registers").joinpath(f"{name}.toml").read_bytes()
         else:
             data = Path(name).read_bytes()
         return RegisterMapping.model_validate(tomllib.loads(data.decode()))
     except FileNotFoundError as error:
         raise UserError(
-            f"{name}: neither a register of the package ({', '.join(shipped())}) nor a mapping file"
+            f"{name}: neither a register of the package ({', '.join(list_shipped_mappings())}) nor a mapping file"
         ) from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise UserError(f"{name} cannot be read as TOML: {error}") from error

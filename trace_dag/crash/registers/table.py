@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from trace_dag.common.errors import Rejection, UserError
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes.bodies import BodyEvidence, body_of
@@ -84,10 +84,10 @@ class RegisterTable:
         """Return how much of the table is read, and what is not."""
         reader = self._whole
         notes = [
-            f"{self.mapping.attribution}, {self.mapping.name}: {counted(reader.made, 'crash', 'crashes')} in "
-            f"{counted(len(self._rows), 'row')}; licence: {self.mapping.licence}"
+            f"{self.mapping.attribution}, {self.mapping.name}: {count_of(reader.made, 'crash', 'crashes')} in "
+            f"{count_of(len(self._rows), 'row')}; licence: {self.mapping.licence}"
         ]
-        notes += [f"{counted(count, 'crash', 'crashes')} left out: {why}" for why, count in reader.left_out.items()]
+        notes += [f"{count_of(count, 'crash', 'crashes')} left out: {why}" for why, count in reader.left_out.items()]
         notes += [
             f"not mapped, so not known: {column}: {_listed(values)}"
             for column, values in sorted(reader.not_mapped.items())

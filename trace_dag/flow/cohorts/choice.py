@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from trace_dag.common.errors import UserError
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.crash.codes.crash import FUNC_SYS
 from trace_dag.crash.cohorts import CohortFilter, sample, select, stratified_sample
 from trace_dag.crash.keys import parse_key
@@ -92,9 +92,9 @@ class Choice:
         low, high = wanted.min_vehicles, wanted.max_vehicles
         if low is not None or high is not None:
             several = f"{low if low is not None else 0} to {high}" if high is not None else f"{low} or more"
-            words.append(counted(low, "vehicle") if low is not None and low == high else f"{several} vehicles")
+            words.append(count_of(low, "vehicle") if low is not None and low == high else f"{several} vehicles")
         if self.cases:
-            words.append(f"{counted(len(self.cases), 'case')} by key")
+            words.append(f"{count_of(len(self.cases), 'case')} by key")
         if self.sample is not None:
             words.append(f"sample of {self.sample}, seed {self.seed}")
         if self.stratified is not None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import UserError, UserErrors
 from trace_dag.common.messages.progress import OnProgress
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
 from trace_dag.crash.listing import CrashListing
@@ -73,7 +73,7 @@ def ingest(
     scanned = scan(reports)
     if reports and not scanned.reports and not watch:
         raise UserError(
-            f"{', '.join(map(str, reports))}: no crash report among {counted(len(scanned.unrecognised), 'file')}; "
+            f"{', '.join(map(str, reports))}: no crash report among {count_of(len(scanned.unrecognised), 'file')}; "
             "expected CrashAPI GetCaseDetails responses in XML"
         )
     sources: list[Source] = [FolderSource(scanned.reports)] if scanned.reports else []

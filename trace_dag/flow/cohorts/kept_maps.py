@@ -9,7 +9,7 @@ from trace_dag.flow.cohorts.registry import Registry
 from trace_dag.flow.cohorts.services import map_copies
 
 
-def unused_map_copies(storage: Storage) -> list[Path]:
+def find_unused_map_copies(storage: Storage) -> list[Path]:
     """Return the files."""
     copies = map_copies(storage)
     wanted = {
@@ -20,5 +20,5 @@ def unused_map_copies(storage: Storage) -> list[Path]:
 
 def remove_unused_map_copies(storage: Storage) -> None:
     """Delete them, after maps have been left out or new ones have come."""
-    for path in unused_map_copies(storage):
+    for path in find_unused_map_copies(storage):
         path.unlink(missing_ok=True)

@@ -16,7 +16,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.common.errors import DamagedFile, Rejection
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.flow.cohorts.registry import ReportSource
@@ -75,12 +75,12 @@ def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[s
 def _keep(storage: Storage, before: Mapping[str, _Seen], seen: Mapping[str, _Seen]) -> None:
     after = dict(sorted({**before, **seen}.items()))  # the same bytes, whatever was seen first
     if after != before:
-        storage.write(FILE, with_checksum(_CACHE.dump_json(after, exclude_defaults=True)))
+        storage.write(FILE, add_checksum(_CACHE.dump_json(after, exclude_defaults=True)))
 
 
 def _cached(storage: Storage) -> dict[str, _Seen]:
     try:
-        return _CACHE.validate_python(checked(storage.read(FILE), name=FILE))
+        return _CACHE.validate_python(check_document(storage.read(FILE), name=FILE))
     except (FileNotFoundError, DamagedFile, ValidationError):  # none yet, or of another version
         return {}
 

@@ -19,8 +19,8 @@ from typing import Literal
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.common.errors import DamagedFile, UserError
-from trace_dag.common.provenance import combined_digest, now
-from trace_dag.common.storage.checksums import checked, with_checksum
+from trace_dag.common.provenance import combine_digests, now
+from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.keys import parse_key
 from trace_dag.flow.cohorts.choice import Choice
@@ -77,7 +77,7 @@ class CrashSource:
 def _maps_digest(maps: tuple[RegisteredMap, ...], map_service: str | None) -> str:
     """Return thousands of crashes share their maps."""
     files = {file.sha256: Path(file.location).name for file in maps}
-    return combined_digest(files | ({"service": map_service} if map_service else {}))
+    return combine_digests(files | ({"service": map_service} if map_service else {}))
 
 
 @dataclass(frozen=True)
@@ -183,15 +183,15 @@ class Registry:
     def _noted(self) -> set[str]:
         """Return the files of the cohorts, by their list; none where it is damaged or was never kept."""
         try:
-            return set(checked(self._storage.read(_NAMES), name=_NAMES)["names"])
+            return set(check_document(self._storage.read(_NAMES), name=_NAMES)["names"])
         except (FileNotFoundError, DamagedFile):
             return set()
 
     def _note(self, names: Collection[str]) -> None:
-        self._storage.write(_NAMES, with_checksum(json.dumps({"names": sorted(names)}).encode()))
+        self._storage.write(_NAMES, add_checksum(json.dumps({"names": sorted(names)}).encode()))
 
     def _write(self, cohort: Cohort) -> None:
-        data = with_checksum(_COHORTS.dump_json(cohort))
+        data = add_checksum(_COHORTS.dump_json(cohort))
         first = f"{_FOLDER}/{cohort.name}.json"
         for name in (first, _copy_of(first)):
             self._storage.write(name, data)
@@ -337,7 +337,7 @@ def _copy_of(name: str) -> str:
 
 def _cohort(name: str, data: bytes) -> Cohort:
     try:
-        cohort = _COHORTS.validate_python(checked(data, name=name))
+        cohort = _COHORTS.validate_python(check_document(data, name=name))
         if cohort.name != Path(name).stem:
             raise DamagedFile(name, f"the file of cohort {cohort.name}", _REMEDY)
         return cohort

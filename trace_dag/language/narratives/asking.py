@@ -13,14 +13,14 @@ from trace_dag.language.answer import WrongAnswer, parse, text_of
 from trace_dag.language.narratives.reading import (
     Answer,
     Fact,
-    Happening,
+    NarrativeEvent,
     Reading,
     Support,
     complaint_about,
-    without_contradictions,
+    drop_contradictions,
 )
 from trace_dag.language.narratives.vocabulary import Field, Vocabulary
-from trace_dag.language.prompt import Message, ask_again, fenced
+from trace_dag.language.prompt import Message, ask_again, fence
 from trace_dag.language.store import StoredAnswer
 
 T = TypeVar("T")
@@ -53,18 +53,20 @@ def read_narrative(narrative: str, known: Vocabulary, model: Model, *, attempts:
     ]
     kept = [each for number, each in enumerate(said, 1) if number in supported]
     facts = tuple(each for each in kept if isinstance(each, Fact))
-    events = tuple(each for each in kept if isinstance(each, Happening))
-    return without_contradictions(Reading(facts, events, (), tuple(not_taken)))
+    events = tuple(each for each in kept if isinstance(each, NarrativeEvent))
+    return drop_contradictions(Reading(facts, events, (), tuple(not_taken)))
 
 
-def _said(narrative: str, known: Vocabulary, model: Model, attempts: int) -> tuple[list[Fact | Happening], list[str]]:
+def _said(
+    narrative: str, known: Vocabulary, model: Model, attempts: int
+) -> tuple[list[Fact | NarrativeEvent], list[str]]:
     """Return a model's reading, and in sentences what of its last answer cannot be taken."""
-    last: tuple[list[Fact | Happening], list[str]] = ([], [])
+    last: tuple[list[Fact | NarrativeEvent], list[str]] = ([], [])
 
-    def taken(text: str) -> tuple[list[Fact | Happening], list[str]]:
+    def taken(text: str) -> tuple[list[Fact | NarrativeEvent], list[str]]:
         nonlocal last
         answer = parse(text, Answer)
-        everything: list[Fact | Happening] = [*answer.facts, *answer.events]
+        everything: list[Fact | NarrativeEvent] = [*answer.facts, *answer.events]
         wrong = [complaint_about(each, narrative, known) for each in everything]
         complaints = [each for each in wrong if each is not None]
         last = ([each for each, complaint in zip(everything, wrong, strict=True) if complaint is None], complaints)
@@ -72,7 +74,7 @@ def _said(narrative: str, known: Vocabulary, model: Model, attempts: int) -> tup
             raise WrongAnswer(complaints[:_MOST_COMPLAINTS])
         return last
 
-    values = {"fields": _in_words(known), "narrative": fenced(narrative, longest=_LONGEST_NARRATIVE)}
+    values = {"fields": _in_words(known), "narrative": fence(narrative, longest=_LONGEST_NARRATIVE)}
     try:
         return _asked(model, "reading", values, known.schema, taken, attempts)
     except WrongAnswer:
@@ -81,12 +83,12 @@ def _said(narrative: str, known: Vocabulary, model: Model, attempts: int) -> tup
         return last
 
 
-def _supported(narrative: str, said: list[Fact | Happening], model: Model, attempts: int) -> set[int]:
+def _supported(narrative: str, said: list[Fact | NarrativeEvent], model: Model, attempts: int) -> set[int]:
     """Return the numbers of the statements that their words support, as the model sees it on a second look."""
     statements = [{"number": n, "statement": each.claim, "words": each.words} for n, each in enumerate(said, 1)]
     values = {
-        "statements": fenced(statements, longest=_LONGEST_NARRATIVE),
-        "narrative": fenced(narrative, longest=_LONGEST_NARRATIVE),
+        "statements": fence(statements, longest=_LONGEST_NARRATIVE),
+        "narrative": fence(narrative, longest=_LONGEST_NARRATIVE),
     }
 
     def numbers(text: str) -> set[int]:

@@ -31,7 +31,7 @@ class Fact(_Form):
         return f"{_unit(self.unit)}: {self.field}: {self.value}"
 
 
-class Happening(_Form):
+class NarrativeEvent(_Form):
     """An event of the sequence, by unit or between two, and the words that say so."""
 
     event: str = Field(max_length=_LONGEST)
@@ -54,7 +54,7 @@ class Answer(_Form):
     """A model's answer to the first question."""
 
     facts: list[Fact] = Field(max_length=_MOST)
-    events: list[Happening] = Field(max_length=_MOST)
+    events: list[NarrativeEvent] = Field(max_length=_MOST)
 
 
 class Support(_Form):
@@ -72,7 +72,7 @@ class Reading:
     """
 
     facts: tuple[Fact, ...] = ()
-    events: tuple[Happening, ...] = ()
+    events: tuple[NarrativeEvent, ...] = ()
     contradictions: tuple[str, ...] = ()
     not_taken: tuple[str, ...] = ()
 
@@ -81,7 +81,7 @@ class Reading:
         return next((fact.value for fact in self.facts if (fact.unit, fact.field) == (unit, label)), "")
 
 
-def complaint_about(said: Fact | Happening, narrative: str, known: Vocabulary) -> str | None:
+def complaint_about(said: Fact | NarrativeEvent, narrative: str, known: Vocabulary) -> str | None:
     """Return the fault of a fact or an event, as a sentence.
 
     None if it is in the vocabulary and its words stand in the narrative.
@@ -99,7 +99,7 @@ def complaint_about(said: Fact | Happening, narrative: str, known: Vocabulary) -
     return None
 
 
-def _not_in_vocabulary(said: Fact | Happening, known: Vocabulary) -> str | None:
+def _not_in_vocabulary(said: Fact | NarrativeEvent, known: Vocabulary) -> str | None:
     if isinstance(said, Fact):
         field = known.field(said.unit, said.field)
         if field is None:
@@ -119,11 +119,11 @@ def _unit(number: int) -> str:
     return "the crash" if number == CRASH else f"unit {number}"
 
 
-def without_contradictions(reading: Reading) -> Reading:
+def drop_contradictions(reading: Reading) -> Reading:
     """Return the reading without fields that it gives two values, which are named.
 
     >>> facts = [Fact(unit=1, field="movement", value=each, words=each) for each in ("backing", "stopped")]
-    >>> without_contradictions(Reading(tuple(facts))).contradictions
+    >>> drop_contradictions(Reading(tuple(facts))).contradictions
     ("unit 1: movement is backing ('backing') and stopped ('stopped')",)
     """
     by_field: dict[tuple[int, str], dict[str, Fact]] = {}

@@ -21,8 +21,8 @@ from trace_dag.crash.record import (
 from trace_dag.crash.registers.rows import TIME
 from trace_dag.crash.registers.table import RowReader
 from trace_dag.crash.reported_place import Place
-from trace_dag.language.narratives.reading import Fact, Happening, Reading
-from trace_dag.language.narratives.vocabulary import CRASH, Vocabulary, measured
+from trace_dag.language.narratives.reading import Fact, NarrativeEvent, Reading
+from trace_dag.language.narratives.vocabulary import CRASH, Vocabulary, parse_measure
 
 _TIME: Final = re.compile(r"(?P<year>\d{4})(?:-(?P<month>\d\d)-(?P<day>\d\d)(?:[ T](?P<hour>\d\d):(?P<minute>\d\d))?)?")
 _BODY: Final = frozenset({"vehicle_class", "length_m", "width_m", "height_m", "mass_kg"})
@@ -102,10 +102,10 @@ def _without_gaps(reading: Reading) -> tuple[Reading, int]:
 
 def _cell(fact: Fact, known: Vocabulary) -> str:
     field = known.field(fact.unit, fact.field)
-    return str(measured(fact.value)) if field is not None and field.units else fact.value
+    return str(parse_measure(fact.value)) if field is not None and field.units else fact.value
 
 
-def _with_events(record: CrashRecord, happened: tuple[Happening, ...], known: Vocabulary) -> CrashRecord:
+def _with_events(record: CrashRecord, happened: tuple[NarrativeEvent, ...], known: Vocabulary) -> CrashRecord:
     """Return the record with the sequence of the narrative in place of the one event that its units imply."""
     if not happened:
         return record
@@ -157,7 +157,7 @@ _ELSEWHERE: Final = {
 """Where the record has what it has under no such name: of a vehicle, a person or the crash."""
 
 
-def merged(coded: CrashRecord, narrated: CrashRecord) -> CrashRecord:
+def merge_records(coded: CrashRecord, narrated: CrashRecord) -> CrashRecord:
     """Return a register's record with what only its narrative says.
 
     If both say something else, the register's value stands and the contradiction is named."""

@@ -17,7 +17,7 @@ from typing import Final
 
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.progress import OnProgress, silent
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.crash.listing import CrashListing, list_record
 from trace_dag.crash.record import CrashRecord, Octant
 from trace_dag.crash.registers.table import RegisterTable
@@ -26,8 +26,8 @@ from trace_dag.crash.table_reports import report_to_json
 from trace_dag.language.answer import WrongAnswer
 from trace_dag.language.narratives.asking import Model, read_narrative
 from trace_dag.language.narratives.reading import Reading
-from trace_dag.language.narratives.record import Narrative, merged, record_of
-from trace_dag.language.narratives.vocabulary import CRASH, measured, vocabulary
+from trace_dag.language.narratives.record import Narrative, merge_records, record_of
+from trace_dag.language.narratives.vocabulary import CRASH, parse_measure, vocabulary
 
 _SHOWN: Final = 12
 _HEADER: Final = re.compile(r"(?P<name>time|latitude|longitude): *(?P<value>.*)", re.IGNORECASE)
@@ -111,7 +111,7 @@ class NarrativeFolder(_Source):
         """
         records, left_out = self._read
         notes = [
-            f"{counted(len(self._narratives), 'narrative')} in {self._folder}: {len(records)} with a place and time"
+            f"{count_of(len(self._narratives), 'narrative')} in {self._folder}: {len(records)} with a place and time"
         ]
         return [*notes, *(f"left out: {name}: {why}" for name, why in left_out.items()), *_remarks(records)]
 
@@ -143,7 +143,7 @@ class NarratedTable(_Source):
     def notes(self) -> list[str]:
         """Return those of the table, and what of the narratives does not stand."""
         records, unread = self._read
-        notes = [*self._table.notes(), f"{counted(len(self._table.narratives()), 'narrative')} read"]
+        notes = [*self._table.notes(), f"{count_of(len(self._table.narratives()), 'narrative')} read"]
         return [*notes, *(f"not read: {name}: {why}" for name, why in unread.items()), *_remarks(records)]
 
     def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
@@ -158,7 +158,7 @@ class NarratedTable(_Source):
         if isinstance(narrated, str):
             return coded
         attribution = f"{coded.attribution}; its narratives read by {self._reader.name}"
-        return replace(merged(coded, narrated), attribution=attribution)
+        return replace(merge_records(coded, narrated), attribution=attribution)
 
 
 def narratives_in(folder: Path) -> list[Narrative]:
@@ -194,7 +194,7 @@ def _place_in_words(reading: Reading) -> FromCrossing | None:
     distance = reading.value(CRASH, columns.from_crossing.distance.column)
     direction = reading.value(CRASH, columns.from_crossing.direction.column)
     octant = Octant(direction) if direction else None
-    return FromCrossing.said(street, cross_street, measured(distance) if distance else 0.0, octant)
+    return FromCrossing.said(street, cross_street, parse_measure(distance) if distance else 0.0, octant)
 
 
 def _remarks(records: Sequence[CrashRecord]) -> list[str]:

@@ -62,10 +62,10 @@ class Field:
         return None if value.strip() else f"{self.label} is empty"
 
 
-def measured(value: str) -> float:
+def parse_measure(value: str) -> float:
     """Return a value with its unit, in metres or m/s.
 
-    >>> round(measured("45 mph"), 2), measured("120 ft")
+    >>> round(parse_measure("45 mph"), 2), parse_measure("120 ft")
     (20.12, 36.576)
     """
     match = _MEASURE.fullmatch(value)

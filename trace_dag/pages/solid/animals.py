@@ -11,8 +11,8 @@ import numpy as np
 
 from trace_dag.common.geometry import FloatArray
 from trace_dag.pages.solid.gltf import Material, Node
-from trace_dag.pages.solid.limbs import frames, length, moved
-from trace_dag.pages.solid.shapes import turned_body
+from trace_dag.pages.solid.limbs import frames, length, move_node
+from trace_dag.pages.solid.shapes import revolve
 from trace_dag.pages.solid.tracks import body_turns
 from trace_dag.pages.solid.vehicle_shapes import Parts
 from trace_dag.simulation.quadrupeds import LANDMARKS, build
@@ -46,7 +46,7 @@ def animal_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[No
     coat = Material(colour)
 
     def segment(part: str, start: FloatArray, end: FloatArray, parts: Parts) -> Node:
-        return moved(f"{name} {part}", parts, log.time_s, (start + end) / 2, frames(end - start, left))
+        return move_node(f"{name} {part}", parts, log.time_s, (start + end) / 2, frames(end - start, left))
 
     rump, withers, poll, nose = (places[each] for each in ("rump", "withers", "poll", "nose"))
     spine = frames(withers - rump, left)
@@ -73,24 +73,22 @@ def _trunk(spine_m: float, radius_m: float, coat: Material) -> Parts:
     half = spine_m / 2
     heights = np.array([-half - radius_m, -half - 0.6 * radius_m, -half, 0.0, half, half + 0.6 * radius_m])
     radii = np.array([0.25, 0.80, 0.98, 0.94, 1.0, 0.72]) * radius_m
-    return [(coat, turned_body(heights, radii, 12))]
+    return [(coat, revolve(heights, radii, 12))]
 
 
 def _tapered(length_m: float, thick_m: float, thin_m: float, coat: Material) -> Parts:
     """Build a part along z about its middle, thick where it begins."""
     half = length_m / 2
     middle_m = (thick_m + thin_m) / 2
-    return [(coat, turned_body(np.array([-half, 0.0, half]), np.array([thick_m, middle_m, thin_m]), 8))]
+    return [(coat, revolve(np.array([-half, 0.0, half]), np.array([thick_m, middle_m, thin_m]), 8))]
 
 
 def _head(length_m: float, radius_m: float, coat: Material) -> Parts:
     """Build the head along z from the poll to the nose, with ears and a dark muzzle."""
     half = length_m / 2
-    skull = turned_body(
-        np.array([-half - 0.5 * radius_m, -half, 0.0, half]), np.array([0.5, 1.0, 0.8, 0.5]) * radius_m, 8
-    )
-    muzzle = turned_body(np.array([half, half + 0.4 * radius_m]), np.array([0.5, 0.3]) * radius_m, 8)
-    ear = turned_body(np.array([-0.6, 0.0, 0.6]) * radius_m, np.array([0.1, 0.28, 0.05]) * radius_m, 6)
+    skull = revolve(np.array([-half - 0.5 * radius_m, -half, 0.0, half]), np.array([0.5, 1.0, 0.8, 0.5]) * radius_m, 8)
+    muzzle = revolve(np.array([half, half + 0.4 * radius_m]), np.array([0.5, 0.3]) * radius_m, 8)
+    ear = revolve(np.array([-0.6, 0.0, 0.6]) * radius_m, np.array([0.1, 0.28, 0.05]) * radius_m, 6)
     ears = [
         (coat, ear.moved((-_EAR * radius_m, sign * 0.8 * radius_m, -half - 0.4 * radius_m))) for sign in (1.0, -1.0)
     ]

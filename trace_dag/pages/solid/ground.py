@@ -16,10 +16,10 @@ from scipy.spatial import cKDTree
 
 from trace_dag.pages.map_ground import STROKE_M, SURFACES, WHITE, Arrows, Crosswalks, Marks
 from trace_dag.pages.map_scene import MapScene, SeenLane, SeenSection, Window
-from trace_dag.pages.paving import paved_gaps
+from trace_dag.pages.paving import find_paved_gaps
 from trace_dag.pages.solid.gltf import Material
-from trace_dag.pages.solid.shapes import Mesh, flat, joined, prism, ribbons
-from trace_dag.roads.map.lane_index import united
+from trace_dag.pages.solid.shapes import Mesh, flat, join_shapes, prism, ribbons
+from trace_dag.roads.map.lane_index import unite_areas
 from trace_dag.roads.map.model import LaneType
 from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.polylines import worth_keeping
@@ -241,7 +241,7 @@ def by_material(made: Mapping[Material, Sequence[Mesh]]) -> list[tuple[Material,
     >>> material == post, float(mesh.points_m[:, 0].max())  # both boxes as one shape
     (True, 3.0)
     """
-    shapes = [(material, joined(meshes)) for material, meshes in made.items()]
+    shapes = [(material, join_shapes(meshes)) for material, meshes in made.items()]
     return [
         (material, Mesh(np.round(shape.points_m / _STEP_M) * _STEP_M, shape.triangles))
         for material, shape in shapes
@@ -259,7 +259,7 @@ def _strokes(lines: Sequence[FloatArray], heights: Heights, width_m: float) -> M
     If the road bends their points are as dense as the lines have them."""
     painted = [line for line in lines if len(line) > 1]
     if not painted:
-        return joined([])
+        return join_shapes([])
     points = np.concatenate(painted)
     raised = np.column_stack([points, heights.at(points) + _ABOVE_M])
     solid = np.split(raised, np.cumsum([len(line) for line in painted[:-1]]))
@@ -277,9 +277,12 @@ def _areas(scene: MapScene, sections: list[SeenSection]) -> Iterator[tuple[LaneT
                 lanes[LaneType.DRIVING if SURFACES[kind] == SURFACES[LaneType.DRIVING] else kind].append(lane)
     driving = lanes[LaneType.DRIVING]
     if driving:
-        yield LaneType.DRIVING, united(map(shapely.Polygon, [*(lane.outline_m for lane in driving), *_gaps(driving)]))
+        yield (
+            LaneType.DRIVING,
+            unite_areas(map(shapely.Polygon, [*(lane.outline_m for lane in driving), *_gaps(driving)])),
+        )
     for kind in sorted(lanes.keys() - {LaneType.DRIVING}, key=lambda kind: (kind in _RAISED, not kind.drivable, kind)):
-        yield kind, united(shapely.Polygon(lane.outline_m) for lane in lanes[kind])
+        yield kind, unite_areas(shapely.Polygon(lane.outline_m) for lane in lanes[kind])
 
 
 def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
@@ -288,7 +291,7 @@ def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
     through: dict[str | None, list[int]] = defaultdict(list)
     for number, lane in enumerate(inside):
         through[lane.road.junction_id].append(number)
-    for gap in paved_gaps([lane.outline_m for lane in inside], through.values()):
+    for gap in find_paved_gaps([lane.outline_m for lane in inside], through.values()):
         yield gap.outline_m
 
 

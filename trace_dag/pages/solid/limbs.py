@@ -11,11 +11,11 @@ from trace_dag.pages.solid.tracks import place_keys, turn_keys
 from trace_dag.pages.solid.vehicle_shapes import Parts
 
 
-def moved(name: str, parts: Parts, time_s: FloatArray, places: FloatArray, turns: Rotation) -> Node:
+def move_node(name: str, parts: Parts, time_s: FloatArray, places: FloatArray, turns: Rotation) -> Node:
     """Return a node at places, turned so, at each time; shapes (n,), (n, 3) and n turns.
 
     >>> turns = Rotation.identity(2)
-    >>> moved("arm", [], np.array([0.0, 1.0]), np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), turns).translation
+    >>> move_node("arm", [], np.array([0.0, 1.0]), np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), turns).translation
     [0.0, 0.0, 1.0]
     """
     node = Node(name, parts, translation=places[0].tolist(), rotation=turns[0].as_quat().tolist())

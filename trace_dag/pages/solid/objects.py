@@ -13,7 +13,7 @@ import shapely
 
 from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.roadside import tree_parts
-from trace_dag.pages.solid.shapes import Mesh, ball, bar, box, cylinder, flat, joined, loft, prism
+from trace_dag.pages.solid.shapes import Mesh, ball, bar, box, cylinder, flat, join_shapes, loft, prism
 from trace_dag.pages.solid.vehicle_shapes import Parts
 from trace_dag.scenario.colours import OBJECT_COLOUR
 from trace_dag.simulation.objects import FixedObject, slope_profile_m
@@ -72,12 +72,12 @@ def _rails(item: FixedObject, heights: tuple[float, ...], tall_m: float, deep_m:
 
 def _guardrail(item: FixedObject) -> Parts:
     rail = _rails(item, (1.0, 0.80), 0.13, item.width_m)
-    return [(_WOOD, joined(_posts(item, _POST_EVERY_M, 0.15))), (_STEEL, joined(rail))]
+    return [(_WOOD, join_shapes(_posts(item, _POST_EVERY_M, 0.15))), (_STEEL, join_shapes(rail))]
 
 
 def _bridge_rail(item: FixedObject) -> Parts:
-    posts = joined(_posts(item, 2.5, 0.2))
-    return [(_CONCRETE, joined([posts, *_rails(item, (1.0, 0.65), 0.2, item.width_m), _foot(item)]))]
+    posts = join_shapes(_posts(item, 2.5, 0.2))
+    return [(_CONCRETE, join_shapes([posts, *_rails(item, (1.0, 0.65), 0.2, item.width_m), _foot(item)]))]
 
 
 def _foot(item: FixedObject) -> Mesh:
@@ -97,11 +97,11 @@ def _barrier(item: FixedObject) -> Parts:
 def _cables(item: FixedObject) -> Parts:
     half = item.length_m / 2
     cables = [bar((-half, 0.0, k * item.height_m), (half, 0.0, k * item.height_m), 0.015, 5) for k in (0.6, 0.8, 1.0)]
-    return [(_STEEL, joined([*_posts(item, 3.0, 0.07), *cables]))]
+    return [(_STEEL, join_shapes([*_posts(item, 3.0, 0.07), *cables]))]
 
 
 def _fence(item: FixedObject) -> Parts:
-    return [(_WOOD, joined([*_posts(item, 2.4, 0.1), *_rails(item, (0.95, 0.6, 0.25), 0.1, 0.05)]))]
+    return [(_WOOD, join_shapes([*_posts(item, 2.4, 0.1), *_rails(item, (0.95, 0.6, 0.25), 0.1, 0.05)]))]
 
 
 def _bank(material: Material) -> Maker:
@@ -139,7 +139,7 @@ def _patch(item: FixedObject) -> Parts:
 
 def _utility_pole(item: FixedObject) -> Parts:
     arm = box((-0.06, -1.1, item.height_m - 0.9), (0.06, 1.1, item.height_m - 0.75))
-    return [(_WOOD, joined([cylinder(item.length_m / 2, -0.5, item.height_m, 10, 0.3 * item.length_m), arm]))]
+    return [(_WOOD, join_shapes([cylinder(item.length_m / 2, -0.5, item.height_m, 10, 0.3 * item.length_m), arm]))]
 
 
 def _signal_pole(item: FixedObject) -> Parts:
@@ -150,7 +150,7 @@ def _signal_pole(item: FixedObject) -> Parts:
 
 def _sign_post(item: FixedObject) -> Parts:
     board = box((-0.02, -0.375, item.height_m - 0.75), (0.02, 0.375, item.height_m))
-    return [(_STEEL, joined([cylinder(item.length_m / 2, -0.3, item.height_m, 8), board]))]
+    return [(_STEEL, join_shapes([cylinder(item.length_m / 2, -0.3, item.height_m, 8), board]))]
 
 
 def _tree(item: FixedObject) -> Parts:
@@ -168,7 +168,7 @@ def _boulder(item: FixedObject) -> Parts:
 def _hydrant(item: FixedObject) -> Parts:
     radius = item.length_m / 2
     cap = ball(radius, 0.8).moved((0.0, 0.0, 0.8 * item.height_m))
-    return [(_RED, joined([cylinder(0.75 * radius, -0.2, 0.8 * item.height_m), cap]))]
+    return [(_RED, join_shapes([cylinder(0.75 * radius, -0.2, 0.8 * item.height_m), cap]))]
 
 
 def _mailbox(item: FixedObject) -> Parts:

@@ -13,8 +13,8 @@ import numpy as np
 
 from trace_dag.common.geometry import FloatArray
 from trace_dag.pages.solid.gltf import Material, Node
-from trace_dag.pages.solid.limbs import frames, frames_ahead, length, moved
-from trace_dag.pages.solid.shapes import ball, box, joined, turned_body
+from trace_dag.pages.solid.limbs import frames, frames_ahead, length, move_node
+from trace_dag.pages.solid.shapes import ball, box, join_shapes, revolve
 from trace_dag.pages.solid.tracks import body_turns, rolling_keys
 from trace_dag.pages.solid.two_wheelers import bicycle_parts, bicycle_wheel_parts, conveyance_parts
 from trace_dag.pages.solid.vehicle_shapes import Parts
@@ -47,11 +47,11 @@ def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[No
     clothes = Material(colour)
 
     def limb(part: str, start: FloatArray, end: FloatArray, parts: Parts) -> Node:
-        return moved(f"{name} {part}", parts, log.time_s, (start + end) / 2, frames(end - start, aside))
+        return move_node(f"{name} {part}", parts, log.time_s, (start + end) / 2, frames(end - start, aside))
 
-    nodes = [moved(f"{name} torso", _torso(h, clothes), log.time_s, pelvis, spine)]
+    nodes = [move_node(f"{name} torso", _torso(h, clothes), log.time_s, pelvis, spine)]
     head = frames(places["head"] - neck, left)
-    nodes.append(moved(f"{name} head", _head(h), log.time_s, places["head"], head))
+    nodes.append(move_node(f"{name} head", _head(h), log.time_s, places["head"], head))
     for side, sign in (("l", 1.0), ("r", -1.0)):
         shoulder = neck + sign * _SHOULDER_ASIDE * h * aside - _SHOULDER_BELOW * h * spine.apply([0.0, 0.0, 1.0])
         hip = pelvis + sign * _HIP_ASIDE * h * left
@@ -131,12 +131,12 @@ def _ridden(log: VehicleLog, body: Body, name: str, places: dict[str, FloatArray
     if body.kind is not BodyKind.CYCLIST:
         parts = conveyance_parts(max(hubs, 0.2))
         up = np.cross(ahead, left)
-        return moved(f"{name} conveyance", parts, log.time_s, middle, frames(up, np.cross(up, ahead)))
+        return move_node(f"{name} conveyance", parts, log.time_s, middle, frames(up, np.cross(up, ahead)))
     up = top - middle
     turns = frames_ahead(ahead, up)
     reach = turns.inv().apply(top - middle).mean(axis=0)
     parts, radius = bicycle_parts(hubs, (float(reach[0]), float(reach[2])))
-    bicycle = moved(f"{name} bicycle", parts, log.time_s, middle, turns)
+    bicycle = move_node(f"{name} bicycle", parts, log.time_s, middle, turns)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(middle[:, 0]), np.diff(middle[:, 1])))])
     for end, x in (("front", hubs / 2), ("rear", -hubs / 2)):
         wheel = Node(f"{name} {end} wheel", bicycle_wheel_parts(radius), translation=(x, 0.0, 0.0))
@@ -148,7 +148,7 @@ def _ridden(log: VehicleLog, body: Body, name: str, places: dict[str, FloatArray
 def _torso(h: float, clothes: Material) -> Parts:
     """Build the torso from the hips up, about the hips; broader than deep."""
     heights = np.array([-0.05, 0.0, 0.06, 0.16, 0.235, 0.275, 0.30]) * h
-    trunk = turned_body(heights, np.array([0.055, 0.085, 0.078, 0.095, 0.105, 0.075, 0.03]) * h, 10)
+    trunk = revolve(heights, np.array([0.055, 0.085, 0.078, 0.095, 0.105, 0.075, 0.03]) * h, 10)
     flattened = trunk.turned(np.diag([0.72, 1.0, 1.0]))
     return [(clothes, flattened)]
 
@@ -161,18 +161,18 @@ def _head(h: float) -> Parts:
 
 
 def _arm(length: float, h: float, clothes: Material) -> Parts:
-    sleeve = turned_body(np.array([-0.5, 0.0, 0.38]) * length, np.array([0.034, 0.030, 0.024]) * h)
-    hand = turned_body(np.array([0.36, 0.42, 0.5, 0.55]) * length, np.array([0.018, 0.024, 0.024, 0.012]) * h)
+    sleeve = revolve(np.array([-0.5, 0.0, 0.38]) * length, np.array([0.034, 0.030, 0.024]) * h)
+    hand = revolve(np.array([0.36, 0.42, 0.5, 0.55]) * length, np.array([0.018, 0.024, 0.024, 0.012]) * h)
     return [(clothes, sleeve), (_SKIN, hand)]
 
 
 def _thigh(length: float, h: float) -> Parts:
-    return [(_TROUSERS, turned_body(np.array([-0.55, -0.3, 0.52]) * length, np.array([0.050, 0.050, 0.036]) * h))]
+    return [(_TROUSERS, revolve(np.array([-0.55, -0.3, 0.52]) * length, np.array([0.050, 0.050, 0.036]) * h))]
 
 
 def _shank(length: float, h: float) -> Parts:
     """Build the shank along z from the knee to the sole; toes point to -x, which is ahead of a leg that hangs down."""
-    leg = turned_body(np.array([-0.54, -0.2, 0.45]) * length, np.array([0.036, 0.036, 0.024]) * h)
+    leg = revolve(np.array([-0.54, -0.2, 0.45]) * length, np.array([0.036, 0.036, 0.024]) * h)
     low = 0.5 * length
     shoe = box((-0.11 * h, -0.026 * h, low - 0.03 * h), (0.04 * h, 0.026 * h, low + 0.03 * h))
-    return [(_TROUSERS, leg), (_SHOES, joined([shoe]))]
+    return [(_TROUSERS, leg), (_SHOES, join_shapes([shoe]))]

@@ -14,11 +14,11 @@ import shapely
 
 from trace_dag.common.units import METRES_PER_FOOT
 from trace_dag.pages.map_scene import MapScene, Window
-from trace_dag.pages.map_signs import LIGHT, STOP, YIELD, PlacedSign, placed_signs
+from trace_dag.pages.map_signs import LIGHT, STOP, YIELD, PlacedSign, place_signs
 from trace_dag.pages.scenery import local_points, look_of, parts_of
 from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.ground import Heights, by_material
-from trace_dag.pages.solid.shapes import Mesh, about_z, ball, box, cylinder, flat, joined, prism
+from trace_dag.pages.solid.shapes import Mesh, about_z, ball, box, cylinder, flat, join_shapes, prism
 from trace_dag.pages.solid.vehicle_shapes import Parts
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def signs(scene: MapScene, heights: Heights, window: Window) -> Parts:
     """Return signals and signs in a window, each on its post and facing the traffic it is for."""
     west, south, east, north = window
     made: dict[Material, list[Mesh]] = defaultdict(list)
-    for each in placed_signs(scene):
+    for each in place_signs(scene):
         x, y = each.xy_m
         if west < x < east and south < y < north:
             z = float(heights.at(np.array([[x, y]]))[0])
@@ -93,7 +93,7 @@ def _plate(outline: FloatArray, middle_m: float, ahead_m: float) -> Mesh:
     y, z = face.points_m[:, 0], face.points_m[:, 1]
     front = Mesh(np.column_stack([np.full(len(y), ahead_m), y, z + middle_m]), face.triangles)
     back = Mesh(front.points_m - (0.02, 0.0, 0.0), face.triangles[:, ::-1])
-    return joined([front, back])
+    return join_shapes([front, back])
 
 
 @cache

@@ -23,12 +23,12 @@ from trace_dag.pages.solid.ground import Terrain
 from trace_dag.pages.solid.objects import object_parts
 from trace_dag.pages.solid.people import landmarks, person_nodes
 from trace_dag.pages.solid.roadside import areas_of, beside_roads, signs
-from trace_dag.pages.solid.shapes import ball, joined
+from trace_dag.pages.solid.shapes import ball, join_shapes
 from trace_dag.pages.solid.tracks import body_places, body_turns, place_keys, rolling_keys, size_keys, turn_keys
 from trace_dag.pages.solid.two_wheelers import motorcycle_shape
 from trace_dag.pages.solid.vehicle_shapes import BRAKE_LAMP, vehicle_shape, wheel_parts
 from trace_dag.scenario.colours import CONTACT_COLOUR, body_colour, vehicle_colour
-from trace_dag.scenario.object_shapes import in_words, is_ours
+from trace_dag.scenario.object_shapes import describe_object, is_ours
 from trace_dag.simulation.objects import Resistance
 from trace_dag.simulation.roadside_terrain import RoadsideTerrain
 from trace_dag.simulation.types import BodyKind
@@ -158,7 +158,7 @@ def _ghost(drive: AgentDrive) -> Node:
     shape = (motorcycle_shape if rides else vehicle_shape)(drive.body, vehicle_colour(index))
     clear = Material(vehicle_colour(index), opacity=0.3)
     node = _moving(f"{party_label(drive.number)} as recorded", vehicle, _extras("ghost", number=drive.number))
-    everything = joined(mesh for _, mesh in shape.parts)
+    everything = join_shapes(mesh for _, mesh in shape.parts)
     node.children = [Node("recorded body", [(clear, everything)], translation=_above((0.0, 0.0, 0.0), drive.body))]
     return node
 
@@ -189,7 +189,7 @@ def _person(vehicle: VehicleLog, body: Body, colour: str) -> Node:
 
 def _object(item: FixedObject) -> Node:
     turn = Rotation.from_rotvec((0.0, 0.0, item.pose.heading_rad)).as_quat().tolist()
-    said = _extras("object", number=item.number, name=in_words(item), placed_by_the_program=is_ours(item))
+    said = _extras("object", number=item.number, name=describe_object(item), placed_by_the_program=is_ours(item))
     where = (item.pose.x_m, item.pose.y_m, item.pose.z_m)
     return Node(f"object {item.number}: {item.name}", object_parts(item), translation=where, rotation=turn, extras=said)
 

@@ -32,11 +32,11 @@ class Mesh(NamedTuple):
         return Mesh(self.points_m @ matrix.T, self.triangles)
 
 
-def joined(meshes: Iterable[Mesh]) -> Mesh:
+def join_shapes(meshes: Iterable[Mesh]) -> Mesh:
     """Return several shapes as one.
 
     >>> tile = flat(shapely.box(0.0, 0.0, 1.0, 1.0))
-    >>> len(joined([tile, tile]).points_m)
+    >>> len(join_shapes([tile, tile]).points_m)
     8
     """
     parts = [mesh for mesh in meshes if len(mesh.triangles)]
@@ -115,13 +115,13 @@ def ball(radius_m: float, stretch: float = 1.0, rings: int = 5, sides: int = 9) 
     up = np.linspace(-math.pi / 2, math.pi / 2, rings + 2)[1:-1]
     heights = np.array([-1.0, *np.sin(up), 1.0]) * radius_m * stretch
     radii = np.array([0.02, *np.cos(up), 0.02]) * radius_m
-    return turned_body(heights, radii, sides)
+    return revolve(heights, radii, sides)
 
 
-def turned_body(heights_m: FloatArray, radii_m: FloatArray, sides: int = 8) -> Mesh:
+def revolve(heights_m: FloatArray, radii_m: FloatArray, sides: int = 8) -> Mesh:
     """Return a body around the z axis: its radius at some heights, from below.
 
-    >>> post = turned_body(np.array([0.0, 3.0]), np.array([0.1, 0.1]))
+    >>> post = revolve(np.array([0.0, 3.0]), np.array([0.1, 0.1]))
     >>> float(post.points_m[:, 2].max())
     3.0
     """
@@ -217,7 +217,7 @@ def ribbons(lines: Sequence[FloatArray], width_m: float) -> Mesh:
     (4, [-0.1, 0.1, 4.9, 5.1])
     """
     if not lines:
-        return joined([])
+        return join_shapes([])
     points = np.concatenate(lines)
     count = len(points)
     number = np.arange(count)

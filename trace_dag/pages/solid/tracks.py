@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from trace_dag.common.geometry import FloatArray
 from trace_dag.pages.solid.gltf import Keys
-from trace_dag.scenario.polylines import needed_in_time
+from trace_dag.scenario.polylines import simplify_in_time
 from trace_dag.simulation.types import VehicleLog
 
 PLACE_M: Final = 0.003
@@ -30,7 +30,7 @@ def place_keys(time_s: FloatArray, places_m: FloatArray) -> Keys:
     >>> place_keys(time_s, np.column_stack([time_s, 0 * time_s, 0 * time_s])).time_s.tolist()  # straight at one speed
     [0.0, 2.0]
     """
-    kept = needed_in_time(time_s, places_m, PLACE_M)
+    kept = simplify_in_time(time_s, places_m, PLACE_M)
     return Keys(time_s[kept], places_m[kept])
 
 
@@ -45,7 +45,7 @@ def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
     values = turns.as_quat()
     flipped = np.cumprod(np.where((values[1:] * values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     values[1:] *= flipped[:, None]  # the same turn has two quaternions: the one nearer to the last
-    kept = needed_in_time(time_s, values, TURN)
+    kept = simplify_in_time(time_s, values, TURN)
     return Keys(time_s[kept], values[kept])
 
 

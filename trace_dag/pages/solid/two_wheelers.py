@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.pages.solid.gltf import Material
-from trace_dag.pages.solid.shapes import Mesh, across, ball, bar, box, cylinder, joined
+from trace_dag.pages.solid.shapes import Mesh, across, ball, bar, box, cylinder, join_shapes
 from trace_dag.pages.solid.vehicle_shapes import TYRE, Parts, VehicleShape, Wheel
 from trace_dag.simulation.types import Body
 
@@ -45,11 +45,11 @@ def motorcycle_shape(body: Body, colour: str) -> VehicleShape:
     thighs = [bar((-0.32, s * 0.12, 0.86), (0.12, s * 0.24, 0.72), 0.08) for s in sides]
     shins = [bar((0.12, s * 0.24, 0.72), (-0.05, s * 0.22, 0.30), 0.06) for s in sides]
     parts: Parts = [
-        (Material(colour, roughness=0.45), joined([tank, tail, guard])),
-        (_METAL, joined([engine, *fork, handles, *swing])),
+        (Material(colour, roughness=0.45), join_shapes([tank, tail, guard])),
+        (_METAL, join_shapes([engine, *fork, handles, *swing])),
         (Material("#FFF6DD", glows=True), ball(0.09).moved((0.58, 0.0, 0.92))),
-        (_LEATHER, joined([torso, *arms])),
-        (_DENIM, joined([*thighs, *shins])),
+        (_LEATHER, join_shapes([torso, *arms])),
+        (_DENIM, join_shapes([*thighs, *shins])),
         (_HELMET, ball(0.145).moved((0.06, 0.0, 1.52))),
     ]
     wheels = [Wheel((s * hub * size, 0.0, radius * size), radius * size, 0.13 * size, s > 0) for s in (1.0, -1.0)]
@@ -82,7 +82,7 @@ def bicycle_parts(hubs_m: float, top_m: tuple[float, float]) -> tuple[Parts, flo
     frame += [tube(neck, front), tube(neck, top_m)]
     frame.append(bar((top_m[0], -0.26, top_m[1]), (top_m[0], 0.26, top_m[1]), 0.016))
     seat = box((saddle[0] - 0.12, -0.07, saddle[1]), (saddle[0] + 0.12, 0.07, saddle[1] + 0.05))
-    return [(_METAL, joined(frame)), (_LEATHER, seat)], 0.34 * size
+    return [(_METAL, join_shapes(frame)), (_LEATHER, seat)], 0.34 * size
 
 
 def bicycle_wheel_parts(radius_m: float) -> Parts:
@@ -93,8 +93,8 @@ def bicycle_wheel_parts(radius_m: float) -> Parts:
     """
     angles = np.arange(16) * np.pi / 8
     rim = np.column_stack([np.cos(angles), 0 * angles, np.sin(angles)]) * (radius_m - 0.02)
-    ring = joined(bar(a, b, 0.02, 5) for a, b in zip(rim, np.roll(rim, -1, axis=0), strict=True))
-    spokes = joined(bar(a, b, 0.005, 4) for a, b in zip(rim[:8:2], rim[8::2], strict=True))
+    ring = join_shapes(bar(a, b, 0.02, 5) for a, b in zip(rim, np.roll(rim, -1, axis=0), strict=True))
+    spokes = join_shapes(bar(a, b, 0.005, 4) for a, b in zip(rim[:8:2], rim[8::2], strict=True))
     return [(TYRE, ring), (_METAL, spokes)]
 
 
@@ -106,7 +106,7 @@ def conveyance_parts(length_m: float) -> Parts:
     0.8
     """
     deck = box((-length_m / 2, -0.10, -0.02), (length_m / 2, 0.10, 0.03))
-    wheels = joined(
+    wheels = join_shapes(
         across(cylinder(0.04, s * 0.08 - 0.02, s * 0.08 + 0.02, 8)).moved((x * length_m, 0.0, -0.04))
         for x in (-0.38, 0.38)
         for s in (-1.0, 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.record import VehicleClass
 from trace_dag.pages.solid.gltf import Material
-from trace_dag.pages.solid.shapes import Mesh, across, box, cylinder, joined, loft
+from trace_dag.pages.solid.shapes import Mesh, across, box, cylinder, join_shapes, loft
 from trace_dag.simulation.fronts import front_shape, profile
 from trace_dag.simulation.types import Body
 
@@ -118,7 +118,7 @@ def vehicle_shape(body: Body, colour: str) -> VehicleShape:
     lamps, trim = _lamps(body, nose, tail, bumper, deck, half)
     parts += lamps
     parts.append((_TRIM, trim))
-    brake = joined(
+    brake = join_shapes(
         box((tail - 0.02, s * 0.80 * half - 0.13, 0.70 * deck), (tail + 0.03, s * 0.80 * half + 0.13, 0.84 * deck))
         for s in (-1, 1)
     )
@@ -144,11 +144,11 @@ def _trailer_shape(body: Body, colour: str) -> VehicleShape:
         legs = [box((nose - 3.1, s * 0.6 - 0.08, 0.35), (nose - 2.9, s * 0.6 + 0.08, floor)) for s in (-1, 1)]
         guard = box((tail + 0.02, -0.8 * half, 0.5), (tail + 0.12, 0.8 * half, 0.62))  # 49 CFR 571.223
         beams = box((tail + 0.3, -0.5, 0.75), (tail + 0.3 * length, 0.5, floor))
-        parts.append((_TRIM, joined([*legs, guard, beams])))
+        parts.append((_TRIM, join_shapes([*legs, guard, beams])))
     else:
         parts.append((_TRIM, box((nose, -0.06, floor - 0.12), (nose + 1.2, 0.06, floor))))
     lamps = [(s * 0.8 * half - 0.1, s * 0.8 * half + 0.1) for s in (-1, 1)]
-    brake = joined(box((tail - 0.02, right, floor), (tail + 0.02, left, floor + 0.1)) for right, left in lamps)
+    brake = join_shapes(box((tail - 0.02, right, floor), (tail + 0.02, left, floor + 0.1)) for right, left in lamps)
     plan = _Plan(0.0, 0.0, 1.0, 0.51 if semi else min(0.37, 0.2 * top), axles)
     return VehicleShape(parts, brake, _wheels(body, plan, steered=False), (nose, 0.0, top))
 
@@ -180,7 +180,7 @@ def wheel_parts(radius_m: float, width_m: float) -> Parts:
     for angle in np.arange(3) * np.pi / 3:
         c, s = np.cos(angle), np.sin(angle)
         rims.append(spoke.turned(np.array([(c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)])))
-    return [(TYRE, tyre), (_RIM, joined(rims))]
+    return [(TYRE, tyre), (_RIM, join_shapes(rims))]
 
 
 def _tub(side: FloatArray, low: float, half: float) -> Mesh:
@@ -242,7 +242,7 @@ def _roof(begin: float, end: float, top: float, half: float, rear: float, front:
     for below, above in posts:
         for s in (-1.0, 1.0):
             made.append(_post((below, s * low_y, belt - 0.02), (above, s * y, top - 0.04)))
-    return joined(made)
+    return join_shapes(made)
 
 
 def _post(low: Sequence[float], high: Sequence[float]) -> Mesh:
@@ -260,11 +260,11 @@ def _lamps(body: Body, nose: float, tail: float, bumper: float, deck: float, hal
     """Return the head and tail lamps, and what is dark: bumpers and number plates."""
 
     def pair(x0: float, x1: float, z0: float, z1: float, width: float) -> Mesh:
-        return joined(box((x0, s * 0.70 * half - width, z0), (x1, s * 0.70 * half + width, z1)) for s in (-1, 1))
+        return join_shapes(box((x0, s * 0.70 * half - width, z0), (x1, s * 0.70 * half + width, z1)) for s in (-1, 1))
 
     head = pair(nose - 0.10, nose - 0.005, 0.84 * bumper, 1.02 * bumper, 0.17 * half)
     rear = pair(tail - 0.012, tail + 0.05, 0.68 * deck, 0.86 * deck, 0.20 * half)
-    trim = joined(
+    trim = join_shapes(
         [
             box((nose - 0.05, -0.45 * half, 0.55 * bumper), (nose + 0.012, 0.45 * half, 0.80 * bumper)),
             box((tail - 0.012, -0.8 * half, 0.36 * deck), (tail + 0.05, 0.8 * half, 0.50 * deck)),

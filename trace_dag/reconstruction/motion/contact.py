@@ -220,7 +220,7 @@ def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) ->
 
 
 @dataclass(frozen=True, eq=False)
-class Touching:
+class ContactPoints:
     """Contacts of pairs of rectangles, arrays of equal length n: the point, its direction on each body as in
     :func:`trace_dag.common.geometry.body_bearing_rad`, and whether there is one.
     """
@@ -232,7 +232,9 @@ class Touching:
     found: NDArray[np.bool_]
 
 
-def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size_2_m: tuple[float, float]) -> Touching:
+def find_contact_points(
+    state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size_2_m: tuple[float, float]
+) -> ContactPoints:
     """Find the contact of bodies that have just met: the mean of those corners of each that lie against the other.
 
     Args:
@@ -242,7 +244,7 @@ def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size
         size_2_m: as ``size_1_m``, of the second ones.
 
     >>> one, two = ((np.array([x]), np.zeros(1), np.zeros(1)) for x in (0.0, 4.0))  # head to tail, 4 m long
-    >>> touch = touching(one, (4.0, 2.0), two, (4.0, 2.0))
+    >>> touch = find_contact_points(one, (4.0, 2.0), two, (4.0, 2.0))
     >>> touch.x_m.tolist(), touch.y_m.tolist()
     ([2.0], [0.0])
     """
@@ -255,10 +257,10 @@ def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size
     x = (corners[..., 0] * weight).sum(axis=1) / count
     y = (corners[..., 1] * weight).sum(axis=1) / count
     bearing_1, bearing_2 = _bearing(x, y, state_1, size_1_m), _bearing(x, y, state_2, size_2_m)
-    return Touching(x, y, bearing_1, bearing_2, np.asarray(weight.any(axis=1)))
+    return ContactPoints(x, y, bearing_1, bearing_2, np.asarray(weight.any(axis=1)))
 
 
-def _touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> Touching:
+def _touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> ContactPoints:
     """Return the same of vehicles that may pull trailers: of each two that have just come to touch, where the parts do
     that are nearest to each other.
 
@@ -273,7 +275,7 @@ def _touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> Touching
     def of_nearest(values: list[FloatArray]) -> FloatArray:
         return np.asarray(np.choose(nearest, values))
 
-    return Touching(
+    return ContactPoints(
         of_nearest([touch.x_m for touch in found]),
         of_nearest([touch.y_m for touch in found]),
         of_nearest([touch.bearing_1_rad for touch in found]),
@@ -282,12 +284,12 @@ def _touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> Touching
     )
 
 
-def _touching_parts(one: Shape, two: Shape) -> Touching:
-    touch = touching(one.poses, one.size_m, two.poses, two.size_m)
+def _touching_parts(one: Shape, two: Shape) -> ContactPoints:
+    touch = find_contact_points(one.poses, one.size_m, two.poses, two.size_m)
     bearing_1, bearing_2 = (
         _bearing(touch.x_m, touch.y_m, part.middle, (part.middle_length_m, part.size_m[1])) for part in (one, two)
     )
-    return Touching(touch.x_m, touch.y_m, bearing_1, bearing_2, touch.found)
+    return ContactPoints(touch.x_m, touch.y_m, bearing_1, bearing_2, touch.found)
 
 
 def _corners(state: Poses, size_m: tuple[float, float]) -> FloatArray:

@@ -91,11 +91,11 @@ def gap_between(one: Approach, two: Approach) -> float:
     return one.path.project(pose.x_m, pose.y_m)[1]
 
 
-def left_of(one: Approach, two: Approach, side: Side) -> float:
+def measure_left_of(one: Approach, two: Approach, side: Side) -> float:
     """Return how far ``one`` is to the given side of ``two`` at the crash (metres).
 
     >>> one, two = (next(each for each in scene.through if each.name == name) for name in ("7:2>6:2", "7:1>6:1"))
-    >>> round(left_of(one, two, Side.RIGHT), 1)  # the next lane to the right
+    >>> round(measure_left_of(one, two, Side.RIGHT), 1)  # the next lane to the right
     3.5
     """
     gap = -gap_between(one, two)

@@ -25,7 +25,7 @@ from trace_dag.reconstruction.motion.path_pairs import (
     along,
     apart,
     gap_between,
-    left_of,
+    measure_left_of,
     speed_of,
     turning_approaches,
     ways,
@@ -107,9 +107,9 @@ def same_direction(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPai
             beside = [
                 approach
                 for approach in beside_them
-                if apart(approach, target) <= SAME_HEADING_RAD and 2.0 <= left_of(approach, target, side) <= 5.5
+                if apart(approach, target) <= SAME_HEADING_RAD and 2.0 <= measure_left_of(approach, target, side) <= 5.5
             ]
-            sources = [(approach, 0.0, left_of(approach, target, side)) for approach in beside]
+            sources = [(approach, 0.0, measure_left_of(approach, target, side)) for approach in beside]
             if not sources:
                 away = PASSING_OFFSET_M if side is Side.LEFT else -PASSING_OFFSET_M
                 moving_out = _moving_out(target, away, speed_of(mover, target).speed_mps)

@@ -23,7 +23,7 @@ from trace_dag.common.units import METRES_PER_FOOT, kmh_to_mps
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import NonMotorist
-from trace_dag.crash.zones import in_crosswalk
+from trace_dag.crash.zones import is_in_crosswalk
 from trace_dag.simulation.animals import animal_speed_mps
 
 OLD_YEARS: Final = 65
@@ -85,4 +85,4 @@ def usual_speed_mps(person: NonMotorist, gait: Gait) -> float:
         return _RUNNING_OLD_MPS if old else _RUNNING_MPS
     if gait is Gait.RIDING:
         return _RIDING_MPS if person.kind is PartyKind.CYCLIST else _ROLLING_MPS
-    return (_WALKING_OLD_MPS if old else _WALKING_MPS) * (1.0 if in_crosswalk(person) else _AWAY_FROM_CROSSWALK)
+    return (_WALKING_OLD_MPS if old else _WALKING_MPS) * (1.0 if is_in_crosswalk(person) else _AWAY_FROM_CROSSWALK)

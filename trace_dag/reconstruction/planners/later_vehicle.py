@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trace_dag.common.geometry import FloatArray, Poses, gaps_m
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.paths import Path
 from trace_dag.common.units import bearing_to_clock_h
 from trace_dag.crash.event_sequence import CrashEvent
-from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven
+from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, drive_along
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood
-from trace_dag.reconstruction.motion.contact import STANDING_MPS, touching
+from trace_dag.reconstruction.motion.contact import STANDING_MPS, find_contact_points
 from trace_dag.reconstruction.motion.manoeuvres import Option, keep_lane
 from trace_dag.reconstruction.motion.solver import Placed
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
@@ -141,7 +141,7 @@ def arrival_plans(search: Search, course: Course, contact: CrashEvent, newcomer:
         terms = {f"arrival of vehicle {newcomer}": round(arrival.score, 6)}
         yield Plan((*course.states, state), course.objects, arrival.name, arrival.score, terms, arrival.group)
     if not found:
-        ways = counted(len(search.scene.approaches), "way")
+        ways = count_of(len(search.scene.approaches), "way")
         yield f"on none of {ways} past the crash vehicle {newcomer} comes to touch vehicle {known} after that"
 
 
@@ -155,7 +155,7 @@ def _after_s(search: Search, course: Course) -> float:
 
 def _state(scene: Scene, arrival: Arrival) -> ParticipantState:
     after_s = max(AFTER_IMPACT_S, AFTER_IMPACT_M / max(arrival.profile.impact_mps, AFTER_IMPACT_M / LONGEST_WAIT_S))
-    state = driven(
+    state = drive_along(
         scene.network,
         arrival.who.vehicle,
         arrival.placed.option,
@@ -236,7 +236,7 @@ def _best(
     index = first[kept]
     bodies = tuple(each[kept, index] for each in newcomer)
     touch_s = time[index]
-    touch = touching((bodies[0], bodies[1], bodies[2]), size, target.at(touch_s), target.size_m)
+    touch = find_contact_points((bodies[0], bodies[1], bodies[2]), size, target.at(touch_s), target.size_m)
     score = impact_area_log_likelihood(contact.as_struck(who.vehicle.number), touch.bearing_1_rad)
     score = score + impact_area_log_likelihood(contact.as_struck(target.number), touch.bearing_2_rad)
     if standing:

@@ -24,7 +24,7 @@ from trace_dag.crash.crash_types import Side
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleRecord
 from trace_dag.crash.zones import Zone, zones_of_first_event
-from trace_dag.reconstruction.assemble import AFTER_IMPACT_S, driven
+from trace_dag.reconstruction.assemble import AFTER_IMPACT_S, drive_along
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood, place_log_likelihood
 from trace_dag.reconstruction.motion.contact import Contacts, Mover, first_contacts
 from trace_dag.reconstruction.motion.manoeuvres import Option, keep_lane, lateral_shift, steepest_slope
@@ -296,8 +296,8 @@ def _hypothesis(scene: Scene, contact: CrashEvent, plan: _Plan, parked: VehicleR
     common = {"lead_time_s": lead_s, "after_s": after_s}
     vehicle, network = plan.who.vehicle, scene.network
     states: Sequence[ParticipantState] = (
-        driven(network, vehicle, plan.drive, plan.path, plan.station_m, plan.speed, plan.profile, **common),
-        driven(
+        drive_along(network, vehicle, plan.drive, plan.path, plan.station_m, plan.speed, plan.profile, **common),
+        drive_along(
             network,
             parked,
             plan.stand.option,

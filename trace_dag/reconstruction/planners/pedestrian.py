@@ -16,7 +16,7 @@ import numpy as np
 
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.geometry import FloatArray, Pose
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import StateSettings
 from trace_dag.crash.animals import Pace, Species, StruckAnimal
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
@@ -48,12 +48,12 @@ _LONGEST_LEAD_S: Final = 12.0
 _LATER_S: Final = (0.0, 2.0, 4.0, 6.0, 8.0)  # a slower vehicle comes so much later, else it would be in the way
 
 
-def with_assumed_animal(sequence: EventSequence, settings: StateSettings) -> EventSequence:
+def assume_animal(sequence: EventSequence, settings: StateSettings) -> EventSequence:
     """Return the sequence with what the settings say of an animal.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> sequence = sequence_of(pedestrian_record)
-    >>> with_assumed_animal(sequence, StateSettings()) == sequence  # there is none
+    >>> assume_animal(sequence, StateSettings()) == sequence  # there is none
     True
     """
 
@@ -105,7 +105,7 @@ def strike_hypotheses(
         if kept == most:
             break
     if not found:
-        examined = f" in any of {counted(len(plans), 'plan')} examined" if plans else ""
+        examined = f" in any of {count_of(len(plans), 'plan')} examined" if plans else ""
         why = scene.no_way_that(f"leads the vehicle to whom it struck as reported{examined}")
         raise Rejection(Reason.NO_FEASIBLE_STATE, why, measured=len(plans))
     first_shown = None if shown is None else MANOEUVRES[shown]

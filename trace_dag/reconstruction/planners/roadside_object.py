@@ -21,7 +21,7 @@ from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.planners.way_after import STRIKES_MPS, Way, ways_on
 from trace_dag.reconstruction.scene.mapped_objects import nearest_of, things_of_kind
 from trace_dag.reconstruction.scene.object_ground import Struck, on_free_ground
-from trace_dag.reconstruction.scene.object_placement import as_mapped, placed
+from trace_dag.reconstruction.scene.object_placement import as_mapped, place_object
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MappedThing
 from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm
@@ -82,7 +82,9 @@ def _of_map(way: Way, event: CrashEvent, things: Sequence[MappedThing]) -> list[
     for k, thing in _mapped(way, event.code, things):
         if way.left_to(event.side, k):
             _, runs_rad = nearest_of(thing, way.poses[k].xy_m)
-            item, at_xy_m = placed(event.vehicle, event, way.poses[k], way.slip_rad(k), runs_rad or way.runs_rad(k))
+            item, at_xy_m = place_object(
+                event.vehicle, event, way.poses[k], way.slip_rad(k), runs_rad or way.runs_rad(k)
+            )
             found.append((as_mapped(item, thing), at_xy_m))
     return found
 
@@ -114,7 +116,7 @@ def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[
         for length_m in (math.inf, _SHORT_M) if line else (math.inf,):
             seen = replace(event, area=areas[k])
             pose, slip_rad = way.poses[k], way.slip_rad(k)
-            item, at_xy_m = placed(event.vehicle, seen, pose, slip_rad, way.runs_rad(k), straight_m=length_m)
+            item, at_xy_m = place_object(event.vehicle, seen, pose, slip_rad, way.runs_rad(k), straight_m=length_m)
             stands = on_free_ground(item, at_xy_m, way.network, struck)
             if stands is not None:
                 yield stands, at_xy_m

@@ -23,7 +23,7 @@ from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass
 from trace_dag.crash.road_departure import Departure
-from trace_dag.reconstruction.assemble import driven
+from trace_dag.reconstruction.assemble import drive_along
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.default_simulation import DEFAULTS
 from trace_dag.reconstruction.motion.manoeuvres import Option
@@ -31,11 +31,11 @@ from trace_dag.reconstruction.motion.speeds import TravelSpeed
 from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of
 from trace_dag.reconstruction.planners.run_off_road.path import (
     SIGN,
+    add_skid,
     edge_near,
     lane_path,
     path_aside,
     skid_profile,
-    skidding,
     slope_of,
 )
 from trace_dag.reconstruction.planners.way_after import STRIKES_MPS, ways_on
@@ -188,8 +188,8 @@ def _hypothesis(scene: Scene, way: _Way, station_m: float, lead_s: float) -> tup
         slope = slope_of(off_m, way.lateral_mps2, profile.impact_mps)
         path, at_m = path_aside(way.base, at_m, sign * off_m, slope, way.lateral_mps2, profile.impact_mps)
         option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
-    state = driven(scene.network, vehicle, option, path, at_m, way.speed, profile, lead_time_s=lead_s, after_s=0.0)
-    state = skidding(state, way.slip_rad, lead_s)
+    state = drive_along(scene.network, vehicle, option, path, at_m, way.speed, profile, lead_time_s=lead_s, after_s=0.0)
+    state = add_skid(state, way.slip_rad, lead_s)
     if not way.slip_rad:
         state = replace(state, skids_from_s=round(lead_s, 6))
     if way.tripped:

@@ -15,7 +15,7 @@ import numpy as np
 from trace_dag.common.geometry import Pose
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist, VehicleRecord
-from trace_dag.reconstruction.assemble import driven_still
+from trace_dag.reconstruction.assemble import stand_still
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.motion.contact_points import contact_points_of
 from trace_dag.reconstruction.planners.pedestrian_impact.hypothesis import standing_person
@@ -62,7 +62,7 @@ def _stood(search: Search, way: Way, event: CrashEvent) -> Iterator[ParticipantS
             continue
         other = event.partner if own is not None else event.vehicle
         assert isinstance(other, VehicleRecord)
-        yield driven_still(search.scene.network, other, _parked_pose(way, k, event.as_struck(other.number), touched))
+        yield stand_still(search.scene.network, other, _parked_pose(way, k, event.as_struck(other.number), touched))
 
 
 def _parked_pose(way: Way, k: int, parked: VehicleRecord, touched: np.ndarray) -> Pose:

@@ -27,7 +27,7 @@ from trace_dag.reconstruction.planners.run_off_road.path import SIGN
 from trace_dag.roads.map.areas import Area
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import roadside_at
-from trace_dag.simulation.leaving_road import left_road_after_contact
+from trace_dag.simulation.leaving_road import find_departure_after_contact
 from trace_dag.simulation.states import LossOfControl
 from trace_dag.simulation.types import PULSE_S, Body, SimulationLog, VehicleLog
 
@@ -189,7 +189,7 @@ class Way:
     def sides(self, k: int) -> tuple[DepartureSide, ...]:
         """Return the side on which the vehicle left the road by a step."""
         until_s = float(self.driven.time_s[self.steps[k]])
-        return left_road_after_contact(self.network, self.log, self.driven.number, until_s)
+        return find_departure_after_contact(self.network, self.log, self.driven.number, until_s)
 
     def why_not(self, side: DepartureSide | None) -> str:
         """Return the reason why an object has no place on the way, as a sentence with the measured value."""

@@ -233,14 +233,14 @@ def _intervals(best: SimulationLog, contacts: Sequence[SampledContact]) -> Itera
 def _interval(
     quantity: str, unit: str, party: int | None, best: float, values: Iterable[tuple[float, float]]
 ) -> Interval:
-    low, middle, high = weighted_quantiles(list(values), (LOW, 0.5, HIGH))
+    low, middle, high = compute_weighted_quantiles(list(values), (LOW, 0.5, HIGH))
     return Interval(quantity, unit, party, *(round(value, 3) for value in (best, low, middle, high)))
 
 
-def weighted_quantiles(values: Sequence[tuple[float, float]], shares: Sequence[float]) -> list[float]:
+def compute_weighted_quantiles(values: Sequence[tuple[float, float]], shares: Sequence[float]) -> list[float]:
     """Return quantiles of values with weights; each value stands in the middle of its weight.
 
-    >>> weighted_quantiles([(30.0, 1.0), (10.0, 2.0), (20.0, 1.0)], (0.25, 0.625, 0.9))
+    >>> compute_weighted_quantiles([(30.0, 1.0), (10.0, 2.0), (20.0, 1.0)], (0.25, 0.625, 0.9))
     [10.0, 20.0, 30.0]
     """
     ordered = np.array(sorted(values))

@@ -98,10 +98,10 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
     ``side_sign`` is 1 to the left of the path and -1 to the right.
 
     >>> from dataclasses import replace
-    >>> from trace_dag.reconstruction.planners.run_off_road.path import turned_by
+    >>> from trace_dag.reconstruction.planners.run_off_road.path import rotate_pose
     >>> path = way_past_the_tree.path()
     >>> here = path.pose(path.project(*tree_scene.place_xy_m)[0])
-    >>> x_m, y_m = here.xy_m + 4.0 * turned_by(here, -math.pi / 2).forward  # 4 m to its right
+    >>> x_m, y_m = here.xy_m + 4.0 * rotate_pose(here, -math.pi / 2).forward  # 4 m to its right
     >>> mapped = replace(tree_scene, things=(MappedThing("n1", "natural=tree", ((x_m, y_m),)),))
     >>> float(round(mapped_object(mapped, path, 42, -1.0).off_m, 3))  # SOE 42: a standing tree
     4.0

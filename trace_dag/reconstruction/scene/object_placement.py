@@ -14,7 +14,7 @@ from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass, VehicleRecord
 from trace_dag.crash.road_departure import Departure
 from trace_dag.reconstruction.motion.contact_points import ContactPoint, contact_points_of
-from trace_dag.reconstruction.planners.run_off_road.path import GOES_ON_M, turned_by
+from trace_dag.reconstruction.planners.run_off_road.path import GOES_ON_M, rotate_pose
 from trace_dag.reconstruction.planners.run_off_road.priors import LeavingCourse
 from trace_dag.roads.report import MappedThing
 from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm, PlacedBy, Resistance
@@ -55,12 +55,12 @@ def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
     return replace(item, pose=pose, placed_by=PlacedBy.OPENSTREETMAP, osm_id=thing.osm_id)
 
 
-def touching(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float, outward_rad: float) -> ContactPoint:
+def find_touch_point(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float, outward_rad: float) -> ContactPoint:
     """Return the point of the vehicle that an object touches: for a compact one the spot of the area of impact, for one
     along the edge the foremost corner towards ``outward_rad`` (in the vehicle's axes).
 
     >>> car = tree_record.vehicles[0]
-    >>> touching(car, replace(departure.objects[0], area=None), 0.0, 0.0).ahead_m  # half its length
+    >>> find_touch_point(car, replace(departure.objects[0], area=None), 0.0, 0.0).ahead_m  # half its length
     2.425
     """
     half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
@@ -101,9 +101,9 @@ def objects_along(
             beyond_m += farther_m
         if on_m > GOES_ON_M:
             break
-        pose = turned_by(path.pose(station_m + on_m), course.slip_rad)
+        pose = rotate_pose(path.pose(station_m + on_m), course.slip_rad)
         straight_m = _straight_m(path, pose)
-        item, contact = placed(departure.vehicle, struck, pose, course.slip_rad, along_rad, straight_m=straight_m)
+        item, contact = place_object(departure.vehicle, struck, pose, course.slip_rad, along_rad, straight_m=straight_m)
         objects.append(item)
         planned.append((on_m / impact_mps, contact))
         if not _passes(departure, item):
@@ -118,7 +118,7 @@ def _passes(departure: Departure, item: FixedObject) -> bool:
     return item.resistance is Resistance.DRIVEN_OVER or (item.energy_j is not None and item.energy_j <= _BREAKS_J)
 
 
-def placed(
+def place_object(
     vehicle: VehicleRecord,
     struck: CrashEvent,
     pose: Pose,
@@ -134,7 +134,7 @@ def placed(
     the vehicle's heading less its course.
 
     >>> at_origin = Pose(0.0, 0.0, 0.0)  # heading east
-    >>> item, touched = placed(departure.vehicle, departure.objects[0], at_origin, 0.0, 0.0)
+    >>> item, touched = place_object(departure.vehicle, departure.objects[0], at_origin, 0.0, 0.0)
     >>> touched, item.pose.x_m  # at the middle of the front of a car of 4.85 m; the trunk is 0.4 m thick
     ((2.425, 0.0), 2.625)
     """
@@ -144,12 +144,12 @@ def placed(
         heading = along_rad if math.cos(along_rad - course_rad) >= 0 else along_rad + math.pi
         length_m = min(kind.length_m, straight_m)
         outward = heading + math.copysign(math.pi / 2, math.sin(course_rad - heading))
-        point = touching(vehicle, struck, slip_rad, outward - pose.heading_rad)
+        point = find_touch_point(vehicle, struck, slip_rad, outward - pose.heading_rad)
         depth_m = kind.width_m / 2
         on_m = 0.0 if abs(math.sin(course_rad - heading)) > _CROSSES else _FARTHER_ON * length_m
     else:
         heading, length_m, on_m = pose.heading_rad, kind.length_m, 0.0
-        point = touching(vehicle, struck, slip_rad, 0.0)
+        point = find_touch_point(vehicle, struck, slip_rad, 0.0)
         depth_m = (kind.length_m if abs(point.normal[0]) > abs(point.normal[1]) else kind.width_m) / 2
     contact = pose.to_world(np.array([point.ahead_m, point.left_m]))
     normal = pose.to_world(np.array(point.normal)) - pose.xy_m

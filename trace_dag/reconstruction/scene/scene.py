@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.reconstruction.scene.approach_finder import ApproachFinder
 from trace_dag.reconstruction.scene.approaches import Approach
@@ -68,7 +68,7 @@ class Scene:
         """Return the sentence that no way past the crash does something, such as "leads off the road"."""
         if not self.approaches:
             return "no lane of the map passes the crash"
-        return f"{counted(len(self.approaches), 'way')} past the crash, none of which {does}"
+        return f"{count_of(len(self.approaches), 'way')} past the crash, none of which {does}"
 
     def on_road(self, wanted: list[Approach]) -> list[Approach]:
         """Return streams that pass within a lane or two of the crash, else the nearest ones."""

@@ -81,7 +81,7 @@ def _is_same_street(a: Arm, b: Arm) -> bool:
 def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
     """Return all crossings of a network.
 
-    Kinds of junctions that :func:`with_kinds` has set are used.
+    Kinds of junctions that :func:`add_kinds` has set are used.
 
     >>> junction_id = map_report.placement.junction_id
     >>> at_crash = next(each for each in find_crossings(network) if junction_id in each.junction_ids)
@@ -91,13 +91,13 @@ def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
     return tuple(_with_stored_kind(network, crossing) for crossing in _find(network, frozenset()))
 
 
-def with_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
+def add_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
     """Return the network with each junction's ``kind`` set to that of its crossing, also if that is not an
     intersection.
 
     The extract says what the network does not: which ways are roundabouts and which are private.
 
-    >>> sorted({junction.kind for junction in with_kinds(network, extract).junctions})
+    >>> sorted({junction.kind for junction in add_kinds(network, extract).junctions})
     ['four_way', 'not_an_intersection', 't']
     """
     on_roundabout = {

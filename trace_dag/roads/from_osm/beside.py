@@ -41,7 +41,7 @@ _HAIR_M: Final = 0.1
 _TO_JUNCTION_M: Final = 8.0  # a strip that ends this near to a junction goes on to it
 
 
-def with_lanes_beside(
+def add_lanes_beside(
     roads: Sequence[Road],
     extract: OsmExtract,
     graph: StreetGraph,

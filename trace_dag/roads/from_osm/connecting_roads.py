@@ -21,10 +21,10 @@ from trace_dag.roads.map.curves import (
     PlanView,
     connect,
     cut_plan,
+    drop_slivers,
     join_plans,
     plan_pose,
     reverse_plan,
-    without_slivers,
 )
 from trace_dag.roads.map.model import (
     Connection,
@@ -250,7 +250,7 @@ def _drop_repeats(points: Sequence[tuple[float, float]]) -> list[tuple[float, fl
 
 def _road(link: _Link, road_id: str, junction_id: str) -> Road:
     movement = link.movement
-    plan = without_slivers(link.plan)
+    plan = drop_slivers(link.plan)
     length = plan.length_m
     origin, target = movement.origin, movement.target
     lanes: list[Lane] = [Lane(0, LaneType.NONE, (), mark=UNMARKED)]

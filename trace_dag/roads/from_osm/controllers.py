@@ -35,10 +35,10 @@ class _Approach:
     street: str
 
 
-def with_controllers(network: RoadNetwork) -> RoadNetwork:
+def add_controllers(network: RoadNetwork) -> RoadNetwork:
     """Return the network with a controller for each group of lights, named by the junctions they stand at.
 
-    >>> sorted({controller.name for controller in with_controllers(network).controllers})
+    >>> sorted({controller.name for controller in add_controllers(network).controllers})
     ['Cedar Street', 'Elder Street', 'Main Street']
     """
     approaches: dict[str, list[_Approach]] = defaultdict(list)

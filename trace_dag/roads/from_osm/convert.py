@@ -24,18 +24,18 @@ import shapely
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.geometry import LocalFrame
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
 from trace_dag.roads.from_osm.arm_cuts import end_profile
-from trace_dag.roads.from_osm.beside import with_lanes_beside
+from trace_dag.roads.from_osm.beside import add_lanes_beside
 from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.connecting_roads import build_connections
-from trace_dag.roads.from_osm.controllers import with_controllers
+from trace_dag.roads.from_osm.controllers import add_controllers
 from trace_dag.roads.from_osm.converter import MapLimits, WayHints
-from trace_dag.roads.from_osm.corners import with_lanes_through_junctions
-from trace_dag.roads.from_osm.crosswalks import with_crosswalks
+from trace_dag.roads.from_osm.corners import add_lanes_through_junctions
+from trace_dag.roads.from_osm.crosswalks import add_crosswalks
 from trace_dag.roads.from_osm.elevation import elevate
 from trace_dag.roads.from_osm.junction_areas import JunctionArea, Layout, lay_out
 from trace_dag.roads.from_osm.movements import (
@@ -51,7 +51,7 @@ from trace_dag.roads.from_osm.signs import place_signs
 from trace_dag.roads.from_osm.street_graph import Street, build_street_graph
 from trace_dag.roads.from_osm.street_roads import StreetRoads, build_street_roads
 from trace_dag.roads.from_osm.tags import CrossSection, WayProfile, read_profile
-from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, without_tight_bends
+from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, widen_tight_bends
 from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_plan
 from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork
@@ -107,7 +107,7 @@ def convert(
     if not streets:
         raise Rejection(
             Reason.MAP_DISTORTED,
-            f"no road can be built from the extract: {counted(len(extract.ways), 'way')}, none of them drivable with "
+            f"no road can be built from the extract: {count_of(len(extract.ways), 'way')}, none of them drivable with "
             "two nodes at different places",
             measured=0.0,
             threshold=1.0,
@@ -162,14 +162,14 @@ def convert(
         converter=CONVERTER,
         attribution=extract.attribution,
     )
-    network = with_controllers(network)
+    network = add_controllers(network)
     if settings.elevation:
         network = elevate(network, extract)
     # Last, so that no lane for traffic depends on what is mapped for people.
     carriageways = Carriageways(network.roads)
-    roads_out = with_lanes_beside(network.roads, extract, graph, plans, built, carriageways)
-    network = replace(network, roads=with_crosswalks(roads_out, extract, graph, plans, built))
-    return with_lanes_through_junctions(network, carriageways, new_id)
+    roads_out = add_lanes_beside(network.roads, extract, graph, plans, built, carriageways)
+    network = replace(network, roads=add_crosswalks(roads_out, extract, graph, plans, built))
+    return add_lanes_through_junctions(network, carriageways, new_id)
 
 
 def _plan(street: Street) -> PlanView:
@@ -178,14 +178,14 @@ def _plan(street: Street) -> PlanView:
     """
     wanted, needed = zip(*(radii for span in street.spans for radii in _radii(span.profile.section)), strict=True)
     plan = fit_plan(street.points, max(wanted))
-    wide = without_tight_bends(plan, max(needed))
+    wide = widen_tight_bends(plan, max(needed))
     if wide is not plan and any(road_class(span.profile.highway).public for span in street.spans):
         missed_m = shapely.distance(
             shapely.linestrings([plan_pose(wide, s_m)[:2] for s_m in np.arange(0.0, wide.length_m + 1.0, 1.0)]),
             shapely.points(shapely.get_coordinates(shapely.segmentize(shapely.linestrings(street.points), 1.0))),
         )
         wide = wide if missed_m.max() <= _FARTHEST_M else plan
-    return without_tight_bends(wide, CORNER_RADIUS_M)
+    return widen_tight_bends(wide, CORNER_RADIUS_M)
 
 
 def _radii(section: CrossSection) -> Iterator[tuple[float, float]]:

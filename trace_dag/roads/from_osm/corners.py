@@ -20,7 +20,7 @@ from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.marks import NOT_CROSSED
 from trace_dag.roads.from_osm.turn_curves import tightest_radius_m, turn_of_radius
 from trace_dag.roads.map.cubic_profile import CubicProfile
-from trace_dag.roads.map.curves import PlanPose, PlanView, connect, element_pose, plan_pose, without_slivers
+from trace_dag.roads.map.curves import PlanPose, PlanView, connect, drop_slivers, element_pose, plan_pose
 from trace_dag.roads.map.model import (
     Connection,
     ContactPoint,
@@ -71,12 +71,12 @@ class _Path(NamedTuple):
     plan: PlanView
 
 
-def with_lanes_through_junctions(
+def add_lanes_through_junctions(
     network: RoadNetwork, carriageways: Carriageways, new_road_id: Callable[[], str]
 ) -> RoadNetwork:
     """Return the network with a road for every sidewalk and cycle lane that goes on through a junction.
 
-    >>> led_on = with_lanes_through_junctions(network, Carriageways(network.roads), lambda: "")
+    >>> led_on = add_lanes_through_junctions(network, Carriageways(network.roads), lambda: "")
     >>> len(led_on.roads) - len(network.roads)  # at no junction here do two streets with sidewalks meet
     0
     """
@@ -226,7 +226,7 @@ def _clear_of_traffic(paths: Mapping[str, Sequence[_Path]], carriageways: Carria
 
 # --- their roads -----------------------------------------------------------------------------------------------------
 def _road(path: _Path, road_id: str, junction_id: str) -> Road:
-    plan = without_slivers(path.plan)
+    plan = drop_slivers(path.plan)
     length_m = plan.length_m
     origin, target = path.origin, path.target
     rise = hermite(length_m, origin.height_m, target.height_m, origin.grade, -target.grade)

@@ -45,7 +45,7 @@ class _Crossing:
     tags: dict[str, str] = field(default_factory=dict)
 
 
-def with_crosswalks(
+def add_crosswalks(
     roads: Sequence[Road],
     extract: OsmExtract,
     graph: StreetGraph,
@@ -56,7 +56,7 @@ def with_crosswalks(
 
     ``built`` has the roads of each street as they were before heights and links.
 
-    >>> roads = with_crosswalks(bare_roads, extract, street_graph, plans, street_roads)
+    >>> roads = add_crosswalks(bare_roads, extract, street_graph, plans, street_roads)
     >>> [len(road.crosswalks) for road in roads if road.crosswalks]
     [1]
     """

@@ -28,11 +28,11 @@ _OTHER: Final = {"left": "right", "right": "left", "increase": "decrease", "decr
 _PLACEMENT: Final = re.compile(r"(left|middle|right)_of:(\d+)")
 
 
-def mirrored_extract(extract: OsmExtract, frame: LocalFrame) -> OsmExtract:
+def mirror_extract(extract: OsmExtract, frame: LocalFrame) -> OsmExtract:
     """Return the extract in a mirror along the meridian of the frame's origin.
 
-    >>> there = mirrored_extract(extract, network.frame)
-    >>> mirrored_extract(there, network.frame).ways == extract.ways
+    >>> there = mirror_extract(extract, network.frame)
+    >>> mirror_extract(there, network.frame).ways == extract.ways
     True
     """
     axis_deg, box = 2 * frame.longitude_deg, extract.box
@@ -44,14 +44,14 @@ def mirrored_extract(extract: OsmExtract, frame: LocalFrame) -> OsmExtract:
         extract,
         box=BoundingBox(box.south_deg, axis_deg - box.east_deg, box.north_deg, axis_deg - box.west_deg),
         nodes={node_id: mirrored(node) for node_id, node in extract.nodes.items()},
-        ways=tuple(way._replace(tags=mirrored_tags(way.tags)) for way in extract.ways),
+        ways=tuple(way._replace(tags=mirror_tags(way.tags)) for way in extract.ways),
     )
 
 
-def mirrored_tags(tags: Mapping[str, str]) -> dict[str, str]:
+def mirror_tags(tags: Mapping[str, str]) -> dict[str, str]:
     """Return tags of a way with left and right in each other's place.
 
-    >>> mirrored_tags({"turn:lanes": "left|through|", "parking:left": "lane", "name": "Left Fork"})
+    >>> mirror_tags({"turn:lanes": "left|through|", "parking:left": "lane", "name": "Left Fork"})
     {'turn:lanes': '|through|right', 'parking:right': 'lane', 'name': 'Left Fork'}
     """
     turned: dict[str, str] = {}
@@ -71,10 +71,10 @@ def mirrored_tags(tags: Mapping[str, str]) -> dict[str, str]:
     return turned
 
 
-def mirrored_network(network: RoadNetwork) -> RoadNetwork:
+def mirror_network(network: RoadNetwork) -> RoadNetwork:
     """Return the network of a mirrored place in its true one, with traffic on the left.
 
-    >>> first = mirrored_network(network).roads[0]
+    >>> first = mirror_network(network).roads[0]
     >>> first.left_hand, first.plan[0].x_m == -network.roads[0].plan[0].x_m
     (True, True)
     """

@@ -10,7 +10,7 @@ from typing import Final
 
 from trace_dag.roads.from_osm.lanes import EndLane, SectionLanes, Stretch, build_sections
 from trace_dag.roads.from_osm.street_graph import Street
-from trace_dag.roads.map.curves import PlanView, cut_plan, without_slivers
+from trace_dag.roads.map.curves import PlanView, cut_plan, drop_slivers
 from trace_dag.roads.map.model import Cubic, Road
 
 INFERRED_NAME: Final = "Driveway inferred from the crash report"
@@ -194,7 +194,7 @@ def _ways_between(street: Street, plan: PlanView, begin_m: float, end_m: float) 
 
 def _road(road_id: str, plan: PlanView, sections: list[SectionLanes], way_ids: tuple[int, ...]) -> Road:
     begin, end = sections[0].stretch.begin_m, sections[-1].stretch.end_m
-    line = without_slivers(cut_plan(plan, begin, end))
+    line = drop_slivers(cut_plan(plan, begin, end))
     profile = sections[0].stretch.profile
     offsets: list[Cubic] = []
     for section in sections:

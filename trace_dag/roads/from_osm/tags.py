@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmWay
 from trace_dag.roads.from_osm.beside_tags import read_beside
@@ -281,7 +281,7 @@ def _lane_width_m(
     each_m = (total_m - taken_m) / untold
     least_m = _NARROWEST_M if row.public and reading.tagged and not reading.shared else _NARROWEST_TRACK_M
     if each_m < least_m:
-        notes.append(f"width={total_m:.4g} m, too narrow for {counted(len(lanes), 'lane')}")
+        notes.append(f"width={total_m:.4g} m, too narrow for {count_of(len(lanes), 'lane')}")
         return usual_m
     return min(each_m, _WIDEST_M)
 

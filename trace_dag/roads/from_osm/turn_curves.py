@@ -84,14 +84,14 @@ def turn_of_radius(start: PlanPose, end: PlanPose, radius_m: float) -> PlanView 
     return _shortest(start, end, radius_m, _MOST_BACK_RAD)
 
 
-def without_tight_bends(plan: PlanView, radius_m: float) -> PlanView:
+def widen_tight_bends(plan: PlanView, radius_m: float) -> PlanView:
     """Return the same line with a wider bend in place of each arc tighter than ``radius_m``, as near to it as there is
     room.
 
     It begins and ends as before. An arc without room for a wider one stays.
 
     >>> tight = connect(PlanPose(0.0, 0.0, 0.0), PlanPose(20.0, 0.6, math.pi / 2))
-    >>> round(tightest_radius_m(tight), 6), round(tightest_radius_m(without_tight_bends(tight, 2.0)), 6)
+    >>> round(tightest_radius_m(tight), 6), round(tightest_radius_m(widen_tight_bends(tight, 2.0)), 6)
     (0.6, 2.0)
     """
     begin_m = 0.0

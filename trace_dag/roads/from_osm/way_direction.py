@@ -44,7 +44,7 @@ def _along(way: OsmWay, when: datetime | None) -> OsmWay:
         tags = {**way.tags, "oneway": decided or "yes", REVERSIBLE_TAG: "by the hour" if decided else "unknown"}
         return _along(way._replace(tags=tags), when)
     if oneway in _AGAINST:
-        return OsmWay(way.id, way.node_ids[::-1], {**reversed_tags(way.tags), "oneway": "yes"})
+        return OsmWay(way.id, way.node_ids[::-1], {**reverse_tags(way.tags), "oneway": "yes"})
     return way
 
 
@@ -62,7 +62,7 @@ def _at_the_time(conditional: str, when: datetime | None) -> str | None:
     return decided
 
 
-def reversed_tags(tags: Mapping[str, str]) -> dict[str, str]:
+def reverse_tags(tags: Mapping[str, str]) -> dict[str, str]:
     """Return tags of a way seen from its other end.
 
     Lists of one entry a lane that have a direction go from left to right as its drivers see them and stay so; those

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from trace_dag.common.geometry import arc_lengths
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, read_profile
 from trace_dag.roads.gates.axes import SAMPLE_M, distances_to_axes
@@ -254,7 +254,7 @@ class MapComparison:
             tagged = sum(lane.type.drivable for lane in (*profile.section.left, *profile.section.forward))
             count = _lane_count(road, road.length_m / 2)
             if count != tagged:
-                lanes = counted(count, "lane")
+                lanes = count_of(count, "lane")
                 differing[road.id] = f"road {road.id} has {lanes}, way {road.osm_way_ids[0]} is tagged {tagged}"
         return compared, differing
 

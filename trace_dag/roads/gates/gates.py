@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.common.errors import Reason, Rejection
-from trace_dag.common.messages.wording import counted
+from trace_dag.common.messages.wording import count_of
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates import measures
 from trace_dag.roads.gates.against_osm import MapComparison
@@ -111,7 +111,7 @@ def _stored(network: RoadNetwork, stored: RoadNetwork, limits: MapLimits) -> Map
     name, unit = "stored_difference", "m"
     before, after = network.lanes(), stored.lanes()
     if set(before) != set(after):
-        differing = counted(len(set(before) ^ set(after)), "lane")
+        differing = count_of(len(set(before) ^ set(after)), "lane")
         return MapGate(name, None, limits.stored_difference_m, unit, False, f"{differing} not in both")
     here, there = ([road_map.geometry(ref) for ref in before] for road_map in (network, stored))
     apart_m = sample_at(here, lane_ends(here))[:, :3] - sample_at(there, lane_ends(there))[:, :3]
@@ -173,7 +173,7 @@ def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
         where = f"road {source.road_id} lane {source.lane_id} to road {target.road_id} lane {target.lane_id}"
         roads = (source.road_id, target.road_id)
         yield _at_most(name, size[worst], limit, unit, f"{len(gaps)} links, worst {where}", roads)
-    stranded = measures.stranded_lanes(stored)
+    stranded = measures.find_stranded_lanes(stored)
     detail = "; ".join(stranded[:_SHOWN])
     yield MapGate("lanes_leading_nowhere", len(stranded), None, "lanes", None if stranded else True, detail)
 
@@ -219,13 +219,13 @@ def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
     geographic, places = comparison.geodesic_anchors(_ANCHORS)
     name, unit = "geodesic_distances", "m"
     if len(places) < _LEAST_ANCHORS:
-        detail = f"{counted(len(places), 'place')} far enough apart, {_LEAST_ANCHORS} needed"
+        detail = f"{count_of(len(places), 'place')} far enough apart, {_LEAST_ANCHORS} needed"
         return MapGate(name, None, limits.geodesic_m, unit, None, detail)
     first, second = np.triu_indices(len(places), 1)
     on_map = np.hypot(*(places[first] - places[second]).T)
     on_earth = _geodesic_m(Geod(ellps="WGS84"), geographic[first], geographic[second])
     spread = float(on_map.max())
-    detail = f"{counted(len(first), 'distance')} between {counted(len(places), 'place')} up to {spread:.0f} m apart"
+    detail = f"{count_of(len(first), 'distance')} between {count_of(len(places), 'place')} up to {spread:.0f} m apart"
     return _at_most(name, float(np.abs(on_map - on_earth).max()), limits.geodesic_m, unit, detail)
 
 

@@ -147,12 +147,12 @@ def one_sided_links(network: RoadNetwork) -> dict[LaneRef, str]:
     return found
 
 
-def stranded_lanes(network: RoadNetwork) -> list[str]:
+def find_stranded_lanes(network: RoadNetwork) -> list[str]:
     """Return the full-width lanes that end at a junction or another road without any movement into it.
 
     Bidirectional lanes and lanes that have closed (narrower than 1 m) end anywhere.
 
-    >>> stranded_lanes(network)
+    >>> find_stranded_lanes(network)
     []
     """
     found = []

@@ -74,7 +74,7 @@ def check_in_scope(
             road = network.road_by_id[road_id]
             left_out.append(LeftOutRoad(road_id, road.name, road.osm_way_ids, f"{failed.name}: {failed.detail}"))
         if bad:
-            network = without_roads(network, bad)
+            network = drop_roads(network, bad)
 
 
 def _is_far(way: OsmWay, network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement) -> bool:
@@ -156,11 +156,11 @@ def _station_m(network: RoadNetwork, road_id: str, placement: CrashPlacement) ->
     return network.road_geometry(road_id).line.project(placement.x_m, placement.y_m)[0]
 
 
-def without_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwork:
+def drop_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwork:
     """Return the network without some roads, the connecting roads from and to them, and all links to any of these.
 
     >>> corner = next(road for road in network.roads if road.junction_id is not None)
-    >>> len(network.roads) - len(without_roads(network, [corner.id]).roads)
+    >>> len(network.roads) - len(drop_roads(network, [corner.id]).roads)
     1
     """
     gone = set(road_ids)

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from trace_dag.roads.map.lane_geometry import sample_lanes
-from trace_dag.roads.map.lane_index import polygon, united
+from trace_dag.roads.map.lane_index import polygon, unite_areas
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -59,7 +59,7 @@ class LaneAreas:
         edge = _wider(box, reach_m) if cut else None
         kept = (tuple(ref for ref, _ in known), edge)
         if kept not in self._areas:
-            area = united(surfaces, within=edge)
+            area = unite_areas(surfaces, within=edge)
             shapely.prepare(area)
             self._areas[kept] = area
         return self._areas[kept]

@@ -197,7 +197,7 @@ def _arc_to(start: PlanPose, x_m: float, y_m: float) -> tuple[PlanPose, float, f
     return start, chord * angle / math.sin(angle), 2 * math.sin(angle) / chord
 
 
-def without_slivers(plan: PlanView) -> PlanView:
+def drop_slivers(plan: PlanView) -> PlanView:
     """Return the same line with a smooth curve of about a metre in place of every element shorter than a centimetre.
 
     It begins, ends and turns as before and runs within a few millimetres of where it did. A reader that samples a line

@@ -99,14 +99,14 @@ def polygon(geometry: LaneGeometry) -> shapely.Polygon:
     return shapely.Polygon(np.concatenate([left, right[::-1]])[:, :2])
 
 
-def united(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) -> shapely.MultiPolygon:
+def unite_areas(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) -> shapely.MultiPolygon:
     """Unite surfaces of lanes without slivers between them; they may cross themselves.
 
     Only areas ``within`` a box (west, south, east, north; m) count, if one is given.
 
-    >>> united([shapely.box(0.0, 0.0, 5.0, 3.5), shapely.box(0.0, 3.51, 5.0, 7.0)]).area  # 1 cm apart
+    >>> unite_areas([shapely.box(0.0, 0.0, 5.0, 3.5), shapely.box(0.0, 3.51, 5.0, 7.0)]).area  # 1 cm apart
     35.0
-    >>> united([shapely.box(0.0, 0.0, 5.0, 3.5)], within=(0.0, 0.0, 2.0, 9.0)).area
+    >>> unite_areas([shapely.box(0.0, 0.0, 5.0, 3.5)], within=(0.0, 0.0, 2.0, 9.0)).area
     7.0
     """
     made = shapely.make_valid(np.array(list(surfaces), dtype=object))

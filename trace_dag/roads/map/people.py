@@ -57,13 +57,13 @@ def crosswalks_near(network: RoadNetwork, x_m: float, y_m: float, max_distance_m
     return [place for distance_m, _, place in sorted(found, key=lambda row: row[:2]) if distance_m <= max_distance_m]
 
 
-def unmarked_crosswalks_near(
+def find_unmarked_crosswalks(
     network: RoadNetwork, x_m: float, y_m: float, max_distance_m: float
 ) -> list[shapely.Polygon]:
     """Return crossings without a drawn crosswalk, within a distance of a point: across the end of each road that meets
     a junction (Uniform Vehicle Code, section 1-118), a polygon per lane, metres.
 
-    >>> across = unmarked_crosswalks_near(network, 0.0, 0.0, 30.0)
+    >>> across = find_unmarked_crosswalks(network, 0.0, 0.0, 30.0)
     >>> bool(across) and all(shape.area < 15.0 for shape in across)  # 3 m of lanes of 3.5 m or little more
     True
     """

@@ -17,7 +17,14 @@ from trace_dag.common.paths import LateralShift, Path, shifted, straight
 from trace_dag.common.units import GRAVITY_MPS2, bearing_to_clock_h
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist, VehicleClass
-from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven, lane_under, pose_of, rounded
+from trace_dag.reconstruction.assemble import (
+    AFTER_IMPACT_M,
+    AFTER_IMPACT_S,
+    drive_along,
+    lane_under,
+    pose_of,
+    round_trajectory,
+)
 from trace_dag.reconstruction.motion.contact import Shape, shape_gaps_m, shapes
 from trace_dag.reconstruction.motion.manoeuvres import Option, steepest_slope
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
@@ -151,7 +158,9 @@ def _driven(
     vehicle = who.vehicle
     drives_on = bool(vehicle.hit_and_run)
     after_s = _HIT_AND_RUN_AFTER_S if drives_on else max(AFTER_IMPACT_S, AFTER_IMPACT_M / max(profile.impact_mps, 2.5))
-    state = driven(scene.network, vehicle, option, path, station_m, speed, profile, lead_time_s=lead_s, after_s=after_s)
+    state = drive_along(
+        scene.network, vehicle, option, path, station_m, speed, profile, lead_time_s=lead_s, after_s=after_s
+    )
     clock_h = None
     if plan is not None:
         middle, length_m, width_m = vehicle.clock_body(state.impact_pose)
@@ -173,7 +182,7 @@ def _walked(scene: Scene, walk: Walk, lead_s: float) -> ParticipantState:
     x, y, z, heading = walk.path.at(stations)
     moving = walk.speed_mps * until < walk.set_off_m
     speeds = np.where(moving, walk.speed_mps, 0.0)
-    trajectory = rounded(time, x, y, z, heading, speeds)
+    trajectory = round_trajectory(time, x, y, z, heading, speeds)
     at = int(np.argmin(np.abs(trajectory.time_s - lead_s)))
     start, strike = pose_of(trajectory, 0), pose_of(trajectory, at)
     return ParticipantState(

@@ -17,7 +17,7 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.common.paths import Path
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist
-from trace_dag.crash.zones import in_crosswalk, may_have_crossed_in_crosswalk
+from trace_dag.crash.zones import is_in_crosswalk, may_have_crossed_in_crosswalk
 from trace_dag.reconstruction import evidence
 from trace_dag.reconstruction.motion.contact_points import ContactPoint, contact_points_of
 from trace_dag.reconstruction.motion.manoeuvres import Option
@@ -25,7 +25,7 @@ from trace_dag.reconstruction.motion.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.reconstruction.motion.walking_directions import RELATIVE_DEG, Course
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.roads.crash_site.placement import is_at_intersection
-from trace_dag.roads.map.people import crosswalks_near, unmarked_crosswalks_near
+from trace_dag.roads.map.people import crosswalks_near, find_unmarked_crosswalks
 
 _MEETS_MPS: Final = 0.3  # at a lower closing speed a face is not touched
 _REACH_M: Final = 12.0  # farthest along the path from where it is nearest to the place
@@ -103,18 +103,18 @@ def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
     on the road the person was at an intersection; else None.
 
     If none is drawn people cross the roads where they meet."""
-    told = in_crosswalk(person)
+    told = is_in_crosswalk(person)
     if not told and not (is_at_intersection(scene.record) and may_have_crossed_in_crosswalk(person)):
         return None
     within = (scene.network, *scene.place_xy_m, _CROSSWALK_M)
     drawn = [shapely.Polygon(place.corners_m) for place in crosswalks_near(*within)]
     if drawn:
         return Crosswalks(shapely.union_all(drawn), 0.0 if told else _BESIDE_SHARE)
-    ends = unmarked_crosswalks_near(*within)
+    ends = find_unmarked_crosswalks(*within)
     return Crosswalks(shapely.union_all(ends).buffer(_UNDRAWN_M), _BESIDE_SHARE) if ends else None
 
 
-def placed(
+def place_impact(
     scene: Scene, path: Path, option: Option, point: ContactPoint, far_side: bool, crosswalks: Crosswalks | None
 ) -> tuple[Path, float, float]:
     """Return the path, the station at the strike, and how far the turn was moved along the road to bring the strike to
@@ -122,7 +122,7 @@ def placed(
 
     >>> drive, place = strike_plan.drive, pedestrian_scene.place_xy_m
     >>> front = ContactPoint(strike_plan.strike.vehicle.length_m / 2, 0.0, (1.0, 0.0))
-    >>> path, station_m, slid_m = placed(pedestrian_scene, drive.path, drive.option, front, False, None)
+    >>> path, station_m, slid_m = place_impact(pedestrian_scene, drive.path, drive.option, front, False, None)
     >>> touched = path.pose(station_m).to_world(np.array([front.ahead_m, 0.0]))
     >>> bool(math.dist(touched, place) < 4.0), slid_m  # beside the reported point, in its lane; it does not turn
     (True, 0.0)

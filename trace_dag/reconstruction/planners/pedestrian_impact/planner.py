@@ -50,7 +50,7 @@ from trace_dag.reconstruction.planners.pedestrian_impact.impact_point import (
     contact_point_of,
     crosswalks_of,
     is_far_side,
-    placed,
+    place_impact,
 )
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored
@@ -246,7 +246,7 @@ def _plan(
     if point is None:
         return None
     option, path = _onto_person(scene, strike, option, point)
-    path, station_m, slid_m = placed(scene, path, option, point, is_far_side(person, option), crosswalks)
+    path, station_m, slid_m = place_impact(scene, path, option, point, is_far_side(person, option), crosswalks)
     pose = path.pose(station_m)
     if option.backing:
         pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)

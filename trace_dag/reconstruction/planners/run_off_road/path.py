@@ -16,7 +16,7 @@ from trace_dag.common.geometry import Pose
 from trace_dag.common.paths import LateralShift, Path, shifted
 from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.departure_side import DepartureSide
-from trace_dag.reconstruction.assemble import rounded
+from trace_dag.reconstruction.assemble import round_trajectory
 from trace_dag.reconstruction.motion.manoeuvres import Option
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, brakes
@@ -138,32 +138,34 @@ def edge_beside_m(scene: Scene, here: Pose, sign: float) -> float:
     return edge_of(scene.carriageway, here, sign)
 
 
-def turned_by(pose: Pose, slip_rad: float) -> Pose:
+def rotate_pose(pose: Pose, slip_rad: float) -> Pose:
     """Return the pose, turned by an angle (rad, counter-clockwise).
 
-    >>> turned_by(Pose(1.0, 2.0, 0.5), 0.25).heading_rad
+    >>> rotate_pose(Pose(1.0, 2.0, 0.5), 0.25).heading_rad
     0.75
     """
     return Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + slip_rad, math.tau), pose.z_m)
 
 
-def skidding(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
+def add_skid(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
     """Return the same course with the body turning about itself over the last part, up to its slip angle at the impact.
 
     >>> car = hypothesis.participants[0]
-    >>> skidded = skidding(car, 0.5, hypothesis.impact_time_s)
+    >>> skidded = add_skid(car, 0.5, hypothesis.impact_time_s)
     >>> round(skidded.impact_pose.heading_rad - car.impact_pose.heading_rad, 6)
     0.5
     """
     t = state.trajectory
     share = np.clip((t.time_s - (lead_s - SKID_S)) / SKID_S, 0.0, 1.0)
     slip = slip_rad * share**2
-    trajectory: Trajectory = rounded(t.time_s, t.x_m, t.y_m, t.z_m, t.heading_rad + slip, t.speed_mps * np.cos(slip))
+    trajectory: Trajectory = round_trajectory(
+        t.time_s, t.x_m, t.y_m, t.z_m, t.heading_rad + slip, t.speed_mps * np.cos(slip)
+    )
     impact = int(np.argmin(np.abs(t.time_s - lead_s)))
     return replace(
         state,
         trajectory=trajectory,
-        impact_pose=turned_by(state.impact_pose, slip_rad),
+        impact_pose=rotate_pose(state.impact_pose, slip_rad),
         impact_speed_mps=float(trajectory.speed_mps[impact]),
         skids_from_s=round(lead_s - SKID_S, 6),
     )

@@ -28,28 +28,34 @@ from trace_dag.common.units import bearing_to_clock_h
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER, Departure, DepartureManner
 from trace_dag.reconstruction import evidence
-from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, driven
+from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, drive_along
 from trace_dag.reconstruction.motion.manoeuvres import Option
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
 from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of
 from trace_dag.reconstruction.planners.run_off_road.path import (
     FLATTEST,
     SIGN,
+    add_skid,
     edge_near,
     end_of_road_m,
     lane_path,
     path_aside,
+    rotate_pose,
     skid_profile,
-    skidding,
     slope_of,
-    turned_by,
 )
 from trace_dag.reconstruction.planners.run_off_road.priors import LeavingCourse, angle_log_likelihood, courses_of
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored, leaders_first
 from trace_dag.reconstruction.scene.mapped_objects import mapped_object
 from trace_dag.reconstruction.scene.object_ground import beyond_range_m, on_free_ground
-from trace_dag.reconstruction.scene.object_placement import Led, PlannedContacts, as_mapped, objects_along, touching
+from trace_dag.reconstruction.scene.object_placement import (
+    Led,
+    PlannedContacts,
+    as_mapped,
+    find_touch_point,
+    objects_along,
+)
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.simulation.objects import KINDS, FixedObject, PlacedBy
@@ -148,7 +154,7 @@ def _plan(
     path, station_m, ended = led.path, led.station_m, led.ended
     contact = planned[0][1]
     own = replace(departure.vehicle, impact=departure.objects[0].area)
-    pose = turned_by(path.pose(station_m), course.slip_rad)
+    pose = rotate_pose(path.pose(station_m), course.slip_rad)
     bearing = body_bearing_rad(*own.clock_body(pose), np.array(contact))
     terms = terms | {"manner of leaving": course.log_prior}
     if own.impact is not None:
@@ -276,7 +282,7 @@ def _aside(
     slope = FLATTEST
     for _ in range(3):  # the spot's position depends on the slope, and the slope on the distance
         turn_rad = sign * math.atan(slope) + course.slip_rad
-        point = touching(departure.vehicle, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
+        point = find_touch_point(departure.vehicle, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
         off_m = face_m - sign * (point.ahead_m * math.sin(turn_rad) + point.left_m * math.cos(turn_rad))
         off_m = max(off_m, _LEAST_OFF_M)
         slope = slope_of(off_m, course.lateral_mps2, impact_mps)
@@ -293,11 +299,11 @@ def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float,
     end_m = None if None in ends else max(each for each in ends if each is not None)
     reach_m = place_m
     if end_m is not None:
-        across = turned_by(base.pose(end_m), -math.pi / 2)
+        across = rotate_pose(base.pose(end_m), -math.pi / 2)
         least_m, most_m = beyond_range_m(scene.network, across, 1.0, first.code)
         reach_m = end_m + min(max(KINDS[first.code].beyond_edge_m, least_m), most_m)
     slip = course.slip_rad
-    point = touching(departure.vehicle, first, slip, -slip)
+    point = find_touch_point(departure.vehicle, first, slip, -slip)
     spot_m = point.ahead_m * math.cos(slip) - point.left_m * math.sin(slip)
     here = base.pose(reach_m)
     across_rad = here.heading_rad + math.pi / 2
@@ -336,7 +342,7 @@ def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int
 def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
     vehicle = plan.departure.vehicle
     after_s = max(plan.planned[-1][0] + 1.0, AFTER_IMPACT_M / max(plan.profile.impact_mps, 2.5))
-    state = driven(
+    state = drive_along(
         scene.network,
         vehicle,
         plan.option,
@@ -348,7 +354,7 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
         after_s=after_s,
     )
     if plan.course.slip_rad:
-        state = skidding(state, plan.course.slip_rad, lead_s)
+        state = add_skid(state, plan.course.slip_rad, lead_s)
     first_xy = plan.planned[0][1]
     bearing = body_bearing_rad(*vehicle.clock_body(state.impact_pose), np.array(first_xy))
     state = replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
