@@ -138,6 +138,8 @@ def test_a_contact_where_streets_cross_is_in_an_intersection(relation: int, kind
 def test_an_intersection_needs_a_junction_of_the_map(relation: int, doubted: bool):
     report = replace(HEAD_ON_RECORD, junction_relation_code=relation)
     assert (Doubt.OTHER_JUNCTION in doubts(beside(HEAD_ON, report))) is doubted
+    bend = replace(report, road_topology=RoadTopology.L)  # of one street, by a map
+    assert Doubt.OTHER_JUNCTION not in doubts(beside(HEAD_ON, bend))
 
 
 def test_a_corner_is_not_the_middle_of_a_side():

@@ -146,7 +146,9 @@ def _other_junction(beside: Comparison) -> Iterator[Reservation]:
     if (away or relation == codes.INTERSECTION_RELATED) and _streets_cross(network, *first.xy_m):
         said = codes.RELJCT2.meaning(relation)
         yield Reservation(Doubt.OTHER_JUNCTION, f"the first contact is where streets cross, reported is {said}")
-    elif relation == codes.IN_INTERSECTION and _junction_at(network, *first.xy_m) is None:
+    elif record.road_topology is RoadTopology.L or relation != codes.IN_INTERSECTION:  # a map has an L for a bend
+        return
+    elif _junction_at(network, *first.xy_m) is None:
         detail = f"no junction of the map is within {_AWAY_M:.0f} m of the first contact, reported is an intersection"
         yield Reservation(Doubt.OTHER_JUNCTION, detail)
 
