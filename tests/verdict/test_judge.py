@@ -79,6 +79,22 @@ def test_a_contact_may_be_as_far_off_as_the_register_knows_the_point(known_to_m:
     assert verdict.reason is (None if accepted else Reason.WRONG_LOCATION)
 
 
+@pytest.mark.parametrize(
+    ("contact_m", "placed_m", "accepted"),
+    [
+        (6.0, 0.0, False),
+        (6.0, 5.5, True),  # as far from the point as its road is
+        (9.0, 9.0, True),  # 4 m from where a point moved by 5 m would be
+        (11.0, 11.0, False),  # the program may not move a crash as it likes
+    ],
+)
+def test_a_contact_is_measured_from_where_the_point_was_placed_on_its_road(contact_m, placed_m, accepted) -> None:
+    hypothesis, log = simulated(*(moved(trajectory, contact_m, 0.0) for trajectory in HEAD_ON))
+    report = MapReport("by hand", CrashPlacement(placed_m, 0.0, placed_m, "1", 0.0, "by hand"), ())
+    verdict = judge(HEAD_ON_RECORD, STREET, report, estimate(hypothesis), [log], VerdictSettings())
+    assert verdict.accepted is accepted, verdict.detail
+
+
 def test_a_side_impact_as_reported_is_accepted() -> None:
     verdict = verdict_of(ANGLE, ANGLE_RECORD, CROSSROADS)
     assert verdict.accepted, verdict.detail

@@ -130,7 +130,10 @@ def test_other_parties_than_the_reported_ones_are_named() -> None:
     events = (replace(third.events[0], party_2=3), replace(third.events[0], number=2, party_1=2, party_2=3))
     accepted, reason, detail = judged(seen(), report=replace(third, events=events))
     assert (accepted, reason) == (False, Reason.WRONG_PARTY)
-    assert "between vehicle 1 and vehicle 2" in detail
+    assert detail == (
+        "the first contact is between vehicle 1 and vehicle 2; the report begins with event 1, collided with a motor "
+        "vehicle in transport (SOE 12)"
+    )
 
 
 def test_one_unknown_impact_is_not_evaluated_and_said_so() -> None:

@@ -57,7 +57,7 @@ def judge(
     ]
     verdict = max(judged, key=lambda each: (each.verified, each.accepted))  # the first of the best
     seen = observed[verdict.hypothesis]
-    beside = Comparison.of(record, sequence, seen, settings)
+    beside = Comparison.of(record, sequence, seen, settings, (report.placement.x_m, report.placement.y_m))
     support = assess_support(facts_of(record, network, report, beside))
     verdict = replace(verdict, support=support)
     if verdict.accepted:
@@ -89,7 +89,8 @@ def judge_observed(
     With the ``report`` of the map, the distance of the contact from where the crash was placed is stated too.
     """
     told = sequence_of(record) if sequence is None else sequence
-    beside = Comparison.of(record, told, observed, settings)
+    placed_xy_m = (0.0, 0.0) if report is None else (report.placement.x_m, report.placement.y_m)
+    beside = Comparison.of(record, told, observed, settings, placed_xy_m)
     found = criteria(beside)
     if report is not None:
         found += (_mapped_ground(record, observed, report),)

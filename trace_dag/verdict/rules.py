@@ -30,6 +30,7 @@ from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, EventSequen
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import Departure, departure_of
+from trace_dag.crash.summary import event_named
 from trace_dag.crash.zones import Zone, reported_zones, zones_of_first_event
 from trace_dag.roads.crash_site.street_names import SAME_STREET
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
@@ -166,6 +167,7 @@ class Comparison:
     """A report's events matched with what happens in a simulation, and the limits that count.
 
     ``begins`` is the reported event that the crash begins with in the simulation: the first one that happens.
+    ``placed_xy_m`` is where the crash was placed on the map: the reported point itself unless that is off its road.
     """
 
     record: CrashRecord
@@ -173,10 +175,16 @@ class Comparison:
     observed: ObservedCrash
     matching: Matching
     settings: VerdictSettings
+    placed_xy_m: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def of(
-        cls, record: CrashRecord, sequence: EventSequence, observed: ObservedCrash, settings: VerdictSettings
+        cls,
+        record: CrashRecord,
+        sequence: EventSequence,
+        observed: ObservedCrash,
+        settings: VerdictSettings,
+        placed_xy_m: tuple[float, float] = (0.0, 0.0),
     ) -> Comparison:
         """Return a report and its events beside a simulation.
 
@@ -187,7 +195,7 @@ class Comparison:
         """
         seen = happenings_of(observed.log)
         found = match(seen, expect_events(sequence.events), order_known=sequence.order_known)
-        return cls(record, sequence, observed, found, settings)
+        return cls(record, sequence, observed, found, settings, placed_xy_m)
 
     @property
     def rules(self) -> RuleSet:
@@ -263,7 +271,8 @@ def _is_first_off_road(each: Beside) -> bool:
 
 
 def _contact_distance(each: Beside) -> Values:
-    """Measure from the reported point to the contact.
+    """Measure from the reported point to the contact; from where it was placed on its road where that is nearer, and
+    no farther from the point than a contact may be.
 
     Along the road only where the person or the parked vehicle was off the carriageway by the report, since the reported
     point lies on the road then.
@@ -275,7 +284,9 @@ def _contact_distance(each: Beside) -> Values:
     elif parked is not None:
         zones = zones_of_first_event(each.of.record)
     if not zones or Zone.CARRIAGEWAY in zones:
-        yield None, math.hypot(contact.x_m, contact.y_m)
+        placed, moved_m = each.of.placed_xy_m, math.hypot(*each.of.placed_xy_m)
+        share = min(1.0, each.of.limits.max_contact_distance_m / moved_m) if moved_m else 0.0
+        yield None, min(math.dist((contact.x_m, contact.y_m), (s * placed[0], s * placed[1])) for s in (0.0, share))
         return
     drives = next((v for number, v in each.seen.vehicles.items() if parked is None or number != parked.number), None)
     yield None, math.hypot(contact.x_m, contact.y_m) if drives is None else abs(contact.along_m(drives.approach_rad))
@@ -532,8 +543,9 @@ def _right_party(beside: Comparison, begins: CrashEvent | None) -> Iterator[Crit
         else:
             detail += f", reported is SOE {first.code} in event {first.number}"
     else:
-        parties = " and ".join(map(party_in_words, seen.pair))
-        detail = f"the first contact is between {parties}, which by the report do not touch first"
+        detail = f"the first contact is between {' and '.join(map(party_in_words, seen.pair))}; the report begins with "
+        begun = [first] if first.kind is EventKind.OBJECT_STRUCK else possible
+        detail += " or ".join(event_named(event.number, event.code) for event in begun)
     yield Criterion("right_party", 0.0, 1.0, "", False, Reason.WRONG_PARTY, detail, None, first.number)
 
 

@@ -21,12 +21,14 @@ from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes import crash as codes
 from trace_dag.crash.departure_side import SIDE_OF_EVENT
 from trace_dag.crash.parties import EventKind, is_vehicle, party_in_words
+from trace_dag.crash.record import Severity
 from trace_dag.crash.zones import is_in_crosswalk
 from trace_dag.roads.map.model import Junction
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.people import crosswalks
 from trace_dag.simulation.objects import PlacedBy
 from trace_dag.simulation.states import Manoeuvre
+from trace_dag.verdict.observation import LEAST_RECORDED_MPS
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, Reservation
 
@@ -209,7 +211,8 @@ def _objects_at_rest(beside: Comparison) -> Iterator[Reservation]:
         driven = beside.observed.log.vehicle_log(seen.pair[0])
         moves = np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= _STANDS_MPS
         rests_s = float(driven.time_s[moves].max(initial=0.0)) - seen.time_s
-        slow = seen.contact.closing_speed_mps < _SLOW_MPS
+        killed = beside.record.severity is Severity.KILLED
+        slow = seen.contact.closing_speed_mps < (_SLOW_MPS if killed else LEAST_RECORDED_MPS)
         if item is not None and item.placed_by is PlacedBy.PROGRAM and slow and rests_s < _RESTS_S:
             speed_kmh = mps_to_kmh(seen.contact.closing_speed_mps)
             detail = f"vehicle {driven.number} touches the {item.name} of event {event.number} at {speed_kmh:.0f} km/h"
