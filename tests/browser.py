@@ -15,7 +15,7 @@ from typing import Any
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
 )
-_PATIENCE_S = 60.0
+_PATIENCE_S = 300.0
 # Chromium reads commands from descriptor 3 and answers on 4; copies above keep one from covering the other.
 _START = """
 import fcntl, os, sys

@@ -28,7 +28,7 @@ class Leaving:
 
 
 @pytest.fixture(autouse=True)
-def agents(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "my_agents.py").write_text(AGENTS)
     monkeypatch.syspath_prepend(tmp_path)
 
@@ -38,14 +38,14 @@ def test_what_has_the_methods_of_an_agent_is_one_wherever_they_come_from():
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("agents", "limits", "said"),
     [
-        ("Raising", "cannot be made: KeyError: 'weights'"),
-        ("Hanging", "took longer than 2.5 s"),
-        ("Leaving", "ended its process"),
+        (["Driver", "Raising"], AgentLimits(), "cannot be made: KeyError: 'weights'"),
+        (["Hanging"], AgentLimits(time_s=0.5), "took longer than 2.5 s"),  # alone: others would be held to it too
+        (["Driver", "Leaving"], AgentLimits(), "ended its process"),
     ],
 )
-def test_an_agent_that_cannot_be_made_is_named_with_what_came_of_it(name, said):
-    with pytest.raises(UserError, match=f"--agent my_agents:{name}: ") as caught:
-        try_agents(["my_agents:Driver", f"my_agents:{name}"], AgentLimits(time_s=0.5))
+def test_an_agent_that_cannot_be_made_is_named_with_what_came_of_it(agents, limits, said):
+    with pytest.raises(UserError, match=f"--agent my_agents:{agents[-1]}: ") as caught:
+        try_agents([f"my_agents:{name}" for name in agents], limits)
     assert said in str(caught.value)

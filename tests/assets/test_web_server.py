@@ -34,7 +34,7 @@ class Server:
     def ask(self, method: str, path: str, body: str = "", **headers: str) -> tuple[int, str]:
         """Status and text of an answer; headers by name with ``_`` for ``-``, Host as it should be unless given."""
         named = {name.replace("_", "-"): value for name, value in headers.items()}
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=300)
         try:
             connection.request(method, path, body or None, {"Host": self.host, **named})
             answer = connection.getresponse()
@@ -67,7 +67,7 @@ def serving(root: Path, *options: str) -> Iterator[Server]:
     finally:
         process.send_signal(signal.SIGTERM)
         try:
-            process.wait(timeout=60)
+            process.wait(timeout=300)
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
@@ -109,7 +109,7 @@ def test_in_a_browser_the_ui_is_refused_nothing(server: Server, tmp_path: Path):
 
 
 def test_no_page_frames_it(server: Server):
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=300)
     for path in ("/", "/site/"):
         connection.request("GET", path)
         answer = connection.getresponse()
@@ -152,7 +152,7 @@ def test_plain_dagster_shows_the_same_history(server: Server, root: Path):
         assert answer == json.loads(server.graphql(asked)[1])
     finally:
         process.terminate()
-        process.wait(timeout=60)
+        process.wait(timeout=300)
 
 
 def answers(server: Server) -> bool:

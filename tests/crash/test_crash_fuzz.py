@@ -256,7 +256,7 @@ def test_large_files_take_little_memory_and_time(size_mb: int, limit_mb: int) ->
         capture_output=True,
         text=True,
         check=True,
-        timeout=120,
+        timeout=600,
         env=os.environ | {"PYTHONPATH": str(Path(__file__).parent)},
     )
     more_mb, slowest_s = map(float, done.stdout.split())

@@ -72,8 +72,8 @@ class DaskCluster:
     def wait_for_workers(self, workers: int) -> None:
         """Wait until so many workers have come."""
         distributed = pytest.importorskip("distributed")
-        with distributed.Client(self.address, timeout="120s", set_as_default=False) as client:
-            client.wait_for_workers(workers, timeout=120)
+        with distributed.Client(self.address, timeout="300s", set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=300)
 
     def settings(self) -> dict[str, str]:
         """The environment that sends a run's work here."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import sys
-import time
 from dataclasses import dataclass
 
 from trace_dag.common.errors import Failure
@@ -37,7 +36,6 @@ class Work:
 def test_every_step_is_answered_whatever_others_do():
     pool: Pool[str, str, str] = Pool(Work(), workers=2, step_limit_s=3.0, memory_mb=512)
     tasks = [Task("a", ("x", "loop", "y")), Task("b", ("exit", "x")), Task("c", ("eat", "x")), Task("d", ())]
-    began = time.monotonic()
     answers = {(each.task, each.step): each.result for each in pool.run(tasks)}
     assert answers.pop(("a", "loop")) == Lost("took longer than 3 s")
     assert answers.pop(("b", "exit")) == Lost("ended its process (exit code 3)")
@@ -48,7 +46,6 @@ def test_every_step_is_answered_whatever_others_do():
         ("c", "eat"): "no memory",
         ("c", "x"): "c/x",
     }
-    assert time.monotonic() - began < 60
 
 
 def test_what_cannot_be_prepared_is_our_failure():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -107,16 +106,3 @@ def seen_parties(page: Page, address: str, key: str, *, in_3d: bool = True) -> l
 
 def _party(key: str, moment: str, view: str, row: dict[str, Any]) -> SeenParty:
     return SeenParty(key, moment, view, row["number"], row["pixels"], row["seen"], row["inside"], row["covered"])
-
-
-def first_view_s(page: Page, address: str, *, slower: float = 4.0) -> float:
-    """How long it takes until a replay shows its first frame, map included, on a processor that is so much slower."""
-    page.open("about:blank")
-    page.send("Emulation.setCPUThrottlingRate", rate=slower)
-    started = time.monotonic()
-    page.send("Page.navigate", url=address)
-    page.wait("document.getElementById('clock')?.textContent && document.getElementById('map').hasAttribute('href')")
-    page.send("Page.captureScreenshot", format="jpeg")  # until it is painted
-    taken = time.monotonic() - started
-    page.send("Emulation.setCPUThrottlingRate", rate=1)
-    return taken
