@@ -18,8 +18,9 @@ from motion_judge import judge_geometry
 
 from lab.truth.vehicles import SampleTruth, load_truth
 from trace_dag.common.errors import Failure, Reason, Rejection
-from trace_dag.common.units import clock_to_bearing_rad
+from trace_dag.common.units import clock_difference_h, clock_to_bearing_rad
 from trace_dag.crash.crash_types import CRASH_TYPES
+from trace_dag.crash.derive import impact_area
 from trace_dag.crash.event_sequence import first_event_kind
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
@@ -253,3 +254,18 @@ def test_a_map_without_roads_is_a_rejection():
         record = dataclasses.replace(case.record, vehicles=vehicles)
         with pytest.raises(Rejection, match="no lane of the map passes the crash"):
             estimate(record, empty, case.report, SETTINGS.states)
+
+
+@pytest.mark.parametrize("clock", [1, 11])
+def test_oncoming_vehicles_meet_with_the_sides_that_are_reported(clock: int):
+    """Who comes from the left of the other, across its whole lane, is struck on the right, and so is the other."""
+    case = sample_case("2023-319022")  # a car crosses the centreline
+    vehicles = tuple(dataclasses.replace(each, impact=impact_area(clock)) for each in case.record.vehicles)
+    events = tuple(
+        dataclasses.replace(each, area_1=impact_area(clock), area_2=impact_area(clock)) if each.party_2 else each
+        for each in case.record.events
+    )
+    record = dataclasses.replace(case.record, vehicles=vehicles, events=events)
+    best = estimate(record, case.network, case.report, SETTINGS.states).best
+    for state in best.participants:
+        assert clock_difference_h(state.impact_clock_h, clock) <= 0.7

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Final
 
 from trace_dag.common.paths import shifted
 from trace_dag.common.units import GRAVITY_MPS2
@@ -41,6 +42,8 @@ MEDIAN_M = 12.0  # lanes farther apart than this have a median between them
 FARTHEST_CARRIAGEWAY_M = 60.0
 LEAST_GAP_M = 1.0
 PASSING_OFFSET_M = 3.3  # beside the lane where no other lane is
+_BEYOND_M: Final = 1.4  # a car's width, less what the two overlap
+_OFF_CENTRE: Final = 0.2  # sine of the bearing of an area
 _BESIDE_S, _PASSING_LATERAL_G, _LEAST_PASSING_MPS = 2.0, 0.15, 7.0  # how a vehicle moves out to pass
 LEAST_CLOSING_MPS = 1.0
 SLOWING_MPS2 = 2.0
@@ -178,8 +181,11 @@ def opposite(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
                     yield PathPair(cutting, steady, speed, other_speed, True)
                     continue
                 terms = _median_terms(mover, across_m)
-                for option in move_sideways(approach, speed.speed_mps, gap, Manoeuvre.CROSS_CENTRELINE):
-                    yield PathPair(option, steady, speed, other_speed, True, terms)
+                beyond_m = -approach.kerb_sign * _BEYOND_M
+                kerb_sides = all(_is_struck_beside(each, approach.kerb_sign) for each in (mover, other))
+                for to_m in (gap, gap + beyond_m) if kerb_sides else (gap,):  # then it has crossed the other's way
+                    for option in move_sideways(approach, speed.speed_mps, to_m, Manoeuvre.CROSS_CENTRELINE):
+                        yield PathPair(option, steady, speed, other_speed, True, terms)
             if target.one_way and mover.turn is None:
                 against = scene.finder.against(target)
                 speed = speed_of(mover, against)
@@ -215,7 +221,13 @@ def _faster(behind: TravelSpeed, ahead: TravelSpeed) -> TravelSpeed:
     return replace(behind, speed_mps=ahead.speed_mps + CLOSING_MPS)
 
 
+def _is_struck_beside(party: Party, side: float) -> bool:
+    """Return whether it was struck on a side: 1 for its left, -1 for its right."""
+    impact = party.vehicle.impact
+    return impact is not None and side * math.sin(impact.centre_rad) > _OFF_CENTRE
+
+
 def _off_centre(party: Party) -> bool:
     """Return whether it was struck anywhere but in the middle of its front or rear."""
     impact = party.vehicle.impact
-    return impact is not None and abs(math.sin(impact.centre_rad)) > 0.2
+    return impact is not None and abs(math.sin(impact.centre_rad)) > _OFF_CENTRE
