@@ -125,7 +125,9 @@ def test_scenarios_say_what_the_trajectories_say(packages: dict[str, Path]) -> N
 
 def test_maps_lie_where_the_scenarios_look(packages: dict[str, Path]) -> None:
     for folder in packages.values():
-        for scenario in folder.glob("*.xosc"):
+        scenarios = list(folder.glob("*.xosc"))
+        assert scenarios
+        for scenario in scenarios:
             named = Scenario(scenario.read_bytes()).root.find("RoadNetwork/LogicFile").get("filepath")
             assert (folder / named).is_file()
         # ScenarioRunner cuts the map's text at its root element, which therefore has no attributes.
@@ -134,7 +136,10 @@ def test_maps_lie_where_the_scenarios_look(packages: dict[str, Path]) -> None:
 
 def test_the_official_checkers_find_nothing(packages: dict[str, Path]) -> None:
     folder = next(iter(packages.values()))
-    for checked in official_check([*sorted(folder.glob("*.xosc")), *sorted(folder.glob("*.xodr"))]):
+    files = [*sorted(folder.glob("*.xosc")), *sorted(folder.glob("*.xodr"))]
+    found = official_check(files)
+    assert len(found) == len(files) > 1
+    for checked in found:
         assert checked["issues"] == [], checked["file"]
         assert checked["broken"] == []
         schema = "xosc" if checked["file"].endswith(".xosc") else "xodr"

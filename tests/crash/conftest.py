@@ -21,7 +21,9 @@ def real_reports(shared_data: Path) -> dict[str, bytes]:
     folder = shared_data / "va-2023" / "reports"
     if not folder.is_dir():
         pytest.skip(f"real reports not present at {folder}")
-    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.xml"))}
+    found = {path.name: path.read_bytes() for path in sorted(folder.glob("*.xml"))}
+    assert found, f"{folder} holds no report"
+    return found
 
 
 @pytest.fixture(scope="session")

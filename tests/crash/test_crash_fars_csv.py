@@ -58,7 +58,9 @@ def test_listings_agree_with_the_accident_table(national: Path) -> None:
     for path in national.glob("*/accident.csv"):
         with path.open(encoding="utf-8", newline="") as file:
             rows.update({f"{row['YEAR']}-{row['ST_CASE']}": row for row in csv.DictReader(file)})
-    for listing in FarsCsvSource.open(national).listings():
+    listings = FarsCsvSource.open(national).listings()
+    assert listings
+    for listing in listings:
         row = rows[listing.key]
         assert (listing.latitude_deg, listing.longitude_deg) == (float(row["LATITUDE"]), float(row["LONGITUD"]))
         assert (listing.manner_of_collision_code, listing.intersection_type_code) == (
@@ -146,7 +148,9 @@ def test_older_column_names(well_formed: dict[str, bytes], settings: CrashSettin
     for row in tables["maneuver"]:
         row.pop("MANEUVER", None)  # MDRMANAV until 2019
     write(tables, tmp_path)
-    for key, record in records(FarsCsvSource.open(tmp_path), settings).items():
+    found = records(FarsCsvSource.open(tmp_path), settings)
+    assert len(found) == len(well_formed)
+    for key, record in found.items():
         original = read_report(well_formed[f"crash_{key.removeprefix('2023-')}.xml"], name=key, settings=settings)
         assert record == original
 
@@ -158,7 +162,9 @@ def test_events_are_put_together_without_cevent(
     tables = tables_of(well_formed.values())
     tables["cevent"], tables["vevent"] = [], []
     write(tables, tmp_path)
-    for key, record in records(FarsCsvSource.open(tmp_path), settings).items():
+    found = records(FarsCsvSource.open(tmp_path), settings)
+    assert len(found) == len(well_formed)
+    for key, record in found.items():
         original = read_report(well_formed[f"crash_{key.removeprefix('2023-')}.xml"], name=key, settings=settings)
         assert "events" in record.implied
         if any(not vehicle.in_transport for vehicle in original.vehicles):

@@ -185,7 +185,9 @@ def test_parked_vehicles_of_real_crashes_are_not_in_transport(shared_data: Path,
         pytest.skip(f"national tables not present at {folder}")
     # VE_FORMS 1 and VE_TOTAL 3 and 2; VSOE of the others is SOE 14 alone.
     expected = {"2015-390976": {1: True, 2: False, 3: False}, "2015-390121": {1: False, 2: True}}
-    for key, data in FarsCsvSource.open(folder).reports(expected):
+    reports = dict(FarsCsvSource.open(folder).reports(expected))
+    assert reports.keys() == expected.keys()
+    for key, data in reports.items():
         record = read_report(data, name=key, settings=settings)
         assert {vehicle.number: vehicle.in_transport for vehicle in record.vehicles} == expected[key]
         struck = [event for event in record.events if event.code == 14]

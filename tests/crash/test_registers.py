@@ -331,7 +331,9 @@ def test_a_mapping_that_is_not_there_names_those_that_are():
 
 
 def test_shipped_mappings_say_where_their_tables_are_from():
-    for name in list_shipped_mappings():
+    shipped = list_shipped_mappings()
+    assert shipped
+    for name in shipped:
         mapping = read_mapping(name)
         assert mapping.register_name == name
         assert mapping.source.startswith("https://")

@@ -133,7 +133,9 @@ def test_the_shared_lane_in_the_middle_is_used_in_both_directions():
 
 def test_halves_of_a_divided_road_are_one_way():
     found = scene(sample_case(DIVIDED))
-    assert all(approach.one_way for approach in found.on_road(found.through))
+    halves = found.on_road(found.through)
+    assert halves
+    assert all(approach.one_way for approach in halves)
 
 
 def test_the_wrong_way_is_the_same_line_the_other_way():
@@ -149,6 +151,7 @@ def test_the_wrong_way_is_the_same_line_the_other_way():
 @pytest.mark.parametrize("speed_mps", [5.0, 8.0, 12.0])
 def test_a_corner_is_driven_as_the_speed_allows(speed_mps):
     found = scene(sample_case(CORNER))
+    assert found.through
     for approach in found.through:
         fitted = approach.fitted(speed_mps)
         driven = fitted.path.s_m < fitted.station_m + 10

@@ -77,6 +77,8 @@ def test_routes_follow_lanes_that_lead_into_each_other_to_a_goal_on_the_road(doc
 
 def test_python_reads_the_same_courses_and_routes(documents, crash):
     parties = documents["courses.json"]["parties"]
+    assert {str(number) for number in crash.courses["number"]} == {str(number) for number in crash.routes.index}
+    assert parties.keys() == {str(number) for number in crash.routes.index}
     for number, rows in crash.courses.groupby("number"):
         for name, values in parties[str(number)]["course"].items():
             np.testing.assert_allclose(rows[name], values, atol=0.006)

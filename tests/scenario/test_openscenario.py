@@ -131,6 +131,7 @@ def test_bodies_stand_on_the_slope() -> None:
 def test_everyone_starts_where_its_trajectory_does(crossing: SimulationLog) -> None:
     for flavour in (Flavour(), CARLA):
         scenario = Scenario(OpenScenarios(RECORD, STREET, crossing).write(flavour))
+        assert scenario.vertices
         for entity, rows in scenario.vertices.items():
             assert rows[0].tolist() == [0.0, *scenario.initial[entity]]
             assert rows[-1, 0] == pytest.approx(crossing.duration_s, abs=1e-6)

@@ -57,4 +57,5 @@ def test_two_way_streets_have_no_wrong_way() -> None:
     """The same report on a street for both directions is a crossed centre line, not a drive the wrong way."""
     case = sample_case("2023-319022")
     found = estimate(case.record, case.network, case.report, SETTINGS.states)
+    assert found.hypotheses
     assert all(state.manoeuvre is not Manoeuvre.WRONG_WAY for each in found.hypotheses for state in each.participants)

@@ -130,7 +130,9 @@ def test_verdicts_equal_the_criteria_in_the_artefacts(root):
 def test_vehicles_and_classes_equal_the_records(root):
     vehicles = Counter(row["key"] for row in table(root, "vehicles"))
     classes = {row["key"]: row["collision_type"] for row in table(root, "crashes")}
-    for path in (root / "crash_record").glob("*.parquet"):
+    records = sorted((root / "crash_record").glob("*.parquet"))
+    assert records
+    for path in records:
         (row,) = table_from_parquet(path.read_bytes()).to_pylist()
         assert vehicles[row["key"]] == len(row["vehicles"])
         assert classes[row["key"]] == row["collision_type"]
@@ -156,7 +158,9 @@ def test_codes_that_say_unknown_are_null_and_what_is_implied_is_named(root):
         ("first_harmful_event", "HARM_EV"),
         ("road_relation", "REL_ROAD"),
     )
-    for path in (root / "crash_record").glob("*.parquet"):
+    records = sorted((root / "crash_record").glob("*.parquet"))
+    assert records
+    for path in records:
         (record,) = table_from_parquet(path.read_bytes()).to_pylist()
         row = crashes[record["key"]]
         assert row["implied"] == record["implied"]

@@ -208,7 +208,9 @@ def test_turn_lanes_of_a_later_junction_go_straight_on_at_a_driveway() -> None:
     town.street([(0, 0), (150, 0)], name="East", **tags)
     town.street([(0, 0), (0, -60)], highway="service", name="Drive")
     network = town.network()
-    for match in network.nearest_lanes(-60, 0, 8):
+    lanes = network.nearest_lanes(-60, 0, 8)
+    assert len(lanes) == 3
+    for match in lanes:
         assert "East" in exits(network, match.lane)
 
 

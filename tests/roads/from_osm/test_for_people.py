@@ -119,6 +119,7 @@ def test_where_another_carriageway_lies_there_is_no_sidewalk() -> None:
     town.street([(-100, -4), (100, -4)], oneway="yes", lanes="2", sidewalk="both")
     town.street([(100, 4), (-100, 4)], oneway="yes", lanes="2", sidewalk="both")
     network = town.network()
+    assert len(network.roads) == 2
     for road in network.roads:
         left, right = _sidewalks_at(network, road.id, road.length_m / 2)
         assert left is None
@@ -400,5 +401,7 @@ def test_no_edge_folds_over_inside_a_bend(bend_m: tuple[float, float]) -> None:
     town.street([(-80, 0), (0, 0), (x, y), (x - 2, y + 80)], sidewalk="both", cycleway="lane")
     town.street([(-80, 0), (-80, -70)], sidewalk="both")
     town.street([(-80, 0), (-140, 30)], sidewalk="both")
-    for ref, forward_m in _edges(town.network()):
+    edges = list(_edges(town.network()))
+    assert edges
+    for ref, forward_m in edges:
         assert (forward_m > -1e-6).all(), ref

@@ -187,6 +187,7 @@ def test_no_car_has_to_drive_a_bend_of_less_than_two_metres(highway: str) -> Non
     town = Town()
     town.street([(-40, 0), (0, 0), (1.5, 0.5), (1.5, 2), (0, 2.5), (-40, 6)], highway=highway)
     network = town.network()
+    assert network.drivable_lanes()
     for road in network.roads:
         assert all(abs(piece.curvature_1pm) <= 1 / 1.999 for piece in road.plan)
     for ref in network.drivable_lanes():

@@ -87,6 +87,7 @@ def test_roads_are_in_use_up_to_200_m_along_the_streets() -> None:
 
 
 def test_nothing_is_left_of_a_road_that_is_left_out(network: RoadNetwork) -> None:
+    assert network.roads
     for road in network.roads:
         xodr = write_opendrive(drop_roads(network, [road.id]))
         assert find_violations(xodr) == []

@@ -41,7 +41,9 @@ def sample() -> list[tuple[SimulationLog, RoadNetwork]]:
     """Crashes of the sample."""
     workspace = Workspace.open(sample_runs.finished())
     crashes = [stored_crash(workspace, key) for key in sample_runs.KEYS]
-    return [(log, each.load(ROAD_MAP)) for each in crashes if (log := each.shown_log()) is not None]
+    found = [(log, each.load(ROAD_MAP)) for each in crashes if (log := each.shown_log()) is not None]
+    assert found
+    return found
 
 
 def placed(log: SimulationLog, codes: list[int]) -> SimulationLog:
