@@ -52,7 +52,8 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         shutil.rmtree(os.environ.pop("TRACE_DAG_TESTS_SHARED", ""), ignore_errors=True)
 
 
-# What takes long by nature: pages typed through, processes killed, browsers, clusters, real cohorts, fuzzing, judges.
+# What takes long by nature: pages typed through, processes started and killed, browsers, clusters, real cohorts,
+# fuzzing, judges.
 SLOW = (
     "agents/test_evaluations_on_cluster.py",
     "agents/test_hostile_agents.py",
@@ -60,6 +61,7 @@ SLOW = (
     "assets/test_daemon.py",
     "assets/test_web_server.py",
     "cli/test_carla_kit.py",
+    "cli/test_driving.py",
     "cli/test_interruption.py",
     "docs",
     "faults",
@@ -75,6 +77,7 @@ SLOW = (
     "scenario/test_replay_in_browser.py",
     "simulation/test_real_crashes.py",
     "reconstruction/test_known_directions.py",
+    "test_masked_reports.py",
     "test_packaging.py",
     "test_plugins_installed.py",
     "warehouse/test_real_cohorts.py",
