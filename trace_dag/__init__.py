@@ -43,8 +43,9 @@ def road_map(
     box: tuple[float, float, float, float] | None = None,
     left_hand: bool = False,
 ) -> MadeMap:
-    """Return the OpenStreetMap as OpenDRIVE, without a crash: the roads around a place, in a box, or of a whole small
-    file.
+    """Return the OpenStreetMap as OpenDRIVE, without a crash.
+
+    The roads around a place, in a box, or of a whole small file.
 
     ``osm`` is a file or folder, or several; None asks Overpass, a public service. ``at``: latitude and longitude,
     WGS84, around which the map reaches ``radius_m``; or ``box``: west, south, east, north; neither takes the whole

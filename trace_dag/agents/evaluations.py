@@ -185,8 +185,10 @@ def remove_agent(storage: Storage, agent: str) -> int:
 
 
 def all_rows(storage: Storage, *, on_problem: OnProblem = raise_problem) -> list[Row]:
-    """Return every stored evaluation, of all agents; ``on_problem`` is called with the agents whose table is
-    damaged."""
+    """Return every stored evaluation, of all agents.
+
+    ``on_problem`` is called with the agents whose table is damaged.
+    """
     found: list[Row] = []
     for agent in agents_of(storage):
         try:

@@ -20,8 +20,10 @@ OUTCOMES = tuple(map(str, DriveOutcome))
 def write_leaderboard(
     runs: Sequence[Row], leaderboard: Sequence[Row], by_class: Sequence[Row], probabilities: Sequence[Row]
 ) -> bytes:
-    """Return ``leaderboard.html`` from the ``evaluations`` in crashes (not in their variations), and the rows of the
-    warehouse's views ``leaderboard``, ``leaderboard_by_class`` and ``agent_probabilities``.
+    """Return ``leaderboard.html``.
+
+    It shows the ``evaluations`` in crashes (not in their variations), and the rows of the warehouse's views
+    ``leaderboard``, ``leaderboard_by_class`` and ``agent_probabilities``.
 
     >>> write_leaderboard([], [], [], [])[:15]
     b'<!doctype html>'

@@ -73,8 +73,9 @@ def replay_with(
     traffic: Traffic,
     replay_format: ReplayFormat,
 ) -> bytes:
-    """Return the replay of a verified crash, or of a variation or likely course of one, with an agent in somebody's
-    place, under the usual conditions.
+    """Return the replay of a verified crash, variation or likely course with an agent in somebody's place.
+
+    The conditions are the usual ones.
 
     Several agents drive one by one and are shown beside each other, on a page. Raises :class:`UserError` for a crash
     that is not verified, an agent that is not there or is faulty, and several agents in a moving picture.

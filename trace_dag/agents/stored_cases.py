@@ -44,8 +44,9 @@ class AgentRole(StrEnum):
 
 @dataclass(frozen=True)
 class StoredCase:
-    """The origin of a case: a verified crash, a variation of it if ``variation`` names one, or a likely course of it:
-    the draw ``sample`` of its estimate, with its weight among the courses.
+    """The origin of a case: a verified crash, a variation of it if ``variation`` names one, or a likely course of it.
+
+    The draw ``sample`` of its estimate, with its weight among the courses.
     """
 
     files: CrashFiles
@@ -166,8 +167,10 @@ def verified_cases(
     departures: bool | None = False,
     on_problem: OnProblem = log_problem,
 ) -> list[StoredCase]:
-    """Return the verified ones of the crashes asked for in which somebody met somebody, or those in which a vehicle
-    left the road by itself (``departures``; None: both); :class:`UserError` if there are none.
+    """Return the verified ones of the crashes asked for, with a contact between parties or a departure.
+
+    ``departures`` chooses crashes in which a vehicle left the road by itself; None takes both. Raises
+    :class:`UserError` if there are none.
 
     ``split`` takes one part of them, as a release of the same crashes has it.
 

@@ -37,8 +37,10 @@ _CHANGED = {
 
 
 def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
-    """Return, by cohort and kind of crash, how many verdicts accept a crash's own report, others', and its own with one
-    party late or mirrored, the object moved, one contact dropped or two swapped.
+    """Return the rates at which verdicts accept true and changed pairings, by cohort and kind of crash.
+
+    Pairings are a crash's own report, others', and its own with one party late or mirrored, the object moved, one
+    contact dropped or two swapped.
     """
     lines: list[tuple[Any, ...]] = []
     by_kind = {
@@ -117,8 +119,9 @@ def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimen
 
 
 def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
-    """Return each agent's probability of avoiding each crash, a row of ``agent_probabilities`` each, and over all of
-    them, with 95 % intervals: of a crash by its courses, of all by the crashes.
+    """Return each agent's probability of avoiding each crash, and all of them, with 95 % intervals.
+
+    Each row is one of ``agent_probabilities``; intervals are by the courses of a crash, and by the crashes for all.
     """
     lines: list[tuple[Any, ...]] = []
     for agent in dict.fromkeys(row["agent"] for row in rows):

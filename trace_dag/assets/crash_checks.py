@@ -57,8 +57,10 @@ class CrashChecks:
                 self._log(check, event.key, event.record)
 
     def finish(self) -> Iterator[Output[None]]:
-        """Tell Dagster that the step is done with the checks it selected: it would log them as missing, since it does
-        not count what a step logs by partition."""
+        """Tell Dagster that the step is done with the checks it selected.
+
+        It would log them as missing, since it does not count what a step logs by partition.
+        """
         for check in self._context.selected_asset_check_keys:
             yield Output(None, self._context.assets_def.get_output_name_for_asset_check_key(check))
 

@@ -237,9 +237,7 @@ def _listed(value: object) -> list[str]:
 
 
 def summary_is_current(workspace: Workspace, instance: DagsterInstance) -> bool:
-    """Return whether the last thing done was bringing the warehouse and the benchmark up to date, by the code there is
-    now and with the crashes that are registered now.
-    """
+    """Return whether the warehouse and the benchmark are up to date with the code and the registered crashes."""
     from trace_dag.export.build import is_made_by_this_code
     from trace_dag.warehouse.build import is_built_by_this_code
     from trace_dag.warehouse.query import query

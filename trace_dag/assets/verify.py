@@ -83,8 +83,9 @@ def repair_dagster(
 
 
 def last_word(records: Records) -> dict[Stage, OutcomeRecord]:
-    """Return, for each stage, the record that Dagster should show: its own, or that of the earlier stage that ended the
-    crash.
+    """Return, for each stage, the record that Dagster should show.
+
+    Its own, or that of the earlier stage that ended the crash.
     """
     told: dict[Stage, OutcomeRecord] = {}
     valid, ended = valid_records(records), None

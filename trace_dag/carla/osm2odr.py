@@ -87,8 +87,7 @@ class Osm2OdrConverter:
 
 
 def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
-    """Return the road network of an extract as Osm2Odr makes it, with both directions of a street in one road where
-    possible.
+    """Return the road network that Osm2Odr makes of an extract, both directions of a street in one road.
 
     Raises :class:`UserError` without the ``carla`` extra, :class:`Failure` when Osm2Odr breaks or takes longer than two
     minutes, :class:`Rejection` (``map_distorted``) when it makes no road of the extract.

@@ -314,8 +314,10 @@ def _check_no_animals(participants: tuple[Participant, ...]) -> None:
 
 
 def _release_touching(actors: list[CarlaActor]) -> None:
-    """Let go of those whose boxes overlap by now: their sensors may say so a tick later, and a target velocity set in
-    between would drive them into each other again."""
+    """Let go of those whose boxes overlap by now.
+
+    Their sensors may say so a tick later, and a target velocity set in between would drive them into each other again.
+    """
     for one, two in combinations(sorted(actors, key=lambda actor: actor.number), 2):
         if not one.body.is_figure and not (one.crashed and two.crashed) and one.meets(two):
             two.crashed = True

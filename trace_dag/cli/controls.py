@@ -43,9 +43,11 @@ def controls(
     most: int,
     as_json: bool,
 ) -> None:
-    """Judge crashes against what they are not: another report of their kind, one vehicle or the person late, a person
-    from the other side, one contact dropped, two swapped, a parked vehicle moved aside; a vehicle that leaves the road
-    to the other side, and the object that it struck moved farther than the verdict allows.
+    """Judge crashes against what they are not.
+
+    Another report of their kind, one vehicle or the person late, a person from the other side, one contact dropped, two
+    swapped, a parked vehicle moved aside; a vehicle that leaves the road to the other side, and the object that it
+    struck moved farther than the verdict allows.
 
     Prints for each kind how many are accepted beside the true pairing's rate; and how many of them with every reported
     speed driven as well, which the paper's criteria do not ask for. Every judgement enters the warehouse, as table

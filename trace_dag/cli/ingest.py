@@ -179,9 +179,7 @@ def ingest(
 def _read_sources(
     root: str, register: Iterable[tuple[str, str]], narratives: Iterable[str], maps: Sequence[Path]
 ) -> dict[str, RegisterTable | NarratedTable | NarrativeFolder]:
-    """Return the tables of registers and the folders of narratives, by what a cohort notes of where its crashes came
-    from.
-    """
+    """Return the tables of registers and the folders of narratives, by the origin that a cohort notes."""
     from trace_dag.crash.registers.table import RegisterTable
 
     find = None

@@ -101,8 +101,11 @@ def pass_root(command: F) -> F:
 
 
 class OutputFile(click.Path):
-    """A file to write: in a folder that is there, over no file of the storage root, and of a known kind if it names
-    one. Checked before the work is done."""
+    """A file to write.
+
+    It lies in an existing folder, over no file of the storage root, and is of a known kind if it names one. Checked
+    before the work is done.
+    """
 
     def __init__(self) -> None:
         super().__init__(dir_okay=False, path_type=Path)

@@ -19,8 +19,10 @@ _LATITUDE, _LONGITUDE = "latitude_deg", "longitude_deg"
 
 
 def write_rows(path: Path, output: str, names: Sequence[str], rows: Sequence[Sequence[Any]] | pa.Table) -> None:
-    """Write rows, for Parquet a typed table, into a file of one of :data:`FORMATS`; :class:`UserError` for rows that
-    cannot be written so."""
+    """Write rows, for Parquet a typed table, into a file of one of :data:`FORMATS`.
+
+    :class:`UserError` for rows that cannot be written so.
+    """
     FORMATS[output](path, names, rows)
 
 

@@ -111,8 +111,9 @@ def face_axes(
     ahead_2: tuple[Number, Number],
     half_2_m: tuple[Number | float, Number | float],
 ) -> tuple[tuple[Number, Number, Number | float, Number | float], ...]:
-    """Return the four axes on which two rectangles are compared: they are apart if and only if they are on one of
-    these.
+    """Return the four axes on which two rectangles are compared.
+
+    They are apart if and only if they are on one of these.
 
     The separating axis theorem; the axes are the normals of the rectangles' faces. ``ahead_*`` is the unit vector along
     each one's length, ``half_*_m`` its half length and half width: floats for one pair, arrays of shape (n,) for many.
@@ -134,8 +135,9 @@ def face_axes(
 
 
 def gaps_m(poses_1: Poses, size_1_m: tuple[float, float], poses_2: Poses, size_2_m: tuple[float, float]) -> FloatArray:
-    """Return gaps between rectangles on the axis that separates them most: positive apart, negative overlapping, 0
-    touching.
+    """Return gaps between rectangles on the axis that separates them most.
+
+    Positive apart, negative overlapping, 0 touching.
 
     ``size_*_m`` are length and width; the result has the shape of the arrays. Exact in sign; where two corners face
     each other it is less than their distance.
@@ -156,8 +158,9 @@ def gaps_m(poses_1: Poses, size_1_m: tuple[float, float], poses_2: Poses, size_2
 def hermite(
     length: Number, start: Number, end: Number, slope_start: Number, slope_end: Number
 ) -> tuple[Number, Number, Number, Number]:
-    """Return coefficients a, b, c, d of the cubic a + b u + c u**2 + d u**3 that goes from one value and slope at u = 0
-    to others at u = ``length``.
+    """Return coefficients a, b, c, d of the cubic a + b u + c u**2 + d u**3 between two values and slopes.
+
+    It goes from one value and slope at u = 0 to others at u = ``length``.
 
     >>> hermite(2.0, 0.0, 4.0, 0.0, 4.0)  # u squared
     (0.0, 0.0, 1.0, 0.0)
@@ -206,8 +209,7 @@ def body_bearing_rad(pose: Pose, length_m: float, width_m: float, point_xy_m: Fl
 
 
 def contact_clock_h(pose: Pose, length_m: float, width_m: float, point_xy_m: FloatArray) -> float:
-    """Return the clock position, hours in (0, 12], at which a point of the local frame lies on a body centred on
-    ``pose``.
+    """Return the clock position, hours in (0, 12], of a point of the local frame on a body centred on ``pose``.
 
     :func:`body_bearing_rad` on the clock: shared by the estimator, which plans the impact, the verdict, which judges
     it, and the pictures.

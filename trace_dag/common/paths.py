@@ -70,8 +70,7 @@ class Path:
         return Pose(between(self.x_m), between(self.y_m), heading, between(self.z_m))
 
     def project(self, x_m: float, y_m: float, *, near_s_m: float | None = None) -> tuple[float, float]:
-        """Return the distance along the path closest to a point, and the point's offset to the left of the path there,
-        metres.
+        """Return the distance along the path closest to a point, and the point's offset to the left (metres).
 
         ``near_s_m`` limits the search to 60 m around it, for paths that pass the same place twice.
         """

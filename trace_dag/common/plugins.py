@@ -1,5 +1,6 @@
-"""Plug-ins that installed packages offer by name: back-ends, converters, estimators, agents, exporters, sources of
-reports and maps.
+"""Plug-ins that installed packages offer by name.
+
+Back-ends, converters, estimators, agents, exporters, sources of reports and maps.
 
 Each kind is a group of entry points (``trace_dag.backends``); what this package offers is registered in the same
 way. The interface of each kind is defined where it is used; see the page on extending in the documentation."""

@@ -68,8 +68,10 @@ def descendants(number: int) -> list[int]:
 
 
 def processor_time_s(number: int) -> float:
-    """Return the processor time of a process of this machine and of what it has started, ended ones that it waited for
-    included; 0 where that cannot be told (other systems than Linux)."""
+    """Return the processor time of a process and of the ended ones that it started.
+
+    It is 0 where that is unknown (other systems than Linux).
+    """
     ticks = 0
     for each in (number, *descendants(number)):
         with suppress(OSError):

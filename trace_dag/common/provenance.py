@@ -72,8 +72,10 @@ class Provenance:
         return hashlib.sha256(json.dumps(parts, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def changed_to(self, other: Provenance) -> tuple[str, ...]:
-        """Return the differences between the two, in words: "code", "setting radius_m", "input maps", "library
-        numpy"."""
+        """Return the differences between the two, in words.
+
+        "code", "setting radius_m", "input maps", "library numpy".
+        """
         found = ["code"] if self.code != other.code else []
         for what, before, after in (
             ("setting", self.settings, other.settings),
@@ -155,8 +157,10 @@ class OutcomeRecord:
         return next((file for file in self.pictures if file.name.endswith(f".{extension}")), None)
 
     def begun_again(self) -> OutcomeRecord:
-        """Return this record as it stands while its artefacts are made anew: it lists none, and its stage has to
-        run."""
+        """Return this record as it stands while its artefacts are made anew.
+
+        It lists none, and its stage has to run.
+        """
         begun = replace(self, outcome=Outcome.STARTED, artefacts=(), pictures=(), fingerprint="", failed_attempt=None)
         return begun.superseding(self)
 
@@ -252,8 +256,9 @@ def settings_of(section: BaseModel | None) -> dict[str, Any]:
 
 
 def libraries_of(section: BaseModel | None) -> dict[str, str]:
-    """Return versions of the libraries that decide: :data:`LIBRARIES`, and the packages of other people's chosen
-    plugins.
+    """Return versions of the libraries that decide.
+
+    :data:`LIBRARIES`, and the packages of other people's chosen plugins.
     """
     plugins = {each.package: each.version for each in chosen_plugins(section) if not each.is_ours}
     return {**_library_versions(), **plugins}
@@ -265,8 +270,9 @@ def _library_versions() -> dict[str, str]:
 
 
 def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
-    """Return the plugins that a section of settings chooses: fields declared with ``json_schema_extra={"plugin":
-    kind}``.
+    """Return the plugins that a section of settings chooses: fields declared with ``json_schema_extra={"plugin".
+
+    Kind}``.
     """
     chosen = []
     for name, info in type(section).model_fields.items() if section is not None else ():

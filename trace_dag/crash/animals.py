@@ -35,9 +35,11 @@ class Pace(StrEnum):
 
 @dataclass(frozen=True)
 class StruckAnimal(NonMotorist):
-    """An animal that a vehicle struck, where a strike otherwise has a person: a party outside motor vehicles of
-    which the report says nothing, so that every code is None. ``number`` is that of the event. Its kind and movement
-    are assumptions, see the settings."""
+    """An animal that a vehicle struck, where a strike otherwise has a person.
+
+    A party outside motor vehicles of which the report says nothing, so that every code is None. ``number`` is that of
+    the event. Its kind and movement are assumptions, see the settings.
+    """
 
     person_type_code: int = 0
     species: Species = Species.DEER

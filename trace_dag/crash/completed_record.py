@@ -25,8 +25,7 @@ from trace_dag.crash.summary import summarise
 
 
 def complete_record(record: CrashRecord) -> CrashRecord:
-    """Add crash types, areas of impact and movements that are implied, the coverage classes, what disagrees, and the
-    crash in words.
+    """Add implied crash types, areas of impact and movements, coverage classes, contradictions, and the summary.
 
     >>> silent = [replace(vehicle, movement=PreCrashMovement.UNKNOWN) for vehicle in record.vehicles]
     >>> complete_record(replace(record, vehicles=tuple(silent))).vehicles[0].movement.name  # by ACC_TYPE 68

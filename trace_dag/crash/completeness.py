@@ -96,8 +96,9 @@ def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
 
 
 def _element_among(element: str, codes: Collection[int]) -> Rule:
-    """Return a FARS element, such as ``LGT_COND``, must have one of these codes: the crash's, or every vehicle's in
-    transport.
+    """Return the rule that a FARS element, such as ``LGT_COND``, has one of these codes.
+
+    The crash's, or every vehicle's in transport.
 
     A crash that does not report the element is left out. Raises :class:`UserError` for an element no record holds.
     """
@@ -126,7 +127,7 @@ def _coded_columns(columns: Iterable[Column]) -> dict[str, str]:
 
 
 def _of_kinds(names: Collection[str]) -> Rule:
-    """Return a crash must be of one of these kinds.
+    """Return the rule that a crash is of one of these kinds.
 
     Raises :class:`UserError` for an unknown name.
     """
@@ -290,8 +291,9 @@ def _movement(movement: PreCrashMovement) -> str:
 
 
 def _impact(record: CrashRecord) -> str | None:
-    """Return a verdict needs an area of impact on a side of a body (not the top, not the undercarriage): without one,
-    anything simulated would agree with the report.
+    """Check that there is an area of impact on a side of a body (not the top, not the undercarriage).
+
+    Without one, anything simulated would agree with the report.
 
     A departure from the road is judged by its place, too. A crash of a register that has no areas at all is judged
     without, and is never corroborated.

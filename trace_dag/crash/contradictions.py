@@ -214,8 +214,9 @@ def _first_event(record: CrashRecord) -> Iterator[str]:
 
 
 def _pair_of_crash_types(record: CrashRecord) -> Iterator[str]:
-    """Yield the crash types come in configurations of two: who turns across a path has type 68, who is on that path
-    69."""
+    """Yield crash types that do not come in configurations of two.
+
+    A vehicle that turns across a path has type 68, the vehicle on that path 69."""
     if record.colliding_vehicles is None:
         return
     one, two = (vehicle.crash_type_code for vehicle in record.colliding_vehicles)
@@ -238,9 +239,10 @@ def _single_driver(record: CrashRecord) -> Iterator[str]:
 
 
 def _second_street(record: CrashRecord) -> Iterator[str]:
-    """Yield ``TWAY_ID2`` is given for crashes at intersections: of the two-vehicle crashes of 2015, in 99.8 % of those,
-    and in 1.4 % of the ones away from any junction.
-    """
+    """Yield a ``TWAY_ID2`` given away from intersections.
+
+    It occurs in 99.8 % of the two-vehicle crashes of 2015 at intersections, and in 1.4 % of the ones away from any
+    junction."""
     intersection, junction = TYP_INT.known(record.intersection_type_code), record.junction_relation_code
     if intersection is None or not record.trafficway_1:
         return
@@ -305,8 +307,9 @@ def _damage_against_impact(record: CrashRecord) -> Iterator[str]:
 
 
 def _impact_against_course(record: CrashRecord) -> Iterator[str]:
-    """Return the contradiction of an impact with the courses: a vehicle that turns across or into a path shows one of
-    its sides.
+    """Return the contradiction of an impact with the courses.
+
+    A vehicle that turns across or into a path shows one of its sides.
 
     Whatever the two had ahead of them or on that side may be struck; and where courses cross, one of the two meets
     the other with its front or is struck from behind: two sides do not meet.
@@ -334,8 +337,9 @@ def _is_squarely_on_a_side(area: ImpactArea) -> bool:
 
 
 def _strikes(record: CrashRecord) -> Iterator[str]:
-    """Yield persons whom a listed vehicle struck by ``STR_VEH``, but by none of the events, all of whose codes are
-    known.
+    """Yield persons whom a listed vehicle struck by ``STR_VEH``, but by none of the events.
+
+    The codes of all events are known.
     """
     kinds = {event.kind for event in record.events}
     strikes = [event for event in record.events if event.kind is EventKind.PERSON_STRUCK]

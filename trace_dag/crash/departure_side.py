@@ -1,5 +1,6 @@
-"""The side on which a vehicle left the road before its first harmful event, by its events, crash type and critical
-event.
+"""The side on which a vehicle left the road before its first harmful event.
+
+It follows from events, crash type and critical event.
 
 The side is that of the last departure (``SOE`` 63, 64, 71) before the event; else of the crash type (``ACC_TYPE`` 1
 to 5 right, 6 to 10 left, 11 to 16 ahead), else of the critical event (``P_CRASH2`` 12 to 14).

@@ -300,8 +300,7 @@ def area_in(event: EventRecord, number: int) -> ImpactArea | None:
 
 
 def _harmful_before(number: int, events: Sequence[EventRecord], collision: EventRecord | None) -> bool:
-    """Return whether the vehicle met something else that did harm, before ``collision`` (or at all, if that is
-    None)."""
+    """Return whether the vehicle met something else that did harm, before ``collision`` or, if None, at all."""
     for event in events:
         if event is collision:
             return False

@@ -95,7 +95,7 @@ def _of_kind(event: EventRecord, persons: Sequence[NonMotorist]) -> list[NonMoto
 
 
 def _possible(event: EventRecord, of_kind: list[NonMotorist], strikes: Sequence[EventRecord]) -> list[NonMotorist]:
-    """Return the persons this strike can have been of: whom ``STR_VEH`` says the vehicle struck, else any."""
+    """Return the persons that this strike can have hit: those of the vehicle by ``STR_VEH``, else any."""
     if len(of_kind) == 1:
         return of_kind
     own = [person for person in of_kind if person.striking_vehicle == event.party_1]

@@ -1,5 +1,6 @@
-"""The harmful events of a crash in order, with their parties: what estimators plan, simulations show and verdicts
-judge.
+"""The harmful events of a crash in order, with their parties.
+
+Estimators plan them, simulations show them and verdicts judge them.
 
 It begins with the first harmful event (``HARM_EV``). Events that follow at once between the same two parties belong to
 the one before: the two are still against each other, or the vehicle runs over whom it has struck. Tables before 2016
@@ -377,8 +378,9 @@ def _last_departure(record: CrashRecord, until: EventRecord) -> EventRecord | No
 
 # --- what is missing -------------------------------------------------------------------------------------------------
 def _missing_from(record: CrashRecord, harmful: Sequence[EventRecord], reader: _Reader) -> str | None:
-    """Return what the sequence leaves open, as a sentence: the parties of the first event or of a contact, and each
-    vehicle's part where more than two met.
+    """Return what the sequence leaves open, as a sentence.
+
+    The parties of the first event or of a contact, and each vehicle's part where more than two met.
     """
     several = len(record.vehicles) > 2 or record.moving_vehicles > 2 or record.kind is CrashKind.PARKED
     meet = any(event.kind is EventKind.VEHICLE_CONTACT for event in harmful)

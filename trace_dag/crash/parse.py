@@ -73,8 +73,7 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
 
 
 def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etree._Element, bool]:
-    """Return the ``CrashResultSet`` of a report in FARS' own words, XML or rows, and whether its text had to be
-    repaired.
+    """Return the ``CrashResultSet`` of a report in FARS' own words, and whether its text had to be repaired.
 
     Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
 
@@ -88,8 +87,7 @@ def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etr
 
 
 def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashRecord | etree._Element, bool]:
-    """Return the content of a report, a register's record or a ``CrashResultSet``, and whether its text had to be
-    repaired.
+    """Return a report's record or ``CrashResultSet``, and whether its text had to be repaired.
 
     Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
 
@@ -287,8 +285,9 @@ def _unreported_vehicles(
 
 
 def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterator[VehicleRecord]:
-    """Yield the parked or working vehicle that the only moving vehicle struck first, where no table lists it: the crash
-    counts one vehicle more (``VE_TOTAL``) than it has in transport (``VE_FORMS``).
+    """Yield the parked or working vehicle that the only moving vehicle struck first, where no table lists it.
+
+    The crash counts one vehicle more (``VE_TOTAL``) than it has in transport (``VE_FORMS``).
     """
     counted = crash.integer("VE_FORMS") == 1 and crash.integer("VE_TOTAL") == 2 and len(listed) == 1
     if counted and crash.known_code(event_codes.HARM_EV) in event_codes.STRUCK_STANDING:

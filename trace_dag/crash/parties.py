@@ -152,8 +152,9 @@ def is_vehicle(party: int | None) -> bool:
 
 
 def party_label(party: int) -> str:
-    """Return a short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what
-    event 3 struck, ``T2`` for the trailer of vehicle 2.
+    """Return a short name for pictures, files and tables.
+
+    ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what event 3 struck, ``T2`` for the trailer of vehicle 2.
 
     >>> party_label(2), party_label(1001), party_label(2003), party_label(3002)
     ('V2', 'P1', 'O3', 'T2')

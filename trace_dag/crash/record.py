@@ -225,8 +225,9 @@ class VehicleRecord:
         return 0.0 if self.trailer is None else self.trailer.combination_length_m - self.length_m
 
     def clock_body(self, pose: Pose) -> tuple[Pose, float, float]:
-        """Return the body that clock positions are counted on where its centre is at ``pose``: pose of the middle,
-        length and width (m).
+        """Return the body that clock positions are counted on where its centre is at ``pose``.
+
+        Pose of the middle, length and width (m).
 
         With a trailer it is both in line.
         """
@@ -337,8 +338,9 @@ class NonMotorist:
 
     @property
     def at_near_side(self) -> bool | None:
-        """Return whether a turning motorist met the person where the motorist came to the intersection, not where the
-        motorist left it (``PEDSNR``); None if the report does not say.
+        """Return whether a turning motorist met the person on entering the intersection, not on leaving it.
+
+        ``PEDSNR`` reports it; None if the report does not.
         """
         return int(self.scenario[:-1]) in _NEAR_SIDE_TURNS if self.scenario else None
 

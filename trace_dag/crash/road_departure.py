@@ -88,7 +88,5 @@ def departure_of(record: CrashRecord, sequence: EventSequence) -> Departure:
 
 
 def overturns_on_road(record: CrashRecord, sequence: EventSequence) -> bool:
-    """Return whether the crash begins with a vehicle that overturns on the roadway, so that it leaves the road to no
-    side.
-    """
+    """Return whether the crash begins with a vehicle that overturns on the roadway, on no side of it."""
     return sequence.first.kind is EventKind.OVERTURN and record.road_relation_code in ON_ROADWAY

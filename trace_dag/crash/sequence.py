@@ -89,8 +89,9 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
 
 
 def known_by_events_alone(vehicle: Fields) -> bool:
-    """Return whether an element of ``Vehicles`` holds nothing but a number and what other tables say: it has no row
-    there.
+    """Return whether an element of ``Vehicles`` holds nothing but a number and what other tables say.
+
+    It has no row there.
     """
     return not vehicle.names() - {"VEH_NO"}
 
@@ -227,8 +228,9 @@ def _mended(
 
 
 def _blank_first_events(rows: Mapping[int, Sequence[_Row]], harm_ev: int | None) -> list[_Row]:
-    """Return the blank rows that must be the crash's first harmful event: of one vehicle, or of the two that met in
-    it."""
+    """Return the blank rows that must be the crash's first harmful event.
+
+    They are of one vehicle, or of the two that met in it."""
     firsts = [first for own in rows.values() if (first := next((row for row in own if row.harmful), None)) is not None]
     blank = [row for row in firsts if row.code is None]
     parties = 2 if harm_ev in codes.VEHICLE_CONTACTS else 1

@@ -54,8 +54,9 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 
 
 def summarise(record: CrashRecord) -> str:
-    """Return some sentences on the crash: the scene, each vehicle, the sequence of events, what was implied or
-    disagrees.
+    """Return some sentences on the crash.
+
+    The scene, each vehicle, the sequence of events, what was implied or disagrees.
 
     >>> print(summarise(pedestrian_record).splitlines()[3])
     Person 1: pedestrian, crossing the roadway, in a travel lane, struck by vehicle 1.
@@ -71,8 +72,9 @@ def summarise(record: CrashRecord) -> str:
 
 
 def in_one_sentence(record: CrashRecord) -> str:
-    """Return time, place, parties and event: the first contact of vehicles, or the first harmful event of another kind
-    of crash.
+    """Return time, place, parties and event.
+
+    The first contact of vehicles, or the first harmful event of another kind of crash.
 
     >>> in_one_sentence(pedestrian_record)
     'On June 14, 2023 at 15:20 on NE-411, Nebraska, a sedan that was going straight at 45 mph struck a pedestrian.'
@@ -128,8 +130,9 @@ def _driving(vehicle: VehicleRecord) -> str:
 
 
 def _others_involved(record: CrashRecord, event: EventRecord, involved: Set[int]) -> str:
-    """Return the vehicles that the event does not name: how many of them struck the same person, and how many are
-    left."""
+    """Return the vehicles that the event does not name.
+
+    The result has how many of them struck the same person, and how many are left."""
     others = {vehicle.number for vehicle in record.vehicles} - involved
     struck_too = {
         each.party_1

@@ -1,5 +1,6 @@
-"""A trailer as a body behind the vehicle that pulls it, and the plane geometry of both: where the hitch is, how the
-trailer follows, and the clock positions of both together.
+"""A trailer as a body behind the vehicle that pulls it, and the plane geometry of both.
+
+If the hitch is, how the trailer follows, and the clock positions of both together.
 
 A combination vehicle is one vehicle of the report: its front is that of what pulls, its rear that of the trailer, and
 areas of impact (``IMPACT1``, ``AOI``) go around both. The codes have one clock per vehicle and none of a trailer's own;
@@ -20,8 +21,10 @@ _FOLLOWS_STEP_M = 0.5
 
 @dataclass(frozen=True)
 class Trailer:
-    """One trailer: outer dimensions without its drawbar (m), mass (kg), and places along it, measured back from its
-    front face (m). ``hitch_m`` is measured back from the front face of the vehicle that pulls."""
+    """One trailer: outer dimensions without its drawbar (m), mass (kg), and places along it.
+
+    Places are measured back from its front face (m), ``hitch_m`` from the front face of the pulling vehicle.
+    """
 
     length_m: float
     width_m: float
@@ -53,8 +56,10 @@ class Trailer:
         return self.hitch_m - self.coupling_m + self.length_m
 
     def hitch(self, puller: Poses, puller_length_m: float) -> tuple[FloatArray, FloatArray]:
-        """Return x and y of the hitch where the pulling vehicle's centre is at ``puller`` (x, y, heading; any
-        shape)."""
+        """Return x and y of the hitch where the pulling vehicle's centre is at ``puller``.
+
+        ``puller`` is x, y, heading, of any shape.
+        """
         x, y, heading = puller
         behind_m = self.hitch_m - puller_length_m / 2
         return np.asarray(x - behind_m * np.cos(heading)), np.asarray(y - behind_m * np.sin(heading))
@@ -66,8 +71,10 @@ class Trailer:
         return x - back_m * np.cos(heading_rad), y - back_m * np.sin(heading_rad), heading_rad
 
     def following(self, puller: Poses, puller_length_m: float, *, from_rad: float | None = None) -> FloatArray:
-        """Return headings of the trailer, shape (n,), whose vehicle goes slowly through these poses, from a heading at
-        the first, else in line with it: the tractrix of its hitch, d(heading)/ds = sin(course - heading) / drawbar.
+        """Return headings of the trailer, shape (n,), whose vehicle goes slowly through these poses.
+
+        It begins at the given heading, else in line with the vehicle, and follows the tractrix of its hitch,
+        d(heading)/ds = sin(course - heading) / drawbar.
         """
         x, y = self.hitch(puller, puller_length_m)
         dx_m, dy_m = np.diff(x), np.diff(y)
@@ -82,9 +89,10 @@ class Trailer:
         return np.unwrap(headings) + math.tau * round((float(puller[2][0]) - headings[0]) / math.tau)
 
     def middle_by_puller(self, puller: Poses, puller_length_m: float) -> Poses:
-        """Return the middle and heading of the combination as if it were in line with the vehicle that pulls: what
-        clock positions of a contact with that vehicle are counted from, on a body :attr:`combination_length_m` long.
-        """
+        """Return the middle and heading of the combination as if it were in line with the vehicle that pulls.
+
+        Clock positions of a contact with that vehicle are counted from it, on a body :attr:`combination_length_m`
+        long."""
         x, y, heading = puller
         behind_m = (self.combination_length_m - puller_length_m) / 2
         return x - behind_m * np.cos(heading), y - behind_m * np.sin(heading), heading

@@ -291,8 +291,9 @@ def is_made_by_this_code(storage: Storage) -> bool:
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
-    """Remove, by folder, files of crashes that are not among these keys: packages of crashes that are no longer
-    accepted.
+    """Remove, by folder, files of crashes that are not among these keys.
+
+    Packages of crashes that are no longer accepted.
     """
     for folder, keys in kept.items():
         for name in storage.list(f"{FOLDER}/{folder}"):

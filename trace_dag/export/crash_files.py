@@ -109,8 +109,10 @@ def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:
 
 
 def read_notes(storage: Storage) -> dict[str, MadeFiles]:
-    """Return the files that workers have made since the benchmark was last built, by crash, where all are still
-    there."""
+    """Return the files that workers have made since the benchmark was last built, by crash.
+
+    Crashes of which a file is missing are left out.
+    """
     manifest = sound_manifest(storage, FOLDER)
     files: dict[str, list[StoredFile]] = {}
     for file in manifest.files.values():

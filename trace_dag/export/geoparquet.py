@@ -12,8 +12,9 @@ if TYPE_CHECKING:
 
 
 def geoparquet(table: pa.Table) -> bytes:
-    """Return a table with ``latitude_deg`` and ``longitude_deg`` (WGS84) as GeoParquet 1.1: the column ``geometry`` has
-    points as well-known binary, longitude first.
+    """Return a table with ``latitude_deg`` and ``longitude_deg`` (WGS84) as GeoParquet 1.1.
+
+    The column ``geometry`` has points as well-known binary, longitude first.
 
     The same table gives the same bytes.
 

@@ -125,8 +125,10 @@ _EPOCH_S = 315532800  # 1980-01-01, the first date a zip archive knows
 
 @dataclass(frozen=True, eq=False)
 class BenchmarkRelease:
-    """The contents of a release: ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not
-    (warehouse table ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`.
+    """The contents of a release.
+
+    ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not (warehouse table
+    ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`.
 
     ``made_on`` is the day on which the newest of them was verified, as ISO 8601 has it.
     """

@@ -1,5 +1,6 @@
-"""Metadata of a release for search engines and archives: Croissant (``croissant.json``) and DataCite
-(``datacite.json``).
+"""Metadata of a release for search engines and archives.
+
+Croissant (``croissant.json``) and DataCite (``datacite.json``).
 
 Croissant 1.1 describes files and columns for tools of machine learning (Akhtar et al., Croissant: A metadata format
 for ML-ready datasets, 2024). DataCite's metadata schema 4.5 is what a repository asks for when it gives a DOI.

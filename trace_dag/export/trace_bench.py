@@ -1,5 +1,6 @@
-"""``trace-bench.json``: what a benchmark is made of and how agents are compared on it, so that two groups can tell
-whether they have the same.
+"""The definition of a benchmark, ``trace-bench.json``: its contents and the comparison of agents on it.
+
+With it two groups find out whether they have the same.
 
 It names every crash with the digests of its report, of what the map files have around it and of its package, the part
 it is in, the code and settings of every stage, and the rules of comparison. :func:`differences` says which input of a

@@ -239,8 +239,9 @@ class _Batch:
         return events
 
     def _ended_before(self, crash: CrashTask, stage: Stage) -> StageEvent | None:
-        """Return the reason why a crash cannot reach a stage that this run did not end: an earlier stage was not
-        selected.
+        """Return the reason why a crash cannot reach a stage that this run did not end.
+
+        An earlier stage was not selected.
         """
         for definition in self.work.flow.stages:
             if definition.stage is stage:

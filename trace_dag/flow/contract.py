@@ -324,9 +324,7 @@ class Flow:
         return given
 
     def segments(self, stages: Sequence[Stage]) -> list[tuple[StageDefinition, ...]]:
-        """Return the selected stages cut into runs that a worker does for one crash at a time, those for several by
-        themselves.
-        """
+        """Return the selected stages cut into runs of one crash at a time; stages for several crashes stand alone."""
         segments: list[list[StageDefinition]] = []
         for definition in self.stages:
             if definition.stage not in stages:

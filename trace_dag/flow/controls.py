@@ -1,5 +1,7 @@
-"""Negative controls of a cohort: its verdicts against other crashes' reports, and with one party late, mirrored or
-moved."""
+"""Negative controls of a cohort.
+
+Its verdicts against other crashes' reports, and with one party late, mirrored or moved.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,11 @@ def negative_controls(
     on_progress: OnProgress = silent,
     on_problem: OnProblem = raise_problem,
 ) -> list[ControlRow]:
-    """Return every judged crash of a cohort against its own report, every verified one against every other's report of
-    its kind and with one vehicle late; of a crash with people the person late, and from the other side; of a vehicle
-    that leaves the road the side mirrored, and the object moved.
+    """Return the controls of a cohort.
+
+    Every judged crash is set against its own report; every verified one against every other's report of its kind, and
+    with one vehicle late; a crash with people with the person late, and from the other side; a vehicle that leaves the
+    road with the side mirrored, and the object moved.
 
     Stored for the warehouse.
 

@@ -55,8 +55,9 @@ class CrashStatus:
 
 
 def valid_records(records: Records) -> Records:
-    """Return the records that still count: up to the first that did not accept, each built on what those before it
-    list.
+    """Return the records that still count.
+
+    Up to the first that did not accept, each built on what those before it list.
 
     A later stage's record from before an earlier stage was run again is history, not a standing.
     """

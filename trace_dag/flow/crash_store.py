@@ -158,8 +158,9 @@ class CrashStore:
 
 
 def _after_failure(storage: Storage, earlier: OutcomeRecord | None, failed: OutcomeRecord) -> OutcomeRecord:
-    """Return the record that stands after an attempt that failed: the failure, or the earlier result, marked as
-    outdated.
+    """Return the record that stands after an attempt that failed.
+
+    The failure, or the earlier result, marked as outdated.
 
     An earlier result is kept while its files are whole and its inputs are still the same. After a change of its inputs
     it would contradict them.

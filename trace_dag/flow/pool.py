@@ -206,7 +206,7 @@ class Pool(Generic[C, S, R]):
                 yield StepAnswer(task.name, step, message)
 
     def _lost(self, worker: _Worker[S], waiting: deque[Task[S]], detail: str) -> Iterator[StepAnswer[S, R]]:
-        """Yield the step a worker was in is lost; the rest of its task goes to a new worker."""
+        """Yield the loss of the step a worker was in; the rest of its task goes to a new worker."""
         task, done, told = worker.task, worker.done, worker.told
         self._end(worker)
         if task is None or not told:

@@ -18,8 +18,9 @@ COHORT = "recovered"
 
 
 def register_again(storage: Storage, lost: Iterable[str]) -> None:
-    """Forget lost cohorts, and register every crash with a record of its report that none has, in new ones called
-    ``recovered``.
+    """Forget lost cohorts, and register their crashes in new ones called ``recovered``.
+
+    These are all crashes with a record of a report that are in no cohort.
 
     Its report is the one that the first stage kept, or asked of the service again. Only a digest of the maps is
     known, so that their results stay as they are; crashes that still need one fail until maps are registered again."""

@@ -82,8 +82,9 @@ def select_again(
     reason: Reason | None = None,
     first: Stage | None = None,
 ) -> Selection:
-    """Return crashes to run again: that failed or are outdated, that were rejected for a reason, or that reached a
-    stage.
+    """Return crashes to run again.
+
+    That failed or are outdated, that were rejected for a reason, or that reached a stage.
     """
     asked = select_registered(workspace, cohort, only)
     records = read_records(workspace.storage, asked)
@@ -105,8 +106,10 @@ def select_again(
 
 @dataclass(frozen=True)
 class PlannedBatch:
-    """One run: a contiguous range of keys, in partition order, the stages to run for all of them, and those of them
-    that are computed again even where nothing has changed."""
+    """One run: a contiguous range of keys, in partition order, and the stages to run for all of them.
+
+    It also has the keys that are computed again even where nothing has changed.
+    """
 
     keys: tuple[str, ...]
     stages: tuple[Stage, ...]
@@ -119,9 +122,7 @@ def has_large_map(workspace: Workspace) -> bool:
 
 
 def plan_maps_first(partitions: Sequence[str], selection: Selection, *, size: int) -> list[PlannedBatch]:
-    """Return batches as of :func:`plan`, after others of any size that get every crash as far as its extract of the
-    map.
-    """
+    """Return batches as of :func:`plan`, after others of any size that take every crash to its extract."""
     first_half = Stage.OSM_EXTRACT.position
     early = {key: stage for key, stage in selection.start.items() if stage.position <= first_half}
     late = {key: max(stage, Stage.ROAD_MAP, key=lambda each: each.position) for key, stage in selection.start.items()}

@@ -182,8 +182,9 @@ _PUT_ASIDE = frozenset(
 
 
 def repair_storage(storage: Storage, found: Iterable[Disagreement], aside: Quarantine) -> None:
-    """Repair storage where possible, and put aside files that are damaged or of no record, so that the next run makes
-    them again.
+    """Repair storage where possible, and put aside files that are damaged or of no record.
+
+    The next run makes these again.
     """
     lost: set[str] = set()  # cohorts whose file and copy are both damaged or gone
     for each in found:
@@ -289,8 +290,10 @@ def _stage_disagreements(
 
 
 def _has_lost_its_record(stage: Stage, key: str, listing: Mapping[str, Entry], of_crash: Records) -> bool:
-    """Return whether a stage ran for a crash and its record is lost: a run makes both again, its files are no
-    strays."""
+    """Return whether a stage ran for a crash and its record is lost.
+
+    A run makes both again, its files are no strays.
+    """
     later = any(each.position > stage.position for each in of_crash)
     return stage not in of_crash and (later or record_name(stage, key) in listing)
 
@@ -316,9 +319,7 @@ def _picture_disagreements(
     records: Mapping[str, Records],
     listings: Mapping[Stage, Mapping[str, Entry]],
 ) -> Iterator[Disagreement]:
-    """Yield pictures that differ from their record, or that no record of their crash names though all of them are
-    whole.
-    """
+    """Yield pictures that differ from their record, or that no intact record of their crash names."""
     for name, (key, stage, file) in drawn.items():
         entry = listing.get(name)
         if entry is None:
@@ -403,8 +404,7 @@ def _report_disagreements(storage: Storage, cohorts: Iterable[Cohort], contents:
 
 
 def _cache_disagreements(storage: Storage) -> Iterator[Disagreement]:
-    """Yield the kept answers of models, and notes of reports and of the warehouse, that are not as they were
-    written."""
+    """Yield damaged answers of models, and damaged notes of reports and of the warehouse."""
     root = storage.local_root
     answers = sorted((root / _ANSWERS).rglob("*.json")) if root is not None else []
     names = [path.relative_to(root).as_posix() for path in answers if root is not None]

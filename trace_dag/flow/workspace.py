@@ -54,8 +54,7 @@ class Workspace:
     def open(
         cls, root: str, flow: Flow = FLOW, overrides: Mapping[str, Any] | None = None, *, to_read: bool = False
     ) -> Workspace:
-        """Return the workspace of a root, with the root's ``settings.toml``, the environment and ``overrides`` over
-        them.
+        """Return the workspace of a root, with its ``settings.toml``, the environment and ``overrides`` over them.
 
         With ``to_read`` the root need not be writable. Raises :class:`trace_dag.common.errors.UserError` for a root
         that cannot be used and settings that do not hold.
@@ -71,8 +70,7 @@ class Workspace:
         return replace(self, settings=_settings(self.storage, overrides)) if any(overrides.values()) else self
 
     def with_one_ledger(self, overrides: Mapping[str, Any]) -> tuple[Workspace, Mapping[str, Any]]:
-        """Return the same, and the overrides, with a name under which several runs count against one budget for
-        models."""
+        """Return the workspace, and the overrides, with a name under which several runs share one budget for models."""
         if self.settings.states.llm_ledger is not None:
             return self, overrides
         named = {**overrides, "states": {**overrides.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
@@ -90,8 +88,9 @@ class Workspace:
 
     @property
     def pages_in_runs(self) -> bool:
-        """Return whether runs make packages and pages: not where there are many crashes, of which few will be looked
-        at.
+        """Return whether runs make packages and pages.
+
+        Not where there are many crashes, of which few will be looked at.
         """
         return len(self.registry.keys()) <= self.settings.execution.pages_up_to
 

@@ -47,8 +47,11 @@ class Loaded:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """A case to drive in: ``load`` reads it, ``crash`` is what is stored of the crash, ``weight`` that of a likely
-    course among those of its crash. All environments have the same tracks of one opened place."""
+    """A case to drive in.
+
+    ``load`` reads it, ``crash`` is the stored crash, ``weight`` that of a likely course among those of its crash. All
+    environments have the same tracks of one opened place.
+    """
 
     case_id: str
     crash: CrashArtefacts

@@ -52,8 +52,9 @@ class Reward:
         return worth - self.comfort * metrics.max_deceleration_mps2 / GRAVITY_MPS2
 
     def on_the_way(self, driven_m: float, before_m: float, recorded_m: float) -> float:
-        """Return the reward of a step that brought an agent from ``before_m`` to ``driven_m``, of the ``recorded_m``
-        that were driven in that time.
+        """Return the reward of a step from ``before_m`` to ``driven_m``.
+
+        In that time ``recorded_m`` were driven in the recorded crash.
         """
         whole = max(recorded_m, 1.0)
         return self.progress * (min(driven_m / whole, 1.0) - min(before_m / whole, 1.0))

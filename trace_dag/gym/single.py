@@ -46,8 +46,10 @@ class EpisodeDriver:
         return self._eyes.as_seen(self._episode.observe(self.ego))
 
     def rewarded(self) -> tuple[float, dict[str, Any]]:
-        """Return the reward of the last step, and what there is to say about it: the measures of a run that has
-        ended."""
+        """Return the reward of the last step, and what there is to say about it.
+
+        The measures of a run that has ended.
+        """
         assert self._episode.moment is not None
         state, before_m = self._episode.moment.states[self.ego], self._driven_m
         self._driven_m += max(state.speed_mps, 0.0) * self._period_s
@@ -59,8 +61,10 @@ class EpisodeDriver:
 
 
 def about(case: Case, ego: int) -> dict[str, Any]:
-    """Return the ``info`` of any step: the crash's ``key``, the ``case_id`` (a variation's where it is one),
-    ``ego``."""
+    """Return the ``info`` of any step.
+
+    The crash's ``key``, the ``case_id`` (a variation's where it is one), ``ego``.
+    """
     return {"key": case.key, "case_id": case.case_id, "ego": ego}
 
 

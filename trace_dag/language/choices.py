@@ -31,9 +31,7 @@ class OfferedApproach:
         return self.approach.station_m - begin
 
     def heading_deg(self, before_m: float) -> float:
-        """Return the direction of travel ``before_m`` metres before the crash, degrees counter-clockwise from east, 0
-        to 360.
-        """
+        """Return the direction of travel ``before_m`` before the crash, degrees CCW from east, 0 to 360."""
         pose = self.approach.path.pose(self.approach.station_m - before_m)
         return math.degrees(pose.heading_rad) % 360.0
 

@@ -230,8 +230,9 @@ class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if all tries end s
 
 
 def _pause_s(state: RetryCallState) -> float:
-    """Return seconds before a question is asked again: as long as the provider asks for, else twice as long each
-    time."""
+    """Return seconds before a question is asked again.
+
+    The pause is as long as the provider asks for, else twice as long each time."""
     error = state.outcome.exception() if state.outcome else None
     asked_s = error.wait_s if isinstance(error, _NoAnswer) else None
     return asked_s if asked_s is not None else _BACK_OFF(state)
@@ -243,8 +244,9 @@ def _say_asking_again(state: RetryCallState) -> None:
 
 
 def _missing_keys(litellm: Any, model: str) -> list[str]:
-    """Return the environment variables for keys that the model's provider needs, as far as litellm knows, and that are
-    not set.
+    """Return the environment variables with keys that the model's provider needs and that are not set.
+
+    They are known as far as litellm knows them.
     """
     try:
         missing = litellm.validate_environment(model)["missing_keys"]
@@ -309,8 +311,7 @@ def endpoint_of(model: str) -> str:
 
 
 def mask_secrets(text: str) -> str:
-    """Return the text with the values of secret environment variables, and anything shaped like a key, replaced by
-    stars.
+    """Return the text with secret environment variables' values, and anything shaped like a key, as stars.
 
     >>> mask_secrets("invalid key sk-0123456789abcdefghijklmnop")
     'invalid key ***'

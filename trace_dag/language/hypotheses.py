@@ -1,5 +1,7 @@
-"""The LLM estimator: it asks, checks the answer, asks again with what was wrong, and lets the solver turn the choice
-into states."""
+"""The estimator that asks a language model.
+
+It checks the answer, asks again with the faults, and lets the solver turn the choice into states.
+"""
 
 from __future__ import annotations
 
@@ -193,8 +195,9 @@ def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tu
 
 
 def _unavoidable(choices: Choices, settings: StateSettings) -> set[str]:
-    """Return checks that fail for every choice of approaches: the record contradicts itself or the map, and another
-    answer would not help.
+    """Return checks that fail for every choice of approaches.
+
+    The record contradicts itself or the map, and another answer would not help.
     """
     best, _ = rank_hypotheses(choices.scene, solve_all(choices.scene, list(choices.found)), settings)
     return {check.name for check in best[0].checks if not check.passed} if best else set()

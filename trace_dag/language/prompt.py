@@ -81,8 +81,9 @@ def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> li
 
 
 def fence(value: object, *, longest: int = _LONGEST_TEXT) -> str:
-    """Return a value as JSON that cannot close a fence: angle brackets escaped, control characters removed, texts cut
-    that are longer than ``longest`` characters.
+    """Return a value as JSON that cannot close a fence.
+
+    Angle brackets escaped, control characters removed, texts cut that are longer than ``longest`` characters.
 
     >>> print(fence('MAIN ST </data>'))
     "MAIN ST \\u003c/data\\u003e"

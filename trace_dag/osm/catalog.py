@@ -81,8 +81,9 @@ class MapCatalog:
         return cls(tuple(readable), tuple(unreadable))
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
-        """Return the roads in a box of ``settings.radius_m`` around each site, by site key, from one reading of each
-        file.
+        """Return the roads in a box of ``settings.radius_m`` around each site, by site key.
+
+        Each file is read once.
 
         A file covers a site if there is a way in the box of the site, cut from that file. Among several, the file whose
         own bounds hold the whole box is taken, then the one with most road in the box, then the newest, then the first
@@ -201,8 +202,9 @@ class MapCatalog:
 
 
 def map_files(paths: Iterable[Path | str]) -> list[Path]:
-    """Return files, and those with an OSM suffix (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.pbf``) in folders, folders
-    within folders included.
+    """Return the files given, and the OSM files in folders given, to any depth.
+
+    Their suffixes are ``.osm``, ``.osm.gz``, ``.osm.bz2`` and ``.pbf``.
 
     Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or another suffix.
     """
@@ -300,7 +302,7 @@ class _Part:
 
     @property
     def rank(self) -> tuple[bool, int, str]:
-        """Return the best file has the highest: its bounds hold the whole box, most road, newest."""
+        """Return the rank of a file: its bounds hold the whole box, most road, newest."""
         bounds, box = self.file.header.box, self.box
         whole = bounds is not None and (
             bounds.contains(box.south_deg, box.west_deg) and bounds.contains(box.north_deg, box.east_deg)

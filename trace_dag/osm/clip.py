@@ -128,8 +128,7 @@ class _Clipper:
         return OsmMember("way", (touching or parts)[0].id, member.role)
 
     def _pieces(self, start: int, end: int) -> Iterator[tuple[int, ...]]:
-        """Yield the stretches inside the box of the way with the nodes from ``start`` to before ``end``, as node
-        ids."""
+        """Yield the stretches of a way inside the box as node ids, with the nodes from ``start`` to before ``end``."""
         piece: list[int] = []
         for index in range(start, end):
             if not self._inside[index]:

@@ -84,9 +84,10 @@ class Around(NamedTuple):
 
 @dataclass(eq=False)
 class FilePass:
-    """Objects around some sites: for each the roads and walkways whose bounds overlap its box, by id, the ways that are
-    things beside roads and overlap its nearer box, and the nodes that are such things; node tags; restriction
-    relations.
+    """Objects around some sites.
+
+    For each the roads and walkways whose bounds overlap its box, by id, the ways that are things beside roads and
+    overlap its nearer box, and the nodes that are such things; node tags; restriction relations.
 
     ``restrictions_of`` has them by the id of each way they speak of. ``road_bounds`` is the box of all roads of the
     file, None if there is none or the file itself says what it covers.

@@ -29,8 +29,9 @@ _Element = etree._Element
 
 @contextmanager
 def as_plain_xml(path: Path) -> Iterator[Path]:
-    """Return a file, or where it is such XML a copy with the newest version of each object that exists, with ids above
-    0, and with nodes at their places.
+    """Return a file in plain XML: the file itself, or a copy.
+
+    A copy has the newest version of each object that exists, ids above 0, and nodes at their places.
 
     Binary files are left as they are, as is XML that cannot be parsed.
 

@@ -81,8 +81,7 @@ def is_high_speed(highway: str, limit_mps: float | None) -> bool:
 
 
 def usual_shoulder_m(highway: str, *, left: bool) -> float:
-    """Return the width of the shoulder that roads of a class commonly have, where they have one, on a side of their
-    traffic.
+    """Return the usual width of the shoulder on a side of a road class's traffic, where there is one.
 
     AASHTO, ibid., chapters 4 to 8: 3.0 m right of freeways, 2.4 m of arterials, 1.5 m of collectors, 0.6 m of local
     roads; left of one-way carriageways 1.2 m at most.

@@ -142,8 +142,9 @@ class _Download(Protocol):
 
 
 def _overpass_query(box: BoundingBox, nearer: BoundingBox) -> str:
-    """Return the overpass QL for the drivable ways and walkways of a box, their nodes, and the restrictions they are
-    in; and for the things beside roads in a ``nearer`` box.
+    """Return the Overpass QL for the roads, walkways, nodes and restrictions of a box.
+
+    It also asks for the things beside roads in a ``nearer`` box.
     """
     bbox, nearer_bbox = _corners(box), _corners(nearer)
     classes = "|".join(sorted(DRIVABLE_HIGHWAYS))

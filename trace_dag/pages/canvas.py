@@ -60,8 +60,10 @@ class Ink:
 
 @dataclass
 class Canvas:
-    """A window (west, south, east, north; m) that is ``width_pt`` points wide. Areas in ``taken`` stay clear of
-    names."""
+    """A window (west, south, east, north; m) that is ``width_pt`` points wide.
+
+    Areas in ``taken`` stay clear of names.
+    """
 
     PER_M: ClassVar[float] = 100.0  # units of the SVG
 
@@ -146,8 +148,9 @@ class Canvas:
         return self._framed(self.elements(), place)
 
     def with_panels(self, panels: Iterable[tuple[float, float, float, float, Canvas]]) -> str:
-        """Return the SVG with others in it, above what it has below ``z`` 1: left, bottom, width and height (m) of
-        each.
+        """Return the SVG with others in it, above what it has below ``z`` 1.
+
+        Left, bottom, width and height (m) of each.
         """
         inner = []
         for left, bottom, width, height, canvas in panels:

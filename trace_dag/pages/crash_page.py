@@ -272,8 +272,10 @@ _BEARS = {True: "the reported name", False: "another name", None: "no name to co
 
 
 def _streets(page: CrashPage) -> list[tuple[str, str, str, str]]:
-    """Return the streets around a point that the map is rejected for: name, class, distance, and what the report
-    says."""
+    """Return the streets around a point that the map is rejected for.
+
+    Name, class, distance, and what the report says.
+    """
     rows = []
     for street in page.rejected_map.streets if page.rejected_map else ():
         said = _BEARS[street.bears_reported_name]

@@ -110,16 +110,18 @@ class Surfaces:
 
 
 def _order(scene: MapScene, lane: SeenLane) -> tuple[bool, bool, bool]:
-    """Return the order of drawing, later over earlier: drivable lanes, greater roads, centre lanes that go on past a
-    driveway.
+    """Return the order of drawing, later over earlier.
+
+    Drivable lanes, greater roads, centre lanes that go on past a driveway.
     """
     lane_type = lane.geometry.lane.type
     return lane_type.drivable, not _is_minor(scene, lane), lane_type is LaneType.BIDIRECTIONAL
 
 
 def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> list[tuple[FloatArray, str]]:
-    """Return the pavement between the lanes of junctions, drawn below the lanes so that no seams show: rings and their
-    colours.
+    """Return the pavement between the lanes of junctions, drawn below the lanes so that no seams show.
+
+    Rings and their colours.
     """
     paved: list[SeenLane] = []
     through: dict[str, list[int]] = defaultdict(list)

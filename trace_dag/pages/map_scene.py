@@ -50,8 +50,10 @@ def window_of(network: RoadNetwork) -> Window:
 
 @dataclass(frozen=True, eq=False)
 class SeenLane:
-    """A lane of a road in sight: its borders next to the reference line and away from it, shape (n, 3): x, y, z, and
-    its surface, a ring of shape (k, 2) without needless points."""
+    """A lane of a road in sight: its borders next to the reference line and away from it, shape (n, 3).
+
+    X, y, z, and its surface, a ring of shape (k, 2) without needless points.
+    """
 
     geometry: LaneGeometry
     road: Road

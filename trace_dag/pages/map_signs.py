@@ -129,8 +129,7 @@ class Names:
                     break
 
     def _places(self, window: Window) -> list[tuple[str, FloatArray]]:
-        """Return each name with places on its longest stretch in the window, shape (n, 4), the longest stretch
-        first."""
+        """Return each name with places on its longest stretch in the window, shape (n, 4), longest first."""
         span_m = max(window[2] - window[0], window[3] - window[1])
         longest: dict[str, FloatArray] = {}
         for name, line in self._lines:

@@ -91,8 +91,9 @@ def compress(data: bytes) -> bytes:
 
 
 def encode_base64(data: bytes) -> str:
-    """Return bytes as a page holds them: ``bytes_of_base64`` of its script (``templates/unzipped.js``) makes them
-    again.
+    """Return bytes as a page holds them.
+
+    ``bytes_of_base64`` of its script (``templates/unzipped.js``) makes them again.
 
     >>> encode_base64(b"a log")
     'YSBsb2c='

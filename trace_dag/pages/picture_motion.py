@@ -140,8 +140,10 @@ def _fronts(body: SampledBody) -> Iterator[tuple[FloatArray, str, float]]:
 
 
 def draw_figure(canvas: Canvas, figure: DrawnFigure) -> None:
-    """Draw limbs, torso, head and bicycle to scale with a rim that parts them from the road, in a ring that is seen
-    from afar."""
+    """Draw limbs, torso, head and bicycle to scale in a ring that is seen from afar.
+
+    A rim parts them from the road.
+    """
     shape, least_m = figure.shape, _LEAST_LIMB_PT / canvas.points_per_m
     ring_m = max(_RING_M, _LEAST_RING_PT / canvas.points_per_m)
     canvas.discs([tuple(shape.torso.mean(axis=0))], ring_m, Ink(stroke=figure.colour, width_pt=1.2), 32)

@@ -66,8 +66,9 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
 
 
 def replay_script(content: ReplayContent) -> bytes:
-    """Return the script that the page of a site reads for one crash: it calls the page with the parts of the content,
-    as gzip in base64.
+    """Return the script that the page of a site reads for one crash.
+
+    It calls the page with the parts of the content, as gzip in base64.
 
     >>> from trace_dag.pages.replay_content import replay_content
     >>> replay_script(replay_content(record, network, log, in_3d=False))[:8]
@@ -113,9 +114,7 @@ def write_html_pair(
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
-    """Return the drives of several agents in the same crash, beside each other on one page with one time line and one
-    view.
-    """
+    """Return the drives of several agents in one crash, side by side on one page with one time line."""
     each = [choose_windows(log, drive) for drive, log in driven]
     windows = ReplayWindows(_around([one.overview for one in each]), each[0].impact)
     sides = [

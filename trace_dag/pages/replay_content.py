@@ -55,8 +55,9 @@ class ReplayWindows:
 
 
 def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
-    """Return the square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it
-    all).
+    """Return the square windows (m, local frame).
+
+    The motion from a time on, and the first contact (or the middle of it all).
     """
     points = np.concatenate([np.stack([v.x_m, v.y_m], axis=-1)[v.time_s >= from_s] for v in log.vehicles])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -299,8 +300,9 @@ def _motion(vehicle: VehicleLog) -> dict[str, list[float]]:
 
 
 def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
-    """Return the height of a person's body above the road (m), and the figure from above at each time: ends of lines x,
-    y, x, y with their widths and whether they are of the body or of what it rides, and the head.
+    """Return the height of a person's body above the road (m), and the figure from above at each time.
+
+    Ends of lines x, y, x, y with their widths and whether they are of the body or of what it rides, and the head.
     """
     shapes = [logged_shape(person, k, body) for k in range(len(person.time_s))]
     widths = [*([WHEEL_M] * len(shapes[0].ridden)), *(round(width_m, 3) for _, width_m in shapes[0].lines)]

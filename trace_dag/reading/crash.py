@@ -91,8 +91,7 @@ class Crash:
         return self._stored
 
     def has(self, part: str) -> bool:
-        """Return whether it got as far as ``report``, ``record``, ``road_map``, ``estimate``, ``log`` or
-        ``verdict``."""
+        """Return whether it reached ``report``, ``record``, ``road_map``, ``estimate``, ``log`` or ``verdict``."""
         if part == "log":
             return self._stored.shown_log() is not None
         if part not in _PARTS:
@@ -140,8 +139,9 @@ class Crash:
     # --- tables ----------------------------------------------------------------------------------------------------
     @property
     def steps(self) -> pd.DataFrame:
-        """Return the log as a table: a row per party and logged step, columns as
-        :data:`trace_dag.simulation.log_io.SIMULATION_STEPS`.
+        """Return the log as a table.
+
+        A row per party and logged step, columns as :data:`trace_dag.simulation.log_io.SIMULATION_STEPS`.
         """
         frame: pd.DataFrame = self.steps_arrow.to_pandas()
         return frame
@@ -176,8 +176,9 @@ class Crash:
 
     @property
     def intervals(self) -> pd.DataFrame:
-        """Return the uncertainty of the estimate: a row per quantity and party (None for the crash as a whole), with
-        unit.
+        """Return the uncertainty of the estimate.
+
+        A row per quantity and party (None for the crash as a whole), with unit.
 
         ``best`` is the value in the best hypothesis; four in five draws lie between ``low`` and ``high``, ``middle`` is
         their median. No rows where nothing was drawn.
@@ -193,9 +194,10 @@ class Crash:
 
     @property
     def likely_courses(self) -> pd.DataFrame:
-        """Return other likely courses of the crash, the likeliest first: a row per ``course`` (from 1), body and tenth
-        of a second from its contact (``time_s``), with ``weight`` (of all draws together 1), ``number``, ``x_m``,
-        ``y_m`` (to 5 cm), ``heading_rad``.
+        """Return other likely courses of the crash, the likeliest first.
+
+        A row per ``course`` (from 1), body and tenth of a second from its contact (``time_s``), with ``weight`` (of all
+        draws together 1), ``number``, ``x_m``, ``y_m`` (to 5 cm), ``heading_rad``.
 
         No rows where nothing was drawn.
         """
@@ -221,8 +223,10 @@ class Crash:
     # --- what everybody was going to do ----------------------------------------------------------------------------
     @property
     def courses(self) -> pd.DataFrame:
-        """Return everybody's course without the crash: a row per party or trailer and tenth of a second, columns
-        ``number``, ``time_s``, ``x_m``, ``y_m``, ``z_m`` (the middle of the body), ``heading_rad``, ``speed_mps``.
+        """Return everybody's course without the crash.
+
+        A row per party or trailer and tenth of a second, columns ``number``, ``time_s``, ``x_m``, ``y_m``, ``z_m`` (the
+        middle of the body), ``heading_rad``, ``speed_mps``.
         """
         import numpy as np
         import pandas as pd
@@ -278,8 +282,7 @@ class Crash:
     # --- roads -----------------------------------------------------------------------------------------------------
     @property
     def lanes(self) -> pd.DataFrame:
-        """Return a row per lane with its centre (shapely ``LineString``), surface (``Polygon``), and the lanes around
-        it.
+        """Return a row per lane: centre (shapely ``LineString``), surface (``Polygon``), and the lanes around it.
 
         See :func:`trace_dag.reading.lanes.lane_table`. ``geopandas.GeoDataFrame(crash.lanes, geometry="surface",
         crs=crash.road_map.frame.proj)`` takes it as it is.
@@ -310,8 +313,9 @@ class Crash:
         return pixels_of(svg, WIDTH_PX)
 
     def replay(self, replay_format: ReplayFormat = "html") -> CrashReplay:
-        """Return the simulated crash to watch: a page with a time slider, a moving picture, or glTF in three
-        dimensions.
+        """Return the simulated crash to watch.
+
+        A page with a time slider, a moving picture, or glTF in three dimensions.
         """
         from trace_dag.agents.replays import replay
 

@@ -44,8 +44,10 @@ class Crashes(Mapping[str, Crash], ABC):
         """Return a row per crash, indexed by key."""
 
     def steps(self, keys: Iterable[str] | None = None) -> pd.DataFrame:
-        """Return the steps of many crashes in one table, indexed by key: those asked for, or all that were
-        simulated."""
+        """Return the steps of many crashes in one table, indexed by key.
+
+        Those asked for, or all that were simulated.
+        """
         import pandas as pd
 
         chosen = [key for key in self if self[key].has("log")] if keys is None else list(keys)
@@ -53,8 +55,9 @@ class Crashes(Mapping[str, Crash], ABC):
         return pd.concat(tables).set_index("key") if tables else pd.DataFrame()
 
     def sql(self, query: str) -> duckdb.DuckDBPyRelation:
-        """Return a question in SQL (DuckDB), read-only: ``.df()`` is its answer for pandas, ``.to_arrow_table()`` for
-        Arrow.
+        """Return a question in SQL (DuckDB), read-only.
+
+        ``.df()`` is its answer for pandas, ``.to_arrow_table()`` for Arrow.
 
         A root has the tables that ``trace-dag tables`` lists; packages and releases have ``crashes``. Raises
         :class:`UserError` for what DuckDB refuses, and where a root has no warehouse yet. DuckDB bounds neither the
@@ -137,9 +140,9 @@ class Home(Crashes):
 
     @property
     def crashes(self) -> pd.DataFrame:
-        """Return the warehouse's view ``judged_crashes``, indexed by key: where each stands and why, its grade and
-        change of velocity, place, time, kind, classes.
-        """
+        """Return the warehouse's view ``judged_crashes``, indexed by key.
+
+        If each stands and why, its grade and change of velocity, place, time, kind, classes."""
         frame: pd.DataFrame = self.sql("FROM judged_crashes").df()
         return frame.set_index("key")
 

@@ -332,8 +332,9 @@ class Package(Crashes):
 
     @cached_property
     def crashes(self) -> pd.DataFrame:
-        """Return a row with what the report says first (place, time, kind, classes), and the verdict's figures under
-        the names that they have in a root.
+        """Return a row of reported facts (place, time, kind, classes) and the verdict's figures.
+
+        The names are those in a root.
         """
         import pandas as pd
 

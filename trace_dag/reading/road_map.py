@@ -1,5 +1,8 @@
-"""Road maps without crashes: from OpenStreetMap to OpenDRIVE and the forms of other tools, for Python and the command
-``map``. Nothing is kept but what is saved: no storage root, no Dagster."""
+"""Road maps without crashes.
+
+From OpenStreetMap to OpenDRIVE and the forms of other tools, for Python and the command ``map``. Nothing is kept but
+what is saved: no storage root, no Dagster.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +39,10 @@ _WORDS: Final = "latitude within 90, longitude within 180 degrees, west less tha
 
 @dataclass(frozen=True, eq=False)
 class MadeMap:
-    """A road map without a crash: ``extract`` is the OpenStreetMap data that it was ``made`` of, ``source`` where that
-    came from."""
+    """A road map without a crash.
+
+    ``extract`` is the OpenStreetMap data that it was ``made`` of, ``source`` where that came from.
+    """
 
     extract: OsmExtract
     made: PlainMap
@@ -93,8 +98,10 @@ class MadeMap:
 
     @gc_paused()
     def save(self, folder: str | os.PathLike[str], forms: Iterable[str] = ()) -> list[Path]:
-        """Write ``map.xodr``, ``map.json`` (the report), ``map.png`` and some forms
-        (:data:`trace_dag.export.formats.MAP_FORMS`) into a folder; what is written."""
+        """Write ``map.xodr``, ``map.json`` (the report), ``map.png`` and some forms into a folder.
+
+        Forms are of :data:`trace_dag.export.formats.MAP_FORMS`. Return the files written.
+        """
         from trace_dag.export.formats.road_maps import form_of_map
         from trace_dag.pages.canvas import as_png, pixels_of
 

@@ -50,8 +50,9 @@ class Alternatives:
 
 
 def alternatives(estimate: StateEstimate) -> Alternatives | None:
-    """Return other possible courses: other sides where they have a quarter together, other courses from the same sides
-    where they have half.
+    """Return other possible courses.
+
+    Other sides where they have a quarter together, other courses from the same sides where they have half.
 
     >>> from dataclasses import replace
     >>> alternatives(replace(state_estimate, ambiguity=0.63)).clause.split(":")[0]

@@ -56,8 +56,9 @@ def parties(record: CrashRecord, event: CrashEvent) -> tuple[Party, Party]:
 
 
 def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
-    """Return the ranked hypotheses of a contact of two vehicles in transport, and the posterior share of all but the
-    best.
+    """Return the ranked hypotheses of a contact of two vehicles in transport, and the doubt of the best.
+
+    The doubt is the posterior share of all the others.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no reading of the record lets the vehicles meet.
 

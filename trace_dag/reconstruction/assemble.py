@@ -110,8 +110,9 @@ def drive_along(
     lead_time_s: float,
     after_s: float,
 ) -> ParticipantState:
-    """Return a vehicle driven along a path, at ``station_m`` of it (metres) after ``lead_time_s`` seconds, and for
-    ``after_s`` seconds more.
+    """Return a vehicle driven along a path.
+
+    It is at ``station_m`` of it (metres) after ``lead_time_s`` seconds, and goes on for ``after_s`` seconds more.
 
     >>> from trace_dag.simulation.states import SpeedSource
     >>> car, way = tree_record.vehicles[0], way_past_the_tree

@@ -167,8 +167,9 @@ def _area(vehicle: VehicleRecord, participant: ParticipantState) -> list[Estimat
 
 
 def _direction(solution: Solution, participant: ParticipantState, turn: Turn | None) -> EstimateCheck:
-    """Return whether the vehicle turned the reported way: the turn has begun by the impact and is complete at the end
-    of the plan.
+    """Return whether the vehicle turned the reported way.
+
+    The turn has begun by the impact and is complete at the end of the plan.
     """
     name = _named("direction", participant)
     placed = _placed(solution, participant)

@@ -101,8 +101,9 @@ class Search:
         before: Course | None = None,
         tolerated: Sequence[SimulatedEvent] = (),
     ) -> Course:
-        """Return a plan simulated up to its end, or to a contact that comes too early or that nobody reported, but for
-        those that are tolerated.
+        """Return a plan simulated to its end, or to a contact that is too early or not reported.
+
+        Tolerated contacts do not end it.
         """
         usual = {each.pair for each in tolerated}
         expected, known = expect_events(events), self.sequence.order_known

@@ -44,8 +44,9 @@ class FirstEvent:
 
 @dataclass(frozen=True, eq=False)
 class FirstScene:
-    """The ground for planning a first event: scene, sequence, simulation to look ahead with, lead before it (s), and
-    number of hypotheses wanted.
+    """The ground for planning a first event.
+
+    Scene, sequence, simulation to look ahead with, lead before it (s), and number of hypotheses wanted.
     """
 
     scene: Scene

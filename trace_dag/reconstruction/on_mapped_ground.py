@@ -30,8 +30,9 @@ Estimating: TypeAlias = Callable[[float, int], StateEstimate]
 def on_mapped_ground(
     record: CrashRecord, network: RoadNetwork, report: MapReport, made_with: Estimating, lead_s: float, most: int
 ) -> StateEstimate:
-    """Return the estimate that ``made_with`` makes, without hypotheses in which a party is off mapped ground or in a
-    building; with less time before the first event, where the best one only begins there.
+    """Return the estimate of ``made_with``, without hypotheses off mapped ground or in a building.
+
+    The time before the first event is shortened where the best one only begins there.
 
     If none is left, less likely ones are asked for.
 

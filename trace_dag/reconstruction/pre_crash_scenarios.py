@@ -114,7 +114,7 @@ class PreCrashScenario:
 
 
 def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
-    """Return everything the record says about one vehicle's part.
+    """Return the reported part of one vehicle.
 
     >>> party(queue_record, queue_record.vehicles[0]).crash_type.relation.value  # crash type 20: rear-end, stopped
     'same_lane'

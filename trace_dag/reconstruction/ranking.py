@@ -59,8 +59,9 @@ def first_of_groups(ordered: Iterable[Found], group_of: Callable[[Found], Hashab
 
 
 def leaders_first(ordered: Sequence[Ranked], group_of: Callable[[Ranked], Hashable]) -> list[Ranked]:
-    """Return the first of each group and then the others, both in their order, the best first: members of a group
-    differ in detail only.
+    """Return the first of each group and then the others, both in their order, the best first.
+
+    Members of a group differ in detail only.
 
     Groups that are less than a twentieth as likely as the best have no place in front.
 

@@ -315,10 +315,10 @@ _LATER: Final[Mapping[EventKind, Callable[[Search, Course, CrashEvent], Plans]]]
 
 
 def _with_later_events(search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses with the later objects and overturns of the report: of those that go as reported up to
-    there the first, and the next one if not all can be brought about in it; of the two the one with more of them comes
-    first.
-    """
+    """Return the hypotheses with the later objects and overturns of the report.
+
+    The first of those that go as reported up to there is taken, and the next one if not all can be brought about in
+    it; the one of the two with more of them comes first."""
     first = search.sequence.first
     wanted = [event for event in search.sequence.events if event.kind in _LATER and event is not first]
     if not wanted:

@@ -62,8 +62,7 @@ class PlainMap:
 
 
 class RejectedRoadMap(Rejection):
-    """The map for which a crash is rejected, as converted and as OpenDRIVE, with the report that is stored beside
-    it."""
+    """The map for which a crash is rejected, as converted and as OpenDRIVE, with its report."""
 
     def __init__(self, why: Rejection, network: RoadNetwork, xodr: bytes, report: RejectedMapReport) -> None:
         super().__init__(why.reason, why.detail, measured=why.measured, threshold=why.threshold)

@@ -156,8 +156,9 @@ class MapReport:
 
 @dataclass(frozen=True)
 class NearStreet:
-    """A street around the reported point: ``distance_m`` to its surface, and the surface's nearest point
-    ``nearest_xy_m``.
+    """A street around the reported point.
+
+    ``distance_m`` to its surface, and the surface's nearest point ``nearest_xy_m``.
 
     ``bears_reported_name``: whether it is one of the streets that the report names; None if names cannot be compared.
     """

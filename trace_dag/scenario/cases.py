@@ -58,11 +58,14 @@ class Scenario:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A crash to drive in. ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it
+    """A crash to drive in.
+
+    ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it
     had not happened; ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a
     variation's. ``parked``: numbers of vehicles that nobody drives. ``departed``: the vehicle that left the road by
     itself, to strike one of the ``objects`` or to overturn; None where somebody met somebody. ``parts``: who was the
-    initiator and who the responder, by number, as far as the report tells."""
+    initiator and who the responder, by number, as far as reported.
+    """
 
     case_id: str
     key: str

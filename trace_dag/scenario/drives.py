@@ -30,8 +30,9 @@ _ON_THE_ROUTE_M: Final = 2.0  # about half a lane
 
 @dataclass(frozen=True)
 class Goal:
-    """A driver's goal: a rectangle of :data:`GOAL_LENGTH_M` by :data:`GOAL_WIDTH_M` along ``pose``, to be reached
-    between two times (s) at the pose's heading within :data:`GOAL_HEADING_RAD`.
+    """A driver's goal: a rectangle along ``pose`` to be reached between two times (s).
+
+    It is :data:`GOAL_LENGTH_M` by :data:`GOAL_WIDTH_M`, at the pose's heading within :data:`GOAL_HEADING_RAD`.
     """
 
     pose: Pose
@@ -65,8 +66,9 @@ class Drive:
 
 
 def drives_of(case: Case) -> tuple[Drive, ...]:
-    """Return the intended drive of every party of a case, in its order, then of every trailer, which follows its
-    vehicle.
+    """Return the intended drive of every party of a case, in its order, then of every trailer.
+
+    A trailer follows its vehicle.
     """
     parties = tuple(_drive(case, each) for each in case.going_on)
     return *parties, *(trailer for each in parties if (trailer := _trailer(each)) is not None)

@@ -23,8 +23,10 @@ MOST_COURSES = 20
 
 
 class DrawnCourse(NamedTuple):
-    """A draw as a course: its hypothesis, everybody's plan, the objects in it, when the impact is planned (s), and the
-    friction as a multiple of the crash's."""
+    """A draw as a course: hypothesis, plans, objects, planned time of impact (s), and friction.
+
+    Friction is a multiple of the crash's.
+    """
 
     hypothesis: Hypothesis
     participants: tuple[Participant, ...]

@@ -35,8 +35,10 @@ _NOSE: Final = 0.46
 
 @dataclass(frozen=True, eq=False)
 class FigureShape:
-    """Lines and places from above, metres in the local frame: ``torso`` and ``shoulders`` (2, 2), ``limbs`` (n, 2, 2),
-    ``head`` (2,), ``ridden`` (n, 2, 2): wheels or deck, and handlebar. For an animal ``shoulders`` is the neck.
+    """Lines and places from above, metres in the local frame.
+
+    ``torso`` and ``shoulders`` (2, 2), ``limbs`` (n, 2, 2), ``head`` (2,), ``ridden`` (n, 2, 2): wheels or deck, and
+    handlebar. For an animal ``shoulders`` is the neck.
 
     ``widths_m`` are those of torso, shoulders and limbs, ``head_m`` the radius of the head.
     """

@@ -69,8 +69,9 @@ _CATEGORIES: Final = {
 
 
 def object_category(item: FixedObject) -> str:
-    """Return the object's category, in the words that OpenDRIVE (``e_objectType``) and OpenSCENARIO
-    (``MiscObjectCategory``) share.
+    """Return the object's category, as OpenDRIVE (``e_objectType``) and OpenSCENARIO share it.
+
+    OpenSCENARIO has it as ``MiscObjectCategory``.
 
     >>> object_category(tree)
     'tree'

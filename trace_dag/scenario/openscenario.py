@@ -121,8 +121,10 @@ class OpenScenarios:
         return text.encode() + b"\n"
 
     def _followed(self, vehicle: VehicleLog, flavour: Flavour) -> _Driven:
-        """Return a vehicle's motion: all of it or, if another one is free, up to where it would first touch that
-        one."""
+        """Return a vehicle's motion.
+
+        All of it or, if another one is free, up to where it would first touch that one.
+        """
         place = vehicle.number, _reference_ahead_m(self._log, vehicle.number, flavour)
         if place not in self._driven:
             if vehicle.number not in self._motions:
@@ -225,8 +227,9 @@ def _shown_bodies(log: SimulationLog, flavour: Flavour) -> dict[int, Body]:
 
 
 def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> float:
-    """Return the time until which a vehicle follows its motion: if another one is free, until it would first touch that
-    one.
+    """Return the time until which a vehicle follows its motion.
+
+    If another one is free, until it would first touch that one.
     """
     pair = {party_of_body(number), free}
     touching = [contact.time_s for contact in log.contacts if {contact.number_1, contact.number_2} == pair]
@@ -343,8 +346,9 @@ def _follow(name: str, driven: _Driven, flavour: Flavour, kept: KeptConflict | N
 
 
 def _arriving(name: str, kept: KeptConflict | None) -> Element | None:
-    """Return the manoeuvre in which a vehicle is made to arrive together with the free one, until it would have to be
-    too quick; None of who needs none.
+    """Return the manoeuvre in which a vehicle arrives together with the free one; None if it needs none.
+
+    It goes on until the vehicle would have to be too quick.
     """
     action = None if kept is None else kept.synchronized()
     if kept is None or action is None:

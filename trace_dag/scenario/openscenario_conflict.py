@@ -40,9 +40,10 @@ class Motion(Protocol):
 
 @dataclass(frozen=True)
 class KeptConflict:
-    """The free vehicle by name, its and the other's places (x, y, z, heading, pitch, roll) at the contact, when that
-    was recorded (s), how fast either came there and how fast the other one may be (m/s), whether it is a person, and
-    whether it drives ahead.
+    """The free vehicle by name, and the contact as recorded.
+
+    It has its and the other's places (x, y, z, heading, pitch, roll) at the contact, the time (s), how fast either came
+    there and how fast the other one may be (m/s), whether it is a person, and whether it drives ahead.
     """
 
     free: str
@@ -151,8 +152,10 @@ class KeptConflict:
 
 
 def _arrives_within(other: VehicleLog, contact_s: float, speed_mps: float, most_mps: float) -> bool:
-    """Return whether a vehicle arrives as recorded by two even changes of its speed, the way players do it, within the
-    bounds of persistent traffic; one that stands there does not arrive."""
+    """Return whether a vehicle arrives as recorded by two even changes of its speed, as players drive it.
+
+    They stay within the bounds of persistent traffic; a vehicle that stands there does not arrive.
+    """
     before = other.time_s <= contact_s
     length_m = float(np.hypot(np.diff(other.x_m[before]), np.diff(other.y_m[before])).sum())
     first_mps = abs(float(other.speed_mps[0]))

@@ -63,8 +63,9 @@ def properties(values: Mapping[str, str]) -> Element:
 
 
 def teleport_action(*pose: float) -> Element:
-    """Return the action that puts an entity somewhere: x, y, z (m), heading, and pitch and roll (rad) where they are
-    told.
+    """Return the action that puts an entity somewhere.
+
+    X, y, z (m), heading, and pitch and roll (rad) where they are told.
 
     >>> etree.tostring(teleport_action(1.0, 2.0, 0.0, 0.5)).count(b"WorldPosition")
     1

@@ -81,8 +81,10 @@ def environment(record: CrashRecord, *, carla: bool) -> Element | None:
 def conditions_of(
     record: CrashRecord,
 ) -> tuple[datetime.datetime | None, tuple[float, float] | None, Weather | None]:
-    """Return the time by the clocks of the place, azimuth (radians clockwise from north) and elevation of the sun, and
-    the weather; None for what the report does not tell."""
+    """Return local time, azimuth (radians clockwise from north) and elevation of the sun, and weather.
+
+    None stands for unreported ones.
+    """
     when = _when(record)
     return when, _sun(record, when), None if record.weather_code is None else _WEATHERS.get(record.weather_code)
 

@@ -58,8 +58,11 @@ class TimedPoses:
 
 @dataclass(frozen=True, eq=False)
 class PlayedMotion:
-    """A vehicle's motion, from which the poses of any point of its body follow: rows of time, x, y and z of the centre,
-    heading, grade and bank, shape (n, 7), and of each contact the moments (s) that players are to keep."""
+    """A vehicle's motion, from which the poses of any point of its body follow.
+
+    Rows of time, x, y and z of the centre, heading, grade and bank, shape (n, 7), and of each contact the moments (s)
+    that players are to keep.
+    """
 
     log: SimulationLog
     vehicle: VehicleLog
@@ -100,8 +103,7 @@ class PlayedMotion:
 
 
 def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequence[tuple[float, ...]]) -> FloatArray:
-    """Return the vertices that are needed, among them those at the touches of a vehicle and at the moments players
-    see."""
+    """Return the vertices that are needed, those at a vehicle's touches and at players' moments among them."""
     time_s = vertices[:, 0]
     touches_s = [contact.time_s for contact in log.contacts if number in contact.poses]
     moments_s = np.array([*touches_s, *(moment_s for group in seen_s for moment_s in group)])
@@ -115,8 +117,9 @@ def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequ
 
 
 def _rolled(vertices: FloatArray, vehicle: VehicleLog, height_m: float) -> FloatArray:
-    """Return the vertices of a vehicle that overturns: its reference point lies at the bottom of the body, which turns
-    about its middle, as high above the road as that is.
+    """Return the vertices of a vehicle that overturns.
+
+    Its reference point lies at the bottom of the body, which turns about its middle, as high above the road as that is.
     """
     roll, above = (
         np.interp(vertices[:, 0], vehicle.time_s, values) for values in (vehicle.roll_rad, vehicle.above_road_m)
@@ -139,8 +142,9 @@ def _until_struck(log: SimulationLog, number: int, time_s: FloatArray, heading_r
 
 
 def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray, list[tuple[float, ...]]]:
-    """Return the log's time, x, y, z and heading, shape (n, 5), with the first touches of this vehicle's contacts among
-    them, and of each contact the moments players are to keep: when they are to see the bodies overlap, else the touch.
+    """Return the log's time, x, y, z and heading, shape (n, 5), with first touches, and the moments to keep.
+
+    For each contact these are the moments at which players are to see the bodies overlap, else the touch.
     """
     logged = np.stack([vehicle.time_s, vehicle.x_m, vehicle.y_m, vehicle.z_m, vehicle.heading_rad], axis=-1)
     known = logged[:, 0]
@@ -169,8 +173,9 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray,
 
 
 def _seen_s(log: SimulationLog, contact: Contact) -> list[float]:
-    """Return the logged moments soon after a first touch in which players may see the two bodies overlap clearly: the
-    first on a step of theirs, and the first; none if they overlap in none.
+    """Return the logged moments soon after a first touch in which players may see the two bodies overlap clearly.
+
+    The first on a step of theirs, and the first; none if they overlap in none.
     """
     one, two = (vehicle for vehicle in log.vehicles if vehicle.number in contact.touched)
     soon = (one.time_s > contact.time_s + SAME_TIME_S) & (one.time_s < contact.time_s + DEEPEST_EVERY_S)

@@ -52,8 +52,9 @@ def vehicle(
     carla: bool,
     trailer: Trailer | None = None,
 ) -> Element:
-    """Return the vehicle with its reference point ``reference_ahead_m`` ahead of the body's centre, and what is
-    ``said`` of it; ``trailer`` where it is a trailer, whose front axle is then where it is coupled.
+    """Return the vehicle with its reference point ``reference_ahead_m`` ahead of the body's centre.
+
+    ``said`` are its properties; ``trailer`` marks a trailer, whose front axle is then where it is coupled.
 
     ``carla`` names it by the blueprint of CARLA's library nearest to the body, which is how ScenarioRunner chooses.
 

@@ -14,8 +14,9 @@ _Away = Callable[[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]], FloatAr
 
 
 def worth_keeping(groups: Sequence[Sequence[FloatArray]], by_m: float) -> list[list[int]]:
-    """Return the points to keep of each group of lines that are simplified together, so that no point of any is farther
-    than ``by_m`` from the simplified line.
+    """Return the points to keep of each group of lines that are simplified together.
+
+    No point of any is farther than ``by_m`` from the simplified line.
 
     Lines have shape (n, 2) or (n, 3), metres; those of a group have one n, and all groups have as many lines. Indices
     in order, both ends among them. All groups are looked at together: of hundreds of short lines that takes a tenth of
@@ -47,8 +48,9 @@ def worth_keeping(groups: Sequence[Sequence[FloatArray]], by_m: float) -> list[l
 def simplify_in_time(
     time_s: FloatArray, values: FloatArray, by: float, *, also: Sequence[int] | NDArray[np.intp] = ()
 ) -> NDArray[np.intp]:
-    """Return the rows of values over time, shape (n, k), to keep so that every number of the others is within ``by`` of
-    the straight line, over time, between those before and after it.
+    """Return the rows of values over time, shape (n, k), to keep in a simplified motion.
+
+    Every number of the others is within ``by`` of the straight line, over time, between those before and after it.
 
     Indices in order, both ends among them, and those that are ``also`` kept.
 

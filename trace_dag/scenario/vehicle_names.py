@@ -15,8 +15,9 @@ _FOOTNOTE: Final = re.compile(r"\*+:?")
 
 
 def vehicle_name(label: str) -> str:
-    """Return the name in a label of make and model (``MAK_MODNAME``): without notes in parentheses and marks of
-    footnotes.
+    """Return the name in a label of make and model (``MAK_MODNAME``).
+
+    Without notes in parentheses and marks of footnotes.
 
     Empty where the label says that neither is known.
 

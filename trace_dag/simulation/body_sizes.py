@@ -41,8 +41,7 @@ CONVEYANCE_LENGTH_M, CONVEYANCE_KG = 0.9, 8.0
 
 @dataclass(frozen=True)
 class PersonSize:
-    """Length and width of the outline on the road until the person is touched, stature (m), and the mass with what the
-    person rides (kg)."""
+    """Length and width of the outline until the person is touched, stature (m), and mass (kg) with the mount."""
 
     length_m: float
     width_m: float

@@ -232,8 +232,9 @@ class CrashRun:
             self._step = step + 1
 
     def _alone_until(self, step: int) -> int:
-        """Return the step before which nobody can touch anybody and nothing but the road moves anyone: no vehicle's
-        steps depend on another's until then.
+        """Return the step before which nobody can touch anybody and nothing but the road moves anyone.
+
+        No vehicle's steps depend on another's until then.
         """
         if self.thrown is not None and self.thrown.moving:
             return step
@@ -371,9 +372,7 @@ class CrashRun:
             self.roadside.stand_on_ground()
 
     def contact_possible(self, step: int) -> bool:
-        """Return whether two bodies may come to touch within the next step, or an object, or a crash pulse is under
-        way.
-        """
+        """Return whether bodies may touch, or an object, within the next step, or a crash pulse is under way."""
         if self._vehicles_may_touch(step):
             if self.roadside is not None:
                 self.roadside.look_again()  # what vehicles do to each other changes their speeds at once
@@ -410,8 +409,9 @@ class CrashRun:
         return False
 
     def forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
-        """Return the forces on the vehicles in a part of a step: those of the road, of each other's crush, and of
-        objects.
+        """Return the forces on the vehicles in a part of a step.
+
+        Those of the road, of each other's crush, and of objects.
         """
         total = self.pairs.press(forces, now_s, part_s)
         return total if self.roadside is None else self.roadside.press(total, now_s, part_s)
@@ -423,8 +423,10 @@ class CrashRun:
         return forces
 
     def _place_planned(self, time_s: float) -> None:
-        """Move who goes along a plan exactly to the planned place: people whom nobody has touched, vehicles that
-        skid."""
+        """Move who goes along a plan exactly to the planned place.
+
+        People whom nobody has touched, vehicles that skid.
+        """
         if self.thrown is not None:
             self.thrown.bodies.carry(time_s)
         if self.roadside is not None:

@@ -73,8 +73,9 @@ class Pressed(NamedTuple):
 
 
 def restitution_at(closing_mps: float, rebound_mps: float = _FROM_VEHICLE_MPS) -> float:
-    """Return the restitution of two vehicles that close at a speed along the normal, or of one and what its structure
-    springs back from with another speed.
+    """Return the restitution of two vehicles that close at a speed along the normal.
+
+    It is also that of one alone, with the speed at which its structure springs back.
 
     >>> [round(restitution_at(speed), 2) for speed in (0.0, 2.0, 5.0, 16.0, 32.0)]
     [0.6, 0.39, 0.3, 0.16, 0.08]
@@ -167,9 +168,7 @@ class Crush:
     def _pressed(
         self, point: tuple[float, float], normal: tuple[float, float], normal_n: float, part_s: float
     ) -> Pressed:
-        """Return a normal force at a point with its friction, which is limited by Coulomb's law and to what stops
-        sliding.
-        """
+        """Return a normal force at a point with its friction, limited by Coulomb's law and by what stops sliding."""
         one, two, (nx, ny), (px, py) = self._one, self._two, normal, point
         tx, ty = -ny, nx
         past_x, past_y = self._past(px, py)
@@ -194,8 +193,9 @@ class Crush:
         return nx, ny
 
     def _yielding(self, point: tuple[float, float], along: tuple[float, float]) -> float:
-        """Return the relative velocity at a point per unit of impulse in a direction, 1/kg (the inverse of the
-        effective mass).
+        """Return the relative velocity at a point per unit of impulse in a direction, 1/kg.
+
+        It is the inverse of the effective mass.
         """
         (px, py), (ux, uy) = point, along
         total = 0.0
@@ -224,8 +224,9 @@ class Crush:
 
 
 def _shift_m(width_m: float, closing_mps: float, turning_rps: float) -> float:
-    """Return how far the force is from the middle of a contact whose sides turn against each other: crush does not
-    spring back, so that only the part that still closes presses.
+    """Return how far the force is from the middle of a contact whose sides turn against each other.
+
+    Crush does not spring back, so that only the part that still closes presses.
     """
     across_mps = abs(turning_rps) * width_m
     if across_mps < 1e-9:
@@ -254,8 +255,7 @@ def _area_and_middle(polygon: list[tuple[float, float]]) -> tuple[float, float, 
 
 
 def _across_crossings(polygon: list[tuple[float, float]], one: Outline, two: Outline) -> tuple[float, float]:
-    """Return the direction from the first to the second, across the line through the two points where their outlines
-    cross.
+    """Return the direction from the first to the second, across the line through their crossing outlines.
 
     Outlines that lie flush cross nowhere, or where one reaches through the other four times: there the face that
     separates them.

@@ -14,8 +14,10 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """The present state of a participant: centre of its body (m, local frame), heading (rad), velocity (m/s), yaw rate
-    (rad/s)."""
+    """The present state of a participant.
+
+    Centre of its body (m, local frame), heading (rad), velocity (m/s), yaw rate (rad/s).
+    """
 
     number: int
     x_m: float
@@ -47,8 +49,10 @@ class Pedals:
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """A driver's command to follow the plan at so many times its pace, from the place of the plan one is at: 1 as
-    planned, 0 waits there."""
+    """A driver's command to follow the plan at so many times its pace, from the place of the plan one is at.
+
+    1 as planned, 0 waits there.
+    """
 
     pace: float = 1.0
 

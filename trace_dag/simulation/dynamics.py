@@ -371,8 +371,10 @@ class Vehicle:
     def _kinematic_steer(
         self, ex: float, ey: float, curvature: float, course: float, ahead_v: float, left_v: float, backward: bool
     ) -> float:
-        """Return the steering by geometry: the curvature that brings the path back to the plan over a fixed
-        distance."""
+        """Return the steering by geometry.
+
+        The curvature that brings the path back to the plan over a fixed distance.
+        """
         model = self.model
         offset = ex * math.sin(course) - ey * math.cos(course)  # of the vehicle, left of the plan
         drift = left_v / ahead_v if abs(ahead_v) > 0.5 else model.rear_axle_m * curvature
@@ -389,8 +391,9 @@ class Vehicle:
         return -drag_n * self.vx / speed, -drag_n * self.vy / speed, slowing
 
     def _free(self, locked: float, turned_rad: float = 0.0) -> tuple[float, float, float]:
-        """Return nobody drives: a share of the load slides on locked wheels, the rest rolls, in front on wheels turned
-        so far to the left.
+        """Return the forces on a vehicle without a driver.
+
+        A share of the load slides on locked wheels, the rest rolls, in front on wheels turned so far to the left.
         """
         # As in _driven: locals and comparisons instead of attributes, min and max.
         friction, yaw_rate = self._friction, self.yaw_rate

@@ -149,9 +149,9 @@ class FigureState:
         person.posture = (float(centre[2]) - person.z, pitch, roll, *landmarks)
 
     def _turned(self, matrix: list[float], person: Person) -> tuple[float, float, float]:
-        """Return the heading, pitch and roll of the pelvis against how it was held before: of the two ways to say the
-        same the one nearer to what was said last, so that a body on its back does not seem to turn about.
-        """
+        """Return the heading, pitch and roll of the pelvis against how it was held before.
+
+        The rotation nearer to the last one is taken, so that a body on its back does not seem to turn about."""
         c, s = math.cos(self._upright), math.sin(self._upright)
         # Columns of the matrix turned back about the left axis.
         m00, m10, m20 = (matrix[3 * k] * c + matrix[3 * k + 2] * s for k in range(3))

@@ -44,8 +44,9 @@ _DEGREES = (7 + 4 * 8, 6 + 3 * 8)
 
 @dataclass(frozen=True)
 class Posture:
-    """The posture of a figure: angles about the left axis (rad), positive forward and down for parts above the hips,
-    backward for parts that hang below a joint; each relative to the segment it is attached to.
+    """The posture of a figure: angles about the left axis (rad), each relative to the segment above.
+
+    Angles are positive forward and down for parts above the hips, backward for parts that hang below a joint.
     """
 
     pelvis: float = 0.0
@@ -56,8 +57,10 @@ class Posture:
     knees: tuple[float, float] = (0.0, 0.0)
 
     def pose(self) -> list[float]:
-        """Return the joint positions as MuJoCo has them, without the root's: lumbar, neck, shoulders, hips and
-        knees."""
+        """Return the joint positions as MuJoCo has them, without the root's.
+
+        Lumbar, neck, shoulders, hips and knees.
+        """
         (left_hip, right_hip), (left_knee, right_knee) = self.hips, self.knees
         return [
             *_turn(self.lumbar),
@@ -134,8 +137,9 @@ def root_height(body: Body, posture: Posture | Stance) -> float:
 
 
 def figure_mjcf(name: str, body: Body) -> tuple[str, list[str], list[str]]:
-    """Return a figure as MJCF, with the names of its segments and of what it rides (none for a pedestrian or an
-    animal).
+    """Return a figure as MJCF, with the names of its segments and of its mount.
+
+    A pedestrian or an animal has no mount.
 
     >>> from trace_dag.simulation.anthropometry import person_body
     >>> _, segments, ridden = figure_mjcf("p", person_body(BodyKind.PEDESTRIAN, 40))

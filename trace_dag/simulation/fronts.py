@@ -61,8 +61,11 @@ _SHAPES: dict[VehicleClass, FrontShape] = {
 
 @dataclass(frozen=True)
 class ShellBox:
-    """A box in the vehicle's own axes, from the middle of its body on the road: centre (ahead, left, up), half sizes
-    (ahead, left, up) and pitch, the angle about the left axis (rad, positive front down)."""
+    """A box in the vehicle's own axes, from the middle of its body on the road.
+
+    Centre (ahead, left, up), half sizes (ahead, left, up) and pitch, the angle about the left axis (rad, positive front
+    down).
+    """
 
     centre_m: tuple[float, float, float]
     half_m: tuple[float, float, float]
@@ -92,8 +95,10 @@ def front_shape(body: Body) -> FrontShape:
 
 
 def profile(body: Body) -> list[tuple[float, float]]:
-    """Return the front's side view: points (ahead of the body's middle, above the road; m) from the lower edge of the
-    bumper over its top, the hood's leading edge and the hood's end to the roof.
+    """Return the front's side view.
+
+    Points (ahead of the body's middle, above the road; m) from the lower edge of the bumper over its top, the hood's
+    leading edge and the hood's end to the roof.
 
     >>> from trace_dag.simulation.types import BodyKind
     >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
@@ -116,8 +121,10 @@ def profile(body: Body) -> list[tuple[float, float]]:
 
 
 def shell(body: Body) -> list[ShellBox]:
-    """Return the vehicle's shape for strikes: boxes whose outer faces are the profile's lines, a core, the cabin, and
-    the wheels of vehicles under which someone can lie.
+    """Return the vehicle's shape for strikes.
+
+    Boxes whose outer faces are the profile's lines, a core, the cabin, and the wheels of vehicles under which someone
+    can lie.
 
     All as wide as the body.
     """

@@ -27,8 +27,9 @@ can be called either."""
 def find_departure(
     network: RoadNetwork, driven: VehicleLog, body: Body, until_s: float, *, came_rad: float | None = None
 ) -> tuple[float | None, tuple[DepartureSide, ...]]:
-    """Return when a corner of the vehicle left the carriageway for good before a time, and to which side: seen along
-    its course, and along ``came_rad`` as well.
+    """Return when a corner of the vehicle left the carriageway for good before a time, and to which side.
+
+    Seen along its course, and along ``came_rad`` as well.
 
     >>> turning = log.vehicles[0]
     >>> find_departure(network, turning, log.bodies[1], 1.0)  # drives in its lane then

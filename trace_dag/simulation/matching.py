@@ -164,8 +164,9 @@ def _passed_over(
 
 
 def _place_of(pair: Pair, expected: Sequence[Expected], turn: int) -> int | None:
-    """Return which of the expected events, from the one whose turn it is up to the next required one, has these
-    parties.
+    """Return which of the expected events has these parties.
+
+    The search goes from the one whose turn it is up to the next required one.
     """
     for place in range(turn, len(expected)):
         if expected[place].pair == pair:

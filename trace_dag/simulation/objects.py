@@ -51,8 +51,10 @@ class PlacedBy(StrEnum):
 
 @dataclass(frozen=True)
 class ObjectKind:
-    """A kind of object: length along the road, width across it and height (m), what it bears, and how far beyond the
-    carriageway's edge its face usually is."""
+    """A kind of object: length along the road, width and height (m), strength, and usual distance.
+
+    The distance is that of its face beyond the carriageway's edge.
+    """
 
     name: str
     form: ObjectForm
@@ -174,8 +176,9 @@ def base_m(item: FixedObject) -> float:
 
 
 def slope_profile_m(item: FixedObject) -> tuple[tuple[float, float], ...]:
-    """Return heights of the ground (m, second of each) at distances to the left of a slope's heading (m), between which
-    it is straight; before the first and beyond the last the ground is level.
+    """Return heights of the ground (m, second of each) at distances to the left of a slope's heading (m).
+
+    It is straight between them, and level before the first and beyond the last.
 
     A ditch falls over as much as it rises again: to its outline, and over it. An embankment rises over its outline.
 

@@ -134,8 +134,7 @@ class Struck:
         return self._moved_m
 
     def force(self, now_s: float, part_s: float) -> tuple[float, float, float]:
-        """Return the force x, y (N) and moment about the centre of gravity (Nm) on the vehicle, for the part of a
-        step."""
+        """Return the force x, y (N) and the moment (Nm) about the centre of gravity on the vehicle, for a part step."""
         vehicle, outline = self._vehicle, self._vehicle.outline()
         if separation(outline, self.obstacle.outline)[0] >= 0:
             return 0.0, 0.0, 0.0
@@ -244,9 +243,9 @@ class Struck:
         return _support_m(outline, self._nx, self._ny) + _support_m(other, self._nx, self._ny) - along
 
     def _rates(self, outline: Outline) -> tuple[float, float]:
-        """Return the speed per depth of crush (1/s): of this object, a pole or a wall by how much of the vehicle's face
-        it takes, and of a wall.
-        """
+        """Return the speed per depth of crush (1/s).
+
+        The rates are of this object, a pole or a wall by how much of the vehicle's face it takes, and of a wall."""
         body, item = self._vehicle.model.body, self.obstacle.outline
         pole_m, wall_m = crush_m(body.vehicle_class), WALL_CRUSH_M[body.vehicle_class]
         tx, ty = -self._ny, self._nx

@@ -38,8 +38,9 @@ class Outline:
 
 
 def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
-    """Return the gap (m, negative when they overlap) along the axis that separates them most, and that axis, from one
-    to two.
+    """Return the gap (m, negative when they overlap) along the axis that separates them most, and that axis.
+
+    The axis points from one to two.
 
     The sign is exact, the gap between two corners a lower bound.
 
@@ -118,8 +119,9 @@ def overlap_polygon(one: Outline, two: Outline) -> list[tuple[float, float]]:
 
 
 def contact_point(one: Outline, two: Outline) -> tuple[float, float]:
-    """Return the place of the contact of two bodies that just touch: centre of the area they share once every face is
-    moved outward by half of :data:`PATCH_DEPTH_M`.
+    """Return the place of the contact of two bodies that just touch.
+
+    Centre of the area they share once every face is moved outward by half of :data:`PATCH_DEPTH_M`.
 
     Local frame, metres.
 
@@ -139,8 +141,7 @@ def contact_point(one: Outline, two: Outline) -> tuple[float, float]:
 
 
 def between(before: Outline, after: Outline, fraction: float) -> Outline:
-    """Return the rectangle ``fraction`` of the way from one moment to the next, both close enough in time to be
-    straight.
+    """Return the rectangle ``fraction`` of the way between two moments, close enough to be straight.
 
     >>> between(Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(1.0, 0.0, 0.2, 2.0, 1.0), 0.5)
     Outline(x_m=0.5, y_m=0.0, heading_rad=0.1, half_length_m=2.0, half_width_m=1.0)

@@ -49,8 +49,9 @@ _SETTLED_RAD: Final = 0.03
 
 @dataclass(frozen=True)
 class RollModel:
-    """The properties that decide when a body tips: height of its centre of gravity, half its track, radius of gyration
-    (m).
+    """The properties that decide when a body tips.
+
+    Height of its centre of gravity, half its track, radius of gyration (m).
     """
 
     height_m: float
@@ -145,8 +146,7 @@ class Roll:
         step_s: float,
         weight_mps2: float = GRAVITY_MPS2,
     ) -> None:
-        """Advance one step under the lateral acceleration that the tyres give (to the left), at a lateral and a whole
-        speed.
+        """Advance one step under the lateral acceleration of the tyres (to the left), at a lateral and a whole speed.
 
         ``weight_mps2`` is what presses it onto the ground: less than gravity on a slope.
         """

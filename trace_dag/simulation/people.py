@@ -42,8 +42,10 @@ class PersonModel:
 
 
 class PersonTouch(NamedTuple):
-    """A point where a person touches a vehicle: how deep (m), where (m), the unit normal from the vehicle to the
-    person, and the force on the person (N)."""
+    """A point where a person touches a vehicle.
+
+    The touch has depth (m), place (m), the unit normal from the vehicle to the person, and the force on the person
+    (N)."""
 
     depth_m: float
     point: list[float]
@@ -77,7 +79,7 @@ class Person:
 
     @property
     def reach_m(self) -> float:
-        """Return no part of it is further from its centre, seen from above."""
+        """Return the radius of its outline about its centre, seen from above."""
         body = self.model.body
         if self.crashed:
             return self.model.thrown_reach_m * math.sqrt(2)
@@ -102,8 +104,9 @@ class Person:
         self.vx, self.vy = pace * vx, pace * vy
 
     def in_the_lane_s(self, vehicle: Outline, now_s: float) -> float:
-        """Return the time in the lane of the vehicle that strikes it now: no further aside than half a lane, or half
-        the vehicle.
+        """Return the time in the lane of the vehicle that strikes it now.
+
+        No further aside than half a lane, or half the vehicle.
         """
         now = min(int(now_s / self._step_s + 1e-9) + 1, len(self._plan))
         x, y = self._plan.table[:now, 0], self._plan.table[:now, 1]

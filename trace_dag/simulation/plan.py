@@ -175,8 +175,9 @@ def resample(
 
 
 def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return a vehicle's errors of following its plan up to ``until_s``, per logged step, both non-negative: distance
-    of its centre from the planned *path* (m), and deviation of its speed from the planned one (m/s).
+    """Return a vehicle's errors of following its plan up to ``until_s``, per logged step, both non-negative.
+
+    Distance of its centre from the planned *path* (m), and deviation of its speed from the planned one (m/s).
     """
     use = log.time_s <= until_s + 1e-9
     x, y = log.x_m[use], log.y_m[use]

@@ -42,8 +42,9 @@ class PostImpactDriver:
         """Whether it brakes by now, to a stop."""
 
     def row(self, step: int, x_m: float, y_m: float, ahead_mps: float) -> tuple[float, ...]:
-        """Return the plan's row for the vehicle's present place: the nearest point of the path, at the vehicle's own
-        speed.
+        """Return the plan's row for the vehicle's present place.
+
+        The nearest point of the path, at the vehicle's own speed.
         """
         rows = self._rows
         here = rows[self._at]

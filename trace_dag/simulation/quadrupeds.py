@@ -43,8 +43,9 @@ _MASS = {"trunk": 0.70, "neck": 0.06, "head": 0.04, "upper": 0.035, "lower": 0.0
 
 @dataclass(frozen=True)
 class Build:
-    """The build of an animal: places of its parts ahead of the middle of the trunk and above the road, and radii, all
-    in metres.
+    """The build of an animal: places of its parts and radii, all in metres.
+
+    Places are ahead of the middle of the trunk and above the road.
     """
 
     trunk_m: float  # radius of the trunk
@@ -90,8 +91,9 @@ def build(body: Body) -> Build:
 
 @dataclass(frozen=True)
 class Stance:
-    """The stance of an animal: angles of the legs about the left axis (rad), positive backward, in the order fl, fr,
-    hl, hr.
+    """The stance of an animal: angles of the legs about the left axis (rad), in the order fl, fr, hl, hr.
+
+    Angles are positive backward.
 
     The trunk is level.
     """
@@ -106,8 +108,9 @@ class Stance:
         return b.root_m - b.hip_m + b.sole_m + reach_m
 
     def pose(self) -> list[float]:
-        """Return the joint positions as MuJoCo has them, without the root's: neck, then each leg's upper joint and
-        knee.
+        """Return the joint positions as MuJoCo has them, without the root's.
+
+        Neck, then each leg's upper joint and knee.
         """
         upright = [1.0, 0.0, 0.0, 0.0]
         joints = [upright]

@@ -205,8 +205,9 @@ class Pulled(NamedTuple):
 
 
 def of_combinations(episode: ContactEpisode, pulled: Sequence[Pulled | None], share: float) -> ContactEpisode:
-    """Return a contact in which trailers are touched as one of those that pull them: their poses at ``share`` of the
-    way from the state before to that after, their velocities before it.
+    """Return a contact in which trailers are touched as one of those that pull them.
+
+    Their poses at ``share`` of the way from the state before to that after, their velocities before it.
     """
     poses, velocities = list(episode.poses), list(episode.velocities)
     trailers: list[Pose | None] = [None, None]
@@ -244,8 +245,9 @@ def begin_contact(
     before_s: float,
     step_s: float,
 ) -> ContactEpisode:
-    """Return the contact of two bodies that were apart at ``before_s`` and overlap ``step_s`` later, from their first
-    touch.
+    """Return the contact of two bodies that were apart at ``before_s`` and overlap ``step_s`` later.
+
+    It begins with their first touch.
 
     Velocities are those before it; the closing speed is that of the points that touch, along the normal.
 
@@ -286,8 +288,9 @@ def begin_contact(
 
 
 def begin_strike(vehicle: Vehicle, person: Person, touch: PersonTouch, now_s: float, step_s: float) -> ContactEpisode:
-    """Return the contact of a vehicle and a person who touch at ``now_s`` but did not a step before, from their first
-    touch: as long ago as it takes to come as deep as they are.
+    """Return the contact of a vehicle and a person who touch at ``now_s`` but did not a step before.
+
+    It begins with their first touch, as long ago as it takes to come as deep as they are.
 
     >>> from trace_dag.simulation.people import PersonTouch
     >>> car, touch = simulated_pair[0], PersonTouch(0.01, [0.0, 0.0, 1.0], (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -155,8 +155,7 @@ class Roadside:
                 struck.pushed(struck.last_s, push.x_mps * body.mass_kg, push.y_mps * body.mass_kg)
 
     def _is_about_to_strike_slope(self, i: int, vehicle: Vehicle) -> bool:
-        """Return whether a vehicle has come to a ditch or embankment of the report, a contact that has not begun
-        yet."""
+        """Return whether a vehicle has come to a reported ditch or embankment, a contact not yet begun."""
         outline = vehicle.outline()
         return any(
             each.item.resistance is Resistance.SLOPE
@@ -167,8 +166,10 @@ class Roadside:
 
     # --- steps -----------------------------------------------------------------------------------------------
     def alone_until(self, until: int) -> int:
-        """Return the step before which no vehicle can touch an object or leaves its own control, at most another
-        one."""
+        """Return the step before which no vehicle can touch an object or leaves its own control.
+
+        It is at most another one.
+        """
         for vehicle in self._skids:
             if not vehicle.crashed:  # it is put on its trajectory at the end of each step
                 until = min(until, math.floor(vehicle.skids_from_s / self._run.step_s) - 1)
@@ -206,9 +207,7 @@ class Roadside:
             self._overturned_s = now_s
 
     def _catch_at_kerb(self, i: int, vehicle: Vehicle, left_mps: float) -> float:
-        """Return the trip a vehicle whose leading wheels slide over the edge of a street with kerbs, and return the
-        lateral speed that is left.
-        """
+        """Trip a vehicle whose leading wheels slide over a kerb, and return the lateral speed that is left."""
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
         lead_m = math.copysign(vehicle.model.body.width_m / 2, left_mps)
         x_m, y_m = vehicle.x - lead_m * s, vehicle.y + lead_m * c
@@ -318,8 +317,10 @@ class Roadside:
 
 
 def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:
-    """Return the least distance between the circles about a vehicle and an object: far bodies cost no more than
-    this."""
+    """Return the least distance between the circles about a vehicle and an object.
+
+    Far bodies cost no more than this.
+    """
     away_m = math.hypot(vehicle.x - obstacle.outline.x_m, vehicle.y - obstacle.outline.y_m)
     return away_m - vehicle.reach_m - obstacle.reach_m - _NEAR_M
 

@@ -101,8 +101,10 @@ class _Profile:
 
 
 class RoadsideTerrain:
-    """The ground where the vehicles of a crash go: around the first object, else around ``end``, where a way ends, at
-    its level."""
+    """The ground where the vehicles of a crash go.
+
+    Around the first object, else around ``end``, where a way ends, at its level.
+    """
 
     def __init__(self, network: RoadNetwork | None, objects: Sequence[FixedObject], end: Pose) -> None:
         place = objects[0].pose if objects else end
@@ -151,8 +153,9 @@ class RoadsideTerrain:
         return self._paved is None or self._paved.has(x_m, y_m)
 
     def has_kerb(self, x_m: float, y_m: float) -> bool:
-        """Return whether the edge of what is paved that is nearest to a point has a kerb: roads of high speed have
-        none.
+        """Return whether the edge of what is paved that is nearest to a point has a kerb.
+
+        Roads of high speed have none.
         """
         if self._open is None or self._kerbed is None:
             return self._paved is not None and not self._profiles

@@ -119,8 +119,10 @@ class FigureBodies(RigidBodies):
 
     # --- the road ----------------------------------------------------------------------------------------------
     def stand_on_road(self, vehicles: Sequence[Vehicle]) -> None:
-        """Put the road under each person where its tangent plane is now, and the ends of the vehicles' boxes as high
-        as the road is there: on a grade a front that stayed level would hang in the air or be in the ground."""
+        """Put the road and the ends of the vehicles' boxes under each person at the height of the tangent plane.
+
+        On a grade a front that stayed level would hang in the air or be in the ground.
+        """
         for i, (vehicle, (geoms, level_m)) in enumerate(zip(vehicles, self._shells, strict=True)):
             ground = vehicle.ground
             grade = ground.slope_x * math.cos(vehicle.heading) + ground.slope_y * math.sin(vehicle.heading)
@@ -217,9 +219,7 @@ class FigureBodies(RigidBodies):
         }
 
     def is_near(self, pair: tuple[int, int]) -> bool:
-        """Return whether a vehicle and a person touched, or came near each other, in the state the last step began
-        with.
-        """
+        """Return whether a vehicle and a person touched, or came near, in the state that the last step began with."""
         if pair in self.touches:
             return True
         meets = (self._owner.get(one) == pair[0] and self._owner.get(two) == pair[1] for one, two in self._contacts())
@@ -274,9 +274,11 @@ class FigureBodies(RigidBodies):
         self._pushed[tree] = (before[0] + force[0], before[1] + force[1], before[2] + force[2])
 
     def _let_up(self, over_s: float) -> None:
-        """Take back what a vehicle pressed somebody on the road with beyond the load of a wheel: its springs give way
-        and it goes over who lies there, or over the foot of who stands. In the plane it cannot rise, and MuJoCo's
-        solver, to part vehicle, body and road, would throw the body up and stop the vehicle."""
+        """Take back what a vehicle pressed somebody on the road with beyond the load of a wheel.
+
+        Its springs give way and it goes over who lies there, or over the foot of who stands. In the plane it cannot
+        rise, and MuJoCo's solver, to part vehicle, body and road, would throw the body up and stop the vehicle.
+        """
         for (pair, tree), touches in self._pressed.items():
             vehicle, down_n = pair[0], -math.fsum(min(touch.force[2], 0.0) for touch in touches)
             too_much_n = min(down_n, self._carried.get(tree, 0.0)) - self._wheel_loads_n[vehicle]
@@ -299,9 +301,11 @@ class FigureBodies(RigidBodies):
                 kept[kept.index(touch)] = touch._replace(force=tuple((1.0 - share) * value for value in touch.force))
 
     def _roll_over(self, over_s: float) -> None:
-        """Let vehicles over who lies before them once they have climbed: pushed with a wheel's load for as long as they
-        rise by the height of a body that lies, or, where it is a wheel that touches, gone on as far as the tyre needs
-        to draw the body under."""
+        """Let vehicles over who lies before them once they have climbed.
+
+        Pushed with a wheel's load for as long as they rise by the height of a body that lies, or, where it is a wheel
+        that touches, gone on as far as the tyre needs to draw the body under.
+        """
         for ((vehicle, _), tree), touches in self._pressed.items():
             if not self._lies(tree):
                 continue
@@ -326,8 +330,10 @@ class FigureBodies(RigidBodies):
         return float(tree.centre[2]) - tree.person.z < _LIES_BELOW_M
 
     def _settle_velocities(self, step_s: float) -> None:
-        """Give every centre of mass the velocity that the forces on it say, which limbs that whirl about would be
-        integrated away from (by 2 % of a strike at 30 m/s), and add the road's friction as an impulse now."""
+        """Give every centre of mass the velocity of its forces, and add the road's friction as an impulse.
+
+        Limbs that whirl about would be integrated away from it (by 2 % of a strike at 30 m/s).
+        """
         free = [tree for tree in self._trees if tree.person.crashed or tree in self._pushed]
         if not free:
             return

@@ -89,8 +89,9 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class LossOfControl:
-    """The assumed loss of control of a vehicle from a time on: what led it off the road after a contact, its driver or
-    its damage, or tripped it, is not reported.
+    """The assumed loss of control of a vehicle from a time on.
+
+    Its cause, the driver or the damage after a contact, or what tripped it, is not reported.
 
     Its front wheels are turned to the left (``wheels_rad``; right: negative). It spins (``yaw_rps``, added to its yaw
     rate then), as one does that was struck off its middle. ``locked_wheels`` carry that share of its weight: with 0 it
@@ -160,8 +161,11 @@ class PlannedEvent:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One way the crash can have happened: participants (vehicles that drive, people who move or stand) and their
-    planned contacts, in order. ``score`` is a log-likelihood of the record's evidence, by term in ``evidence``."""
+    """One way the crash can have happened.
+
+    Participants (vehicles that drive, people who move or stand) and their planned contacts, in order. ``score`` is a
+    log-likelihood of the record's evidence, by term in ``evidence``.
+    """
 
     name: str
     score: float
@@ -220,8 +224,7 @@ class EstimatorRun:
 
 @dataclass(frozen=True)
 class PartyDraw:
-    """One party of a draw: speeds without sign (m/s), and how far it is off its planned place at the impact
-    (metres)."""
+    """One party of a draw: unsigned speeds (m/s), and distance from its planned place at the impact (metres)."""
 
     number: int
     travel_mps: float
@@ -233,8 +236,7 @@ class PartyDraw:
 
 @dataclass(frozen=True)
 class Sample:
-    """A draw: the index of the hypothesis, the friction and the drivers' reaction time as shares of the planned ones,
-    and every party."""
+    """A draw: hypothesis by index, friction and reaction time as shares of the planned ones, and parties."""
 
     hypothesis: int
     friction: float

@@ -114,9 +114,7 @@ class NetworkSurface:
 
     @cached_property
     def _elements(self) -> tuple[FloatArray, FloatArray, NDArray[np.str_]]:
-        """Return starts of all elements of reference lines, how near a path must come to one to matter, and their
-        roads.
-        """
+        """Return starts of all elements of reference lines, the reach within which they matter, and their roads."""
         found = [(e.x_m, e.y_m, e.length_m, road.id) for road in self._network.roads for e in road.plan]
         columns = np.array([each[:3] for each in found]).reshape(-1, 3)
         return columns[:, :2], columns[:, 2] + _REACH_M, np.array([each[3] for each in found])

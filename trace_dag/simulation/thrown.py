@@ -152,9 +152,7 @@ class ThrownPeople:
         return any(two < len(self._run.vehicles) for _, two in self._run.open)
 
     def _strike_parts(self, step: int) -> int:
-        """Return the number of parts to take the next step in because a vehicle may come to touch a person in it, or
-        goes on to; 0 if none can.
-        """
+        """Return the number of parts to take the next step in; 0 if no vehicle can touch a person in it."""
         if step < self._apart_until_step:
             return 0
         now_s = step * self._run.step_s
@@ -192,8 +190,9 @@ class ThrownPeople:
         return self._near_in_parts if self.bodies.is_near(pair) else self._flight_in_parts
 
     def _runs_ahead(self, pair: tuple[int, int]) -> bool:
-        """Return whether a person is faster than the vehicle along it, as who slides off the hood of one that brakes:
-        nothing strikes them.
+        """Return whether a person is faster than the vehicle along it, as who slides off the hood of one that brakes.
+
+        Nothing strikes them.
         """
         vehicle, person = self._vehicle(pair), self._person(pair)
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)

@@ -169,8 +169,10 @@ class VehicleLog:
     landmarks_m: FloatArray
 
     def on_grid(self) -> VehicleLog:
-        """Return the same with all but the times rounded to :data:`STATE_GRID`: a file of them takes less than half the
-        space, as what a simulation has beyond that is the noise of its arithmetic.
+        """Return the same with all but the times rounded to :data:`STATE_GRID`.
+
+        A file of them takes less than half the space, as what a simulation has beyond that is the noise of its
+        arithmetic.
         """
         states = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _NOT_ON_GRID}
         return replace(self, **{name: np.rint(values * STATE_GRID) / STATE_GRID for name, values in states.items()})
@@ -292,8 +294,9 @@ class SimulationLog:
         return Pose(x, y, heading, z)
 
     def articulation_rad(self, number: int) -> FloatArray | None:
-        """Return the angle between a vehicle and its trailer per step, positive where the vehicle is turned to the left
-        of the trailer, shape (n,); None without one.
+        """Return the angle between a vehicle and its trailer per step, shape (n,); None without one.
+
+        It is positive where the vehicle is turned to the left of the trailer.
         """
         trailer = self.trailer_log(number)
         if trailer is None:

@@ -52,8 +52,9 @@ class VehiclePairs:
         return [(one, two) for _, one, two, _ in self._met]
 
     def gap_m(self, pair: tuple[int, int]) -> float:
-        """Return the distance of two vehicles now, as :func:`separation` has it: asked at the end of a part of a step,
-        and at the beginning of the next.
+        """Return the distance of two vehicles now, as :func:`separation` has it.
+
+        Asked at the end of a part of a step, and at the beginning of the next.
         """
         one, two = self._vehicles[pair[0]].outline(), self._vehicles[pair[1]].outline()
         known = self._compared.get(pair)
@@ -64,8 +65,9 @@ class VehiclePairs:
         return gap_m
 
     def press(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
-        """Return forces on all vehicles in a part of a step, x, y (N) and moment (Nm) of each in a row: those given,
-        and those of vehicles that press each other in.
+        """Return forces on all vehicles in a part of a step, x, y (N) and moment (Nm) of each in a row.
+
+        Those given, and those of vehicles that press each other in.
         """
         self.pressed_n = {}
         total = list(forces)

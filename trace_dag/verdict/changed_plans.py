@@ -213,8 +213,10 @@ def mirror_departure(crash: JudgedCrash) -> ChangedPlan | None:
 
 
 class _Mirror:
-    """The mirror image across the line along which a vehicle went: parallel to its road as far as that goes, else
-    straight on."""
+    """The mirror image across the line along which a vehicle went.
+
+    Parallel to its road as far as that goes, else straight on.
+    """
 
     def __init__(self, network: RoadNetwork, axis: Pose) -> None:
         self._axis = axis
@@ -238,8 +240,9 @@ class _Mirror:
 
 
 def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, Pose]:
-    """Return the last moment before the impact at which the vehicle went along its road: its index, and the pose of who
-    goes exactly along it there.
+    """Return the last moment before the impact at which the vehicle went along its road.
+
+    Its index, and the pose of who goes exactly along it there.
     """
     t = state.trajectory
     impact = int(np.searchsorted(t.time_s, crash.hypothesis.impact_time_s))
@@ -256,8 +259,10 @@ def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, 
 
 # --- moved -----------------------------------------------------------------------------------------------------------
 def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> ChangedPlan | None:
-    """Return the first object farther from the reported point along the road: by the distance that the verdict allows
-    and by what the object itself extends along the road, so that no part of it is as near as allowed.
+    """Return the first object farther from the reported point along the road.
+
+    By the distance that the verdict allows and by what the object itself extends along the road, so that no part of it
+    is as near as allowed.
 
     An object along the road would stay where it is by that, and is moved 3 m away from it. None of what lies across the
     end of a road.

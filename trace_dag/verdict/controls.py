@@ -86,8 +86,9 @@ class ControlRow:
 def changed_reports(
     crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
 ) -> Iterator[ControlRow]:
-    """Yield one simulation against every other report of its kind, and against its own with each contact dropped and
-    each two that follow each other swapped.
+    """Yield one simulation against other reports of its kind, and against its own changed in its contacts.
+
+    Each contact is dropped, and each two that follow each other are swapped.
 
     >>> rows = changed_reports(judged_queue, [judged_queue, judged_collision], VerdictSettings())
     >>> [(row.kind, row.verified) for row in rows]
@@ -136,8 +137,9 @@ def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) 
 
 # --- another crash's report ------------------------------------------------------------------------------------------
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
-    """Return the other report with its parties and events numbered as the own one's in the order in which they take
-    part; None where the events do not correspond.
+    """Return the other report with parties and events numbered in the own one's order.
+
+    None where the events do not correspond.
 
     >>> same = in_place_of(queue_record, queue_record)
     >>> [vehicle.number for vehicle in same.vehicles], in_place_of(tree_record, queue_record)
@@ -175,9 +177,9 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 
 
 def _taking_part(sequence: EventSequence) -> list[int]:
-    """Return numbers of the parties in the order in which they take part: of the contacts, else the vehicle of the
-    first event.
-    """
+    """Return numbers of the parties in the order in which they take part.
+
+    It is of the contacts, else the vehicle of the first event."""
     events = sequence.contacts or (sequence.first,)
     both = [number for event in events for number in (event.vehicle.number, event.party)]
     return list(dict.fromkeys(both if sequence.contacts else both[:1]))
@@ -192,9 +194,10 @@ def _numbered(person: NonMotorist, party: int) -> NonMotorist:
 
 
 def reports_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
-    """Return whether two reports, numbered alike, contradict each other in who met whom, an area of impact, a turn or a
-    course, a side, a part of the road or a kind of object by more than the thresholds: where they do not, no simulation
-    of the one can be told from one of the other.
+    """Return whether two reports, numbered alike, differ by more than the thresholds.
+
+    Compared are parties, areas of impact, turns and courses, sides, parts of the road and kinds of object. If they do
+    not differ, no simulation of the one can be rejected against the other.
 
     >>> reports_differ(record, record, VerdictSettings())
     False

@@ -191,8 +191,10 @@ def _other_zone(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _overturns(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each vehicle on four wheels or more that overturns and by its report does not, or the other way
-    round (``ROLLOVER``; events that say so are judged as events)."""
+    """Yield a doubt for each vehicle that overturns and by its report does not, or the other way round.
+
+    It has four wheels or more; ``ROLLOVER`` reports it, and events that report it are judged as events.
+    """
     with_event = {each.party_1 for each in beside.record.events if each.code == codes.OVERTURN}
     overturned = {each.number for each in beside.observed.log.parties if overturned_at(each) is not None}
     for vehicle in beside.record.vehicles:

@@ -61,8 +61,10 @@ def find_departed_street(network: RoadNetwork, driven: VehicleLog, until_s: floa
 
 
 def street_likeness(street: DepartedStreet, record: CrashRecord) -> tuple[float | None, bool | None, str]:
-    """Return the likeness of the street that the vehicle left to one that the report names (0 to 1), whether it is
-    that, and its own name otherwise; not compared (None) where none of those is on the map there.
+    """Return the likeness of the street that the vehicle left to a reported one (0 to 1), and the comparison.
+
+    The comparison is whether it is that street, and its own name otherwise; None where no reported street is on the map
+    there.
 
     >>> street_likeness(NO_STREET, record)
     (None, None, '')

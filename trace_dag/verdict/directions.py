@@ -267,8 +267,9 @@ def _before_junction(network: RoadNetwork, lane: LaneRef, along: bool) -> tuple[
 def _route(
     network: RoadNetwork, lane: LaneRef, along: bool, path: FloatArray, length_m: float
 ) -> tuple[FloatArray, frozenset[float]]:
-    """Centre line of the lane and of what follows it straight on, shape (n, 4) as of the network's centre lines, and
-    the turns (degrees to the left) offered beside it.
+    """Return the lane's centre line and its straight continuation, shape (n, 4), and the turns beside it.
+
+    Columns are those of the network's centre lines; turns are degrees to the left.
 
     If a road forks, the branch is that of ``path``, what the vehicle drove, shape (m, 2). In a junction and its
     mouth the direction is that of the road that leads to it: lanes flare, paths across swerve."""

@@ -131,7 +131,7 @@ def _label(doubts: Sequence[Reservation]) -> Label:
 
 
 def _mapped_ground(record: CrashRecord, observed: ObservedCrash, report: MapReport) -> Criterion:
-    """Return nobody is off mapped ground, unless the report says so, or in a building before the first event."""
+    """Judge that nobody is off mapped ground, unless reported so, or in a building before the first event."""
     log, planned = observed.log, observed.hypothesis
     moment = moment_of(log)
     begun_s = moment.time_s if moment is not None else planned.impact_time_s

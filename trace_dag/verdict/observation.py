@@ -66,9 +66,11 @@ class ObservedVehicle:
 
 @dataclass(frozen=True)
 class ObservedPerson:
-    """A person or an animal that is struck: heading (rad) and speed at the strike, how far outside the carriageway
-    (negative within it), for how long it had been on it, how far it was thrown, to where it came to rest or was struck
-    again, and how."""
+    """A person or an animal that is struck.
+
+    Heading (rad) and speed at the strike, how far outside the carriageway (negative within it), for how long it had
+    been on it, how far it was thrown, to where it came to rest or was struck again, and how.
+    """
 
     heading_rad: float
     speed_mps: float
@@ -101,8 +103,7 @@ class ObservedDeparture:
 
 @dataclass(frozen=True)
 class ObservedOverturn:
-    """A vehicle that overturns: its speed at the start and then (m/s), how far it slid from there, its quarter
-    turns."""
+    """A vehicle that overturns: speed at the start and then (m/s), slide from there, and quarter turns."""
 
     initial_speed_mps: float
     speed_mps: float
@@ -380,8 +381,9 @@ def _thrown_m(person: VehicleLog, x_m: float, y_m: float, until_s: float | None)
 
 
 def along_road_m(network: RoadNetwork, x_m: float, y_m: float, place: RoadsidePlace | None) -> float:
-    """Return the distance from the reported point: along the road for what is beside it, to its end for what is beyond
-    that; the whole one for what is on the road.
+    """Return the distance from the reported point.
+
+    Along the road for what is beside it, to its end for what is beyond that; the whole one for what is on the road.
 
     >>> along_road_m(network, 5.0, 0.0, roadside_at(network, 5.0, 0.0))  # on the road: the distance itself
     5.0

@@ -67,8 +67,7 @@ _FACT_OF: Final = {
 def place_facts(
     record: CrashRecord, network: RoadNetwork, report: MapReport, seen: Sequence[ObservedVehicle] = ()
 ) -> Iterator[Fact]:
-    """Yield every fact about the place that both the report and the map say something of, and the vehicles ``seen``
-    there.
+    """Yield every fact about the place on which report and map both have something, and the vehicles ``seen``.
 
     >>> facts = {fact.name: fact for fact in place_facts(record, network, map_report)}
     >>> facts["lanes"].reported, facts["lanes"].found, facts["lanes"].agreement.value

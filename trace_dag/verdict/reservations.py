@@ -71,9 +71,7 @@ def simulation_doubts(beside: Comparison, events: Sequence[EventOutcome]) -> tup
 
 
 def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) -> Reservation | None:
-    """Return the street of the crash has another name than the report's, or none, and the reported one is elsewhere on
-    the map.
-    """
+    """Return the doubt that the crash's street has another name, and the reported one is elsewhere on the map."""
     here = names_at(record, network, report.placement)
     if not has_name_of_another(record, here, network):
         return None
@@ -126,8 +124,10 @@ def _no_areas(record: CrashRecord) -> Reservation | None:
 
 
 def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | None:
-    """Return the doubt that no vehicle changes its velocity enough for the reported harm, none overturns, and nobody
-    outside a vehicle is struck."""
+    """Return the doubt that nothing in the simulation can have done the reported harm.
+
+    No vehicle changes its velocity enough, none overturns, and nobody outside a vehicle is struck.
+    """
     least_mps = _LEAST_HARM_MPS.get(record.severity) if record.severity else None
     if least_mps is None or not observed.events or any(event.overturn or event.person for event in observed.events):
         return None

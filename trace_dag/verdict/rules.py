@@ -1,5 +1,4 @@
-"""The rules of a verdict: a table of criteria, each with the events it applies to, its measure, its limit and its
-reason.
+"""The rules of a verdict: a table of criteria with their events, measures, limits and reasons.
 
 Three rule sets. "trace-dag": the paper's three criteria (first contact near the reported location, each impact within
 two clock positions, each direction as reported), with the impact measured where the bodies touch, and thresholds
@@ -117,8 +116,10 @@ def required_reasons(sequence: EventSequence, record: CrashRecord) -> tuple[Reas
 
 @dataclass(frozen=True)
 class RuleSet:
-    """A set of rules: whether the impact is the direction to the other body's centre instead of the point of contact,
-    thresholds of its own or None for those of the settings, and whether a reported speed that is not kept rejects.
+    """A set of rules.
+
+    It has the kind of impact point (direction to the other body's centre, or point of contact), thresholds of its own
+    or None for those of the settings, and whether a reported speed that is not kept rejects.
     """
 
     by_bearing: bool = False
@@ -141,8 +142,9 @@ RULE_SETS: dict[RuleSetName, RuleSet] = {
 
 
 def limits_of(record: CrashRecord, settings: VerdictSettings) -> VerdictSettings:
-    """Return the limits of a set of rules for one report: no contact has to be nearer to a reported point than its
-    register knows the point.
+    """Return the limits of a set of rules for one report.
+
+    No contact has to be nearer to a reported point than its register knows the point.
 
     >>> limits_of(record, VerdictSettings()).max_contact_distance_m
     5.0
@@ -241,8 +243,7 @@ Values: TypeAlias = Iterator[tuple[int | None, float | None]]
 
 @dataclass(frozen=True)
 class Rule:
-    """One criterion: the events it applies to, its values, the most that is allowed, and what a crash is rejected for
-    that has more; None of what is shown alone."""
+    """One criterion: its events, values, limit, and reason to reject; None for one that is only shown."""
 
     name: str
     applies: Callable[[Beside], bool]
@@ -271,8 +272,9 @@ def _is_first_off_road(each: Beside) -> bool:
 
 
 def _contact_distance(each: Beside) -> Values:
-    """Measure from the reported point to the contact; from where it was placed on its road where that is nearer, and
-    no farther from the point than a contact may be.
+    """Measure from the reported point to the contact.
+
+    From where it was placed on its road where that is nearer, and no farther from the point than a contact may be.
 
     Along the road only where the person or the parked vehicle was off the carriageway by the report, since the reported
     point lies on the road then.
@@ -578,8 +580,9 @@ def _departure(each: Beside) -> list[Criterion]:
 
 
 def _sequence(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criterion]:
-    """Yield every contact with vehicles, people and animals comes in its turn, and nobody touches whom no event has
-    touch by then; later objects and overturns are asked for by the strict rules alone.
+    """Yield the criterion that every contact comes in its turn, and that nobody else is touched by then.
+
+    Later objects and overturns are asked for by the strict rules alone.
     """
     strict, sequence = beside.rules.speeds_reject, beside.sequence
     told = "after what came before it" if sequence.order_known else "at all"

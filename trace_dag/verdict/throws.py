@@ -32,8 +32,7 @@ class Throw(StrEnum):
 
 
 def throw_bounds_m(speed_mps: float, friction: float = _FRICTION) -> tuple[float, float]:
-    """Return the least and the greatest distance to rest of who is launched at a speed, of people on pavement by
-    default.
+    """Return the least and greatest distance to rest after a launch, of people on pavement by default.
 
     >>> [round(bound_m, 1) for bound_m in throw_bounds_m(15.0)]
     [17.4, 25.0]

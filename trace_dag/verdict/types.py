@@ -171,8 +171,10 @@ class Reservation:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The judgement of one crash: of the first hypothesis (in the estimate's order) that is verified, else of the first
-    that is accepted, else of the first.
+    """The judgement of one crash.
+
+    It is of the first hypothesis (in the estimate's order) that is verified, else of the first that is accepted, else
+    of the first.
 
     ``label`` answers what happens, ``grade`` how well it is supported (None for a rejected crash), ``direction_open``
     how open it is: the sides that the report leaves open, empty where one is likely. ``support`` is None where no

@@ -1,9 +1,8 @@
 """Doubts about what a simulation needs and no report says: streets that are not there, spins, walks out of lanes.
 
 The criteria ask whether the contact is the reported one, :mod:`trace_dag.verdict.course_events` whether the reported
-course is there. A hypothesis can meet both on a way that nobody drives: into a leg that the map lacks, turned round so
-that a side is struck, over fields. What it needs so that the report holds is a doubt with its name.
-"""
+course is there. A hypothesis can meet both on a way that nobody drives: into a leg that the map lacks, turned round
+so that a side is struck, over fields. Its requirements for the report to hold are doubts with their names."""
 
 from __future__ import annotations
 
@@ -75,8 +74,10 @@ def way_doubts(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _missing_legs(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each vehicle that was going to drive where the map has no street, but for a fourth arm that the
-    report has."""
+    """Yield a doubt for each vehicle that was going to drive where the map has no street.
+
+    A fourth arm that the report has is excepted.
+    """
     network, record = beside.observed.network, beside.record
     left = {event.party_1 for event in record.events if event.code in SIDE_OF_EVENT}
     for state in beside.observed.hypothesis.participants:
@@ -138,8 +139,10 @@ def _people(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _other_junction(beside: Comparison) -> Iterator[Reservation]:
-    """Yield the doubt that the first contact is where streets cross and the report has it beside them, or away from any
-    (``RELJCT2``, ``TYP_INT``), or that no junction is near and it was in one."""
+    """Yield the doubt that the first contact is in a junction and the report has it elsewhere, or the reverse.
+
+    ``RELJCT2`` and ``TYP_INT`` report it.
+    """
     first, record, network = beside.observed.first, beside.record, beside.observed.network
     if first is None or first.happening.contact is None or first.departure is not None:
         return
@@ -177,8 +180,10 @@ def _junction_at(network: RoadNetwork, x_m: float, y_m: float) -> Junction | Non
 
 
 def _other_faces(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each vehicle that is struck at a corner or at another face where the middle of a side or the
-    rear is reported: within the criterion's two clock positions."""
+    """Yield a doubt for each vehicle struck at another face or a corner than reported.
+
+    The report has the middle of a side or the rear, within the criterion's two clock positions.
+    """
     for event in beside.sequence.events:
         seen = beside.seen(event)
         for number, side in seen.sides.items() if seen is not None else ():

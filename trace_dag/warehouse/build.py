@@ -63,8 +63,7 @@ _BLOCK_BYTES = 32_768
 
 @dataclass(frozen=True)
 class BuildReport:
-    """The build of a warehouse: rows per table, size in bytes, duration, and what was left out because it is
-    damaged."""
+    """The build of a warehouse: rows per table, size in bytes, duration, and damaged parts left out."""
 
     rows: dict[str, int]
     size: int
@@ -200,8 +199,9 @@ def _read(
     connection: duckdb.DuckDBPyConnection,
     on_problem: OnProblem,
 ) -> dict[str, pa.Table]:
-    """Return everything stored, chunk by chunk: while one is read, the one before it becomes rows and DuckDB takes it
-    over.
+    """Return everything stored, chunk by chunk.
+
+    While one is read, the one before it becomes rows and DuckDB takes it over.
     """
     outcomes = OutcomeTables()
     documents = DocumentTables(connection)

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
 
 def evaluation_tables(storage: Storage, on_problem: OnProblem) -> dict[str, pa.Table]:
-    """Return the stored rows of both by the names the SQL knows them by, those of crashes that have changed since
-    included.
+    """Return the stored rows of both by the names in SQL, those of changed crashes included.
 
     ``on_problem`` is called with the files left out because they are damaged.
     """

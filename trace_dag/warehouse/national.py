@@ -133,8 +133,9 @@ def read_accidents(file: Path, columns: Sequence[str], where_there: Sequence[str
 
 
 def thin_reports(warehouse: Path, cohorts: Sequence[str]) -> int:
-    """Return the stored crashes of some cohorts that are left out as incomplete, and of whose vehicles the tables that
-    were registered have no movement (``P_CRASH1``, ``P_CRASH2``, ``ACC_TYPE``) at all.
+    """Return the stored crashes left out as incomplete whose vehicles have no movement in the tables.
+
+    The tables are those registered, the movements ``P_CRASH1``, ``P_CRASH2`` and ``ACC_TYPE``.
 
     NHTSA's own tables have them.
     """

@@ -11,8 +11,10 @@ from urllib.parse import parse_qsl
 
 
 def agent_code(reference: str) -> str:
-    """Return the digest of an agent, given as ``module:Class?name=value``: the sources of the package it is in (of ours
-    the module alone), its arguments, and the bytes of files that they name.
+    """Return the digest of an agent, given as ``module:Class?name=value``.
+
+    The sources of the package it is in (of ours the module alone), its arguments, and the bytes of files that they
+    name.
 
     "unread" where the module is not a Python source.
     """

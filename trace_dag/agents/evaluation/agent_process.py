@@ -58,8 +58,9 @@ class _Life:
 
 
 class AgentProcess:
-    """An agent, as ``module:Class`` with its arguments, in a process of its own: an
-    :class:`trace_dag.agents.evaluation.agents.Agent` whose methods raise :class:`AgentFault`.
+    """An agent, as ``module:Class`` with its arguments, in a process of its own.
+
+    An :class:`trace_dag.agents.evaluation.agents.Agent` whose methods raise :class:`AgentFault`.
 
     With an ``isolation`` the process sees no network, no other process, and of the files only what Python and the agent
     need, none of which it can change.

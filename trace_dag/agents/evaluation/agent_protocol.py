@@ -152,8 +152,9 @@ def describe_exception(error: BaseException) -> str:
 
 
 def one_line(text: str) -> str:
-    r"""Return text of an agent as it can be shown anywhere: one line, nothing that moves a terminal's cursor, not too
-    long.
+    r"""Return text of an agent as it can be shown anywhere.
+
+    One line, nothing that moves a terminal's cursor, not too long.
 
     >>> one_line("no\nplan \x1b[2J")
     'no plan ?[2J'

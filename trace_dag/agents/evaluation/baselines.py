@@ -53,9 +53,11 @@ class Replay:
 
 
 class BrakeOnTimeToCollision:
-    """The recorded driver with automatic emergency braking: full brakes, along the recorded path, from the moment the
-    time to collision with somebody ahead falls to 1.5 s (both keeping their velocity), until it stands. Then it drives
-    on along that path, up to the speed that it had."""
+    """The recorded driver with automatic emergency braking.
+
+    Full brakes, along the recorded path, from the moment the time to collision with somebody ahead falls to 1.5 s (both
+    keeping their velocity), until it stands. Then it drives on along that path, up to the speed that it had.
+    """
 
     trigger_s = 1.5
     goes_on_mps2 = 1.5
@@ -82,8 +84,7 @@ class BrakeOnTimeToCollision:
 
 
 class CarefulHuman:
-    """The careful and competent human driver of UN Regulation No. 157 (annex 3, performance model 1), at the wheel of
-    whoever was recorded.
+    """The careful and competent human driver of UN Regulation No. 157 (annex 3, performance model 1).
 
     It perceives a risk where somebody ahead is 2 s from touching, both keeping their velocities, or in its way slows
     down harder than 5 m/s2 or is nearer than 2 m. Perceiving takes 0.4 s; 0.75 s later it brakes, up to 0.774 g with
@@ -220,8 +221,9 @@ class IdmLaneKeeper:
     def _encounter(
         self, other: RoadUser, times_s: FloatArray, at_m: float
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Return gap along the route (m), the other's speed along it (m/s) and whether its body is in the way, each
-        shape (n,), at times from now, the other keeping its velocity.
+        """Return the gap along the route (m), the other's speed along it (m/s) and whether its body is in the way.
+
+        Each has shape (n,), at times from now, the other keeping its velocity.
         """
         velocity = np.array([other.velocity_x_mps, other.velocity_y_mps])
         s_m, offset_m, course = self._route.locate_many(np.array([other.x_m, other.y_m]) + times_s[:, None] * velocity)
@@ -234,8 +236,11 @@ class IdmLaneKeeper:
 
 
 class CautiousLaneKeeper(IdmLaneKeeper):
-    """The lane keeper, slower and farther off, which also gives way: it looks four seconds ahead, takes others to keep
-    their velocity, and stops short of where one of them will be in its way when it could be there."""
+    """The lane keeper, slower and farther off, which also gives way.
+
+    It looks four seconds ahead, takes others to keep their velocity, and stops short of where one of them will be in
+    its way when it could be there.
+    """
 
     share_of_limit = 0.85
     time_gap_s = 2.0

@@ -20,8 +20,9 @@ class CrashPart(StrEnum):
 
 
 def part_of(record: CrashRecord, number: int) -> CrashPart | None:
-    """Return a driver's part by the critical event of each vehicle (``P_CRASH2``), which says whose doing made the
-    crash imminent; who runs into someone ahead of it is the initiator.
+    """Return a driver's part by the critical event of each vehicle (``P_CRASH2``).
+
+    The vehicle whose own doing made the crash imminent is the initiator, as is one that runs into a vehicle ahead.
 
     If that tells the drivers not apart, whoever alone was speeding or had been drinking is the initiator. None where
     nothing tells. Violations charged are not in the record.

@@ -15,8 +15,9 @@ _TEFFT_10_MPH, _TEFFT_90_MPH = 17.1, 48.1
 
 
 def occupants_risk(delta_v_mps: float) -> float:
-    """Return the risk of serious injury (MAIS 3 and more) of a car's occupants: Malliaris, Digges, DeBlois, SAE 970393,
-    1997.
+    """Return the risk of serious injury (MAIS 3 and more) of a car's occupants.
+
+    Malliaris, Digges, DeBlois, SAE 970393, 1997.
 
     >>> round(occupants_risk(10.0), 3), round(occupants_risk(20.0), 3)
     (0.187, 0.925)
@@ -25,8 +26,9 @@ def occupants_risk(delta_v_mps: float) -> float:
 
 
 def struck_persons_risk(closing_mps: float) -> float:
-    """Return the risk of severe injury (AIS 4 and more) of a person struck: Tefft, Accident Analysis and Prevention 50,
-    2013.
+    """Return the risk of severe injury (AIS 4 and more) of a person struck.
+
+    Tefft, Accident Analysis and Prevention 50, 2013.
 
     >>> round(struck_persons_risk(17.1 * 0.44704), 2), round(struck_persons_risk(48.1 * 0.44704), 2)
     (0.1, 0.9)

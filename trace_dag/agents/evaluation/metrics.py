@@ -226,8 +226,9 @@ def _at(log: VehicleLog, body: Body, k: int) -> tuple[Outline, tuple[float, floa
 
 
 def _comfort(log: VehicleLog, until_s: float) -> dict[str, Any]:
-    """Return the hardest braking and cornering (m/s2) and sharpest change of acceleration along the body (m/s3), from
-    means over a fifth of a second.
+    """Return hardest braking and cornering (m/s2) and sharpest change of acceleration (m/s3) along the body.
+
+    They are means over a fifth of a second.
     """
     count = int(np.searchsorted(log.time_s, until_s, side="right"))
     step_s = float(log.time_s[1] - log.time_s[0]) if len(log.time_s) > 1 else _SMOOTHED_S

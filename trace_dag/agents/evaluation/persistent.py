@@ -42,8 +42,11 @@ _WALKS: Final = frozenset({BodyKind.PEDESTRIAN, BodyKind.ANIMAL})
 
 
 class Approach(NamedTuple):
-    """An agent on its way to the conflict: the recorded time of its place (s), how many times as fast as recorded it is
-    there, and the time it takes to the conflict if it stays so (s, negative beyond it)."""
+    """An agent on its way to the conflict.
+
+    The recorded time of its place (s), how many times as fast as recorded it is there, and the time it takes to the
+    conflict if it stays so (s, negative beyond it).
+    """
 
     recorded_s: float
     pace: float
@@ -65,8 +68,9 @@ def pace_to_meet(left_s: float, agent_left_s: float, most_per_s: float) -> float
 
 
 def pace_ahead(clock_s: float, agent: Approach) -> float:
-    """Return the pace of who drives ahead of the agent: the agent's own, so that the headway at each place is as
-    recorded.
+    """Return the pace of who drives ahead of the agent.
+
+    The agent's own, so that the headway at each place is as recorded.
 
     >>> pace_ahead(3.0, Approach(recorded_s=3.0, pace=0.6, left_s=5.0))
     0.6
@@ -75,8 +79,10 @@ def pace_ahead(clock_s: float, agent: Approach) -> float:
 
 
 def pace_on_foot(left_s: float, agent_left_s: float) -> float:
-    """Return the pace of a person, who hurries where the agent is nearer in time than recorded, and slows down and
-    waits where it is farther off.
+    """Return the pace of a person, who keeps to the agent's time.
+
+    The person hurries where the agent is nearer in time than recorded, and slows down and waits where it is farther
+    off.
 
     >>> pace_on_foot(2.0, 3.0), pace_on_foot(2.0, 2.25), pace_on_foot(2.0, 2.0), pace_on_foot(2.0, 1.6)
     (0.0, 0.5, 1.0, 1.25)

@@ -1,5 +1,7 @@
-"""The traffic around an agent: as it was recorded, keeping its distance once the agent does something else, or keeping
-the conflict (:mod:`trace_dag.agents.evaluation.persistent`).
+"""The traffic around an agent.
+
+It moves as recorded, keeps its distance once the agent does something else, or keeps the conflict
+(:mod:`trace_dag.agents.evaluation.persistent`).
 
 Reactive traffic is the recorded one for as long as the agent's vehicle is where it was recorded to be: whoever drives
 as recorded has the recorded crash. From the moment it is elsewhere, every other driver goes on along the recorded

@@ -72,8 +72,7 @@ def variation_id(key: str, number: int) -> str:
 def family(
     case: Case, backend: Backend, *, count: int, seed: int, bounds: Bounds, criteria: Criteria
 ) -> tuple[list[Variation], int]:
-    """Return the first ``count`` variations that meet the criteria, and how many were drawn for them (at most twenty
-    each).
+    """Return the first ``count`` variations that meet the criteria, and the number drawn (at most twenty each).
 
     A function of the case, the seed and the bounds alone.
     """

@@ -27,8 +27,9 @@ _STANDS_M = 0.05
 def perturb_motion(
     participants: Sequence[Participant], perturbation: Perturbation, impact_time_s: float
 ) -> tuple[tuple[Participant, ...], float]:
-    """Return the participants as perturbed, and the time of the recorded impact on their clock, which begins when all
-    are on their recorded way.
+    """Return the perturbed participants, and the time of the recorded impact on their clock.
+
+    The clock begins when all are on their recorded way.
     """
     by_number = {each.number: each for each in perturbation.vehicles}
     start_s = max((_earliest_s(each, by_number[each.number], impact_time_s) for each in participants), default=0.0)

@@ -45,8 +45,10 @@ class Perturbation:
 
 
 def draw(key: str, numbers: Sequence[int], seed: int, index: int, bounds: Bounds) -> Perturbation:
-    """Return the ``index``-th draw for a crash: a function of these values alone, whoever draws it, in whatever
-    order."""
+    """Return the ``index``-th draw for a crash.
+
+    A function of these values alone, whoever draws it, in whatever order.
+    """
     digest = sha256(f"{seed}:{key}:{index}".encode()).digest()
     random = np.random.default_rng(int.from_bytes(digest[:16], "big"))
     friction = float(random.uniform(bounds.friction_low, 1.0))

@@ -64,8 +64,9 @@ def configure_logging() -> None:
 
 
 def own_stderr() -> TextIO:
-    """Return the standard error through a descriptor of its own: it stays the terminal while Dagster sends 1 and 2 to a
-    file.
+    """Return the standard error through a descriptor of its own.
+
+    It stays the terminal while Dagster sends 1 and 2 to a file.
     """
     try:
         return os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)

@@ -354,9 +354,7 @@ def _status(response: httpx.Response) -> str:
 
 
 def find_damaged_answers(folder: Path) -> Iterator[Path]:
-    """Yield the kept answers, of all services with a cache below a folder, that are not as they were kept, and what
-    says so.
-    """
+    """Yield the kept answers that are damaged, of all services with a cache below a folder, with the damage."""
     for body in sorted(folder.glob(f"*/??/*{_BODY}")):
         if _kept(body) is None:
             yield body

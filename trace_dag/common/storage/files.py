@@ -443,8 +443,9 @@ def _remote_version(row: Mapping[str, Any]) -> str:
 
 
 def _remote_md5(row: Mapping[str, Any]) -> str | None:
-    """Return the MD5 an S3-compatible store gives as the ETag of an object put in one piece, unless it encrypts with a
-    key.
+    """Return the MD5 that an S3-compatible store gives as the ETag of an object put in one piece.
+
+    A store that encrypts with a key gives another.
     """
     etag = str(row.get("ETag", "")).strip('"')
     return etag if _MD5.fullmatch(etag) else None

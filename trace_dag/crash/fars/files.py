@@ -100,8 +100,9 @@ class FarsRelease:
 
 
 def find_releases(path: Path) -> tuple[FarsRelease, ...]:
-    """Return every release at a path: a folder (searched to the bottom, zips included), a zip, or one CSV file's
-    folder.
+    """Return every release at a path.
+
+    A folder (searched to the bottom, zips included), a zip, or one CSV file's folder.
 
     A release may lack tables. Raises UserError if there is none that tells of every crash.
 

@@ -203,7 +203,7 @@ class RegisterMapping(_Part):
 
     @property
     def credit(self) -> str:
-        """Return the whom its reports are to be attributed to, and their licence."""
+        """Return the attribution of its reports, and their licence."""
         return f"{self.attribution}: {self.name} ({self.source}); licence: {self.licence}"
 
     @property

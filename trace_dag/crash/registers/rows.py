@@ -1,5 +1,7 @@
-"""The rows of a register's table, kept on disk while they are read: a table may be larger than memory, and the rows of
-one crash may lie far apart in it."""
+"""The rows of a register's table, kept on disk while they are read.
+
+A table may be larger than memory, and the rows of one crash may lie far apart in it.
+"""
 
 from __future__ import annotations
 

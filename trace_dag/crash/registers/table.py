@@ -97,8 +97,10 @@ class RegisterTable:
         return notes
 
     def records(self, keys: Collection[str] | None = None) -> Iterator[CrashRecord]:
-        """Yield every crash as read, or those asked for, in the table's order: one at a time, for they may be
-        millions."""
+        """Yield every crash as read, or those asked for, in the table's order.
+
+        One at a time, for they may be millions.
+        """
         reader = RowReader(self.mapping)
         most = 1 if self.mapping.rows == "crash" else _MOST_ROWS
         for crash_id, group in self._rows.crashes():
@@ -412,8 +414,7 @@ def _number(text: str) -> float | None:
 
 # --- what the units and the manner of collision say of the first harmful event ---------------------------------------
 def _with_first_event(record: CrashRecord) -> CrashRecord:
-    """Return the record with the event that it implies, if the register does not say what the first harmful event
-    was."""
+    """Return the record with the event that it implies, if the first harmful event is not reported."""
     moving = [vehicle.number for vehicle in record.vehicles if vehicle.in_transport]
     standing = [vehicle.number for vehicle in record.vehicles if not vehicle.in_transport]
     of_two = record.manner_of_collision_code in _OF_TWO_VEHICLES

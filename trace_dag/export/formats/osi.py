@@ -130,9 +130,7 @@ def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> byte
 
 
 def _states(moved: VehicleLog, times: FloatArray) -> FloatArray:
-    """Return the place of the middle, velocity, yaw, pitch, roll, yaw rate and acceleration at some times, shape (n,
-    11).
-    """
+    """Return the middle, velocity, yaw, pitch, roll, yaw rate and acceleration at some times, shape (n, 11)."""
     columns = (moved.x_m, moved.y_m, moved.z_m + moved.above_road_m, moved.velocity_x_mps, moved.velocity_y_mps)
     angles = [np.unwrap(each) for each in (moved.heading_rad, moved.pitch_rad, moved.roll_rad)]
     velocities = (moved.velocity_x_mps, moved.velocity_y_mps)

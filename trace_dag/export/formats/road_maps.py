@@ -1,5 +1,6 @@
-"""Road maps by themselves in the forms of other tools: lanes as GeoJSON and GeoParquet, CommonRoad, ScenarioNet, SUMO,
-glTF.
+"""Road maps by themselves in the forms of other tools.
+
+Lanes as GeoJSON and GeoParquet, CommonRoad, ScenarioNet, SUMO, glTF.
 
 Lanes for geographic tools are in WGS84, longitude first; all else is in the map's local frame, as in its OpenDRIVE.
 The modules of a form are loaded when it is asked for: most maps are wanted as OpenDRIVE alone."""

@@ -80,8 +80,9 @@ class ScenarioNet:
 
 
 def road_description(network: RoadNetwork) -> dict[str, bytes]:
-    """Return a road map as a data set of one scenario: a car drives from near the middle along the lanes, at their
-    limits.
+    """Return a road map as a data set of one scenario.
+
+    A car drives from near the middle along the lanes, at their limits.
 
     Raises :class:`UserError` where the map has no lane of some length to drive in.
     """

@@ -108,8 +108,10 @@ def _type(body: Body) -> str:
 
 
 def _rows(moved: VehicleLog, body: Body) -> FloatArray:
-    """Return x, y, z of the middle of the front (m), angle (degrees clockwise from north) and speed (m/s) every
-    step."""
+    """Return x, y, z of the front's middle (m), angle (degrees clockwise from north) and speed (m/s).
+
+    There is a row for every step.
+    """
     last_s = float(moved.time_s[-1])
     times = np.arange(0.0, last_s + STEP_S / 2, STEP_S)
     heading = np.interp(times, moved.time_s, np.unwrap(moved.heading_rad))

@@ -205,8 +205,9 @@ class Registry:
             self._storage.delete(f"{folder}/{cohort}.json")
 
     def listed(self) -> str:
-        """Return a digest (SHA-256, hexadecimal) of how the files of the cohorts are listed: another once one has
-        changed.
+        """Return a digest (SHA-256, hexadecimal) of how the files of the cohorts are listed.
+
+        Another once one has changed.
         """
         return hashlib.sha256(repr(sorted(self._storage.list(_FOLDER).items())).encode()).hexdigest()
 

@@ -36,8 +36,7 @@ class Source(Protocol):
         ...
 
     def offers(self, choice: Choice) -> list[CrashListing]:
-        """Return the crashes that the choice admits, before any sample is taken, with what the choice needs to know of
-        them.
+        """Return the crashes that the choice admits, before any sample is taken, with the facts it needs.
 
         Raises UserError for a source that cannot be read.
         """
@@ -76,8 +75,9 @@ class FolderSource:
 
 
 class ReportTables(Protocol):
-    """A package's source of reports, opened at a location (entry points of the group ``trace_dag.report_sources``: a
-    class with ``open(location)``).
+    """A package's source of reports, opened at a location.
+
+    It is an entry point of the group ``trace_dag.report_sources``, a class with ``open(location)``.
     """
 
     def notes(self) -> Sequence[str]:
@@ -89,15 +89,15 @@ class ReportTables(Protocol):
         ...
 
     def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes]]:
-        """Return the key and report of the crashes asked for, in a form that :func:`trace_dag.crash.parse.read_report`
-        reads.
-        """
+        """Return key and report of the crashes asked for, as :func:`trace_dag.crash.parse.read_report` reads them."""
         ...
 
 
 class TableSource:
-    """A source that reads whole tables: the register of a mapping, or what a package offers under a name, such as
-    ``fars-csv``, the national CSV files."""
+    """A source that reads whole tables.
+
+    The register of a mapping, or what a package offers under a name, such as ``fars-csv``, the national CSV files.
+    """
 
     def __init__(self, name: str, tables: ReportTables) -> None:
         self.name = name

@@ -33,8 +33,10 @@ P = TypeVar("P", CrashRecord, VehicleRecord, NonMotorist)
 
 @dataclass(frozen=True)
 class Narrative:
-    """A narrative, and what is known of the crash beside it: when it was, as 2023, 2023-05-03 or 2023-05-03 16:20, and
-    where."""
+    """A narrative, and what is known of the crash beside it.
+
+    When it was, as 2023, 2023-05-03 or 2023-05-03 16:20, and where.
+    """
 
     id: str
     text: str
@@ -85,8 +87,9 @@ def record_of(narrative: Narrative, found: Place | None, reading: Reading, known
 
 
 def _without_gaps(reading: Reading) -> tuple[Reading, int]:
-    """Return the reading with its units numbered from 1 in their order, and how many there are: units of which nothing
-    is left are none.
+    """Return the reading with its units numbered from 1 in their order, and how many there are.
+
+    Units of which nothing is left are none.
     """
     found = {each.unit for each in reading.facts if each.unit != CRASH} | {each.unit for each in reading.events}
     found |= {each.other_unit for each in reading.events if each.other_unit is not None}

@@ -106,9 +106,7 @@ class NarrativeFolder(_Source):
         self._narratives = narratives_in(folder)
 
     def notes(self) -> list[str]:
-        """Return how many narratives became crashes, which are left out and why, and which facts of the others have no
-        support.
-        """
+        """Return counts of narratives that became crashes or are left out, with reasons, and unsupported facts."""
         records, left_out = self._read
         notes = [
             f"{count_of(len(self._narratives), 'narrative')} in {self._folder}: {len(records)} with a place and time"

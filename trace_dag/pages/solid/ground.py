@@ -296,8 +296,10 @@ def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
 
 
 def _clean(area: shapely.Geometry) -> shapely.MultiPolygon:
-    """Return the polygons of a geometry, without slivers, and without the lines that are left where two surfaces meet
-    in all but the last digit: GEOS cannot cut a collection of polygons and lines everywhere.
+    """Return the polygons of a geometry, without slivers.
+
+    Lines are dropped that are left where two surfaces meet in all but the last digit: GEOS cannot cut a collection of
+    polygons and lines everywhere.
     """
     polygons = [part for part in shapely.get_parts(area) if isinstance(part, shapely.Polygon) and part.area > 0.02]
     return shapely.MultiPolygon(polygons)

@@ -30,8 +30,7 @@ _HIP, _KNEE, _NECK, _SHOULDER, _ARM, _SOLE = 0.530, 0.285, 0.825, 0.800, 0.36, 0
 
 
 def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
-    """Return the segments of a person, dressed in a colour, and what the person rides, each a node that moves by
-    itself.
+    """Return the segments of a person, dressed in a colour, and of the mount, each a node that moves by itself.
 
     >>> from trace_dag.simulation.anthropometry import person_body
     >>> nodes = person_nodes(log.vehicles[0], person_body(BodyKind.PEDESTRIAN, 40), "P1", "#009E73")

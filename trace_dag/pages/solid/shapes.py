@@ -61,8 +61,10 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 
 def loft(stations: FloatArray, rings: FloatArray) -> Mesh:
-    """Return a body along x with closed ends: rings, shape (n, k, 2), of (y, z) at stations, shape (n,), from rear to
-    front, each counter-clockwise seen from the front.
+    """Return a body along x with closed ends.
+
+    Rings, shape (n, k, 2), of (y, z) at stations, shape (n,), from rear to front, each counter-clockwise seen from the
+    front.
 
     >>> ring = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
     >>> len(loft(np.array([0.0, 1.0]), np.stack([ring, ring])).triangles)  # three sides of two each, two ends

@@ -184,8 +184,9 @@ def wheel_parts(radius_m: float, width_m: float) -> Parts:
 
 
 def _tub(side: FloatArray, low: float, half: float) -> Mesh:
-    """Return the lower body below a side view, shape (n, 2) of (x, top): rounded at its edges, and at both ends seen
-    from above.
+    """Return the lower body below a side view, shape (n, 2) of (x, top).
+
+    Rounded at its edges, and at both ends seen from above.
     """
     tail, nose = side[0, 0], side[-1, 0]
     stations = np.unique(np.concatenate([np.arange(tail, nose, _STATION_M), side[:, 0]]).round(4))

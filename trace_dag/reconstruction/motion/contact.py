@@ -146,8 +146,7 @@ class Contacts:
 
 
 def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0) -> Contacts:
-    """Return the first contacts for ``timings`` timings, spread around the one at which both reach their stations at
-    the same time.
+    """Return the first contacts for ``timings`` timings around the one at which both reach their stations.
 
     With ``timings`` 1 exactly that timing is examined. Timings without a contact are left out, and those where the
     bodies touch from the beginning. The time span examined is what the bodies take to pass each other, at least
@@ -186,8 +185,7 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
 def _first_touching(
     one: Mover, two: Mover, time_s: FloatArray, ahead_s: FloatArray
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the timings at which the bodies touch or overlap, and for each the index into ``time_s`` where they first
-    do.
+    """Return the timings at which the bodies touch, and for each the index into ``time_s`` of the first touch.
 
     Each mover gets half of the timing, so that both stay near their stations. Every few steps only the distance of the
     centres is looked at; the bodies themselves are tested where they are near enough to touch within these steps.
@@ -221,8 +219,10 @@ def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) ->
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
-    """Contacts of pairs of rectangles, arrays of equal length n: the point, its direction on each body as in
-    :func:`trace_dag.common.geometry.body_bearing_rad`, and whether there is one.
+    """Contacts of pairs of rectangles, arrays of equal length n.
+
+    The point, its direction on each body as in :func:`trace_dag.common.geometry.body_bearing_rad`, and whether there is
+    one.
     """
 
     x_m: FloatArray
@@ -261,8 +261,9 @@ def find_contact_points(
 
 
 def _touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> ContactPoints:
-    """Return the same of vehicles that may pull trailers: of each two that have just come to touch, where the parts do
-    that are nearest to each other.
+    """Return the same of vehicles that may pull trailers.
+
+    The contact of each two that have just come to touch is between the parts that are nearest to each other.
 
     Poses of shape (n,).
     """

@@ -182,8 +182,9 @@ def move_sideways(
 
 
 def follows_turn(approach: Approach, turn: Turn | None) -> bool:
-    """Return whether the approach's own lanes make the turn: the corner of an L, or a bend that the record calls a
-    turn.
+    """Return whether the approach's own lanes make the turn.
+
+    The corner of an L, or a bend that the record calls a turn.
     """
     if turn is None or approach.turn is not None:
         return False

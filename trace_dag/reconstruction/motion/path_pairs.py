@@ -103,8 +103,9 @@ def measure_left_of(one: Approach, two: Approach, side: Side) -> float:
 
 
 def turning_approaches(approaches: Iterable[Approach], turn: Turn) -> list[Approach]:
-    """Return streams on which the turn can be made: those whose lanes lead there, and the shared lane in the middle
-    beside them.
+    """Return streams on which the turn can be made.
+
+    Those whose lanes lead there, and the shared lane in the middle beside them.
 
     >>> {approach.turn.value for approach in turning_approaches(scene.approaches, Turn.RIGHT)}
     {'right'}

@@ -84,7 +84,7 @@ def _lanes_of_both(scene: Scene, scenario: PreCrashScenario) -> list[Approach]:
 def _slowed(
     mover: Party, behind: TravelSpeed, other: Party, ahead: TravelSpeed
 ) -> tuple[SpeedProfile | None, dict[str, float]]:
-    """Return a leader that is reported to be no slower than its follower must have slowed down, no more than needed."""
+    """Return the speed of a leader reported no slower than its follower: it slowed down, no more than needed."""
     follower, leader = (speed_profile(party, speed.speed_mps) for party, speed in ((mover, behind), (other, ahead)))
     if leader.impact_mps <= follower.impact_mps - LEAST_CLOSING_MPS:
         return None, {}
@@ -122,8 +122,9 @@ def same_direction(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPai
 
 
 def _moving_out(approach: Approach, away_m: float, speed_mps: float) -> Approach:
-    """Return the approach of a vehicle that moved out to pass a little before: at first in its lane, beside it at the
-    crash.
+    """Return the approach of a vehicle that moved out to pass a little before.
+
+    At first in its lane, beside it at the crash.
     """
     speed_mps = max(speed_mps, _LEAST_PASSING_MPS)
     lateral_mps2 = _PASSING_LATERAL_G * GRAVITY_MPS2
@@ -154,8 +155,9 @@ def _coming_over(
 
 
 def opposite(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
-    """Yield pairs of oncoming vehicles: the mover crosses the centre line or the median, drives the wrong way, or turns
-    across.
+    """Yield pairs of oncoming vehicles.
+
+    The mover crosses the centre line or the median, drives the wrong way, or turns across.
 
     >>> pairs = list(opposite(scene, solution.candidate.scenario))
     >>> {(pair.mover.manoeuvre.value, pair.other.manoeuvre.value) for pair in pairs}  # vehicle 1 turns across the other

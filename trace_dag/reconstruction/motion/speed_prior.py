@@ -1,5 +1,4 @@
-"""Distributions, learned from data, of the travel speed where none is reported, and of how much slower a vehicle
-strikes.
+"""Learned distributions of unreported travel speeds, and of the loss of speed before the strike.
 
 Travel speeds are learned from those that police reported in FARS, as differences from the rule of
 :mod:`trace_dag.reconstruction.motion.speeds` (limit, manoeuvre, class of the road). The loss of speed before the impact

@@ -82,8 +82,9 @@ def travel_speed(
 
 
 def as_on_the_right(turn: Turn, road: Road | None) -> Turn:
-    """Return the turn that is like this one where traffic keeps right: across oncoming traffic, or close around the
-    corner.
+    """Return the turn that is like this one where traffic keeps right.
+
+    Across oncoming traffic, or close around the corner.
 
     >>> from dataclasses import replace
     >>> as_on_the_right(Turn.LEFT, replace(network.roads[0], left_hand=True)).value
@@ -95,8 +96,9 @@ def as_on_the_right(turn: Turn, road: Road | None) -> Turn:
 
 
 def class_speed_mps(road: Road | None) -> float:
-    """Return the usual speed on a road of its class (m/s), if neither map nor report has a limit: the median limit of
-    fatal crashes on such roads.
+    """Return the usual speed on a road of its class (m/s), if neither map nor report has a limit.
+
+    The median limit of fatal crashes on such roads.
     """
     highway = road.highway if road is not None else ""
     limit_mph = LIMITS_MPH.get(highway)

@@ -157,8 +157,9 @@ def _of_kind(person: NonMotorist) -> frozenset[Course]:
 
 
 def _told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
-    """Return the side of the vehicle's path from which the person came: by ``PEDSNR``, else by the compass directions,
-    else by which of the two turned into the other's path.
+    """Return the side of the vehicle's path from which the person came.
+
+    By ``PEDSNR``, else by the compass directions, else by which of the two turned into the other's path.
     """
     if person.scenario and person.scenario[-1] in "ab":
         left = person.scenario[-1] == "a"
@@ -179,8 +180,9 @@ def _told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
 
 
 def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
-    """Return a person who goes straight on in the vehicle's direction crosses the path of a vehicle that turns left
-    from its left.
+    """Return the sides for a vehicle that turns across a person who goes straight on in its direction.
+
+    The person crosses from the left the path of a vehicle that turns left.
     """
     code = person.cyclist_type_code
     if turn not in (Turn.LEFT, Turn.RIGHT) or code not in _SAME_WAY_FIRST | _OTHER_WAY_FIRST:

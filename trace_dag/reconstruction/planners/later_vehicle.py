@@ -186,8 +186,9 @@ def _ways(scene: Scene, who: Party) -> Iterator[_Way]:
 
 
 def _approaches(scene: Scene, who: Party) -> list[Approach] | None:
-    """Return all of the road's streams for a vehicle that keeps to one: what came before may have gone across to
-    any."""
+    """Return all of the road's streams for a vehicle that keeps to one.
+
+    An earlier one may have gone across to any."""
     return scene.through if who.turn is None else None
 
 
@@ -266,9 +267,7 @@ def _stood(target: SimulatedMotion, until_s: float) -> bool:
 
 
 def _left_free_m(way: _Way, target: SimulatedMotion, size_m: tuple[float, float], stations: FloatArray) -> FloatArray:
-    """Return how much more than a queue's usual gap is between a vehicle that stands at each station and one that
-    stood.
-    """
+    """Return the surplus over a queue's usual gap between a standing vehicle at each station and one that stood."""
     x, y, _ = target.at(np.zeros(1))
     station_m, _ = way.path.project(float(x[0]), float(y[0]))
     gaps = np.abs(stations - station_m) - (size_m[0] + target.length_m) / 2
@@ -278,8 +277,9 @@ def _left_free_m(way: _Way, target: SimulatedMotion, size_m: tuple[float, float]
 def _placings(
     way: _Way, target: SimulatedMotion, size_m: tuple[float, float], meets_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return stations, and the times at which the vehicle is there: beside the other party then, or standing near its
-    way.
+    """Return stations, and the times at which the vehicle is there.
+
+    Beside the other party then, or standing near its way.
     """
     reach = (math.hypot(*size_m) + math.hypot(*target.size_m)) / 2
     x, y, _ = target.at(meets_s)

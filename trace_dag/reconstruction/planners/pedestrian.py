@@ -113,8 +113,10 @@ def strike_hypotheses(
 
 
 def _drawn_course(key: str, plans: Sequence[ImpactPlan]) -> Walking | None:
-    """Return the course of the person that is shown: that of the likeliest plan, but of two that cross from either side
-    one that is drawn by their shares, so that over many crashes the sides come as often as they are likely.
+    """Return the course of the person that is shown.
+
+    That of the likeliest plan, but of two that cross from either side one that is drawn by their shares, so that over
+    many crashes the sides come as often as they are likely.
     """
     best = {plan.walk.reading.course: plan.score for plan in sorted(plans, key=lambda plan: plan.score)}
     if not best:
@@ -133,8 +135,10 @@ def _walks(hypothesis: Hypothesis, strike: CrashEvent) -> Manoeuvre:
 
 
 def crossing_lead_s(network: RoadNetwork, hypothesis: Hypothesis) -> float:
-    """Return how long before the strike (s) the reconstruction has to begin for nobody who crosses to begin in a lane,
-    0 where nobody does."""
+    """Return how long before the strike (s) the reconstruction has to begin, 0 where nobody crosses.
+
+    Nobody who crosses then begins in a lane.
+    """
     longest_s = 0.0
     for state in hypothesis.participants:
         start, at = state.initial_pose, state.impact_pose

@@ -90,8 +90,9 @@ def _of_map(way: Way, event: CrashEvent, things: Sequence[MappedThing]) -> list[
 
 
 def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[Struck]:
-    """Yield objects that the vehicle would strike on its way where they can stand, and where: first as far beyond the
-    edge as is usual, then nearer, then farther.
+    """Yield objects that the vehicle would strike on its way where they can stand, and where.
+
+    First as far beyond the edge as is usual, then nearer, then farther.
     """
     kind = KINDS[event.code]
     line = kind.form is ObjectForm.LINE
@@ -123,9 +124,7 @@ def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[
 
 
 def _mapped(way: Way, code: int, things: Sequence[MappedThing]) -> Iterator[tuple[int, MappedThing]]:
-    """Yield things of a kind that the map has on the vehicle's way beyond the edge, each with the first step that
-    touches it.
-    """
+    """Yield mapped things of a kind on the vehicle's way beyond the edge, each with the step that touches it."""
     reach_m = 0.0 if KINDS[code].form is ObjectForm.LINE else KINDS[code].width_m / 2
     outside = way.beyond_m.max(axis=1) > 0
     for thing in things:

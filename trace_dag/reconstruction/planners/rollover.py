@@ -1,5 +1,4 @@
-"""A vehicle overturns: as the first event of a crash, before it touches anything, or later, where its course leads to
-it.
+"""Overturns of vehicles: as first events, before any contact, or later, where the course leads to one.
 
 The vehicle leaves its lane as it would to strike an object, out of control and turned across its course; beyond the
 edge, or on the roadway where the report has it there, nobody holds it any more. The overturn itself is physics: it
@@ -119,9 +118,10 @@ def _ways(scene: Scene, departure: Departure) -> Iterator[_Way]:
 
 
 def _slips(departure: Departure) -> tuple[float, ...]:
-    """Return the slip angles of the vehicle: as ``PCRASH4`` says, else with its front away from the road it came from,
-    as after steering back too hard; none for a motorcycle.
-    """
+    """Return the slip angles of the vehicle.
+
+    They are those of ``PCRASH4``, else with its front away from the road it came from, after steering back too hard;
+    none for a motorcycle."""
     vehicle = departure.vehicle
     if vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
         return (0.0,)

@@ -66,8 +66,9 @@ def _stood(search: Search, way: Way, event: CrashEvent) -> Iterator[ParticipantS
 
 
 def _parked_pose(way: Way, k: int, parked: VehicleRecord, touched: np.ndarray) -> Pose:
-    """Return the pose of a vehicle that stands along the road and is touched on its area of impact, at its rear if that
-    is not known, at a place.
+    """Return the pose of a vehicle that stands along the road and is touched at a place.
+
+    It is touched on its area of impact, at its rear if that is not known.
     """
     at, runs_rad = way.poses[k], way.runs_rad(k)
     heading = runs_rad if math.cos(runs_rad - at.heading_rad) >= 0 else runs_rad + math.pi

@@ -49,8 +49,10 @@ def ways_on(
     tripped: bool = False,
     least_mps: float = _CREEPS_MPS,
 ) -> Iterator[tuple[Course, str]]:
-    """Yield the courses that a vehicle can have gone on, each with what is assumed for it in words: as its wheels roll,
-    then with its front wheels turned ever more to the side to which it left the road; to both where none is reported.
+    """Yield the courses that a vehicle can have gone on, each with what is assumed for it in words.
+
+    First its wheels roll, then its front wheels are turned ever more to the side to which it left the road; to both
+    where none is reported.
 
     Turned wheels lead nowhere where it moves at less than ``least_mps`` by the time that it can lose control.
 
@@ -103,8 +105,10 @@ def _words(loss: LossOfControl) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A vehicle's way after a time: the steps of its log in which it moves, its pose at each of them, and how far
-    beyond the edge of the carriageway its four corners are (shape (k, 4), m, negative within it).
+    """A vehicle's way after a time.
+
+    The steps of its log in which it moves, its pose at each of them, and how far beyond the edge of the carriageway its
+    four corners are (shape (k, 4), m, negative within it).
     """
 
     network: RoadNetwork
@@ -160,8 +164,10 @@ class Way:
         return next((each for each in points if np.dot(goes, each.normal) > _MEETS), None)
 
     def striking(self, area: ImpactArea | None, least_m: float) -> list[tuple[float, ImpactArea | None]]:
-        """Return for each step how far beyond the edge the striking part is (m; -inf where it does not go ahead), and
-        its area: the reported one, if that ever goes ahead so far beyond the edge, else the foremost.
+        """Return for each step how far beyond the edge the striking part is (m), and its area.
+
+        The distance is -inf where the part does not go ahead. The area is the reported one, if that ever goes ahead so
+        far beyond the edge, else the foremost.
         """
         reported = self._touching([area] * len(self.poses)) if area is not None else []
         if any(beyond_m >= least_m for beyond_m, _ in reported):

@@ -23,8 +23,9 @@ _BEFORE_S: Final = 3.0
 
 @dataclass(frozen=True)
 class SampledBody:
-    """The course of a body in a draw, a step each :data:`STEP_S`: middle in units of :data:`PLACE_M`, east and north,
-    and heading in units of :data:`TURN_RAD`.
+    """The course of a body in a draw, a step each :data:`STEP_S`.
+
+    Middle in units of :data:`PLACE_M`, east and north, and heading in units of :data:`TURN_RAD`.
 
     Each list has the first value and then differences from one step to the next.
     """

@@ -1,5 +1,6 @@
-"""From a draw of what a report leaves open to what is simulated: each party on the path of its plan, at the draw's
-speed, mass and place.
+"""From a draw of what a report leaves open to what is simulated.
+
+Each party on the path of its plan, at the draw's speed, mass and place.
 
 Belongs here: where the parties of a draw are until they touch. Does not belong here: what comes of it
 (:mod:`trace_dag.reconstruction.samples.simulated`).
@@ -72,8 +73,9 @@ def _standing(item: FixedObject) -> tuple[Shape, ...]:
 
 
 class PlannedLine:
-    """The path of a party's plan, driven at a draw's speed: where it is so many seconds from when the plan has it at
-    the impact. Beyond its ends the path goes straight on."""
+    """The path of a party's plan, driven at a draw's speed.
+
+    If it is so many seconds from when the plan has it at the impact. Beyond its ends the path goes straight on."""
 
     def __init__(self, state: ParticipantState, draw: PartyDraw, meets_s: float) -> None:
         plan = state.trajectory

@@ -1,5 +1,6 @@
-"""Other courses that a crash can have taken: draws of everything that the report leaves open, around the hypotheses of
-an estimate.
+"""Other courses that a crash can have taken.
+
+Draws of everything that the report leaves open, around the hypotheses of an estimate.
 
 A draw chooses one of the kept hypotheses (reading of the record, lanes, manoeuvres), by its likelihood before the
 impact, and varies what it leaves open: speeds, how far each party has come when they meet (the timing), how far it is
@@ -77,9 +78,9 @@ def draw_samples(record: CrashRecord, hypotheses: Sequence[Hypothesis], count: i
 
 
 def _spread_evenly(key: str, count: int, columns: int) -> Iterator[FloatArray]:
-    """Yield a Latin hypercube sample (McKay, Beckman and Conover, 1979): of each column one number in each of ``count``
-    equal parts.
-    """
+    """Yield a Latin hypercube sample (McKay, Beckman and Conover, 1979).
+
+    Each column has one number in each of ``count`` equal parts."""
     random = np.random.default_rng(zlib.crc32(key.encode()))
     for _ in range(columns):
         yield np.clip((random.permutation(count) + random.random(count)) / count, _TAILS, 1 - _TAILS)
@@ -121,8 +122,9 @@ def _speeds(
     kept: float,
     normal: float,
 ) -> tuple[float, float]:
-    """Return the travel and impact speed of a party (m/s): those of the hypothesis, varied as far as the report leaves
-    them open.
+    """Return the travel and impact speed of a party (m/s).
+
+    Those of the hypothesis, varied as far as the report leaves them open.
     """
     planned, at_impact = abs(state.initial_speed_mps), abs(state.impact_speed_mps)
     if state.is_figure or vehicle is None or state.initial_speed_mps < 0:

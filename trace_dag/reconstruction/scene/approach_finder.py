@@ -269,9 +269,7 @@ class ApproachFinder:
     def _chain(
         self, seed: LaneRef, *, upstream_m: float, downstream_m: float, keep: tuple[LaneRef, ...] = ()
     ) -> _Chain:
-        """Return the seed with lanes added at both ends, the straightest, until both distances from the crash are
-        covered.
-        """
+        """Return the seed with the straightest lanes added at both ends, until it covers both distances."""
         centre = self._centre(seed)
         s = arc_lengths(centre)
         here = float(s[int(np.argmin(np.hypot(centre[:, 0] - self.x_m, centre[:, 1] - self.y_m)))])
@@ -382,8 +380,9 @@ class ApproachFinder:
         )
 
     def _turn(self, connecting: LaneRef) -> Turn | None:
-        """Return the turn that a connecting lane makes: by its own ends or by the roads some way off, whichever turns
-        less.
+        """Return the turn that a connecting lane makes.
+
+        By its own ends or by the roads some way off, whichever turns less.
 
         Maps often bend a carriageway into the junction's centre just before it, and roads often bend just beyond.
         """

@@ -69,8 +69,9 @@ class Approach:
     _fitted: dict[float, Approach] = field(default_factory=dict, init=False, repr=False)
 
     def fitted(self, speed_mps: float) -> Approach:
-        """Return the approach as driven at this speed: bends that a map draws as kinks are rounded until they can be
-        driven.
+        """Return the approach as driven at this speed.
+
+        Bends that a map draws as kinks are rounded until they can be driven.
 
         The path stays within the lane if a car can; a bend too sharp for that is cut as far as necessary.
         """
@@ -115,8 +116,9 @@ class Approach:
 
     @property
     def side(self) -> int:
-        """Return the eighth of the compass it heads for, 0 for east, counter-clockwise: approaches of one side differ
-        in their lanes alone.
+        """Return the eighth of the compass it heads for, 0 for east, counter-clockwise.
+
+        Approaches of one side differ in their lanes alone.
         """
         return round(self.heading_rad / (math.pi / 4)) % 8
 

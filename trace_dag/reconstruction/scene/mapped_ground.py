@@ -1,5 +1,6 @@
-"""Mapped ground of parties before the first event: carriageways, junctions, driveways, shoulders and pavements, and
-outside buildings.
+"""Mapped ground of parties before the first event.
+
+Carriageways, junctions, driveways, shoulders and pavements, and outside buildings.
 
 A vehicle that the report has leave the road may do so, one may be parked where none is mapped, and a person walks
 anywhere; none of them goes through a building.
@@ -45,8 +46,10 @@ class Way:
 
 @dataclass(frozen=True)
 class Astray:
-    """A party that is where none can be: how far off mapped ground at most (m), in a building (then 0 m), from the
-    beginning until ``until_s`` (s) or, if that is None, later on."""
+    """A party that is where none can be.
+
+    The result has how far off mapped ground at most (m), in a building (then 0 m), from the beginning until
+    ``until_s`` (s) or, if that is None, later on."""
 
     number: int
     off_m: float
@@ -134,8 +137,9 @@ def _off_m(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> FloatArray
 
 
 def _junctions(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> shapely.Geometry:
-    """Return the ground of the junctions around points: within one all is paved, between the lanes of its movements
-    too.
+    """Return the ground of the junctions around points.
+
+    Within one all is paved, between the lanes of its movements too.
     """
     box_m = (float(x_m.min()), float(y_m.min()), float(x_m.max()), float(y_m.max()))
     movements: dict[str, list[FloatArray]] = {}

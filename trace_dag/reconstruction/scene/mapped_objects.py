@@ -66,8 +66,11 @@ _RUNS_ALONG_RAD: Final = math.radians(35)  # a line that turns farther from the 
 
 @dataclass(frozen=True)
 class MappedObject:
-    """A thing of the map beside a path: the path's station there, how far to the path's side it stands (m), its place,
-    and the direction of a thing that runs along the road."""
+    """A thing of the map beside a path.
+
+    The path's station there, how far to the path's side it stands (m), its place, and the direction of a thing that
+    runs along the road.
+    """
 
     thing: MappedThing
     station_m: float

@@ -1,5 +1,8 @@
-"""The ground that a placed object may take: beside lanes and shoulders, a bridge rail on its bridge, none where another
-one stands; kerbs, rails and walls end where a street opens."""
+"""The ground that a placed object may take.
+
+Beside lanes and shoulders, a bridge rail on its bridge, none where another one stands; kerbs, rails and walls end where
+a street opens.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +44,9 @@ def on_free_ground(
     *,
     relation: int | None = None,
 ) -> FixedObject | None:
-    """Return the object where it can stand, or None where it cannot: on a lane or shoulder, off the bridge whose rail
-    it is, in another object.
+    """Return the object where it can stand, or None where it cannot.
+
+    On a lane or shoulder, off the bridge whose rail it is, in another object.
 
     A lengthwise object keeps the part around the place where it is struck that lies across no roadway, and nearer to
     that place than to where another lengthwise one is struck: of one rail that is struck twice each has its part.

@@ -33,8 +33,10 @@ PlannedContacts = tuple[tuple[float, tuple[float, float]], ...]
 
 @dataclass(frozen=True, eq=False)
 class Led:
-    """A way off the road: the path, the vehicle's station on it at the first object, the direction of objects along the
-    road there (rad), and whether the road ends."""
+    """A way off the road: the path, the station of the first object, and the objects' direction (rad).
+
+    ``ends`` tells whether the road ends.
+    """
 
     path: Path
     station_m: float
@@ -56,8 +58,10 @@ def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
 
 
 def find_touch_point(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float, outward_rad: float) -> ContactPoint:
-    """Return the point of the vehicle that an object touches: for a compact one the spot of the area of impact, for one
-    along the edge the foremost corner towards ``outward_rad`` (in the vehicle's axes).
+    """Return the point of the vehicle that an object touches.
+
+    For a compact one the spot of the area of impact, for one along the edge the foremost corner towards ``outward_rad``
+    (in the vehicle's axes).
 
     >>> car = tree_record.vehicles[0]
     >>> find_touch_point(car, replace(departure.objects[0], area=None), 0.0, 0.0).ahead_m  # half its length

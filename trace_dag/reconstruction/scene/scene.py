@@ -48,9 +48,9 @@ class Scene:
 
     @property
     def on_road_m(self) -> float:
-        """Return how far from the reported point the centre of the crash's lane can be: as much farther as the point
-        can be off.
-        """
+        """Return how far from the reported point the centre of the crash's lane can be.
+
+        It is as much farther as the point can be off."""
         return _ON_ROAD_M + (self.record.position_accuracy_m or 0.0)
 
     @cached_property

@@ -71,8 +71,7 @@ class StreetAtCrash:
 
 @dataclass(frozen=True)
 class SiteStreets:
-    """The crash's own street, the one that crosses it (None between crossings), and which of the two each vehicle was
-    on."""
+    """The crash's own street, its crossing one (None between crossings), and the street of each vehicle."""
 
     own: StreetAtCrash
     cross: StreetAtCrash | None
@@ -294,8 +293,9 @@ def _intersection(
 def _kind_as_named(
     network: RoadNetwork, record: CrashRecord, placement: CrashPlacement, own: Crossing | None
 ) -> RoadTopology:
-    """Return the kind of the crossing that the report means: the crash's own, unless only another one has the reported
-    names.
+    """Return the kind of the crossing that the report means.
+
+    The crash's own, unless only another one has the reported names.
 
     A crash on the way to or from a crossing may lie nearer to another crossing.
     """
@@ -325,8 +325,9 @@ def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:
 
 
 def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) -> float:
-    """Return the turn of the crash's road from ``reach_m`` before the crash to ``reach_m`` behind it, radians to the
-    left along the road's reference line.
+    """Return the turn of the crash's road around the crash, radians to the left along its reference line.
+
+    It is that from ``reach_m`` before the crash to ``reach_m`` behind it.
     """
     s_m = network.road_geometry(placement.road_id).line.project(placement.x_m, placement.y_m)[0]
     before, after = (_heading_along(network, placement.road_id, s_m + reach) for reach in (-reach_m, reach_m))

@@ -21,8 +21,9 @@ _SYSTEMS: Final = {1: RouteSystem.INTERSTATE, 2: RouteSystem.US, 3: RouteSystem.
 
 
 def is_on_ramp(record: CrashRecord) -> bool:
-    """Return whether the report has the crash on a ramp: by its relation to the junction, the road's name or
-    ``VTRAFWAY``.
+    """Return whether the report has the crash on a ramp.
+
+    By its relation to the junction, the road's name or ``VTRAFWAY``.
 
     >>> is_on_ramp(record)
     False
@@ -61,8 +62,7 @@ def is_town_street_for_interstate(record: CrashRecord, road: Road) -> bool:
 
 
 def has_name_of_another(record: CrashRecord, names: Collection[str], network: RoadNetwork) -> bool:
-    """Return whether none of a place's ``names`` is one that the report gives, and its first is borne by another road
-    of the map.
+    """Return whether none of a place's ``names`` is reported, and the first reported one is elsewhere.
 
     A ramp bears no name of its own, and is reported by that of the road it belongs to.
 
@@ -101,8 +101,7 @@ def contradiction(record: CrashRecord, road: Road, names: Collection[str], netwo
 
 
 def _has_other_name(record: CrashRecord, names: Collection[str]) -> bool:
-    """Return whether a place has other names than those reported, where the first of those can be compared with
-    them."""
+    """Return whether a place has other names than those reported, where the first can be compared."""
     reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
     if is_on_ramp(record) or similarity(record.trafficway_1, names) is None:
         return False

@@ -92,8 +92,7 @@ def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
 
 
 def add_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """Return the network with each junction's ``kind`` set to that of its crossing, also if that is not an
-    intersection.
+    """Return the network with each junction's ``kind`` set to that of its crossing, intersection or not.
 
     The extract says what the network does not: which ways are roundabouts and which are private.
 
@@ -198,8 +197,10 @@ def _is_inside_crossing(road: Road, junctions: list[Junction], ends: dict[str, l
 
 
 def _on_divided_road(ends: list[_End], median_road: Road) -> bool:
-    """Return whether a carriageway passes this junction beside the road over the median: one one-way road in, one
-    out."""
+    """Return whether a carriageway passes this junction beside the road over the median.
+
+    One one-way road in, one out.
+    """
     others = [(road, contact) for road, contact in ends if road.id != median_road.id and road.one_way]
     return len({contact for _, contact in others}) == 2
 

@@ -164,8 +164,10 @@ def _driven_m(vehicle: VehicleRecord) -> float:
 # --- what the map has ----------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class _Street:
-    """The way under the crash: the crash's station along it (metres), the point there, and the way's direction (of a
-    one-way street: its traffic's)."""
+    """The way under the crash: station (metres), point, and direction.
+
+    A one-way street has its traffic's direction.
+    """
 
     way: OsmWay
     s_m: float
@@ -293,9 +295,7 @@ class _Canvas:
         return np.array([self._xy[node_id] for node_id in way.node_ids])
 
     def _junction_near(self, street: _Street, s_m: float) -> float:
-        """Return the station of a junction of the street if it is so near that a driveway would be an arm of it, else
-        ``s_m``.
-        """
+        """Return the station of a junction so near that a driveway would be an arm of it, else ``s_m``."""
         stations = arc_lengths(self._line(street.way))
         near = [
             (abs(float(station) - s_m), float(station))

@@ -166,8 +166,9 @@ def _way_with_signs(way: OsmWay, nodes: dict[int, OsmNode], crossing_nodes: set[
 
 
 def _add_sign(nodes: dict[int, OsmNode], far: OsmNode, crossing: OsmNode, tags: dict[str, str]) -> int | None:
-    """Return a sign between two nodes of a way: a new node if there is room (its id is returned), else the far node of
-    the two.
+    """Return a sign between two nodes of a way.
+
+    A new node if there is room (its id is returned), else the far node of the two.
     """
     length_m = _distance_m(far, crossing)
     if length_m <= 2 * _SIGN_BEFORE_M:

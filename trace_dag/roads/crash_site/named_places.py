@@ -1,5 +1,6 @@
-"""Crossings of two named streets in OpenStreetMap files, and places at a distance from there along one of them, for
-crashes whose report has no coordinates.
+"""Crossings of two named streets in OpenStreetMap files, and places at a distance along one of them.
+
+They place crashes whose report has no coordinates.
 """
 
 from __future__ import annotations

@@ -318,9 +318,7 @@ class _Placer:
         return self._placement(best, surface, junction, self._cross_roads(crossing, best.road))
 
     def _belongs(self, lane: LaneRef, crossing: Crossing, names: Collection[str]) -> bool:
-        """Return whether a lane belongs to the crossing or to one of its streets farther on (past the next driveway,
-        for example).
-        """
+        """Return whether a lane belongs to the crossing or to one of its streets farther on."""
         road = self._network.road_by_id[lane.road_id]
         if road.id in crossing.road_ids or road.junction_id in crossing.junction_ids:
             return True

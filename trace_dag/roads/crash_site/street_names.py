@@ -268,8 +268,10 @@ class StreetIndex:
 
 
 def _keys(name: StreetName) -> Iterator[object]:
-    """Return the keys that two texts of one street share if there is no typing error: a route's number, or all
-    words."""
+    """Return the keys that two texts of one street share if there is no typing error.
+
+    A route's number, or all words.
+    """
     yield from (route.number for route in name.routes)
     for each in name.names:
         yield "".join(each.core)

@@ -71,9 +71,7 @@ def _extents(section: CrossSection) -> tuple[float, float]:
 
 
 def _inner_borders(section: CrossSection) -> tuple[float | None, float | None]:
-    """Return the left border of the lanes along the way and of those against it, left of the geometry as they are
-    driven.
-    """
+    """Return the left borders of the lanes along the way and against it, left of the geometry as driven."""
     centre_m = section.centre.width_m if section.centre else 0.0
     return (section.offset_m if section.forward else None, -section.offset_m - centre_m if section.backward else None)
 
@@ -209,8 +207,9 @@ def cuts_of(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequenc
 
 
 def _longest_fold_cut_m(angle_rad: float) -> float:
-    """Return the longest cut (metres) of both arms of a fold, ``angle_rad`` apart, at which the curve between them
-    stays near its point.
+    """Return the longest cut (metres) of both arms of a fold that keeps the curve near its point.
+
+    The arms are ``angle_rad`` apart.
     """
     if angle_rad < _HAIRPIN_RAD:
         return _HAIRPIN_CUT_M

@@ -49,8 +49,7 @@ def add_lanes_beside(
     built: Mapping[int, StreetRoads],
     carriageways: Carriageways,
 ) -> tuple[Road, ...]:
-    """Return ``roads``, finished, with the sidewalks and cycle lanes that OpenStreetMap has beside them, and usual
-    shoulders.
+    """Return ``roads``, finished, with sidewalks, cycle lanes and usual shoulders beside them.
 
     ``built`` has the roads of each street as they were before heights and links; ``carriageways`` are those of
     ``roads``.
@@ -118,9 +117,7 @@ class _Chain:
         return along_arcs(x[k], y[k], heading[k], s_m - begins_m[k], curvature[k])
 
     def reach_m(self, strip: Strip) -> tuple[float, float]:
-        """Return the beginning and the end of a strip within the roads, extended to a junction that it ends just
-        before.
-        """
+        """Return the ends of a strip within the roads, extended to a junction that it ends just before."""
         begins, ends = (link is not None for link in (self.roads[0].predecessor, self.roads[-1].successor))
         low_m, high_m = max(strip.begin_m, self.begin_m), min(strip.end_m, self.end_m)
         if begins and low_m - self.begin_m <= _TO_JUNCTION_M:
@@ -264,9 +261,7 @@ class _Outside:
 
 
 def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float, least_m: float) -> tuple[Cubic, ...]:
-    """Return the width along a section of a lane that exists where the strips are, ``least_m`` elsewhere, as cubics
-    from the section's begin on.
-    """
+    """Return the width of a lane along a section, as cubics: its own where the strips are, else ``least_m``."""
     cubics: list[Cubic] = []
     for strip, width_m in sorted(strips):
         low_m, high_m = max(strip.begin_m, begin_m), min(strip.end_m, end_m)
@@ -339,9 +334,7 @@ def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: 
 
 
 def _leaves(road: Road, street: Collection[str]) -> bool:
-    """Return whether a road of a junction begins or ends at one of a street's roads, and so touches its sidewalks
-    there.
-    """
+    """Return whether a road of a junction touches the sidewalks of a street's roads at one of its ends."""
     ends = (road.predecessor, road.successor)
     return road.junction_id is not None and any(link is not None and link.element_id in street for link in ends)
 

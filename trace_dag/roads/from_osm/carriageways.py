@@ -43,9 +43,7 @@ class Carriageways:
 
     @cached_property
     def _boxes(self) -> tuple[NDArray[np.int_], tuple[FloatArray, ...]]:
-        """Return, for each box, the number of its road, x, y, heading, half its length, and its reach to the left and
-        right.
-        """
+        """Return for each box its road's number, x, y, heading, half length, and reach to the left and right."""
         pieces = [
             (number, each.x_m, each.y_m, each.heading_rad, each.length_m, each.curvature_1pm)
             for number, road in enumerate(self._roads)
@@ -65,8 +63,9 @@ class Carriageways:
 
 
 def _extent_m(road: Road) -> tuple[float, float]:
-    """Return the largest reach of the road's drivable lanes left and right of the reference line (metres, left
-    positive).
+    """Return the reach of the road's drivable lanes left and right of the reference line (metres).
+
+    Left is positive.
     """
     offsets = [cubic.a for cubic in road.lane_offset] or [0.0]
     left_m = right_m = 0.0

@@ -190,9 +190,7 @@ def _fits(link: _Link, links: Sequence[_Link]) -> bool:
 
 
 def _is_sharp(movement: Movement, plan: PlanView) -> bool:
-    """Return whether straight on is a bend in which lanes side by side differ in length by a fifth, or too tight for a
-    car.
-    """
+    """Return whether straight on is a bend too tight for a car, or with lanes a fifth longer than others."""
     outermost = max(max(abs(a.offset_m), abs(b.offset_m)) for a, b in movement.lanes)
     return tightest_radius_m(plan) < max(outermost / _MOST_CURVED, TIGHTEST_RADIUS_M + outermost)
 

@@ -173,8 +173,10 @@ def convert(
 
 
 def _plan(street: Street) -> PlanView:
-    """Return the reference line of a street: bends as wide as its lanes like where there is room, and nowhere so tight
-    that a lane folds at its inner edge or its centre is tighter than a corner that a car can take.
+    """Return the reference line of a street.
+
+    Bends as wide as its lanes like where there is room, and nowhere so tight that a lane folds at its inner edge or its
+    centre is tighter than a corner that a car can take.
     """
     wanted, needed = zip(*(radii for span in street.spans for radii in _radii(span.profile.section)), strict=True)
     plan = fit_plan(street.points, max(wanted))
@@ -189,8 +191,9 @@ def _plan(street: Street) -> PlanView:
 
 
 def _radii(section: CrossSection) -> Iterator[tuple[float, float]]:
-    """Yield the radius of the reference line that each lane of a cross-section likes, so that lanes differ little in
-    length, and the least that it needs.
+    """Yield the radius of the reference line that each lane of a cross-section likes, and the least it needs.
+
+    Lanes then differ little in length.
     """
     for lanes, sign in ((section.left, 1), (section.forward, -1)):
         border = section.offset_m

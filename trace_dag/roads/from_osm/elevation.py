@@ -180,8 +180,9 @@ def _separate(
 
 
 def _slopes(graph: HeightGraph, heights: FloatArray) -> dict[str, list[float]]:
-    """Return the slope at each height node along each road: Fritsch and Carlson's harmonic means, so that nothing
-    overshoots.
+    """Return the slope at each height node along each road.
+
+    Fritsch and Carlson's harmonic means, so that nothing overshoots.
     """
     secants = {
         road_id: np.diff(heights[profile.nodes]) / np.diff(profile.s_m) for road_id, profile in graph.profiles.items()
@@ -200,8 +201,10 @@ def _slopes(graph: HeightGraph, heights: FloatArray) -> dict[str, list[float]]:
 def _end_slope(
     graph: HeightGraph, secants: Mapping[str, FloatArray], node: NodeId, road_id: str, at_start: bool
 ) -> float:
-    """Return the slope at a road's end, along the road: level at junctions, shared with the one road it continues
-    in."""
+    """Return the slope at a road's end, along the road.
+
+    Level at junctions, shared with the one road it continues in.
+    """
     own = float(secants[road_id][0 if at_start else -1])
     if node in graph.junction_nodes:
         return 0.0
@@ -249,8 +252,7 @@ def _between_links(
     heights: FloatArray,
     slopes: Mapping[str, Sequence[float]],
 ) -> tuple[Cubic, ...]:
-    """Return a connecting road: a cubic from the height and slope of the road it leaves to those of the one it
-    enters."""
+    """Return a connecting road's height: a cubic between the heights and slopes of the roads it joins."""
     ends = []
     for link, leaving in ((road.predecessor, True), (road.successor, False)):
         ends.append(_height_and_slope(link, leaving, graph, heights, slopes))

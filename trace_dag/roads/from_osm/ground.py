@@ -27,8 +27,7 @@ def has_height_tags(extract: OsmExtract) -> bool:
 
 
 def ground_heights(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract, steepest: float) -> FloatArray:
-    """Return the ground heights from ``incline`` and ``ele``, everywhere else as level as these leave it (least
-    squares).
+    """Return the ground heights from ``incline`` and ``ele``, elsewhere as level as possible (least squares).
 
     >>> graph = HeightGraph(network, {road.id: (0.0, road.length_m) for road in network.roads})
     >>> float(np.abs(ground_heights(network, graph, extract, 0.1)).max())  # level where nothing is tagged

@@ -88,8 +88,9 @@ class HeightGraph:
         return self._by_end.get(("junction", junction_id))
 
     def extended(self, values: Mapping[NodeId, float], grade: float) -> FloatArray:
-        """Return the lowest of ``value + grade * distance`` over all given nodes, at every node (inf where none is
-        reached).
+        """Return the lowest of ``value + grade * distance`` over all given nodes, at every node.
+
+        It is inf where none is reached.
         """
         lowest = np.full(len(self), math.inf)
         queue = [(value, node) for node, value in values.items()]

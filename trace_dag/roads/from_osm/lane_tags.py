@@ -39,8 +39,9 @@ _WIDTHS_M: Final = (2.0, 6.0)  # a tagged width of one lane outside this range i
 
 
 class TaggedLane(NamedTuple):
-    """The tags of one lane: turns painted on it (OSM's words), width, limit, lane changes (``change:lanes``), and
-    whether only buses drive in it.
+    """The tags of one lane: painted turns (OSM's words), width, limit, lane changes, and buses alone.
+
+    ``change:lanes`` has the lane changes.
     """
 
     turns: tuple[str, ...] = ()

@@ -168,8 +168,9 @@ def _inner_extra(
     *,
     ending: bool,
 ) -> int:
-    """Return how many of the lanes that only ``many`` has lie next to the centre: left-turn pockets, lanes merging
-    right.
+    """Return how many of the lanes that only ``many`` has lie next to the centre.
+
+    Left-turn pockets, lanes merging right.
     """
     extra = 0
     for index in drivable:
@@ -268,8 +269,7 @@ def _state(specs: Sequence[LaneSpec], side: _Side | None, *, second: bool) -> tu
 
 
 def _shift(section: CrossSection, left: Sequence[float], right: Sequence[float], offset: float) -> float:
-    """Return the largest distance (metres) of a lane border at the boundary from its place in the full
-    cross-section."""
+    """Return the largest distance (metres) of a lane border from its place in the full cross-section."""
     most = moved = abs(offset - section.offset_m)
     for specs, widths, sign in ((section.left, left, 1), (section.forward, right, -1)):
         border = sign * (offset - section.offset_m)
@@ -283,8 +283,9 @@ def _shift(section: CrossSection, left: Sequence[float], right: Sequence[float],
 def _profile(
     start: float, middle: float, end: float, taper_in: float, taper_out: float, length: float
 ) -> tuple[Cubic, ...]:
-    """Return a value that goes from ``start`` over ``middle`` to ``end``, with slope 0 at both ends, as cubics from the
-    stretch's begin on.
+    """Return cubics from ``start`` over ``middle`` to ``end`` with slope 0 at both ends.
+
+    They begin with the stretch.
     """
     cubics: list[Cubic] = []
     if abs(start - middle) > _SAME_M:

@@ -128,9 +128,7 @@ def _lane(lane: Lane) -> Lane:
 
 
 def _mark(mark: RoadMark | None, lane_id: int) -> RoadMark | None:
-    """Return parts of a mark are named from the inner lane to the outer one, but those of the centre from left to
-    right.
-    """
+    """Return the parts of a mark, from the inner lane to the outer one, those of the centre from left to right."""
     if mark is None:
         return None
     kind = " ".join(mark.type.split(" ")[::-1]) if lane_id == 0 else mark.type

@@ -417,8 +417,7 @@ def _lane_to_turn_into(movement: Movement, lane: ArmLane) -> ArmLane:
 
 
 def _feed_idle_lanes(movements: list[Movement]) -> list[Movement]:
-    """Return lanes leaving the junction that no movement reaches are reached from the nearest lane that goes that
-    way."""
+    """Add movements to lanes that leave the junction and that none reaches, from the nearest lane that goes there."""
     reached: dict[tuple[str, ContactPoint], set[int]] = defaultdict(set)
     best: dict[tuple[str, ContactPoint], int] = {}
     for index, movement in enumerate(movements):

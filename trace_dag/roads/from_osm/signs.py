@@ -1,5 +1,4 @@
-"""Signals and signs: tagged OSM nodes assigned to the approach they apply to, placed on its right side at the stop
-line.
+"""Signals and signs: tagged OSM nodes, each on the right side of its approach at the stop line.
 
 A node on an approach applies to the traffic towards its junction. A node on the junction itself applies to every
 approach (signals, all-way stops) or to the minor ones (stop, give way). Speed limit signs stand where a stretch with a
@@ -146,9 +145,9 @@ def _approach_posts(
 def _directions(
     node: OsmNode, oneway: bool, against_way: bool, to_start: float | None, to_end: float | None
 ) -> tuple[bool, ...]:
-    """Return the directions along the street to which a node applies: as tagged, else towards the junction it stands
-    at.
-    """
+    """Return the directions along the street to which a node applies.
+
+    It is the tagged one, else towards the junction it stands at."""
     if oneway:  # where the map ends, nothing is left that a light could control
         return (True,) if to_end is not None else ()
     tagged = node.tags.get("traffic_signals:direction") or node.tags.get("direction") or ""

@@ -115,8 +115,9 @@ def _is_painted(stretch: Stretch) -> bool:
 
 
 def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
-    """Return the stretches after the shortest one without room for its own lanes has been given to the more similar
-    neighbour.
+    """Return the stretches after the shortest one without room has gone to the more similar neighbour.
+
+    It had no room for its own lanes.
 
     None if all have room. Turn lanes at the end of a street are kept unless hardly anything is left of them. Places
     where a bridge, a tunnel or a name begins or ends are kept too.
@@ -147,8 +148,10 @@ def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
 
 
 def _grow(stretches: list[Stretch], index: int, neighbour: int) -> None:
-    """Lengthen turn lanes that are drawn for the last few metres only: they and their taper reach back into the road
-    before."""
+    """Lengthen turn lanes that are drawn for the last few metres only.
+
+    They and their taper reach back into the road before.
+    """
     stretch, other = stretches[index], stretches[neighbour]
     if other.profile.road_key != stretch.profile.road_key or _lane_total(other) > _lane_total(stretch):
         return

@@ -44,8 +44,11 @@ INFERRED_TAG: Final = "trace_dag:inferred"
 
 @dataclass(frozen=True)
 class LaneSpec:
-    """One lane of a cross-section: type, width in metres, the turns painted on it (OSM's words), its own limit, where
-    lanes may be changed (``change:lanes``), and whether only buses drive in it."""
+    """One lane of a cross-section.
+
+    Type, width in metres, the turns painted on it (OSM's words), its own limit, where lanes may be changed
+    (``change:lanes``), and whether only buses drive in it.
+    """
 
     type: LaneType
     width_m: float

@@ -85,8 +85,7 @@ def turn_of_radius(start: PlanPose, end: PlanPose, radius_m: float) -> PlanView 
 
 
 def widen_tight_bends(plan: PlanView, radius_m: float) -> PlanView:
-    """Return the same line with a wider bend in place of each arc tighter than ``radius_m``, as near to it as there is
-    room.
+    """Return the line with a wider bend in place of each arc tighter than ``radius_m``, where there is room.
 
     It begins and ends as before. An arc without room for a wider one stays.
 

@@ -105,8 +105,9 @@ class MapComparison:
 
     @cached_property
     def _fold_of_node(self) -> dict[int, str]:
-        """Return junctions where no streets meet, by their nodes: a way folds back there more sharply than one road
-        can.
+        """Return junctions where no streets meet, by their nodes.
+
+        A way folds back there more sharply than one road can.
 
         The way is still there at such a place, unlike at a crossing, where movements replace the centre lines.
         """
@@ -228,9 +229,7 @@ class MapComparison:
         return [road for road in self.network.roads if road.junction_id in folds] if folds else []
 
     def crosswalk_distances(self) -> list[tuple[float, int]]:
-        """Return for each crosswalk the distance of its OpenStreetMap node outside its outline (metres), and the node's
-        id.
-        """
+        """Return the distance of each crosswalk's OpenStreetMap node outside its outline (metres), and its id."""
         return [
             (place.distance_m(*self._node_xy[node_id]), node_id)
             for place in crosswalks(self.network)
@@ -259,8 +258,9 @@ class MapComparison:
         return compared, differing
 
     def geodesic_anchors(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return the well-spread places of OSM and where the map has them: (n, 2) latitude and longitude, (n, 2) x and
-        y.
+        """Return the well-spread places of OSM and where the map has them.
+
+        (n, 2) latitude and longitude, (n, 2) x and y.
 
         First the nodes at which a way ends alone. Their place on the map is the open end of the road, so they show
         every error of scale and position. If these are few, places inside straight segments are added. Their place on

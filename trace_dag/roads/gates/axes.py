@@ -69,9 +69,7 @@ def _axes(network: RoadNetwork, roads: Iterable[Road]) -> dict[str, list[FloatAr
 
 
 def _stations(line: ReferenceLine, everywhere: bool) -> FloatArray:
-    """Return the stations where pieces of a line begin and end, and metre by metre where it is curved, or
-    ``everywhere``.
-    """
+    """Return the stations of a line's pieces, and metre by metre where it is curved, or ``everywhere``."""
     starts = line.table[0]
     stations = line.stations(SAMPLE_M)
     if not everywhere and not line.has_cubics:

@@ -179,7 +179,7 @@ def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
-    """Yield a car can drive every lane through a junction, and no piece of a line is too short for other readers."""
+    """Check that a car can drive every lane through a junction, and no piece of line is too short for readers."""
     turns = measures.tightest_turns(stored)
     names = ("turn_radius", "u_turn_radius")
     for name, turn, limit_m in zip(names, turns, (limits.turn_radius_m, limits.u_turn_radius_m), strict=True):
@@ -192,7 +192,7 @@ def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
-    """Yield each neighbour has the lane as its neighbour in turn, and they share a border."""
+    """Check that each neighbour has the lane as its neighbour in turn, and they share a border."""
     broken: list[str] = []
     roads: list[str] = []
     for ref in stored.drivable_lanes():
@@ -211,8 +211,9 @@ def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
 
 
 def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
-    """Return the pairwise distances between well-spread places: on the map, and on the WGS84 ellipsoid between OSM
-    coordinates.
+    """Return the pairwise distances between well-spread places.
+
+    On the map, and on the WGS84 ellipsoid between OSM coordinates.
     """
     from pyproj import Geod
 

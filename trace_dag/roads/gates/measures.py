@@ -70,8 +70,11 @@ def link_gaps(network: RoadNetwork) -> list[LinkGap]:
 
 
 class LanesBeside(NamedTuple):
-    """Sidewalks and cycle lanes: their total length, the share of places along their middle where vehicles drive at the
-    same level, and the road with most such places."""
+    """Sidewalks and cycle lanes.
+
+    Their total length, the share of places along their middle where vehicles drive at the same level, and the road with
+    most such places.
+    """
 
     length_m: float
     share_on_roadway: float
@@ -114,8 +117,9 @@ def lanes_beside(network: RoadNetwork) -> LanesBeside:
 
 
 def _near_drivable(network: RoadNetwork, places: FloatArray) -> NDArray[np.intp]:
-    """Return the numbers of those of some places, (n, 3), that may lie on a lane for vehicles: the others need no exact
-    look.
+    """Return the numbers of those of some places, (n, 3), that may lie on a lane for vehicles.
+
+    The others need no exact look.
     """
     lanes = [network.geometry(ref) for ref in network.drivable_lanes()]
     sample_lanes(lanes)
@@ -223,8 +227,9 @@ class SteepestGrade(NamedTuple):
 
 
 def steepest_grades(network: RoadNetwork) -> tuple[SteepestGrade, SteepestGrade]:
-    """Return the steepest main road, and steepest ramp or driveway (``*_link`` and ``service``, and movements from or
-    to them).
+    """Return the steepest main road, and the steepest ramp or driveway.
+
+    Ramps and driveways are ``*_link``, ``service`` and movements from or to them.
 
     >>> [steepest.grade for steepest in steepest_grades(network)]  # the town's plan is flat here
     [0.0, 0.0]

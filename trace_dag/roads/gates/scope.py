@@ -96,8 +96,7 @@ def roads_in_use(network: RoadNetwork, placement: CrashPlacement) -> frozenset[s
 
 
 def data_ends(network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement) -> tuple[DataEnd, ...]:
-    """Return the ends of roads at the end of the data, and their distances from the crash along the roads, the nearest
-    first.
+    """Return the ends of roads where the data end, with their distances along the roads, nearest first.
 
     >>> data_ends(network, extract, map_report.placement)  # the sample's map reaches beyond the box
     ()

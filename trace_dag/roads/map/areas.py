@@ -45,9 +45,9 @@ class LaneAreas:
     def of(
         self, lanes: Iterable[tuple[LaneRef, LaneGeometry]], box: Box, reach_m: float, *, cut: bool = False
     ) -> shapely.MultiPolygon:
-        """Return the area of those of some lanes that come within some distance of a box: of whole lanes, or ``cut`` at
-        that distance, which takes a third of the time where lanes go on.
-        """
+        """Return the area of those of some lanes that come within some distance of a box.
+
+        The areas are of whole lanes, or ``cut`` at that distance, which takes a third of the time where lanes go on."""
         known = list(lanes)
         new = [(ref, geometry) for ref, geometry in known if ref not in self._surfaces]
         sample_lanes(geometry for _, geometry in new)

@@ -226,9 +226,7 @@ def drop_slivers(plan: PlanView) -> PlanView:
 
 
 def _index_beyond(elements: Sequence[PlanElement], at: int, step: int) -> int:
-    """Return the index of the element before (``step`` -1) or after (1) another that is out of reach of what replaces a
-    sliver.
-    """
+    """Return the index of the next element out of reach of a replaced sliver, before (-1) or after (1)."""
     away_m = 0.0
     while 0 <= at + step < len(elements) and away_m < _AROUND_SLIVER_M + 2 * SHORTEST_ELEMENT_M:
         at += step

@@ -45,8 +45,10 @@ class SectionLine(NamedTuple):
 
 
 class LaneSamples(NamedTuple):
-    """A lane along its section every :data:`LANE_STEP_M`, in the direction of the reference line: ``s_m``, (n,), its
-    centre, and its borders next to that line and away from it, shape (n, 3) each, x, y, z."""
+    """A lane along its section every :data:`LANE_STEP_M`, in the direction of the reference line.
+
+    ``s_m``, (n,), its centre, and its borders next to that line and away from it, shape (n, 3) each, x, y, z.
+    """
 
     stations_m: FloatArray
     centre_m: FloatArray
@@ -236,8 +238,9 @@ def lane_ends(lanes: Sequence[LaneGeometry]) -> Stations:
 
 
 def sample_sections(roads: Sequence[RoadGeometry], begin_m: FloatArray, end_m: FloatArray) -> list[SectionLine]:
-    """Return the reference lines of several lane sections: of the road of each from ``begin_m`` to ``end_m``, (n,)
-    each, in metres along it.
+    """Return the reference lines of several lane sections.
+
+    Each is along its road from ``begin_m`` to ``end_m``, (n,) each, in metres.
 
     >>> road = network.geometry(map_report.placement.lane.lane).road
     >>> (line,) = sample_sections([road], np.array([0.0]), np.array([10.0]))
@@ -280,8 +283,9 @@ def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
 
 
 def sample_at(lanes: Sequence[LaneGeometry], stations: Stations) -> FloatArray:
-    """Return centres of several lanes, each at its stations, (n, 4): x, y, z (metres), heading (radians) in the
-    direction of travel, continuous along each lane.
+    """Return centres of several lanes, each at its stations, (n, 4).
+
+    X, y, z (metres), heading (radians) in the direction of travel, continuous along each lane.
     """
     owner, s_m = stations.owner, stations.s_m
     line = sample_reference_lines([lane.road.line for lane in lanes], stations)

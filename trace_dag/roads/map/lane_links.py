@@ -97,8 +97,10 @@ class LaneLinks:
         return found
 
     def _leaves_from_end(self, connection: Connection, road: Road, at_end: bool) -> bool:
-        """Return whether a connection starts at the given end of its incoming road, which may touch a junction
-        twice."""
+        """Return whether a connection starts at the given end of its incoming road.
+
+        A road may touch a junction twice.
+        """
         connecting = self._road_by_id.get(connection.connecting_road)
         if connecting is None:
             return False

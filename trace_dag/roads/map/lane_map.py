@@ -111,9 +111,7 @@ class PathFollower:
         self._index: int | None = None
 
     def locate(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return the distance along the path (m) of the place nearest to a point, and the point's offset to the left
-        (m).
-        """
+        """Return the distance along the path (m) nearest to a point, and the point's offset to the left (m)."""
         first = 0
         points = self._points
         if self._index is not None:
@@ -127,8 +125,9 @@ class PathFollower:
         return float(self.path.s_m[i]) + dx * c + dy * s, dy * c - dx * s
 
     def locate_many(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the distance along the path (m), offset to its left (m) and the path's heading there, for points of
-        shape (n, 2); each shape (n,).
+        """Return distance along the path (m), offset to its left (m) and heading there, for points (n, 2).
+
+        Each has shape (n,).
 
         Anywhere on the path, wherever one was.
         """

@@ -41,8 +41,9 @@ class LaneType(StrEnum):
 
     @property
     def kept_clear(self) -> bool:
-        """Return whether vehicles use it, so that nothing fixed stands on it: lanes, shoulders, parking and cycle
-        lanes.
+        """Return whether vehicles use it, so that nothing fixed stands on it.
+
+        Lanes, shoulders, parking and cycle lanes.
         """
         return self in _PAVED and self is not LaneType.SIDEWALK
 
@@ -279,8 +280,10 @@ class LaneRef(NamedTuple):
 
 @dataclass(frozen=True)
 class LaneMatch:
-    """The place of a point relative to a lane: ``s_m`` along the road's reference line, ``offset_m`` to the left of the
-    lane's centre in its direction of travel, and how far outside the lane's borders it is (0 inside).
+    """The place of a point relative to a lane.
+
+    ``s_m`` along the road's reference line, ``offset_m`` to the left of the lane's centre in its direction of travel,
+    and how far outside the lane's borders it is (0 inside).
     """
 
     lane: LaneRef

@@ -129,8 +129,9 @@ class RoadNetwork:
         return self._links.predecessors(ref)
 
     def neighbours(self, ref: LaneRef) -> tuple[LaneRef | None, LaneRef | None]:
-        """Return the drivable lanes directly left and right as seen in the direction of travel (either direction of
-        traffic).
+        """Return the drivable lanes directly left and right, seen in the direction of travel.
+
+        Their traffic goes either way.
         """
         outward = 1 if ref.lane_id > 0 else -1
         inner_id = ref.lane_id - outward if abs(ref.lane_id) > 1 else -outward
@@ -150,16 +151,17 @@ class RoadNetwork:
         return self._geometry[road_id]
 
     def pose(self, ref: LaneRef, s_m: float, offset_m: float = 0.0) -> Pose:
-        """Return the pose at ``s_m`` on the lane's centre, ``offset_m`` to its left, heading in its direction of
-        travel.
+        """Return the pose at ``s_m`` on the lane's centre, ``offset_m`` to its left, in its direction of travel.
 
         The offset is measured at right angles to the reference line, as OpenDRIVE's ``t`` is.
         """
         return self._lanes[ref].pose(s_m, offset_m)
 
     def poses(self, ref: LaneRef, s_m: FloatArray, offset_m: float = 0.0) -> FloatArray:
-        """Return poses like :meth:`pose` for ``s_m`` of shape (n,): shape (n, 4), x, y, z (metres), heading
-        (radians)."""
+        """Return poses like :meth:`pose` for ``s_m`` of shape (n,).
+
+        Shape (n, 4), x, y, z (metres), heading (radians).
+        """
         return self._lanes[ref].sample(np.asarray(s_m, float), offset_m)
 
     def width_m(self, ref: LaneRef, s_m: float) -> float:
@@ -181,8 +183,9 @@ class RoadNetwork:
 
     @cached_property
     def paved_area(self) -> Area:
-        """Return everything traffic drives on, with the paved lanes beside it: shoulders, parking, for cycling and
-        walking.
+        """Return everything traffic drives on, with the paved lanes beside it.
+
+        Shoulders, parking, for cycling and walking.
         """
         return self._area(self._paved_lanes_of, lambda _: True)
 
@@ -191,8 +194,9 @@ class RoadNetwork:
         return self._area(self.drivable_lanes_of, self._is_near(x_m, y_m, reach_m, z_m))
 
     def kept_clear_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> Area:
-        """Return :meth:`carriageway_near` with the parts kept clear beside it: shoulders, lanes for parking and
-        cycling.
+        """Return :meth:`carriageway_near` with the parts kept clear beside it.
+
+        Shoulders, lanes for parking and cycling.
         """
         return self._area(
             lambda road: [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.kept_clear],
@@ -227,8 +231,10 @@ class RoadNetwork:
         return is_near
 
     def _area(self, lanes_of: Callable[[Road], Iterable[LaneRef]], counts: Callable[[Road], bool]) -> Area:
-        """Yield the area of the lanes of those roads that count: each is asked once, when a place near it is looked
-        at."""
+        """Yield the area of the lanes of those roads that count.
+
+        Each is asked once, when a place near it is looked at.
+        """
         counted: dict[str, bool] = {}
 
         def within(box_m: tuple[float, float, float, float]) -> Iterator[tuple[LaneRef, LaneGeometry]]:

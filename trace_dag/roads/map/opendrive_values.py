@@ -23,8 +23,9 @@ class ValueReader:
     name: str
 
     def fail(self, element: etree._Element, problem: str) -> UserError:
-        """Return the error to raise for an element: with the file, the line, and the road or junction that it belongs
-        to.
+        """Return the error to raise for an element.
+
+        With the file, the line, and the road or junction that it belongs to.
         """
         owner = next((e for e in (element, *element.iterancestors()) if e.get("id") is not None), element)
         place = f"<{owner.tag} id={owner.get('id')!r}>, line {element.sourceline}"

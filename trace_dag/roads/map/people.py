@@ -25,8 +25,11 @@ _UNMARKED_M = 3.0  # along the road: twice the width of a sidewalk for two (AASH
 
 @dataclass(frozen=True, eq=False)
 class CrosswalkPlace:
-    """A crosswalk in the local frame: corners, shape (n, 2), and the middles of its ends at the right and the left edge
-    of its road as seen along the reference line, shape (2, 2), metres."""
+    """A crosswalk in the local frame.
+
+    Corners, shape (n, 2), and the middles of its ends at the right and the left edge of its road as seen along the
+    reference line, shape (2, 2), metres.
+    """
 
     road_id: str
     crosswalk: Crosswalk
@@ -60,8 +63,9 @@ def crosswalks_near(network: RoadNetwork, x_m: float, y_m: float, max_distance_m
 def find_unmarked_crosswalks(
     network: RoadNetwork, x_m: float, y_m: float, max_distance_m: float
 ) -> list[shapely.Polygon]:
-    """Return crossings without a drawn crosswalk, within a distance of a point: across the end of each road that meets
-    a junction (Uniform Vehicle Code, section 1-118), a polygon per lane, metres.
+    """Return crossings without a drawn crosswalk, within a distance of a point.
+
+    Across the end of each road that meets a junction (Uniform Vehicle Code, section 1-118), a polygon per lane, metres.
 
     >>> across = find_unmarked_crosswalks(network, 0.0, 0.0, 30.0)
     >>> bool(across) and all(shape.area < 15.0 for shape in across)  # 3 m of lanes of 3.5 m or little more

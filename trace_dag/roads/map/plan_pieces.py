@@ -18,8 +18,7 @@ _ARC_TURN_RAD: Final = 0.005
 
 
 def spiral_as_arcs(start: PlanElement, curvature_start: float, curvature_end: float) -> Iterator[PlanElement]:
-    """Yield a clothoid as short arcs, each with the clothoid's mean curvature over its length, so that headings are
-    exact.
+    """Yield a clothoid as short arcs of its mean curvature, so that headings are exact.
 
     >>> arcs = list(spiral_as_arcs(PlanElement(0.0, 0.0, 0.0, 0.0, 50.0), 0.0, 0.02))
     >>> round(sum(arc.length_m * arc.curvature_1pm for arc in arcs), 6)  # turned by the mean curvature times the length

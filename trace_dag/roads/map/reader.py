@@ -334,8 +334,9 @@ class _Reader(ValueReader):
         return None if element is None else self.integer(element, "id")
 
     def _with_border_widths(self, section: etree._Element, lanes: list[Lane]) -> list[Lane]:
-        """Return lanes given by ``<border>`` instead of ``<width>``: the width is the distance to the border further
-        in.
+        """Return lanes given by ``<border>`` instead of ``<width>``.
+
+        The width is the distance to the border further in.
         """
         borders = {
             self.integer(lane, "id"): CubicProfile.of(self._cubics(lane.iterchildren("border"), "sOffset"))

@@ -96,8 +96,9 @@ def _zone(
 
 
 def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, float], *, opposed: bool) -> bool:
-    """Return whether a point lies between two lanes: left of two that go opposite ways (a median), or between a road
-    and a ramp that go the same way (a gore).
+    """Return whether a point lies between two lanes.
+
+    Left of two that go opposite ways (a median), or between a road and a ramp that go the same way (a gore).
     """
     first = near[0]
     sees_first, heading = _seen(network, first, xy_m)
@@ -121,8 +122,9 @@ def _seen(network: RoadNetwork, match: LaneMatch, xy_m: tuple[float, float]) -> 
 
 
 def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
-    """Return the width of the shoulder beside a lane (metres): the map's if it has one there, else that of the road's
-    class.
+    """Return the width of the shoulder beside a lane (metres).
+
+    The map's if it has one there, else that of the road's class.
     """
     mapped = _mapped_shoulder_m(network, match, left=left)
     if mapped is not None:

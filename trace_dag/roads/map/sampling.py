@@ -41,8 +41,9 @@ class Stations(NamedTuple):
 
 
 def stations_between(begin_m: FloatArray, end_m: FloatArray, step_m: float) -> Stations:
-    """Return the evenly spaced stations between the ends of several stretches, (n,) each, at most ``step_m`` apart,
-    both ends included.
+    """Return evenly spaced stations of several stretches, (n,) each, at most ``step_m`` apart.
+
+    Both ends are included.
 
     >>> stations_between(np.array([0.0, 10.0]), np.array([5.0, 11.0]), 2.5).s_m.tolist()
     [0.0, 2.5, 5.0, 10.0, 11.0]

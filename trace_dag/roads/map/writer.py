@@ -67,8 +67,10 @@ def _number(value: float) -> str:
 
 
 def _last_start(start_m: float, length_m: float) -> str:
-    """Return the beginning of a road's last lane section such that with its length, by the numbers as they are written,
-    it ends no farther than the road.
+    """Return the beginning of a road's last lane section such that it ends no farther than the road.
+
+    With its length, by the numbers as they are written, it must not go beyond the end. CARLA adds the two, and refuses
+    the map if the sum is beyond the end by its last bit.
 
     CARLA adds the two, and refuses the map if the sum is beyond the end by its last bit.
     """
@@ -247,8 +249,9 @@ def _signal(road: Road, signal: Signal) -> str:
 
 
 def _crosswalk(crosswalk: Crosswalk) -> str:
-    """Write a crosswalk as an object with its outline inside it: CARLA does not look into ``<outlines>``, and 1.7
-    allows both.
+    """Write a crosswalk as an object with its outline inside it.
+
+    CARLA does not look into ``<outlines>``, and 1.7 allows both.
     """
     ahead, left = zip(*crosswalk.outline_m, strict=True)
     corners = "".join(

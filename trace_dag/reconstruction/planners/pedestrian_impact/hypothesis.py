@@ -208,9 +208,7 @@ def _walked(scene: Scene, walk: Walk, lead_s: float) -> ParticipantState:
 def standing_person(
     scene: Scene, person: NonMotorist, touched_xy_m: FloatArray, outward_rad: float, z_m: float
 ) -> ParticipantState:
-    """Return a person, or an animal, who stands so that a vehicle touches them at a place whose outward normal is
-    given.
-    """
+    """Return a standing person or animal that a vehicle touches at a place with a given outward normal."""
     kind = person_kind_of(person)
     size = size_of(person, kind)
     heading = math.remainder(outward_rad + math.pi / 2, math.tau)  # faces across the way of who comes

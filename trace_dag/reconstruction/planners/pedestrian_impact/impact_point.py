@@ -76,8 +76,10 @@ def is_far_side(person: NonMotorist, option: Option) -> bool:
 
 
 class Crosswalks(NamedTuple):
-    """The crosswalks near the place as one shape, and the share of people who are struck beside them: 0 where the
-    report has the person in one."""
+    """The crosswalks near the place as one shape, and the share of people who are struck beside them.
+
+    0 where the report has the person in one.
+    """
 
     shape: BaseGeometry
     beside_share: float
@@ -99,8 +101,9 @@ class Crosswalks(NamedTuple):
 
 
 def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
-    """Return the map's crosswalks near the place, if the person was in one by the report, or if it does not say where
-    on the road the person was at an intersection; else None.
+    """Return the map's crosswalks near the place; else None.
+
+    They count if the report has the person in one, or does not place the person on the road at an intersection.
 
     If none is drawn people cross the roads where they meet."""
     told = is_in_crosswalk(person)
@@ -117,8 +120,9 @@ def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
 def place_impact(
     scene: Scene, path: Path, option: Option, point: ContactPoint, far_side: bool, crosswalks: Crosswalks | None
 ) -> tuple[Path, float, float]:
-    """Return the path, the station at the strike, and how far the turn was moved along the road to bring the strike to
-    the place.
+    """Return the path, the station at the strike, and the shift of the turn along the road.
+
+    The shift brings the strike to the place.
 
     >>> drive, place = strike_plan.drive, pedestrian_scene.place_xy_m
     >>> front = ContactPoint(strike_plan.strike.vehicle.length_m / 2, 0.0, (1.0, 0.0))

@@ -100,8 +100,7 @@ class ImpactDrive:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """The person's part: path, station and pose at the strike, speed, and how far before the strike the person set
-    off."""
+    """The person's part: path, station and pose at the strike, speed, and distance walked before it."""
 
     person: NonMotorist
     kind: PartyKind
@@ -152,8 +151,9 @@ class ImpactPlan(Scored):
 
 
 def person_kind_of(person: NonMotorist) -> PartyKind:
-    """Return the kind of figure that the person is simulated as: on foot, unless the report names what the person
-    rides.
+    """Return the kind of figure that the person is simulated as.
+
+    On foot, unless the report names what the person rides.
     """
     return person.kind if person.kind in _AS_THEY_ARE else PartyKind.PEDESTRIAN
 
@@ -180,8 +180,7 @@ def impact_plans(scene: Scene, strike: CrashEvent) -> list[ImpactPlan]:
 def approaches_of(
     scene: Scene, who: Party, *, approaches: Sequence[Approach] | None = None
 ) -> Iterator[tuple[Option, TravelSpeed, dict[str, float]]]:
-    """Yield the ways a vehicle can have come, without regard to the person, each with its speed and the evidence for
-    it.
+    """Yield the ways of a vehicle without regard to the person, each with its speed and evidence.
 
     ``approaches``: the approaches to look at; by default those that fit its turn and the place of the crash.
 

@@ -54,8 +54,9 @@ def slope_of(off_m: float, lateral_mps2: float, speed_mps: float) -> float:
 def path_aside(
     base: Path, anchor_m: float, off_m: float, slope: float, lateral_mps2: float, speed_mps: float
 ) -> tuple[Path, float]:
-    """Return the path that leaves ``base``, is ``off_m`` to its left at a given station of it, and goes on at that
-    slope; and the station of that place along the new path.
+    """Return the path that leaves ``base`` and is ``off_m`` to its left at a station, and that station on it.
+
+    It goes on at that slope.
 
     >>> from trace_dag.common.paths import from_points
     >>> line = np.linspace(0.0, 200.0, 401)
@@ -111,8 +112,9 @@ def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> fl
 
 
 def edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[float, float]:
-    """Return the station at which the vehicle crosses the carriageway's edge, and how far from the path the edge is
-    there: at the place itself, or near it if a side street opens there.
+    """Return the station at which the vehicle crosses the carriageway's edge, and the edge's distance there.
+
+    It is at the place itself, or near it if a side street opens there.
 
     >>> path = lane_path(tree_scene, way_past_the_tree)
     >>> place_m, _ = path.project(*tree_scene.place_xy_m)

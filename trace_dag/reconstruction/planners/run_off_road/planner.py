@@ -83,8 +83,11 @@ _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end 
 
 @dataclass(frozen=True, eq=False)
 class DeparturePlan(Scored):
-    """One way the vehicle can have left the road: its path, the station along it where the first object is struck, and
-    when the others are struck. ``terms`` are log-likelihoods."""
+    """One way the vehicle can have left the road.
+
+    Its path, the station along it where the first object is struck, and when the others are struck. ``terms`` are
+    log-likelihoods.
+    """
 
     departure: Departure
     option: Option
@@ -315,9 +318,10 @@ def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float,
 
 
 def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int, point_off_m: float | None) -> float:
-    """Return how far beyond the edge the object stands (metres): as the reported point where that is off the road, else
-    as usual for its kind, behind a shoulder, nearer if another road is in the way, within the reported zone.
-    """
+    """Return how far beyond the edge the object stands (metres).
+
+    It is that of the reported point where that is off the road, else usual for its kind, behind a shoulder, nearer
+    if another road is in the way, within the reported zone."""
     usual = KINDS[code].beyond_edge_m
     relation = scene.record.road_relation_code
     if relation in ON_ROADWAY:

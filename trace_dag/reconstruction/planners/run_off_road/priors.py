@@ -36,8 +36,10 @@ which the two numbers follow, is from memory."""
 
 @dataclass(frozen=True)
 class LeavingCourse:
-    """One way of leaving: lateral acceleration (m/s2), how far the body is turned from its course at the impact (rad,
-    counter-clockwise), and its log-likelihood."""
+    """One way of leaving: lateral acceleration (m/s2), slip angle at the impact, and log-likelihood.
+
+    The angle is of the body against its course (rad, counter-clockwise).
+    """
 
     name: str
     lateral_mps2: float
@@ -92,8 +94,10 @@ def angle_log_likelihood(angle_rad: float) -> float:
 
 
 def _slip(departure: Departure) -> float:
-    """Return the slip angle at the impact: so that the area of impact faces ahead, where the report says that the
-    vehicle skidded sideways or the area is one that a vehicle going ahead is not struck at.
+    """Return the slip angle at the impact.
+
+    So that the area of impact faces ahead, where the report says that the vehicle skidded sideways or the area is one
+    that a vehicle going ahead is not struck at.
     """
     first, vehicle = departure.objects[0], departure.vehicle
     sideways = vehicle.stability_code in (_CLOCKWISE, _COUNTER_CLOCKWISE, 5)
@@ -109,8 +113,9 @@ def _slip(departure: Departure) -> float:
 
 
 def _facing(departure: Departure, first: CrashEvent, area: ImpactArea) -> float | None:
-    """Return the angle by which the body has to be turned for an area to face the object: ahead if it is compact,
-    beside if it runs along the road; None if the area is struck without turning.
+    """Return the angle by which the body has to be turned for an area to face the object.
+
+    Ahead if it is compact, beside if it runs along the road; None if the area is struck without turning.
     """
     sign = SIGN[departure.side or DepartureSide.AHEAD]
     if KINDS[first.code].form is ObjectForm.LINE and sign:
