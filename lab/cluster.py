@@ -6,11 +6,10 @@
     python -m lab cluster --lose nothing --delay 0.05         each answer of the store takes 50 ms, some 0.5 s
 
 The cohort is run twice: on a local folder, and on an S3-compatible server by the workers of a Dask scheduler, all of
-them processes of their own on loopback. One of the workers, or the scheduler with all of them, is killed once maps have
-been made, unless nothing is to be lost. Every table and view of both warehouses is then written as Parquet, its rows in
-the order of all their columns, and the files are compared. What must differ is left out and listed: when, how long, in
-which run. Exit code 1 if anything else differs.
-"""
+them processes of their own on loopback. One of the workers, or the scheduler with all of them, is killed once maps
+have been made, unless nothing is to be lost. Every table and view of both warehouses is then written as Parquet, its
+rows in the order of all their columns, and the files are compared. Facts that must differ are left out and listed:
+when, how long, in which run. Exit code 1 if anything else differs."""
 
 from __future__ import annotations
 
@@ -46,7 +45,7 @@ _LOSE: dict[str, Callable[[DaskCluster, subprocess.Popen[str], Storage], None]] 
 
 
 def trace_dag(root: str, *arguments: str, environment: Mapping[str, str]) -> subprocess.Popen[str]:
-    """The command as a user calls it, under way."""
+    """Return the command as a user calls it, under way."""
     return subprocess.Popen(
         [sys.executable, "-m", "trace_dag.cli", "--root", root, *arguments],
         env=os.environ | environment,
@@ -57,7 +56,7 @@ def trace_dag(root: str, *arguments: str, environment: Mapping[str, str]) -> sub
 
 
 def ended(process: subprocess.Popen[str]) -> str:
-    """What a command said, once it has ended well."""
+    """Return the output of a command that ended well."""
     said, _ = process.communicate()
     if process.returncode:
         raise SystemExit(f"{' '.join(process.args)} ended with {process.returncode}\n{said}")
@@ -65,7 +64,7 @@ def ended(process: subprocess.Popen[str]) -> str:
 
 
 def here(folder: Path, reports: Path, maps: Path) -> Path:
-    """The warehouse of the run on this machine."""
+    """Return the warehouse of the run on this machine."""
     root = str(folder / "here")
     ended(trace_dag(root, "ingest", "--reports", str(reports), "--maps", str(maps), environment={}))
     began = time.monotonic()
@@ -75,7 +74,7 @@ def here(folder: Path, reports: Path, maps: Path) -> Path:
 
 
 def there(folder: Path, reports: Path, maps: Path, lose: str, delay_s: float) -> Path:
-    """The warehouse of the run on the cluster, fetched from the store."""
+    """Return the warehouse of the run on the cluster, fetched from the store."""
     with object_store(delay_s) as store:
         own = store | {"XDG_DATA_HOME": str(folder / "data")}
         ended(trace_dag(ROOT, "ingest", "--reports", str(reports), "--maps", str(maps), environment=own))
@@ -119,7 +118,7 @@ def main() -> int:
 
 
 def contents(path: Path | None) -> bytes:
-    """A file's bytes; none of a table that is not there."""
+    """Return a file's bytes; none of a table that is not there."""
     return path.read_bytes() if path else b""
 
 

@@ -12,7 +12,10 @@ _FIRST_CASE = 310_001  # of the sample's fictional state; case numbers have six 
 
 
 def repeated_sample(folder: Path, crashes: int) -> Path:
-    """A folder with that many reports. Up to 9,999 in one case year, the rest in the years before."""
+    """Return a folder with that many reports.
+
+    Up to 9,999 in one case year, the rest in the years before.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     reports = sorted((SAMPLE / "reports").glob("crash_*.xml"))
     for number, report in zip(range(crashes), cycle(reports), strict=False):

@@ -61,9 +61,8 @@ def compare_estimators(
 ) -> None:
     """Let several estimators estimate the same mapped crashes, simulate and judge each, and compare.
 
-    The estimates stay side by side in the folder estimators/ of the root, and every row enters the warehouse, as table
-    estimator_comparison. What the crashes' own artefacts say does not change.
-    """
+    The estimates stay side by side in the folder estimators/ of the root, and every row enters the warehouse, as
+    table estimator_comparison. The crashes' own artefacts do not change."""
 
     workspace = Workspace.open(root, overrides={"execution": execution_overrides(executor, workers)})
     chosen = cohort or only_cohort(list(workspace.registry.cohorts()), root)
@@ -89,7 +88,10 @@ def compare_estimators(
 
 
 def only_cohort(names: list[str], root: str) -> str:
-    """The one cohort of a root. Raises UserError where there are several, or none."""
+    """Return the one cohort of a root.
+
+    Raises UserError where there are several, or none.
+    """
     if not names:
         raise UserError(f"{root} holds no cohort yet; trace-dag ingest registers one")
     if len(names) > 1:
@@ -105,7 +107,7 @@ def _truth(given: Path | None, cohort: str) -> SampleTruth | None:
 
 
 def estimators_table(rows: Sequence[EstimatorRow]) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """Estimators side by side, a column each; lines that say nothing of any are left out."""
+    """Return estimators side by side, a column each; lines that say nothing of any are left out."""
     summaries = summarise(rows)
     columns = [_estimator_column(summary) for summary in summaries]
     shown = [name for name in columns[0] if any(column[name] for column in columns)]

@@ -94,7 +94,7 @@ def compare(before: Path, after: Path, shown: int) -> int:
 
 
 def differences(old: pd.DataFrame, new: pd.DataFrame) -> tuple[list[str], int]:
-    """A line for each value that differs between tables with the same kind of index; and how many rows do."""
+    """Return a line for each value that differs between tables with the same kind of index; and how many rows do."""
     lines = [f"{_named(row)}: no longer there" for row in old.index.difference(new.index)]
     lines += [f"{_named(row)}: new" for row in new.index.difference(old.index)]
     rows = set(old.index.symmetric_difference(new.index))
@@ -125,7 +125,9 @@ def _named(row: tuple[object, ...]) -> str:
 
 
 def _rows(folder: Path, table: str, keys: list[str]) -> pd.DataFrame | None:
-    """A table of a root's warehouse, its index the row's key and a number among rows of one key; None without one."""
+    """Return a table of a root's warehouse, its index the row's key and a number among rows of one key; None without
+    one.
+    """
     root = folder / "root" if (folder / "root").is_dir() else folder
     with duckdb.connect(str(root / "warehouse.duckdb"), read_only=True) as warehouse:
         try:

@@ -5,12 +5,11 @@
     python -m lab damage --rounds 20        so many times ten files at once
 
 A root of some crashes of the sample is made once: run, with an agent evaluated and controls. Each try damages a copy
-of it; then ``verify --contents --repair`` and ``run`` have to bring back every file that was there with the same bytes,
-but for times in records, the warehouse (whose rows ``verify`` compares) and what was noted of reports. Printed are the
-way, the file, whether verify named it, and what is there afterwards. Exit code 1 where a file was not found or did not
-come back; results of studies, which their own commands make, and notes need only be found. What Dagster keeps of runs
-is not touched.
-"""
+of it; then ``verify --contents --repair`` and ``run`` have to bring back every file that was there with the same
+bytes, but for times in records, the warehouse (whose rows ``verify`` compares) and what was noted of reports.
+Printed are the way, the file, whether verify named it, and what is there afterwards. Exit code 1 where a file was
+not found or did not come back; results of studies, which their own commands make, and notes need only be found.
+Dagster's records of runs are not touched."""
 
 from __future__ import annotations
 
@@ -69,7 +68,7 @@ def garbage(path: Path, draw: random.Random) -> None:
 
 
 def swap(path: Path, draw: random.Random) -> None:
-    """With another file of its kind, or any other where there is none."""
+    """Swap a file with another of its kind, or any other where there is none."""
     others = [each for each in path.parent.iterdir() if each.is_file() and each != path]
     alike = [each for each in others if each.suffixes == path.suffixes]
     if not others:
@@ -87,7 +86,7 @@ WAYS: dict[str, Callable[[Path, random.Random], None]] = {
 
 
 class Done(NamedTuple):
-    """How a command ended, and what it said."""
+    """The end of a command, and its output."""
 
     returncode: int
     stdout: str
@@ -114,7 +113,7 @@ def _done(words: list[str]) -> Done:
 
 
 def made(folder: Path) -> Path:
-    """The root that is damaged."""
+    """Return the root that is damaged."""
     reports, root = folder / "reports", folder / "root"
     reports.mkdir()
     for case in CASES:
@@ -133,18 +132,18 @@ def made(folder: Path) -> Path:
 
 
 def files_of(root: Path) -> list[str]:
-    """The files that the program answers for, by name."""
+    """Return the files that the program answers for, by name."""
     names = (path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
     return sorted(name for name in names if not name.startswith(_OUTSIDE))
 
 
 def kind_of(name: str) -> str:
-    """The kind of a file: its name without the key of a crash."""
+    """Return the kind of a file: its name without the key of a crash."""
     return _KEY.sub("<key>", name)
 
 
 def content(path: Path) -> object:
-    """What has to come back: the bytes, of JSON documents all but times."""
+    """Return the content that has to come back: the bytes, of JSON documents all but times."""
     if path.name in ("warehouse.duckdb", "warehouse.json", "listings.json") or path.parent.name == "cache":
         return path.is_file()
     data = path.read_bytes()
@@ -162,7 +161,7 @@ def _without_times(value: object) -> object:
 
 
 def attempt(root: Path, folder: Path, damaged: Sequence[tuple[str, str]], draw: random.Random) -> bool:
-    """Damage files, each in a way, repair and run; whether all was found and came back."""
+    """Return the damage files, each in a way, repair and run; whether all was found and came back."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         copy = Path(shutil.copytree(root, Path(scratch) / "root"))
         for name, way in damaged:

@@ -59,7 +59,8 @@ class _Task:
 def hidden_directions(
     workspace: Workspace, cohort: str, *, most: int, seed: int, on_progress: OnProgress = silent
 ) -> list[DirectionRow]:
-    """The crashes of two vehicles with a map whose directions are both reported; of more than ``most`` so many drawn.
+    """Return the crashes of two vehicles with a map whose directions are both reported; of more than ``most`` so many
+    drawn.
 
     Raises :class:`UserError` where a cohort has none.
     """
@@ -131,7 +132,8 @@ def _estimate(crash: CrashFiles, record: CrashRecord) -> StateEstimate | None:
 
 
 def headed_as_reported(hypothesis: Hypothesis, pair: Iterable[VehicleRecord], *, before: bool = False) -> bool:
-    """Whether every vehicle of a pair is headed as reported; ``before``: before its turn, whatever the report means.
+    """Return whether every vehicle of a pair is headed as reported; ``before``: before its turn, whatever the report
+    means.
 
     A vehicle that stood is headed as its body is.
     """
@@ -149,8 +151,10 @@ def _is_headed(state: ParticipantState, vehicle: VehicleRecord, *, before: bool)
 
 
 def directions_fit(record: CrashRecord, pair: Sequence[VehicleRecord]) -> bool:
-    """Whether two reported directions go with the manner of collision: one way in a rear end, against each other
-    head-on, across at an angle of two that went straight. What a turn leaves open fits."""
+    """Return whether two reported directions go with the manner of collision: one way in a rear end, against each other
+    head-on, across at an angle of two that went straight.
+
+    Directions that a turn leaves open fit."""
     one, two = pair
     assert one.heading is not None
     assert two.heading is not None
@@ -171,7 +175,7 @@ _APART_DEG: Final = {
 
 
 def summary(rows: Sequence[DirectionRow]) -> list[dict[str, object]]:
-    """Shares by manner of collision and kind of junction, then of all, then of those whose directions fit.
+    """Return shares by manner of collision and kind of junction, then of all, then of those whose directions fit.
 
     ``chance`` is the share of kept hypotheses that are right: what a draw among them would find.
     """
@@ -186,7 +190,7 @@ def summary(rows: Sequence[DirectionRow]) -> list[dict[str, object]]:
 
 
 def calibration(rows: Sequence[DirectionRow]) -> list[dict[str, object]]:
-    """How often the best hypothesis is right, beside how sure the estimate is of it (1 less its ambiguity)."""
+    """Count how often the best hypothesis is right, beside the estimate's certainty of it (1 less its ambiguity)."""
     found: list[dict[str, object]] = []
     for low in (0.0, 0.2, 0.4, 0.6, 0.8):
         within = [

@@ -109,7 +109,7 @@ class EstimatorSummary:
 def compare_estimators(
     key: str, attempts: Mapping[str, EstimatorAttempt], *, reference: str
 ) -> tuple[EstimatorRow, ...]:
-    """Rows of one crash in the order of ``attempts`` (by estimator); the others are compared with ``reference``.
+    """Return rows of one crash in the order of ``attempts`` (by estimator); the others are compared with ``reference``.
 
     >>> attempt = EstimatorAttempt(state_estimate, state_estimate.run)
     >>> one, two = compare_estimators(record.key, {"analytic": attempt, "other": attempt}, reference="analytic")
@@ -123,7 +123,7 @@ def compare_estimators(
 
 
 def summarise(rows: Iterable[EstimatorRow]) -> tuple[EstimatorSummary, ...]:
-    """One line per estimator, in order of first mention.
+    """Return one line per estimator, in order of first mention.
 
     >>> attempt = EstimatorAttempt(state_estimate, state_estimate.run)
     >>> rows = compare_estimators(record.key, {"analytic": attempt}, reference="analytic")
@@ -185,7 +185,7 @@ def _agree(one: Hypothesis, two: Hypothesis, place: Callable[[ParticipantState],
 
 
 def _approach(state: ParticipantState) -> _Place | None:
-    """The road a vehicle starts on and the direction along it; None if it starts off the lanes."""
+    """Return the road a vehicle starts on and the direction along it; None if it starts off the lanes."""
     lane = _lane(state)
     return None if lane is None else (lane[0], 1 if lane[1] > 0 else -1)
 

@@ -1,8 +1,7 @@
 """Estimators set side by side on one cohort: each estimates every mapped crash, is simulated and judged.
 
-The flow's own artefacts stay as they are. What each estimator made lies at ``ROOT/estimators/<estimator>/<key>.json``,
-one beside the other; the rows at ``ROOT/comparisons/estimators-<cohort>.json``, from where the warehouse takes them.
-"""
+The flow's own artefacts stay as they are. The estimates of each lie at ``ROOT/estimators/<estimator>/<key>.json``,
+one beside the other; the rows at ``ROOT/comparisons/estimators-<cohort>.json``, from where the warehouse takes them."""
 
 from __future__ import annotations
 
@@ -42,7 +41,8 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 
 
 def settings_of(estimator: str, states: StateSettings) -> StateSettings:
-    """The settings an estimator's name stands for: that of one that is installed, such as ``analytic`` or ``llm``.
+    """Return the settings an estimator's name stands for: that of one that is installed, such as ``analytic`` or
+    ``llm``.
 
     A name may go on with a variant: ``llm:PROMPT``, ``llm@MODEL``. Whatever the name does not say is taken from the
     settings. Raises :class:`UserError` for any other name.
@@ -55,12 +55,12 @@ def settings_of(estimator: str, states: StateSettings) -> StateSettings:
 
 
 def usual_estimators(states: StateSettings) -> list[str]:
-    """The default choice: the estimator of the settings, and all others that are installed."""
+    """Return the default choice: the estimator of the settings, and all others that are installed."""
     return [states.estimator, *(name for name in list_plugins(PluginKind.ESTIMATOR) if name != states.estimator)]
 
 
 def estimates_folder(estimator: str) -> str:
-    """Where an estimator's estimates lie below the storage root."""
+    """Return the folder of an estimator's estimates below the storage root."""
     safe = _UNSAFE.sub("_", estimator)
     # Names that differ only in what a file's name cannot hold must not share a folder.
     digest = "" if safe == estimator else "-" + hashlib.sha256(estimator.encode()).hexdigest()[:8]
@@ -84,7 +84,7 @@ def estimators_compared(
     truth: SampleTruth | None = None,
     listener: OnProgress | None = None,
 ) -> list[EstimatorRow]:
-    """What each estimator makes of every mapped crash of a cohort; the first is what the others are compared with.
+    """Estimate every mapped crash of a cohort with each estimator; the first is the reference of the others.
 
     Crashes run on the executor of the settings; budget and rate of language models hold over all of them together.
     ``truth`` adds the errors against it. ``listener`` receives how many crashes of how many are done. Stored for the
@@ -124,7 +124,7 @@ def estimators_compared(
 
 
 def _compare(task: _Task) -> tuple[tuple[EstimatorRow, ...], list[StoredFile]]:
-    """All estimators on one crash, and the files of their estimates."""
+    """Return all estimators on one crash, and the files of their estimates."""
     files: list[StoredFile] = []
     attempts = {}
     for name, settings in task.estimators:
@@ -136,7 +136,10 @@ def _compare(task: _Task) -> tuple[tuple[EstimatorRow, ...], list[StoredFile]]:
 
 
 def _attempt(task: _Task, name: str, chosen: StateSettings, files: list[StoredFile]) -> EstimatorAttempt:
-    """One estimator on one crash; its estimate joins the ``files``. Raises :class:`DamagedFile`."""
+    """Return one estimator on one crash; its estimate joins the ``files``.
+
+    Raises :class:`DamagedFile`.
+    """
     crash, stored_as = task.crash, f"{estimates_folder(name)}/{task.crash.key}.json"
     record, network, report = crash.load(RECORD), crash.load(ROAD_MAP), crash.load(MAP_REPORT)
     try:
@@ -164,7 +167,7 @@ def _attempt(task: _Task, name: str, chosen: StateSettings, files: list[StoredFi
 
 
 def _against(truth: SampleTruth, made: StateEstimate) -> EstimateErrors | None:
-    """Errors against the truth; None where the crash has none."""
+    """Return errors against the truth; None where the crash has none."""
     crash = truth.by_key.get(made.key)
     if crash is None:
         return None

@@ -6,11 +6,11 @@
 file of NHTSA CIREN cases (as for ``python -m lab validate_simulator``). Written is
 ``trace_dag/reconstruction/motion/speed_coefficients.py``.
 
-Travel speeds: the difference between the reported speed and the program's rule (limit, manoeuvre, class of the road) is
-explained by features of the report, by least absolute deviations with a ridge: few rows must not make a large shift.
-What is left is kept as quantiles for each class of vehicles. Braking: the last known speed before the impact as a share
-of the first one that was recorded three to six seconds before; quantiles by role, those of small groups drawn to all.
-"""
+Travel speeds: the difference between the reported speed and the program's rule (limit, manoeuvre, class of the road)
+is explained by features of the report, by least absolute deviations with a ridge: few rows must not make a large
+shift. The residuals are kept as quantiles for each class of vehicles. Braking: the last known speed before the
+impact as a share of the first one that was recorded three to six seconds before; quantiles by role, those of small
+groups drawn to all."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Recorded:
 
 
 def read_reports(fars: Sequence[Path], reports: Sequence[Path]) -> list[CrashRecord]:
-    """All reports that can be read."""
+    """Return all reports that can be read."""
     found = []
     sources: list[Iterable[tuple[str, bytes]]] = [FarsCsvSource.open(folder).reports() for folder in fars]
     sources += [((path.name, path.read_bytes()) for path in sorted(folder.glob("*.xml"))) for folder in reports]
@@ -88,7 +88,7 @@ def read_reports(fars: Sequence[Path], reports: Sequence[Path]) -> list[CrashRec
 
 
 def masked(records: Iterable[CrashRecord]) -> Iterator[Reported]:
-    """Every vehicle with a reported speed, hidden from everything that is asked about it."""
+    """Yield every vehicle with a reported speed, hidden from everything that is asked about it."""
     for record in records:
         hidden = [replace(vehicle, travel_speed_mps=None) for vehicle in record.vehicles]
         crossing = any(crash_type_of(vehicle).relation is Relation.CROSSING for vehicle in hidden)
@@ -101,7 +101,7 @@ def masked(records: Iterable[CrashRecord]) -> Iterator[Reported]:
 
 
 def recorded_speeds(path: Path) -> list[Recorded]:
-    """The first recording of each vehicle that reaches from three seconds before the impact to one."""
+    """Return the first recording of each vehicle that reaches from three seconds before the impact to one."""
     found = []
     for case in json.loads(path.read_text()):
         for values in case["V"].values():
@@ -126,7 +126,7 @@ def _samples(values: dict[str, Any]) -> list[tuple[float, float]]:
 
 
 def _vehicle(values: dict[str, Any]) -> VehicleRecord:
-    """What a report would say of it."""
+    """Return the speeds of a vehicle as a report would have them."""
     limit, surface = values.get("sl"), values.get("surf")
     return VehicleRecord(
         1, VehicleClass.CAR, 4.8, 1.8, 1.5, 1600.0,
@@ -137,7 +137,7 @@ def _vehicle(values: dict[str, Any]) -> VehicleRecord:
 
 
 def fit_shifts(rows: Sequence[Reported]) -> dict[str, float]:
-    """What each feature adds to the rule, mph."""
+    """Return the shift of each feature to the rule, mph."""
     names = list(features(rows[0].party, rows[0].rule))
     x = np.array([[float(holds) for holds in features(each.party, each.rule).values()] for each in rows])
     y = np.array([mps_to_mph(each.speed_mps - each.rule.speed_mps) for each in rows])
@@ -151,7 +151,7 @@ def fit_shifts(rows: Sequence[Reported]) -> dict[str, float]:
 
 
 def fit_spread(rows: Sequence[Reported], shifts: dict[str, float]) -> dict[str, tuple[float, ...]]:
-    """What is left by class of vehicles, mph, at the levels."""
+    """Return the residuals by class of vehicles, mph, at the levels."""
     left: dict[str, list[float]] = {each.value: [] for each in SpeedClass}
     for row in rows:
         shift = sum(shifts[name] for name, holds in features(row.party, row.rule).items() if holds)
@@ -160,7 +160,7 @@ def fit_spread(rows: Sequence[Reported], shifts: dict[str, float]) -> dict[str, 
 
 
 def fit_braking(rows: Sequence[Recorded]) -> dict[str, tuple[float, ...]]:
-    """The share of its speed that a vehicle kept until the impact, by role, at the levels."""
+    """Return the share of its speed that a vehicle kept until the impact, by role, at the levels."""
     kept: dict[str, list[float]] = {each.value: [] for each in Role}
     for row in rows:
         if row.travel_mps >= _LEAST_MPS:
@@ -177,7 +177,7 @@ def fit_braking(rows: Sequence[Recorded]) -> dict[str, tuple[float, ...]]:
 
 
 def party_of(vehicle: VehicleRecord) -> Party:
-    """A vehicle of which only its own codes are known."""
+    """Return a vehicle of which only its own codes are known."""
     return party(_NOTHING, vehicle)
 
 
@@ -234,7 +234,8 @@ def write_table(rows: Sequence[Reported], recorded: Sequence[Recorded]) -> None:
 
 
 def asked_speeds(about: str) -> tuple[list[Reported], list[Recorded]]:
-    """The reported and the recorded speeds of the files that the command line names; ``about`` is for its help."""
+    """Return the reported and the recorded speeds of the files that the command line names; ``about`` is for its
+    help."""
     arguments = argparse.ArgumentParser(description=about.splitlines()[0])
     arguments.add_argument("--fars", type=Path, nargs="*", default=[], help="folders of FARS national CSV files")
     arguments.add_argument("--reports", type=Path, nargs="*", default=[], help="folders of reports as XML")

@@ -82,7 +82,7 @@ def main() -> None:
 
 
 def write_table(table: Iterable[Weight]) -> None:
-    """The counts as the package holds them."""
+    """Write the counts as the package holds them."""
     names = ("fact", "agreement", "true_count", "true_of", "chance_count", "chance_of")
     rows = sorted(table, key=lambda row: row.fact)
     lines = [",".join(names), *(",".join(str(getattr(row, name)) for name in names) for row in rows)]
@@ -90,7 +90,7 @@ def write_table(table: Iterable[Weight]) -> None:
 
 
 def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight]:
-    """How often each fact came out each way, crash ``without`` left out."""
+    """Count the outcomes of each fact, crash ``without`` left out."""
     true: dict[str, Counter[Agreement]] = defaultdict(Counter)
     chance: dict[str, Counter[Agreement]] = defaultdict(Counter)
     for row in rows:
@@ -114,7 +114,7 @@ def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight
 
 
 def print_rates(rows: list[Judged]) -> None:
-    """Accepted and corroborated by kind and what the crashes begin with, each judged by weights fitted without it."""
+    """Print the accepted and corroborated by kind and first event, each judged by weights fitted without it."""
     keys = {min(row.keys) for row in rows}
     weights = {key: weights_of(counts(rows, without=key)) for key in keys}
     rates: dict[tuple[str, str], Counter[Grade]] = defaultdict(Counter)
@@ -180,7 +180,7 @@ def _at(
     latitude_deg: float,
     longitude_deg: float,
 ) -> Iterator[Judged]:
-    """The report at another place, all stages from the road map on."""
+    """Yield the report at another place, all stages from the road map on."""
     settings = Settings()
     record = replace(own.judged.record, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
     try:
@@ -196,7 +196,7 @@ def _at(
 
 
 def _beside(own: StoredCrash, other: StoredCrash) -> Iterator[Judged]:
-    """The simulation beside another crash's report."""
+    """Yield the simulation beside another crash's report."""
     crash = own.judged
     foreign = in_place_of(other.judged.record, crash.record)
     if foreign is None:
@@ -208,7 +208,7 @@ def _beside(own: StoredCrash, other: StoredCrash) -> Iterator[Judged]:
 
 
 def _random_points(record: CrashRecord, extract: OsmExtract, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
-    """Points on public roads that are not one of the reported streets, as likely anywhere along them."""
+    """Yield points on public roads that are not one of the reported streets, as likely anywhere along them."""
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
     reported = (record.trafficway_1, record.trafficway_2)
     pieces, lengths = [], []

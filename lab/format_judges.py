@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 
 class Verdict(NamedTuple):
-    """What a judge says of a form: ``taken`` of ``files`` had nothing wrong; ``says`` is more, in words."""
+    """A judge's verdict on a form: ``taken`` of ``files`` had nothing wrong; ``says`` is more, in words."""
 
     judge: str
     files: int
@@ -27,7 +27,7 @@ class Verdict(NamedTuple):
 
 
 def commonroad(folder: Path) -> Iterator[Verdict]:
-    """The reader of commonroad-io, what it finds in the networks, and the schema that comes with it."""
+    """Yield the reader of commonroad-io, what it finds in the networks, and the schema that comes with it."""
     import commonroad.common.file_reader as reading
     from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
     from commonroad.scenario.traffic_sign_interpreter import TrafficSignInterpreter
@@ -60,7 +60,7 @@ def commonroad(folder: Path) -> Iterator[Verdict]:
 
 
 def scenarionet(folder: Path) -> Iterator[Verdict]:
-    """MetaDrive's check, and its engine replaying everybody."""
+    """Yield MetaDrive's check, and its engine replaying everybody."""
     import logging
 
     import metadrive
@@ -117,7 +117,7 @@ def scenarionet(folder: Path) -> Iterator[Verdict]:
 
 
 def sumo(folder: Path) -> Iterator[Verdict]:
-    """SUMO itself, its schema, and sumolib."""
+    """Yield the SUMO itself, its schema, and sumolib."""
     import sumo as home
     import sumolib
     import xmlschema
@@ -145,7 +145,7 @@ def sumo(folder: Path) -> Iterator[Verdict]:
 
 
 def osi(folder: Path) -> Iterator[Verdict]:
-    """Two readers of traces; the second has its own reading of the messages."""
+    """Yield two readers of traces; the second has its own reading of the messages."""
     import betterosi
     from osi_utilities import ChannelSpecification, MessageType, open_channel
 
@@ -173,7 +173,7 @@ def osi(folder: Path) -> Iterator[Verdict]:
 
 
 def omega(folder: Path) -> Iterator[Verdict]:
-    """omega-prime, which reads everybody's motion and the lanes of traces of OSI."""
+    """Yield the omega-prime, which reads everybody's motion and the lanes of traces of OSI."""
     import warnings
 
     import omega_prime
@@ -195,7 +195,7 @@ def omega(folder: Path) -> Iterator[Verdict]:
 
 
 def designer(folder: Path) -> Iterator[Verdict]:
-    """CommonRoad's designer, which makes lanelets of OpenDRIVE."""
+    """Yield CommonRoad's designer, which makes lanelets of OpenDRIVE."""
     import logging
     import warnings
 
@@ -217,7 +217,7 @@ def designer(folder: Path) -> Iterator[Verdict]:
 
 
 def openlabel(folder: Path) -> Iterator[Verdict]:
-    """ASAM's schema and the checks of openlabel-checker."""
+    """Yield aSAM's schema and the checks of openlabel-checker."""
     files = sorted(folder.glob("*.json"))
     program = str(Path(sys.executable).with_name("openlabel-check"))
     clean = tags = 0
@@ -231,7 +231,7 @@ def openlabel(folder: Path) -> Iterator[Verdict]:
 
 
 def points(folder: Path) -> Iterator[Verdict]:
-    """geopandas and gpxpy."""
+    """Yield geopandas and gpxpy."""
     import geopandas
     import gpxpy
 

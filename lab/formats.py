@@ -70,7 +70,7 @@ def _ask(form: str, judges: str, packages: tuple[str, ...], folder: Path) -> boo
 
 
 def _sampled(root: Path, sample: int) -> list[str]:
-    """So many verified crashes, evenly out of all."""
+    """Return so many verified crashes, evenly out of all."""
     crashes = trace_dag.open(root).crashes
     keys = crashes.index[crashes["final_state"] == "verified"].tolist()
     return keys[:: max(1, len(keys) // sample)][:sample]

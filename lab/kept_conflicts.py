@@ -43,7 +43,7 @@ ALL = "all"
 
 
 class Played(NamedTuple):
-    """Whether somebody at a pace met the recorded other one, by what keeps the conflict."""
+    """The meeting of somebody at a pace with the recorded other one, by the rule that keeps the conflict."""
 
     key: str
     ego: str
@@ -55,7 +55,7 @@ class Played(NamedTuple):
 
 
 def play(crash: Crash, work: Path) -> Iterator[Played]:
-    """Every driver of the first contact at every pace, in both kinds of scenario."""
+    """Yield every driver of the first contact at every pace, in both kinds of scenario."""
     log, contact = crash.log, crash.log.first_contact
     if contact is None:
         return
@@ -108,12 +108,12 @@ def faults_of(moved: FloatArray, recorded: VehicleLog, contact_s: float) -> set[
 
 
 def names_of(number: int) -> set[str]:
-    """The entities of a party: itself and its trailer."""
+    """Return the entities of a party: itself and its trailer."""
     return {party_label(number), party_label(trailer_body(number))}
 
 
 def rule_of(scenario: bytes) -> str:
-    """What keeps the conflict."""
+    """Return the rule that keeps the conflict."""
     for action, rule in (
         (b"RelativeSpeedToMaster", "drives ahead"),
         (b"SynchronizeAction", "arrives together"),

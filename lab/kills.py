@@ -38,7 +38,7 @@ FINAL = (Outcome.ACCEPTED, Outcome.REJECTED)
 
 
 def command(root: Path, *arguments: str) -> list[str]:
-    """A call of the command line."""
+    """Return a call of the command line."""
     return [sys.executable, "-m", "trace_dag.cli", "--root", str(root), *arguments]
 
 
@@ -48,7 +48,7 @@ def call(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def prepared(folder: Path, name: str, crashes: int) -> Path:
-    """A root with the cohort registered."""
+    """Return a root with the cohort registered."""
     reports = repeated_sample(folder / "reports", crashes)
     done = call(folder / name, "ingest", "--reports", str(reports), "--maps", str(MAPS), "--cohort", "kills")
     if done.returncode:
@@ -57,7 +57,7 @@ def prepared(folder: Path, name: str, crashes: int) -> Path:
 
 
 def finished(root: Path) -> dict[tuple[str, Stage], str]:
-    """Fingerprints of all finished results."""
+    """Return fingerprints of all finished results."""
     storage = Storage(root)
     records = read_records(storage, Registry(storage).keys())
     return {
@@ -69,7 +69,7 @@ def finished(root: Path) -> dict[tuple[str, Stage], str]:
 
 
 def workers_of(pid: int) -> list[int]:
-    """The pool's processes below a run."""
+    """Return the pool's processes below a run."""
     children = Path(f"/proc/{pid}/task/{pid}/children")
     found = [int(child) for child in children.read_text().split()] if children.exists() else []
     return [child for child in found if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
@@ -92,7 +92,7 @@ def kill(process: subprocess.Popen[bytes], whom: str, draw: random.Random) -> bo
 
 
 def wait_for_work(process: subprocess.Popen[bytes], root: Path, draw: random.Random) -> None:
-    """A random time, four times in five from the moment at which the run has stored something."""
+    """Wait a random time, four times in five from the moment at which the run has stored something."""
     if draw.random() < 0.8:
         began = last_write(root)
         while process.poll() is None and last_write(root) == began:
@@ -101,13 +101,13 @@ def wait_for_work(process: subprocess.Popen[bytes], root: Path, draw: random.Ran
 
 
 def last_write(root: Path) -> int:
-    """When something was last stored by any stage (nanoseconds)."""
+    """Return the time of the last write of any stage (nanoseconds)."""
     folders = [root / stage.value for stage in Stage]
     return max((folder.stat().st_mtime_ns for folder in folders if folder.is_dir()), default=0)
 
 
 def start(root: Path, draw: random.Random) -> subprocess.Popen[bytes]:
-    """The run, going on with what is left; where nothing is, a random stage and all after it again."""
+    """Return the run, going on with what is left; where nothing is, a random stage and all after it again."""
     arguments = ["run"]
     if draw.random() < 0.2:
         arguments += ["--from", draw.choice([stage.value for stage in Stage])]
@@ -142,7 +142,7 @@ def disturb(root: Path, kills: int, draw: random.Random) -> tuple[Counter[str], 
 
 
 def check(root: Path, before: dict[tuple[str, Stage], str]) -> list[str]:
-    """What does not hold after a kill."""
+    """Return the faults after a kill."""
     answer = json.loads(call(root, "verify", "--contents", "--repair", "--json").stdout)
     seen = Counter(row["disagreement"] for row in (*answer["repaired"], *answer["disagreements"]))
     wrong = [f"{seen[title]} {title} after a kill" for title in NEVER if seen[title]]

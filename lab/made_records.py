@@ -1,13 +1,12 @@
 """Records of a year that nobody prepared: real events, persons and places of the national tables, and vehicles drawn
 to fit.
 
-Nobody has a national release here with events, vehicles and maps all in one. What there is: the events and persons of
-every fatal crash of 2016 without its accident and vehicle rows, the accident rows of 2015, and full records of a few
-hundred crashes. So each crash of 2016 keeps its events, persons, damage and manoeuvres; it gets time, place, light and
-kind of road from a crash of 2015 with the same first event, number of vehicles, manner of collision and kind of area;
-and its vehicles from a fully recorded crash of the same shape, turned to the areas of impact and the body types that
-the events tell of. Nothing looks at whether the program can do anything with it.
-"""
+Nobody has a national release here with events, vehicles and maps all in one. The data at hand are the events and
+persons of every fatal crash of 2016 without its accident and vehicle rows, the accident rows of 2015, and full
+records of a few hundred crashes. So each crash of 2016 keeps its events, persons, damage and manoeuvres; it gets
+time, place, light and kind of road from a crash of 2015 with the same first event, number of vehicles, manner of
+collision and kind of area; and its vehicles from a fully recorded crash of the same shape, turned to the areas of
+impact and the body types that the events tell of. Nothing looks at whether the program can do anything with it."""
 
 from __future__ import annotations
 
@@ -56,12 +55,15 @@ class MadeCrash:
 
     @property
     def accident(self) -> Row:
-        """The row of ``accident``, which may still be written to."""
+        """Return the row of ``accident``, which may still be written to."""
         return self.tables["accident"][0]
 
 
 def made_crashes(shared: Path, number: int, seed: int = 1) -> list[MadeCrash]:
-    """That many crashes, drawn from the whole country. ``shared`` is the folder of the shared data."""
+    """Return that many crashes, drawn from the whole country.
+
+    ``shared`` is the folder of the shared data.
+    """
     draw = random.Random(seed)
     national = shared / "fars-national"
     events = _rows_of_zip(national / "FARS2016-events-and-persons.zip")
@@ -82,7 +84,7 @@ def made_crashes(shared: Path, number: int, seed: int = 1) -> list[MadeCrash]:
 
 
 def write_tables(crashes: Sequence[MadeCrash], folder: Path) -> None:
-    """The crashes as CSV files of a national release."""
+    """Write the crashes as CSV files of a national release."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("accident", "vehicle", *_EVENTS):
         rows = [row for crash in crashes for row in crash.tables[name]]
@@ -94,7 +96,7 @@ def write_tables(crashes: Sequence[MadeCrash], folder: Path) -> None:
 
 
 def _made(about: Row, own: Mapping[str, list[Row]], places: _Places, vehicles: _Vehicles) -> MadeCrash | None:
-    """One crash; None where no place of the country is like it, or nothing in it moved."""
+    """Return one crash; None where no place of the country is like it, or nothing in it moved."""
     case = about["ST_CASE"]
     sequence = sorted(own["cevent"], key=lambda row: int(row["EVENTNUM"]))
     standing = {row["VEH_NO"] for row in own["parkwork"]}
@@ -139,7 +141,7 @@ class _Places:
                 self._like[key].append(row)
 
     def like(self, about: Row, first_event: str, vehicles: int) -> Row | None:
-        """A place of such a crash: of the same state and kind of area if there is one left."""
+        """Return a place of such a crash: of the same state and kind of area if there is one left."""
         wanted = {
             "STATE": about["STATE"],
             "RUR_URB": about["A_RU"],
@@ -163,7 +165,7 @@ class _Places:
 
 
 def _keys(row: Row, first_event: str, vehicles: int, manner: str) -> list[tuple[str, ...]]:
-    """What two crashes have to share to be alike, the most first."""
+    """Return the facts that two crashes have to share to be alike, the most first."""
     junction = "at" if row["RELJCT2"] in _JUNCTIONS else "between"
     shape = (first_event, str(min(vehicles, 3)), manner)
     return [
@@ -208,7 +210,7 @@ class _Vehicles:
                     self._bodies[_body_group(row["BODY_TYP"])].append(row)
 
     def like(self, accident: Row, moving: Sequence[str], own: Mapping[str, list[Row]]) -> list[Row]:
-        """A row for each vehicle that moved."""
+        """Return a row for each vehicle that moved."""
         shape, manner = _shape(accident["HARM_EV"]), _MANNERS.get(accident["MAN_COLL"], "7")
         areas = _areas(moving, own["vevent"])
         bodies = {row["VEH_NO"]: row for row in own["veh_aux"]}
@@ -224,7 +226,9 @@ class _Vehicles:
         ]
 
     def _fitting(self, crashes: Sequence[Sequence[Row]], areas: Sequence[str]) -> list[Row]:
-        """The vehicles, in the order of ``areas``, of one of the crashes in which they were struck most like that."""
+        """Return the vehicles, in the order of ``areas``, of one of the crashes in which they were struck most like
+        that.
+        """
         turned = [order for crash in crashes for order in (crash[: len(areas)], crash[: len(areas)][::-1])]
         off = [sum(map(_hours_apart, areas, (row["IMPACT1"] for row in rows))) for rows in turned]
         return list(self._draw.choice([rows for rows, each in zip(turned, off, strict=True) if each == min(off)]))
@@ -245,7 +249,9 @@ class _Vehicles:
 
 
 def _areas(moving: Iterable[str], events: Iterable[Row]) -> dict[str, str]:
-    """The first area of impact of each vehicle, as a clock position (61 to 63 are the left and 81 to 83 the right)."""
+    """Return the first area of impact of each vehicle, as a clock position (61 to 63 are the left and 81 to 83 the
+    right).
+    """
     found = dict.fromkeys(moving, "0")
     for row in sorted(events, key=lambda row: int(row["VEVENTNUM"])):
         for number, area in ((row["VNUMBER1"], row["AOI1"]), (row["VNUMBER2"], row["AOI2"])):

@@ -58,7 +58,7 @@ _TROUBLE = (Failure, Rejection, UserError, subprocess.SubprocessError, OSError, 
 
 @dataclass
 class Row:
-    """What is known of one converter, over all places."""
+    """Results of one converter, over all places."""
 
     tried: int = 0
     times_s: list[float] = field(default_factory=list)
@@ -80,7 +80,7 @@ class Row:
 
 
 def places(folder: Path, radius_m: float) -> Iterator[tuple[str, OsmExtract, LocalFrame]]:
-    """An extract around the node that is in the middle of the public roads of each file."""
+    """Yield an extract around the node that is in the middle of the public roads of each file."""
     for path in sorted(folder.glob("*.pbf")):
         nodes = [
             (node.lat, node.lon)
@@ -98,12 +98,12 @@ def places(folder: Path, radius_m: float) -> Iterator[tuple[str, OsmExtract, Loc
 
 
 def ours(extract: OsmExtract, frame: LocalFrame, folder: Path) -> bytes:
-    """Ours, gates included."""
+    """Return ours, gates included."""
     return build_plain_map(extract, frame, RoadSettings(), name="map", left_hand=False).stored.xodr
 
 
 def netconvert(extract: OsmExtract, frame: LocalFrame, folder: Path) -> bytes:
-    """SUMO's, with its defaults but for the projection."""
+    """Return sUMO's, with its defaults but for the projection."""
     source, target = folder / "net.osm", folder / "net.xodr"
     source.write_bytes(write_osm(extract))
     target.unlink(missing_ok=True)
@@ -117,12 +117,13 @@ def netconvert(extract: OsmExtract, frame: LocalFrame, folder: Path) -> bytes:
 
 
 def osm2odr(extract: OsmExtract, frame: LocalFrame, folder: Path) -> bytes:
-    """CARLA's, in a process of its own."""
+    """Return cARLA's, in a process of its own."""
     return run_osm2odr(write_osm(extract), frame)
 
 
 def lanelets(row: Row, extract: OsmExtract, frame: LocalFrame, folder: Path) -> None:
-    """CommonRoad's designer, in an environment of its own; its lanelets are in the Mercator projection of the web."""
+    """Run CommonRoad's designer, in an environment of its own; its lanelets are in the Mercator projection of the
+    web."""
     from pyproj import Transformer
 
     source = folder / "designer.osm"
@@ -179,7 +180,7 @@ def convert(row: Row, name: str, place: str, extract: OsmExtract, frame: LocalFr
 
 
 def read_by(row: Row, folder: Path) -> tuple[str, str, str]:
-    """Errors of ASAM's checker, and how many maps CARLA's library and netconvert read."""
+    """Return errors of ASAM's checker, and how many maps CARLA's library and netconvert read."""
     if not row.files:
         return "", "", ""
     verdicts = judges.official_check(row.files)

@@ -59,7 +59,7 @@ class Guess:
 
 
 def reported_guesses(rows: Sequence[Reported]) -> Iterator[Guess]:
-    """Travel speeds of reports, each by what the other crashes taught."""
+    """Yield the travel speeds of reports, each by what the other crashes taught."""
     for fold in range(FOLDS):
         shifts = fit_shifts(kept := [row for row in rows if _fold(row.party.record.key) != fold])
         spread = fit_spread(kept, shifts)
@@ -72,7 +72,7 @@ def reported_guesses(rows: Sequence[Reported]) -> Iterator[Guess]:
 
 
 def recorded_guesses(rows: Sequence[Recorded]) -> Iterator[Guess]:
-    """Speeds at the impact of recorders: travel speeds as reports taught, braking as other recorders did."""
+    """Yield speeds at the impact of recorders: travel speeds as reports taught, braking as other recorders did."""
     for fold in range(FOLDS):
         braking = fit_braking([row for row in rows if _fold(row.case) != fold])
         with patch.object(speed_prior, "BRAKING", braking):
@@ -102,7 +102,8 @@ def _fold(key: str) -> int:
 
 
 def print_guesses(title: str, guesses: Sequence[Guess]) -> None:
-    """A table by group: errors of rule and estimate (mph), and the share of hidden speeds within the intervals."""
+    """Print a table by group: errors of rule and estimate (mph), and the share of hidden speeds within the
+    intervals."""
     print(f"\n{title}")
     print(f"{'':16}{'number':>8}{'rule':>8}{'(mean)':>8}{'learned':>9}{'(mean)':>8}{'within 80 %':>13}{'width':>8}")
     groups = sorted({each.group for each in guesses})
@@ -118,7 +119,7 @@ def print_guesses(title: str, guesses: Sequence[Guess]) -> None:
 
 
 def measure(runs: int) -> Iterator[Figure]:
-    """Both tables as figures, of the shared data; nothing here is random, so that one run is enough."""
+    """Yield both tables as figures, of the shared data; nothing here is random, so that one run is enough."""
     rows = list(masked(read_reports([SHARED / "fars-csv"], [SHARED / "va-2023/reports"])))
     recorded = recorded_speeds(SHARED / "ciren/cases.json")
     for what, guesses in (

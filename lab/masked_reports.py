@@ -14,10 +14,9 @@ in turn, and compared with the draws of the new estimate, weighed by what the re
 * everything that tells lanes, of both vehicles: whether each comes in the lane it has with everything reported. That
   lane is an estimate too. Of the sample the true lanes are known.
 
-Chance draws each from what all crashes have: another vehicle's speed, area, movement or angle, any lane of the
-same direction. Where a language model is configured (``TRACE_DAG_STATES__LLM_MODEL``), it is asked for coordinates as
-the published study asked, about the same masked reports.
-"""
+Chance draws each from what all crashes have: another vehicle's speed, area, movement or angle, any lane of the same
+direction. If a language model is configured (``TRACE_DAG_STATES__LLM_MODEL``), it is asked for coordinates as the
+published study asked, about the same masked reports."""
 
 from __future__ import annotations
 
@@ -99,8 +98,10 @@ Found = tuple[StateEstimate, SampledRuns]
 
 
 def measure(runs: int) -> Iterator[Figure]:
-    """All rows as figures; nothing here is random, so that one run is enough. Without shared crashes the lanes of the
-    sample alone."""
+    """Yield all rows as figures; nothing here is random, so that one run is enough.
+
+    Without shared crashes the lanes of the sample alone.
+    """
     with tempfile.TemporaryDirectory() as folder:
         if (SHARED / "fars-csv").is_dir():
             root = os.environ.get("TRACE_DAG_MASKED_ROOT")
@@ -118,12 +119,12 @@ def _configured() -> list[str]:
 
 
 def by_estimator(root: str, draws: int, beside: Iterable[str]) -> dict[str, Crashes]:
-    """The crashes of a root for the analytic estimator, and for others that are asked about the same."""
+    """Return the crashes of a root for the analytic estimator, and for others that are asked about the same."""
     return {name: list(collisions(root, draws, name)) for name in (ANALYTIC, *beside)}
 
 
 def recovered(crashes: Mapping[str, Crashes]) -> Iterator[Figure]:
-    """The rows of the table, as they are measured."""
+    """Yield the rows of the table, as they are measured."""
     speeds = {name: list(speed_rows(each)) for name, each in crashes.items()}
     ours = speeds[ANALYTIC]
     hidden = [row[0] for row in ours]
@@ -172,7 +173,7 @@ def recovered(crashes: Mapping[str, Crashes]) -> Iterator[Figure]:
 
 
 def lanes(crashes: Mapping[str, Crashes], true: SampleTruth) -> Iterator[Figure]:
-    """Of the sample: the share of vehicles in their true lanes, with everything reported and with lanes hidden."""
+    """Return the share of the sample's vehicles in their true lanes, with everything reported and with lanes hidden."""
     keys = {crash.record.key for crash in crashes[ANALYTIC]}
     of_these = true.model_copy(update={"crashes": tuple(each for each in true.crashes if each.key in keys)})
     chance = [1 / max(vehicle.approach.lanes, 1) for crash in of_these.crashes for vehicle in crash.vehicles]
@@ -200,7 +201,7 @@ def _figure(what: str, held: Mapping[str, Sequence[bool]], chance: float, note: 
 
 
 def _pairs(values: Sequence[Value], alike: Callable[[Value, Value], bool]) -> float:
-    """The share of right answers if each were another crash's, drawn from all."""
+    """Return the share of right answers if each were another crash's, drawn from all."""
     often = Counter(values)
     return sum(often[one] * often[two] for one in often for two in often if alike(one, two)) / len(values) ** 2
 
@@ -215,7 +216,7 @@ def _near_deg(one: float, two: float) -> bool:
 
 # --- what was hidden, and what came back -----------------------------------------------------------------------------
 def speed_rows(crashes: Crashes) -> Iterator[tuple[float, tuple[float, ...] | None]]:
-    """Hidden travel speed, and low, middle and high of the draws, None where there are none; mph."""
+    """Yield the hidden travel speed, and low, middle and high of the draws, None where there are none; mph."""
     for crash in crashes:
         for vehicle in crash.record.vehicles:
             if vehicle.travel_speed_mps is None:
@@ -236,7 +237,7 @@ def speed_rows(crashes: Crashes) -> Iterator[tuple[float, tuple[float, ...] | No
 
 
 def area_rows(crashes: Crashes) -> Iterator[tuple[float, float | None]]:
-    """Hidden clock position, and the likeliest of the draws; None where there is none."""
+    """Yield the hidden clock position, and the likeliest of the draws; None where there is none."""
     for crash in crashes:
         for vehicle in crash.record.vehicles:
             if vehicle.impact is None:
@@ -254,7 +255,7 @@ def area_rows(crashes: Crashes) -> Iterator[tuple[float, float | None]]:
 
 
 def movement_rows(crashes: Crashes, with_types: bool) -> Iterator[tuple[str, str | None]]:
-    """Hidden kind of movement, and the likeliest of the draws; None where there is none."""
+    """Yield the hidden kind of movement, and the likeliest of the draws; None where there is none."""
     for crash in crashes:
         for vehicle in crash.record.vehicles:
             if vehicle.movement not in _REPORTED:
@@ -271,7 +272,7 @@ def movement_rows(crashes: Crashes, with_types: bool) -> Iterator[tuple[str, str
 
 
 def _drawn(found: Found, number: int) -> Iterator[tuple[ParticipantState, float]]:
-    """A party as the hypothesis of each draw has it, with the draw's weight."""
+    """Yield a party as the hypothesis of each draw has it, with the draw's weight."""
     states, drawn = found
     for contact in drawn.contacts:
         hypothesis = states.hypotheses[states.samples[contact.sample].hypothesis]
@@ -286,7 +287,7 @@ def _likeliest(weighed: Iterable[tuple[Value, float]]) -> Value | None:
 
 
 def angle_rows(crashes: Crashes) -> Iterator[tuple[float, float | None]]:
-    """The angle between the headings with everything reported, and without the crash types."""
+    """Yield the angle between the headings with everything reported, and without the crash types."""
     for crash in crashes:
         whole = _angle_deg(crash.whole[1]) if crash.whole else None
         if whole is not None:
@@ -300,8 +301,9 @@ def _angle_deg(drawn: SampledRuns) -> float | None:
 
 
 def lane_rows(crashes: Crashes) -> Iterator[tuple[bool, int]]:
-    """Of each vehicle whether the draws without lanes mostly come in the lane of the best estimate with everything
-    reported, and how many lanes its road has that way."""
+    """Return, for each vehicle, whether the draws without lanes mostly come in the lane of the best estimate with
+    everything reported, and the number of lanes of its road that way.
+    """
     for crash in crashes:
         if crash.whole is None:
             continue
@@ -325,8 +327,9 @@ def _lanes_that_way(network: RoadNetwork, party: ParticipantState) -> int:
 
 
 def came_in_same_lane(one: ParticipantState, two: ParticipantState, width_m: float) -> bool:
-    """Whether two motions to an impact came along one lane: where the one that began nearer to it began, the other was
-    less than half a lane's width to the side, and headed the same way."""
+    """Return whether two motions to an impact came along one lane: where the one that began nearer to it began, the
+    other was less than half a lane's width to the side, and headed the same way.
+    """
     far, near = (one, two) if _length_m(one) >= _length_m(two) else (two, one)
     path, place = far.trajectory, near.initial_pose
     away_m = np.hypot(path.x_m - place.x_m, path.y_m - place.y_m)
@@ -340,7 +343,7 @@ def came_in_same_lane(one: ParticipantState, two: ParticipantState, width_m: flo
 
 
 def _length_m(party: ParticipantState) -> float:
-    """From where it begins to the impact."""
+    """Return the distance from its beginning to the impact."""
     return math.dist((party.initial_pose.x_m, party.initial_pose.y_m), (party.impact_pose.x_m, party.impact_pose.y_m))
 
 

@@ -1,9 +1,8 @@
 """Verified collisions of two vehicles, and what can be hidden of their reports.
 
-What is hidden is what a report says of one thing in all its fields. Other fields mostly say it again: who is said to
-have turned left has the crash type of a left turn. So what comes back says how much a report's parts agree with each
-other, not how much it knows beyond itself.
-"""
+A fact is hidden in all fields of a report. Other fields mostly say it again: who is said to have turned left has the
+crash type of a left turn. So what comes back says how much a report's parts agree with each other, not how much it
+knows beyond itself."""
 
 from __future__ import annotations
 
@@ -55,12 +54,13 @@ class Crash:
 
     @cached_property
     def whole(self) -> tuple[StateEstimate, SampledRuns] | None:
-        """The crash estimated as always, from all that is reported."""
+        """Return the crash estimated as always, from all that is reported."""
         return self._estimated(self.usual, self.record)
 
     def again(self, record: CrashRecord) -> tuple[StateEstimate, SampledRuns] | None:
-        """The crash estimated from another record, with its draws; None where no reading lets the vehicles meet, and
-        where a language model gives no usable answer."""
+        """Return the crash estimated from another record, with its draws; None where no reading lets the vehicles meet,
+        and where a language model gives no usable answer.
+        """
         return self._estimated(self.estimator, record)
 
     def _estimated(self, estimator: Estimator, record: CrashRecord) -> tuple[StateEstimate, SampledRuns] | None:
@@ -74,7 +74,8 @@ class Crash:
 
 
 def collisions(root: str, draws: int, estimator: str) -> Iterator[Crash]:
-    """The verified collisions of a root, to be estimated by an estimator: ``analytic``, ``llm:PROMPT@MODEL``, ..."""
+    """Yield the verified collisions of a root, to be estimated by an estimator: ``analytic``, ``llm:PROMPT@MODEL``,
+    ..."""
     workspace = Workspace.open(root)
     usual, asked = (_estimator(workspace, name) for name in (ANALYTIC, estimator))
     asked.require()
@@ -91,7 +92,7 @@ def collisions(root: str, draws: int, estimator: str) -> Iterator[Crash]:
 
 
 def _estimator(workspace: Workspace, name: str) -> Estimator:
-    """What a language model cannot answer counts as not recovered: no other estimator answers in its place."""
+    """Return the estimator of the settings."""
     states = settings_of(name, workspace.settings.states).model_copy(update={"llm_fallback": "reject"})
     return estimator_factory(states)(states, files=workspace.storage, ledger=f"masked-{uuid.uuid4().hex}")
 
@@ -101,7 +102,7 @@ def _verified(files: CrashFiles) -> bool:
 
 
 def compute_shared(root: Path) -> None:
-    """The shared crashes of Virginia and of FARS, up to their verdicts."""
+    """Compute the shared crashes of Virginia and of FARS, up to their verdicts."""
     workspace = Workspace.open(str(root), FLOW)
     virginia = SHARED / "va-2023"
     ingest(workspace.storage, "virginia", reports=[virginia / "reports"], maps=[virginia / "osm"])
@@ -110,7 +111,7 @@ def compute_shared(root: Path) -> None:
 
 
 def compute_sample(root: Path) -> None:
-    """The crashes of the bundled sample, up to their verdicts."""
+    """Compute the crashes of the bundled sample, up to their verdicts."""
     workspace = Workspace.open(str(root), FLOW)
     ingest(workspace.storage, "sample", reports=[SAMPLE / "reports"], maps=[MAPS])
     _judge(root)
@@ -124,13 +125,13 @@ def _judge(root: Path) -> None:
 
 # --- what is hidden --------------------------------------------------------------------------------------------------
 def with_vehicle(record: CrashRecord, vehicle: VehicleRecord) -> CrashRecord:
-    """A record with another vehicle of that number."""
+    """Return a record with another vehicle of that number."""
     vehicles = tuple(vehicle if each.number == vehicle.number else each for each in record.vehicles)
     return replace(record, vehicles=vehicles)
 
 
 def without_area(record: CrashRecord, number: int) -> CrashRecord:
-    """A record in which nothing says where a vehicle was struck."""
+    """Return a record in which nothing says where a vehicle was struck."""
     events = tuple(
         replace(
             event,
@@ -145,19 +146,20 @@ def without_area(record: CrashRecord, number: int) -> CrashRecord:
 
 
 def without_types(record: CrashRecord) -> CrashRecord:
-    """A record without crash types."""
+    """Return a record without crash types."""
     return replace(record, vehicles=tuple(replace(each, crash_type_code=None) for each in record.vehicles))
 
 
 def without_movement(record: CrashRecord, number: int) -> CrashRecord:
-    """A record that does not say what a vehicle did before the critical event."""
+    """Return a record that does not say what a vehicle did before the critical event."""
     vehicle = next(each for each in record.vehicles if each.number == number)
     return with_vehicle(record, replace(vehicle, movement=PreCrashMovement.UNKNOWN))
 
 
 def without_lanes(record: CrashRecord) -> CrashRecord:
-    """A record in which nothing says in which lane anybody came: no number of lanes, movement, crash type, area of
-    impact, and no word on who left a lane."""
+    """Return a record in which nothing says in which lane anybody came: no number of lanes, movement, crash type, area
+    of impact, and no word on who left a lane.
+    """
     for vehicle in record.vehicles:
         record = without_movement(without_area(record, vehicle.number), vehicle.number)
     vehicles = tuple(

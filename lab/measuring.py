@@ -1,4 +1,4 @@
-"""What a benchmark yields, and how it is measured: medians of several runs, ours and the peer's by turns.
+"""Figures of a measure: medians of several runs, ours and the peer's by turns.
 
 Times are CPU seconds (of this process and its ended children), which other work on the machine disturbs less than the
 clock on the wall does; a figure says where it is wall time.
@@ -40,12 +40,12 @@ class Figure:
 
     @property
     def ratio(self) -> float | None:
-        """Ours to the peer's."""
+        """Return ours to the peer's."""
         return self.value / self.peer_value if self.peer_value else None
 
     @property
     def reached(self) -> bool | None:
-        """Whether the goal is reached; None without one."""
+        """Return whether the goal is reached; None without one."""
         judged = self.ratio if self.goal_of_ratio else self.value
         if self.goal is None or judged is None:
             return None
@@ -56,13 +56,13 @@ Work = Callable[[], object]
 
 
 def cpu_s() -> float:
-    """CPU time so far of this process and of its children that have ended."""
+    """Return the CPU time so far of this process and of its children that have ended."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(each.ru_utime + each.ru_stime for each in used)
 
 
 def medians(runs: int, *works: Work, clock: Callable[[], float] = cpu_s) -> list[float]:
-    """Median seconds of each of some works, done by turns so that all meet the same machine."""
+    """Return the median seconds of each of some works, done by turns so that all meet the same machine."""
     taken: list[list[float]] = [[] for _ in works]
     for _ in range(runs):
         for number, work in enumerate(works):
@@ -73,10 +73,10 @@ def medians(runs: int, *works: Work, clock: Callable[[], float] = cpu_s) -> list
 
 
 def wall_s() -> float:
-    """The clock on the wall."""
+    """Return the clock on the wall."""
     return time.perf_counter()
 
 
 def exit_code(figures: Iterable[Figure]) -> int:
-    """What a command that measured figures ends with: 1 if a goal is missed."""
+    """Return the exit code of a command that measured figures: 1 if a goal is missed."""
     return 1 if any(figure.reached is False for figure in figures) else 0

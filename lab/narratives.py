@@ -7,16 +7,16 @@
 model is that of the settings (``TRACE_DAG_STATES__LLM_MODEL``). With ``--stand-in`` it is the answers beside the
 narratives, written by hand, which show that the path works and say nothing about any model.
 
-Of each field that the coded report knows the narrative's is right, wrong or missing. Streets are compared as names,
-bodies by their class, speeds within 1 mph, areas by whether they overlap; an event by its kind and its parties. A field
-that only the narrative has cannot be judged here. Units are those of the same number, persons of the same order.
+In each field that the coded report has, the narrative's value is right, wrong or missing. Streets are compared as
+names, bodies by their class, speeds within 1 mph, areas by whether they overlap; an event by its kind and its parties.
+A field that only the narrative has cannot be judged here. Units are those of the same number, persons of the same
+order.
 
-Where to get cases: NHTSA publishes a narrative beside the coded tables of each crash that its investigators looked
+If to get cases: NHTSA publishes a narrative beside the coded tables of each crash that its investigators looked
 into. CISS (since 2016) and CIREN: case by case at https://crashviewer.nhtsa.dot.gov, the tables of a year at
-https://www.nhtsa.gov/file-downloads?p=nhtsa/downloads/CISS/. They are public and name no place and no street: they can
-be scored, and not be reconstructed. What others report on CIREN: Extended Scenic road 100 %, actors 98 %; SAFE 94 and
-80 %.
-"""
+https://www.nhtsa.gov/file-downloads?p=nhtsa/downloads/CISS/. They are public and name no place and no street: they
+can be scored, and not be reconstructed. Published for CIREN: Extended Scenic road 100 %, actors 98 %; SAFE 94 and 80
+%."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class StandIn:
         return StoredAnswer(self.answer(messages), "stop", "stand-in", 0, 0, 0.0, 0.0)
 
     def answer(self, messages: Sequence[Mapping[str, str]]) -> str:
-        """The answer to a question, as a provider would send it."""
+        """Return the answer to a question, as a provider would send it."""
         question = messages[1]["content"]
         (name,) = (name for name, text in self._texts.items() if json.dumps(text, ensure_ascii=False)[1:-1] in question)
         said = self._answers[name]
@@ -92,7 +92,7 @@ class Compared:
 
 
 def compared(coded: CrashRecord, read: CrashRecord) -> Iterator[Compared]:
-    """Every field that the coded report knows, beside what was read."""
+    """Yield every field that the coded report knows, beside what was read."""
     yield from _streets(coded, read)
     for name, element in _OF_CRASH.items():
         yield from _field(name, getattr(coded, name), getattr(read, name), _same_meaning(element))
@@ -195,7 +195,7 @@ def _event(record: CrashRecord, event: Any) -> tuple[int, tuple[object, ...]]:
 
 
 def scored(folder: Path, coded: Mapping[str, CrashRecord], model: Model, *, attempts: int) -> dict[str, Counter[str]]:
-    """For each field in how many crashes, vehicles or persons it is right, wrong and missing."""
+    """Count for each field in how many crashes, vehicles or persons it is right, wrong and missing."""
     found: dict[str, Counter[str]] = defaultdict(Counter)
     for narrative in narratives_in(folder):
         if narrative.id not in coded:
@@ -216,7 +216,7 @@ def scored(folder: Path, coded: Mapping[str, CrashRecord], model: Model, *, atte
 
 
 def coded_reports(folders: Sequence[Path], keys: Collection[str]) -> dict[str, CrashRecord]:
-    """The records of some CrashAPI reports, by key."""
+    """Return the records of some CrashAPI reports, by key."""
     settings = CrashSettings()
     return {
         each.key: complete_record(read_report(each.path.read_bytes(), name=each.key, settings=settings))

@@ -54,7 +54,7 @@ class Seen(NamedTuple):
 
 
 class Deviation(NamedTuple):
-    """How far a scenario is from the log it was written from."""
+    """Deviations of a scenario from the log it was written from."""
 
     vehicle_position_m: float
     person_position_m: float
@@ -64,7 +64,7 @@ class Deviation(NamedTuple):
 
 
 def damaged_files(package: Path) -> list[str]:
-    """Files that are not as the manifest has them, missing and additional ones included."""
+    """Return files that are not as the manifest has them, missing and additional ones included."""
     manifest = json.loads((package / "manifest.json").read_text())
     listed = {name: file["sha256"] for name, file in manifest["files"].items()}
     found = {
@@ -76,7 +76,7 @@ def damaged_files(package: Path) -> list[str]:
 
 
 def deviation(package: Path, scenario_name: str) -> Deviation:
-    """A scenario's trajectories against the package's log, and its collision against the recorded contact."""
+    """Return a scenario's trajectories against the package's log, and its collision against the recorded contact."""
     log = json.loads((package / "trajectories.json").read_text())
     scenario = Scenario((package / scenario_name).read_bytes())
     position_m, time_s = {"V": 0.0, "P": 0.0}, 0.0  # of vehicles, of people and animals
@@ -105,13 +105,15 @@ def deviation(package: Path, scenario_name: str) -> Deviation:
 
 
 def first_contact(log: dict[str, Any]) -> dict[str, Any] | None:
-    """The first contact of two who move; scenarios have objects on their map, where players look for no collision."""
+    """Return the first contact of two who move; scenarios have objects on their map, where players look for no
+    collision.
+    """
     moving = [each for each in log["contacts"] if str(each["number_2"]) in log["vehicles"]]
     return moving[0] if moving else None
 
 
 def seen(package: Path, collision: Collision | None, scenario: Scenario, bodies: dict[str, Any]) -> Seen | None:
-    """A player's collision against the recorded contact; ``bodies`` are x, y and h of reference points then."""
+    """Return a player's collision against the recorded contact; ``bodies`` are x, y and h of reference points then."""
     if collision is None:
         return None
     log = json.loads((package / "trajectories.json").read_text())
@@ -126,7 +128,7 @@ def seen(package: Path, collision: Collision | None, scenario: Scenario, bodies:
 
 
 def seen_to_the_letter(package: Path, scenario_name: str, step_s: float) -> Seen | None:
-    """What a player written from the standard sees."""
+    """Return the crash as a player written from the standard sees it."""
     scenario = Scenario((package / scenario_name).read_bytes())
     collision = scenario.play(step_s)
     times_s = np.array([collision.time_s if collision else 0.0])
@@ -135,7 +137,7 @@ def seen_to_the_letter(package: Path, scenario_name: str, step_s: float) -> Seen
 
 
 def seen_in_esmini(package: Path, scenario_name: str, step_s: float) -> Seen | None:
-    """What esmini sees with its default options."""
+    """Return the crash as esmini sees it with its default options."""
     with tempfile.TemporaryDirectory() as work:
         collision, places, _ = esmini.play(package / scenario_name, step_s, Path(work))
     time_s = collision.time_s if collision else 0.0
@@ -144,9 +146,11 @@ def seen_in_esmini(package: Path, scenario_name: str, step_s: float) -> Seen | N
 
 
 def report_players(packages: Sequence[Path], steps_s: Sequence[float]) -> None:
-    """Prints, by scenario, player and step, in how many packages the crash is seen on time, late, early and never. On
-    time is within 20 ms, or within a step where that is longer. Left out are packages without a contact of two who
-    move."""
+    """Print, by scenario, player and step, in how many packages the crash is seen on time, late, early and never.
+
+    On time is within 20 ms, or within a step where that is longer. Left out are packages without a contact of two who
+    move.
+    """
     packages = [each for each in packages if first_contact(json.loads((each / "trajectories.json").read_text()))]
     players = {"to the letter": seen_to_the_letter, "esmini": seen_in_esmini}
     try:
@@ -178,7 +182,7 @@ def _when(late_s: float, step_s: float) -> str:
 
 
 def judge(packages: Sequence[Path]) -> list[dict[str, Any]]:
-    """What ASAM's checkers say of every map and scenario; nothing where they are not installed."""
+    """Return the findings of ASAM's checkers on every map and scenario; none where they are not installed."""
     verdicts = []
     for first in range(0, len(packages), _PACKAGES_AT_ONCE):
         some = packages[first : first + _PACKAGES_AT_ONCE]
@@ -194,7 +198,7 @@ def judge(packages: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def report_deviations(packages: Sequence[Path]) -> None:
-    """Prints the largest deviation of each kind over all packages, and the packages beyond its bound."""
+    """Print the largest deviation of each kind over all packages, and the packages beyond its bound."""
     for scenario_name in _SCENARIOS:
         found = {package.name: deviation(package, scenario_name) for package in packages}
         for index, (kind, (bound, unit)) in enumerate(_LARGEST.items()):
@@ -209,7 +213,7 @@ def report_deviations(packages: Sequence[Path]) -> None:
 
 
 def report_verdicts(verdicts: Sequence[dict[str, Any]]) -> None:
-    """Prints, by name of file, how many hold, how many rules ran, and every error."""
+    """Print, by name of file, how many hold, how many rules ran, and every error."""
     by_name = defaultdict(list)
     for verdict in verdicts:
         name = Path(verdict["file"]).name

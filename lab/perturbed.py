@@ -88,8 +88,9 @@ def perturbed(
 
 
 def perturbed_table(rows: Sequence[PerturbedRow]) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """A line per perturbation: changed reports judged, verified, corroborated, and verified of the crash's own
-    simulation."""
+    """Return a line per perturbation: changed reports judged, verified, corroborated, and verified of the crash's own
+    simulation.
+    """
     lines: list[tuple[Any, ...]] = []
     for name, kind in KINDS.items():
         of_kind = [row for row in rows if row.perturbation == name]

@@ -1,13 +1,12 @@
-"""How often what a report says of its road holds for that road, and for the others around: what placement weighs by.
+"""Placement weights: how often a reported fact holds for the crash's road, and for the others around.
 
     python -m lab placement_weights ROOT [ROOT ...]
 
-Of every crash with a stored map: its own road is the nearest one, within 100 m of the reported point, that bears the
-name reported; the others are those there whose names are known and are others. Of each thing the report says it prints
-how often it holds for the one and for the others, and the logarithm of the ratio, which is what a weight in
-``trace_dag/roads/crash_site/placement.py`` stands for. Names decide which road is which, so their own weight cannot be
-measured so.
-"""
+The own road of a crash with a stored map is the nearest one, within 100 m of the reported point, that bears the name
+reported; the others are those there whose names are known and are others. It prints how often each reported fact
+holds for the one and for the others, and the logarithm of the ratio, which is what a weight in
+``trace_dag/roads/crash_site/placement.py`` stands for. Names decide which road is which, so their own weight cannot
+be measured so."""
 
 from __future__ import annotations
 
@@ -35,7 +34,7 @@ CLASS_STEPS = (0.9, 1.7, 2.7, math.inf)
 
 
 def roads_near(network: RoadNetwork, record: CrashRecord) -> dict[str, float]:
-    """Roads outside junctions near the reported point, and how far beside their surface it lies, m."""
+    """Return roads outside junctions near the reported point, and how far beside their surface it lies, m."""
     x_m, y_m = network.frame.to_local(record.latitude_deg, record.longitude_deg).tolist()
     near: dict[str, float] = {}
     for match in network.nearest_lanes(float(x_m), float(y_m), AROUND_M):
@@ -46,7 +45,7 @@ def roads_near(network: RoadNetwork, record: CrashRecord) -> dict[str, float]:
 
 
 def said(network: RoadNetwork, record: CrashRecord, road: Road, distance_m: float) -> Iterator[tuple[str, str]]:
-    """What the report says of its road, and how it comes out for a road: pairs of subject and outcome."""
+    """Return the reported facts of the road, and their outcomes for a road: pairs of subject and outcome."""
     bin_m = next(limit for limit in DISTANCES_M if distance_m <= limit)
     yield "distance", f"at most {bin_m:g} m"
     steps = class_steps(record, road)

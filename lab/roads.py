@@ -53,7 +53,7 @@ _LEAST_OF = ("turn_radius", "u_turn_radius", "shortest_element")  # gates
 
 
 def virginia(data: Path) -> Places:
-    """The published sites, each in the frame of its published map."""
+    """Return the published sites, each in the frame of its published map."""
     found = {}
     for path in sorted((data / "va-2023" / "osm").glob("*.osm")):
         published = (data / "va-2023" / "published" / "maps" / f"{path.stem}.xodr").read_text(errors="replace")
@@ -63,7 +63,7 @@ def virginia(data: Path) -> Places:
 
 
 def fars_sites(data: Path) -> list[Site]:
-    """Reported points of the FARS crashes with two vehicles."""
+    """Return the reported points of the FARS crashes with two vehicles."""
     sites = []
     for path in sorted((data / "fars-csv").glob("*/accident.csv")):
         with path.open(encoding="latin-1", newline="") as file:
@@ -76,7 +76,7 @@ def fars_sites(data: Path) -> list[Site]:
 
 
 def random_sites(data: Path, count: int) -> list[Site]:
-    """Nodes of public roads, equally many out of each extract, always the same ones."""
+    """Return nodes of public roads, equally many out of each extract, always the same ones."""
     draw = random.Random(20261121)
     files = sorted((data / "osm").glob("*.pbf"))
     sites = []
@@ -92,7 +92,7 @@ def random_sites(data: Path, count: int) -> list[Site]:
 
 
 def cut(data: Path, sites: list[Site]) -> Places:
-    """Extracts of the sites that have any road."""
+    """Return extracts of the sites that have any road."""
     extracts = MapCatalog.open([data / "osm"]).extract(sites, OsmSettings())
     return {
         site.key: (along_traffic(extract), LocalFrame(site.latitude_deg, site.longitude_deg))
@@ -102,7 +102,7 @@ def cut(data: Path, sites: list[Site]) -> Places:
 
 
 def measure_ours(places: Places, folder: Path, walk_every: int) -> None:
-    """The native converter's maps: their gates, then the judges of all of them."""
+    """Measure the native converter's maps: their gates, then the judges of all of them."""
     files = convert_all(places, folder)
     walk(list(files)[::walk_every])
     ask_asam(list(files))
@@ -157,13 +157,15 @@ def convert_all(places: Places, folder: Path) -> dict[Path, RoadNetwork]:
 
 
 def _returns(road: Road) -> bool:
-    """Whether a road begins and ends at the same junction, so that a connection's incoming road has two ends there."""
+    """Return whether a road begins and ends at the same junction, so that a connection's incoming road has two ends
+    there.
+    """
     before, after = road.predecessor, road.successor
     return before is not None and before == after and before.element_type == "junction"
 
 
 def walk(files: Sequence[Path]) -> None:
-    """Steps of 1 m along every lane in CARLA's library."""
+    """Walk in steps of 1 m along every lane in CARLA's library."""
     steps = []
     for path in files:
         step = judged(lambda path=path: judges.carla_steps(judges.carla_map(path.read_bytes())).distances_m)
@@ -181,7 +183,7 @@ def walk(files: Sequence[Path]) -> None:
 
 
 def ask_asam(files: Sequence[Path]) -> None:
-    """What ASAM's checker says, and how many of its rules ran."""
+    """Return the findings of ASAM's checker, and the number of its rules that ran."""
     verdicts = judged(lambda: judges.official_check(files))
     if verdicts is None:
         return
@@ -201,7 +203,7 @@ def _is_error(issue: str) -> bool:
 
 
 def ask_sumo(files: Mapping[Path, RoadNetwork], folder: Path) -> None:
-    """Whether netconvert reads the same lanes back."""
+    """Return whether netconvert reads the same lanes back."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         answers = list(pool.map(lambda path: judged(lambda: judges.sumo_lanes(path, folder)), files))
     if None in answers:
@@ -213,7 +215,7 @@ def ask_sumo(files: Mapping[Path, RoadNetwork], folder: Path) -> None:
 
 
 def judged(judge: Callable[[], Result]) -> Result | None:
-    """What a judge says, or nothing where it is not installed."""
+    """Return a judge's findings, or nothing where it is not installed."""
     try:
         return judge()
     except pytest.skip.Exception:

@@ -82,7 +82,7 @@ def _name(crash: MadeCrash, anchor: Anchor) -> None:
 
 
 def _anchors(files: Sequence[Path], draw: random.Random) -> dict[tuple[str, bool], list[Anchor]]:
-    """Points on named roads by class and whether a junction is there, some of each file."""
+    """Return points on named roads by class and whether a junction is there, some of each file."""
     found: dict[tuple[str, bool], list[Anchor]] = defaultdict(list)
     for file in files:
         roads: list[tuple[dict[str, str], list[tuple[int, float, float]]]] = []
@@ -128,7 +128,7 @@ def _road_name(tags: dict[str, str]) -> str:
 
 
 def _write(pieces: Sequence[tuple[MadeCrash, Anchor, OsmExtract]], file: Path) -> None:
-    """Nodes, then ways, then relations, all in order of ids that count up from 1."""
+    """Write nodes, then ways, then relations, all in order of ids that count up from 1."""
     file.unlink(missing_ok=True)
     header = osmium.io.Header()
     header.set("generator", "trace-dag lab")
@@ -183,14 +183,14 @@ def _write(pieces: Sequence[tuple[MadeCrash, Anchor, OsmExtract]], file: Path) -
 
 
 class _Down:
-    """Where a point of an anchor's piece comes to lie at the crash: longitude, latitude, degrees."""
+    """The place at the crash of a point of an anchor's piece: longitude, latitude, degrees."""
 
     def __init__(self, crash: MadeCrash, anchor: Anchor) -> None:
         self._crash, self._site = crash, anchor.site
         self._stretch = math.cos(math.radians(anchor.site.latitude_deg)) / math.cos(math.radians(crash.latitude_deg))
 
     def of(self, longitude_deg: float, latitude_deg: float) -> tuple[float, float]:
-        """The place, where the anchor lies on the crash's reported point."""
+        """Return the place, where the anchor lies on the crash's reported point."""
         return (
             self._crash.longitude_deg + (longitude_deg - self._site.longitude_deg) * self._stretch,
             self._crash.latitude_deg + latitude_deg - self._site.latitude_deg,

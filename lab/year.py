@@ -81,7 +81,7 @@ def through(folder: Path, crashes: int, kills: int, seed: int) -> int:
 
 
 def prepare(folder: Path, root: Path, crashes: int, seed: int) -> None:
-    """Records, maps, and the cohort registered."""
+    """Prepare records, maps, and the registered cohort."""
     began = time.monotonic()
     folder.mkdir(parents=True, exist_ok=True)
     made = made_crashes(SHARED, crashes, seed)
@@ -114,7 +114,7 @@ def killed_after(root: Path, wanted: float, draw: random.Random) -> bool:
 
 
 def stored(root: Path) -> int:
-    """Records of all stages."""
+    """Return records of all stages."""
     return sum(1 for stage in Stage for _ in (root / stage.value).glob("*.outcome.json"))
 
 
@@ -128,7 +128,7 @@ def _cpu_minutes() -> float:
 
 
 def _largest_mb() -> float:
-    """The memory of the largest process that has ended."""
+    """Return the memory of the largest process that has ended."""
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 

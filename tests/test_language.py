@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
+import lab
 import trace_dag
 
 PACKAGE = Path(trace_dag.__file__).parent
+ROOMS = [*(path for path in sorted(PACKAGE.iterdir()) if path.is_dir()), Path(lab.__file__).parent]
 BANNED = re.compile(r"(?:^|(?<=[.!?])\s+)(?:What|How|Where|Who|Whose|Whom|Whether|Why|Of|As)\b")
 DOCUMENTED = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Module)
 
@@ -22,11 +24,11 @@ def docstrings(path: Path) -> Iterator[tuple[str, str]]:
             yield getattr(node, "name", "the module"), text
 
 
-@pytest.mark.parametrize("room", sorted(path.name for path in PACKAGE.iterdir() if path.is_dir()))
-def test_sentences_of_docstrings_begin_with_a_verb_or_a_noun(room: str) -> None:
+@pytest.mark.parametrize("room", ROOMS, ids=lambda path: path.name)
+def test_sentences_of_docstrings_begin_with_a_verb_or_a_noun(room: Path) -> None:
     wrong = [
-        f"{path.relative_to(PACKAGE)}: {name}: {text[found.start() :][:60]}"
-        for path in sorted((PACKAGE / room).rglob("*.py"))
+        f"{path.relative_to(room.parent)}: {name}: {text[found.start() :][:60]}"
+        for path in sorted(room.rglob("*.py"))
         for name, text in docstrings(path)
         if (found := BANNED.search(text))
     ]

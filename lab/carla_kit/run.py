@@ -30,7 +30,7 @@ CRASHES = 10
 
 
 def crashes_of(home: trace_dag.Home) -> list[Crash]:
-    """The first verified crashes in which motor vehicles alone touch."""
+    """Return the first verified crashes in which motor vehicles alone touch."""
     verified = sorted(home.crashes.query("final_state == 'verified'").index)
     alone = (crash for crash in map(home.__getitem__, verified) if _is_of_vehicles(crash))
     return [crash for crash, _ in zip(alone, range(CRASHES), strict=False)]
@@ -43,7 +43,7 @@ def _is_of_vehicles(crash: Crash) -> bool:
 
 
 def compared(crash: Crash, backend: CarlaBackend, settings: SimSettings) -> dict[str, Any]:
-    """A crash on the server beside our log; what went wrong in place of the former."""
+    """Return a crash on the server beside our log; what went wrong in place of the former."""
     ours = _said(crash.log.first_contact)
     try:
         friction = surface_friction(settings, crash.record)
@@ -64,7 +64,7 @@ def _said(contact: Contact | None) -> dict[str, Any] | None:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """The comparison as text, a line per crash."""
+    """Return the comparison as text, a line per crash."""
     lines = [f"{'crash':14} {'later':>8} {'away':>8}  parties"]
     for row in rows:
         ours, theirs = row["ours"], row["carla"]

@@ -27,7 +27,7 @@ _MIRRORED_ALIGNMENT: Final = {2: 3, 3: 2}
 
 # --- place -----------------------------------------------------------------------------------------------------------
 def move(report: ChangedReport, scene: PerturbedScene, *, east_m: float, north_m: float) -> str | None:
-    """The position, so far from the reported one.
+    """Return the position, so far from the reported one.
 
     >>> move(ChangedReport(report_xml), perturbed_scene, east_m=0.0, north_m=100.0)  # reported at 41.830333
     'at 41.831234, -101.536875'
@@ -38,7 +38,7 @@ def move(report: ChangedReport, scene: PerturbedScene, *, east_m: float, north_m
 
 
 def at_point(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The position, at the point drawn for the scene.
+    """Return the position, at the point drawn for the scene.
 
     >>> from lab.changed_reports.scene import Point
     >>> scene = PerturbedScene(record, perturbed_scene.rng, Point(41.83, -101.54, 260.0, ("Oak Street",), False))
@@ -62,7 +62,7 @@ def _put_place(report: ChangedReport, latitude_deg: float, longitude_deg: float)
 
 
 def set_down(report: ChangedReport, scene: PerturbedScene, *, named_here: bool) -> str | None:
-    """Another crash's report at the place of this one, with its own street names or (``named_here``) this one's.
+    """Return another crash's report at the place of this one, with its own street names or (``named_here``) this one's.
 
     >>> report = ChangedReport(report_xml)
     >>> set_down(report, perturbed_scene, named_here=True), report.crash.findtext("TWAY_ID2")
@@ -79,7 +79,7 @@ def set_down(report: ChangedReport, scene: PerturbedScene, *, named_here: bool) 
 
 # --- streets ---------------------------------------------------------------------------------------------------------
 def made_up_names(report: ChangedReport, scene: PerturbedScene, *, elements: tuple[str, ...]) -> str | None:
-    """Names that no street has, drawn for ``TWAY_ID`` or for it and ``TWAY_ID2``, where a name is reported."""
+    """Return names that no street has, drawn for ``TWAY_ID`` or for it and ``TWAY_ID2``, where a name is reported."""
     words = scene.rng.permutation(_MADE_UP)
     names = [f"{word} {scene.rng.choice(_TYPES)}" for word in words[: len(elements)]]
     reported = {"TWAY_ID": scene.record.trafficway_1, "TWAY_ID2": scene.record.trafficway_2}
@@ -92,7 +92,7 @@ def made_up_names(report: ChangedReport, scene: PerturbedScene, *, elements: tup
 
 
 def name_street(report: ChangedReport, scene: PerturbedScene, *, name: str) -> str | None:
-    """``TWAY_ID``.
+    """Return ``TWAY_ID``.
 
     >>> report = ChangedReport(report_xml)
     >>> name_street(report, perturbed_scene, name="I-999"), report.crash.findtext("TWAY_ID")
@@ -102,7 +102,7 @@ def name_street(report: ChangedReport, scene: PerturbedScene, *, name: str) -> s
 
 
 def set_intersection(report: ChangedReport, scene: PerturbedScene, *, kind: int, junction: int) -> str | None:
-    """``TYP_INT``, and ``RELJCT2`` so that it says the same.
+    """Return ``TYP_INT``, and ``RELJCT2`` so that it says the same.
 
     >>> report = ChangedReport(report_xml)
     >>> set_intersection(report, perturbed_scene, kind=6, junction=2), report.crash.findtext("TYP_INT")
@@ -123,7 +123,7 @@ def set_road(
     lanes: int | None = None,
     limit_mph: int | None = None,
 ) -> str | None:
-    """What kind of road it was: an interstate (``FUNC_SYS``, ``ROAD_FNC``, ``ROUTE``), so many lanes, such a limit.
+    """Set the kind of road: an interstate (``FUNC_SYS``, ``ROAD_FNC``, ``ROUTE``), so many lanes, such a limit.
 
     >>> report = ChangedReport(report_xml)
     >>> set_road(report, perturbed_scene, lanes=6), [code_in(vehicle, "VNUM_LAN") for vehicle in report.vehicles()]
@@ -145,12 +145,12 @@ def set_road(
 
 
 def mirror_alignment(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``VALIGN``: a curve to the left for one to the right, and the other way round."""
+    """Return ``VALIGN``: a curve to the left for one to the right, and the other way round."""
     return _align(report, scene, _MIRRORED_ALIGNMENT, "curves the other way")
 
 
 def other_alignment(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``VALIGN``: a curve to the right for a straight road, straight for a curve.
+    """Return ``VALIGN``: a curve to the right for a straight road, straight for a curve.
 
     >>> report = ChangedReport(report_xml)
     >>> other_alignment(report, perturbed_scene), [code_in(vehicle, "VALIGN") for vehicle in report.vehicles()]
@@ -175,7 +175,7 @@ def _vehicles(report: ChangedReport, scene: PerturbedScene) -> list[etree._Eleme
 
 # --- what happened ---------------------------------------------------------------------------------------------------
 def set_manner(report: ChangedReport, scene: PerturbedScene, *, code: int) -> str | None:
-    """``MAN_COLL`` of the crash and where its vehicles repeat it.
+    """Return ``MAN_COLL`` of the crash and where its vehicles repeat it.
 
     >>> report = ChangedReport(report_xml)
     >>> set_manner(report, perturbed_scene, code=10), code_in(report.crash, "MAN_COLL")
@@ -186,7 +186,7 @@ def set_manner(report: ChangedReport, scene: PerturbedScene, *, code: int) -> st
 
 
 def tree_as_first_harm(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``HARM_EV`` a tree, of the crash and where its vehicles repeat it; the events stay.
+    """Return ``HARM_EV`` a tree, of the crash and where its vehicles repeat it; the events stay.
 
     >>> report = ChangedReport(report_xml)
     >>> tree_as_first_harm(report, perturbed_scene), code_in(report.crash, "HARM_EV")
@@ -197,7 +197,7 @@ def tree_as_first_harm(report: ChangedReport, scene: PerturbedScene) -> str | No
 
 
 def tree_as_first_event(report: ChangedReport, scene: PerturbedScene, *, partner_stays: bool = False) -> str | None:
-    """The first event a tree: in the crash's sequence, in the vehicles' copies of it and in their own sequences.
+    """Return the first event a tree: in the crash's sequence, in the vehicles' copies of it and in their own sequences.
 
     Its second party is then none, unless ``partner_stays``: a slip in the code alone.
 
@@ -222,7 +222,7 @@ def tree_as_first_event(report: ChangedReport, scene: PerturbedScene, *, partner
 
 
 def blank(report: ChangedReport, scene: PerturbedScene, *, head_on: bool = False, named: bool = False) -> str | None:
-    """Nothing left but the place (position, kind of intersection) and that the two vehicles collided.
+    """Return nothing left but the place (position, kind of intersection) and that the two vehicles collided.
 
     With ``named`` the street names stay too, with ``head_on`` both crash types say head-on (50 and 51).
 

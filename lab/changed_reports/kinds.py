@@ -20,7 +20,7 @@ Change: TypeAlias = Callable[[ChangedReport, PerturbedScene], str | None]
 
 
 class Needs(StrEnum):
-    """What a perturbation takes beside the crash's own report."""
+    """Inputs of a perturbation beside the crash's own report."""
 
     NOTHING = "nothing"
     OTHER_REPORT = "other_report"
@@ -57,7 +57,7 @@ class Changed:
 
 
 def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Changed | None:
-    """The changed report; None where the perturbation does not apply or changes nothing.
+    """Return the changed report; None where the perturbation does not apply or changes nothing.
 
     ``report`` is another crash's for a kind that needs one. Raises :class:`~trace_dag.common.errors.Rejection` for data
     that is not a report.
@@ -78,7 +78,7 @@ def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Cha
 
 
 def _nothing(_report: ChangedReport, _scene: PerturbedScene) -> str:
-    """The report as it is: the control of the controls."""
+    """Return the report as it is: the control of the controls."""
     return "nothing"
 
 

@@ -1,8 +1,7 @@
 """Changes to what a report says of people: from which side they came, which way they went, where they were, who struck.
 
-As of vehicles (:mod:`lab.changed_reports.vehicles`). What is typed at or near intersections only is changed
-where it is there.
-"""
+The changes are like those of vehicles (:mod:`lab.changed_reports.vehicles`). Fields typed at or near intersections
+only are changed where they are there."""
 
 from __future__ import annotations
 
@@ -24,7 +23,7 @@ _STRIKES: Final = (PEDESTRIAN, CYCLIST, PERSON_ON_CONVEYANCE)
 
 
 def mirror_sides(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The side from which the person came: ``PEDSNR`` a for b, ``PEDDIR`` turned round.
+    """Return the side from which the person came: ``PEDSNR`` a for b, ``PEDDIR`` turned round.
 
     >>> report = ChangedReport(pedestrian_xml)
     >>> (row,) = report.typings()
@@ -42,7 +41,7 @@ def mirror_sides(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def go_along(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """Typed as going along the road and struck from behind, whatever the person did.
+    """Return the typed as going along the road and struck from behind, whatever the person did.
 
     >>> report = ChangedReport(pedestrian_xml)
     >>> go_along(report, perturbed_scene), [code_in(row, "PEDCTYPE") for row in report.typings()]
@@ -58,7 +57,7 @@ def go_along(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def on_sidewalk(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``PEDPOS``, ``BIKEPOS`` and ``LOCATION``: on a sidewalk.
+    """Return ``PEDPOS``, ``BIKEPOS`` and ``LOCATION``: on a sidewalk.
 
     >>> report = ChangedReport(pedestrian_xml)
     >>> on_sidewalk(report, perturbed_scene), [code_in(row, "PEDPOS") for row in report.typings()]
@@ -73,7 +72,7 @@ def on_sidewalk(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def swap_strikes(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The vehicles of the first two strikes exchanged, in all rows that say what happened between parties."""
+    """Return the vehicles of the first two strikes exchanged, in all rows that say what happened between parties."""
     if len(scene.vehicles) < 2:
         return None
     one, two = scene.vehicles[:2]

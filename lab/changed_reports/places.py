@@ -29,7 +29,7 @@ def random_point(
     on_same_street: bool,
     most_m: float,
 ) -> Point | None:
-    """A point on a public road of an extract, equally likely anywhere along the roads; None if there is none.
+    """Return a point on a public road of an extract, equally likely anywhere along the roads; None if there is none.
 
     ``frame`` is that of the crash, from which the point is :data:`LEAST_M` or more, and ``most_m`` at most in either
     direction of the frame; ``names`` those of the crash's street and the streets that cross it there. The crash's
@@ -56,14 +56,14 @@ def random_point(
 
 
 def is_same_street(names: Iterable[str], others: Iterable[str]) -> bool | None:
-    """Whether any name of the one is a name of the other; None if no two of them can be compared."""
+    """Return whether any name of the one is a name of the other; None if no two of them can be compared."""
     others = tuple(others)
     found = [value for name in names if (value := similarity(name, others)) is not None]
     return max(found) >= SAME_STREET if found else None
 
 
 def _names_of(way: OsmWay) -> tuple[str, ...]:
-    """Every name and number a way bears."""
+    """Return every name and number a way bears."""
     return tuple(way.tags[key] for key in _NAMES if way.tags.get(key))
 
 
@@ -71,7 +71,7 @@ _STEP_M: Final = 10.0
 
 
 def _pieces(around: OsmExtract, way: OsmWay, frame: LocalFrame) -> Iterator[np.ndarray]:
-    """A way in pieces of at most ten metres, each of shape (2, 2), metres in the frame."""
+    """Yield a way in pieces of at most ten metres, each of shape (2, 2), metres in the frame."""
     nodes = [around.nodes[node] for node in way.node_ids]
     line = frame.to_local(np.array([n.latitude_deg for n in nodes]), np.array([n.longitude_deg for n in nodes]))
     for start, end in pairwise(line):
@@ -80,7 +80,8 @@ def _pieces(around: OsmExtract, way: OsmWay, frame: LocalFrame) -> Iterator[np.n
 
 
 def _in_reach(piece: np.ndarray, most_m: float) -> bool:
-    """Whether both ends are as far away as they have to be; a straight piece between them comes nearer by less than
-    its length allows for."""
+    """Return whether both ends are as far away as they have to be; a straight piece between them comes nearer by less
+    than its length allows for.
+    """
     far = np.hypot(piece[:, 0], piece[:, 1])
     return bool(far.min() >= LEAST_M + _STEP_M / 2 and np.abs(piece).max() <= most_m and np.ptp(piece, axis=0).any())

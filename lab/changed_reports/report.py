@@ -1,8 +1,7 @@
 """A report in CrashAPI's elements that can be changed: each fact in all the elements that say it.
 
-Elements and their codes are those of the FARS/CRSS Coding and Validation Manual. What a report does not have is not
-added, unless a method says so; the label beside a changed code (``IMPACT1NAME``) goes, since it says the old one.
-"""
+Elements and their codes are those of the FARS/CRSS Coding and Validation Manual. Fields that a report lacks are not
+added, unless a method says so; the label beside a changed code (``IMPACT1NAME``) goes, since it names the old one."""
 
 from __future__ import annotations
 
@@ -29,24 +28,24 @@ class ChangedReport:
         self.crash, _ = report_element(data, name="report", repair=True)
 
     def to_bytes(self) -> bytes:
-        """The report as XML, UTF-8."""
+        """Return the report as XML, UTF-8."""
         return etree.tostring(self.crash.getroottree(), xml_declaration=True, encoding="UTF-8")
 
     # --- elements ------------------------------------------------------------------------------------------------
     def vehicle(self, number: int) -> etree._Element | None:
-        """The element of a vehicle in transport, None if no vehicle has this number."""
+        """Return the element of a vehicle in transport, None if no vehicle has this number."""
         return next((each for each in self.vehicles() if code_in(each, "VEH_NO") == number), None)
 
     def vehicles(self) -> list[etree._Element]:
-        """The elements of all vehicles in transport."""
+        """Return the elements of all vehicles in transport."""
         return list(Fields(self.crash, "report").members("Vehicles"))
 
     def people(self) -> list[etree._Element]:
-        """The rows of persons outside motor vehicles (``NPersons``)."""
+        """Return the rows of persons outside motor vehicles (``NPersons``)."""
         return self._outside("NPersons")
 
     def typings(self) -> list[etree._Element]:
-        """The rows that type what pedestrians and cyclists did (``PbTypes``)."""
+        """Return the rows that type what pedestrians and cyclists did (``PbTypes``)."""
         return self._outside("PbTypes")
 
     def _outside(self, name: str) -> list[etree._Element]:
@@ -54,16 +53,16 @@ class ChangedReport:
         return [row for row in rows if code_in(row, "VEH_NO") in (None, 0)]
 
     def crash_events(self) -> list[etree._Element]:
-        """Every row that says what happened between parties: ``CEvent``, and the ``VEvent`` that repeats it."""
+        """Return every row that says what happened between parties: ``CEvent``, and the ``VEvent`` that repeats it."""
         rows = list(Fields(self.crash, "report").members("CEvents"))
         return rows + [row for each in self.vehicles() for row in Fields(each, "report").members("VEvents")]
 
     def own_events(self, number: int) -> list[etree._Element]:
-        """The rows of a vehicle's own sequence (``VSOE``)."""
+        """Return the rows of a vehicle's own sequence (``VSOE``)."""
         return self._rows(number, "Vsoes", "VSOEs")
 
     def damages(self, number: int) -> list[etree._Element]:
-        """The rows of a vehicle's damaged areas (``DAMAGE``, before 2020 ``MDAREAS``)."""
+        """Return the rows of a vehicle's damaged areas (``DAMAGE``, before 2020 ``MDAREAS``)."""
         return self._rows(number, "Damages")
 
     def _rows(self, number: int, *lists: str) -> list[etree._Element]:
@@ -124,7 +123,7 @@ class ChangedReport:
 
 
 def code_in(element: etree._Element, *names: str) -> int | None:
-    """The number in the first of the named children that has one.
+    """Return the number in the first of the named children that has one.
 
     >>> code_in(etree.fromstring("<Vehicle><VEH_NO>2</VEH_NO></Vehicle>"), "VEH_NO")
     2
@@ -133,7 +132,7 @@ def code_in(element: etree._Element, *names: str) -> int | None:
 
 
 def text_in(element: etree._Element, name: str) -> str:
-    """The text of the first child of that name, "" if there is none.
+    """Return the text of the first child of that name, "" if there is none.
 
     >>> text_in(etree.fromstring("<Crash><TWAY_ID>MAIN ST</TWAY_ID></Crash>"), "TWAY_ID")
     'MAIN ST'
@@ -198,7 +197,7 @@ def keep(element: etree._Element, names: Sequence[str]) -> None:
 
 
 def add(element: etree._Element, name: str, value: object = "") -> etree._Element:
-    """A new last child.
+    """Return a new last child.
 
     >>> vehicle = etree.fromstring("<Vehicle><VEH_NO>1</VEH_NO></Vehicle>")
     >>> code_in(vehicle, "ACC_TYPE"), add(vehicle, "ACC_TYPE", 50).text, code_in(vehicle, "ACC_TYPE")

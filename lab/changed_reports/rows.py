@@ -93,12 +93,12 @@ class PerturbTask:
     around: bytes
 
     def split(self) -> list[PerturbTask]:
-        """A task for each change."""
+        """Return a task for each change."""
         return [replace(self, changes=(change,)) for change in self.changes]
 
 
 def perturb_all(task: PerturbTask) -> tuple[PerturbedRow, ...]:
-    """The rows of a task's changes, without those that do not apply to its crash."""
+    """Return the rows of a task's changes, without those that do not apply to its crash."""
     stored = read_judged(task.crash)
     rows = (_Perturbation(task, stored, change).row() for change in task.changes)
     return tuple(row for row in rows if row is not None)
@@ -117,7 +117,7 @@ class _Perturbation:
         self._row = PerturbedRow(task.crash.key, change.kind, change.draw, task.seed)
 
     def row(self) -> PerturbedRow | None:
-        """The row of this change; None if the change does not apply."""
+        """Return the row of this change; None if the change does not apply."""
         scene = PerturbedScene(self._judged.record, self._rng, self._point())
         if scene.point is None and self._kind.needs in (Needs.OTHER_STREET, Needs.SAME_STREET):
             return None
@@ -147,7 +147,7 @@ class _Perturbation:
         return read_osm(self._task.around, name=f"map around {self._crash.key}")
 
     def _names_here(self) -> tuple[str, ...]:
-        """Names of the streets the crash was placed on, and those it reports."""
+        """Return names of the streets the crash was placed on, and those it reports."""
         placed, roads = self._crash.load(MAP_REPORT).placement, self._judged.network.road_by_id
         here = [name for road in (placed.road_id, *placed.cross_road_ids) for name in roads[road].names]
         return tuple(dict.fromkeys((*here, *_reported_names(self._judged.record))))
@@ -180,7 +180,7 @@ class _Perturbation:
         return row
 
     def _is_named_here(self, record: CrashRecord) -> bool | None:
-        """Whether another crash's report happens to name a street of this place."""
+        """Return whether another crash's report happens to name a street of this place."""
         if self._change.other is None:
             return None
         return is_same_street(_reported_names(record), self._names_here())
@@ -198,7 +198,7 @@ class _Perturbation:
         return judge_hypothesis(record, crash.network, crash.hypothesis, crash.log, settings).verified
 
     def _through_all_stages(self, changed: Changed, key: str, storage: Storage) -> Records:
-        """The outcomes of all stages on the changed report, in a storage of its own."""
+        """Return the outcomes of all stages on the changed report, in a storage of its own."""
         storage.write(_REPORT, changed.xml)
         work = replace(self._task.work, storage=storage)
         task = CrashTask(key, self._source(storage))
@@ -217,7 +217,7 @@ class _Perturbation:
         return records
 
     def _source(self, storage: Storage) -> CrashSource:
-        """The changed report, and the map where it may be cut from another place."""
+        """Return the changed report, and the map where it may be cut from another place."""
         own, report = self._crash.source, ReportSource("stored", _REPORT)
         if not self._task.around:
             return replace(own, report=report)
@@ -226,7 +226,7 @@ class _Perturbation:
         return CrashSource(own.cohort, report, (RegisteredMap(path, file.sha256, file.size),))
 
     def _kept(self, stage: Stage, records: Records, storage: Storage) -> OutcomeRecord | None:
-        """Copies the crash's own outcome of a stage, if the changed report cannot give another."""
+        """Return copies the crash's own outcome of a stage, if the changed report cannot give another."""
         if stage not in (Stage.OSM_EXTRACT, Stage.ROAD_MAP) or self._change.other is not None:
             return None
         before, now = self._judged.record, self._record(records, storage)
@@ -245,7 +245,7 @@ class _Perturbation:
 
 
 def _grade_of(files: CrashFiles) -> tuple[str | None, float | None]:
-    """Grade and support of a stored verdict, None where it has none."""
+    """Return the grade and support of a stored verdict, None where it has none."""
     verdict = json.loads(files.load(VERDICT_JSON))
     support = verdict.get("support")
     if isinstance(support, dict):
@@ -268,12 +268,12 @@ def _is_same_place(before: CrashRecord, now: CrashRecord) -> bool:
 
 
 def has_same_map(before: CrashRecord, now: CrashRecord) -> bool:
-    """Whether two records differ only in what no road map depends on: what the vehicles were and did."""
+    """Return whether two records differ only in what no road map depends on: what the vehicles were and did."""
     return _for_maps(before) == _for_maps(now)
 
 
 def _for_maps(record: CrashRecord) -> tuple[CrashRecord, tuple[int, ...]]:
-    """A record without what the vehicles were and did, and the numbers of the pair whose road it is."""
+    """Return a record without what the vehicles were and did, and the numbers of the pair whose road it is."""
     pair = record.colliding_vehicles or ()
     vehicles = tuple(
         replace(
@@ -307,6 +307,7 @@ def _for_maps(record: CrashRecord) -> tuple[CrashRecord, tuple[int, ...]]:
 
 
 def draw_stream(seed: int, key: str, name: str, draw: int) -> np.random.Generator:
-    """A random stream for each draw: the result does not depend on the other kinds or on the number of workers."""
+    """Return a random stream for each draw: the result does not depend on the other kinds or on the number of
+    workers."""
     digest = hashlib.sha256(f"{seed}/{key}/{name}/{draw}".encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:16], "big"))

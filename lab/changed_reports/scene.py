@@ -1,4 +1,4 @@
-"""What a change is made from, beside the report itself."""
+"""Inputs of a change beside the report itself."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PerturbedScene:
 
     @property
     def vehicles(self) -> tuple[int, ...]:
-        """Numbers of the vehicles it is about: the pair that collided, or those that struck people, in order."""
+        """Return numbers of the vehicles it is about: the pair that collided, or those that struck people, in order."""
         sequence = sequence_of(self.record)
         if sequence.first.kind is EventKind.PERSON_STRUCK:
             return tuple(dict.fromkeys(event.vehicle.number for event in sequence.contacts))
@@ -44,7 +44,10 @@ class PerturbedScene:
 
     @property
     def pair(self) -> tuple[int, int]:
-        """Numbers of the two vehicles that collided, in order. Raises ``ValueError`` if the record has none."""
+        """Return numbers of the two vehicles that collided, in order.
+
+        Raises ``ValueError`` if the record has none.
+        """
         pair = self.record.colliding_vehicles
         if pair is None:
             raise ValueError(f"{self.record.key}: no two vehicles collided")

@@ -45,8 +45,7 @@ _REPORT = "report.xml"
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be perturbed: how many crashes, by which kinds (all if empty; wildcards allowed), how many draws of
-    what is drawn."""
+    """A request for changes: number of crashes, kinds (all if empty; wildcards allowed), and draws of drawn changes."""
 
     most: int = MOST
     only: tuple[str, ...] = ()
@@ -55,7 +54,10 @@ class Request:
     seed: int = 1
 
     def chosen(self) -> list[PerturbationKind]:
-        """The kinds asked for. Raises :class:`UserError` for an unknown name."""
+        """Return the kinds asked for.
+
+        Raises :class:`UserError` for an unknown name.
+        """
         for name in self.kinds:
             if not any(fnmatchcase(kind, name) for kind in KINDS):
                 raise UserError(f"{name!r} is not a perturbation; there are {', '.join(KINDS)}")
@@ -74,7 +76,8 @@ def perturbed_controls(
     on_progress: OnProgress = silent,
     on_problem: OnProblem = raise_problem,
 ) -> list[PerturbedRow]:
-    """Verified crashes of a cohort, drawn at random, each with its report changed in every way that applies to it.
+    """Return the verified crashes of a cohort, drawn at random, each with its report changed in every way that applies
+    to it.
 
     Collisions of two vehicles and crashes with people are drawn each for themselves. The same request on the same root
     gives the same rows, whatever the number of workers. ``on_progress`` receives how many changed reports of how many
@@ -116,7 +119,8 @@ def perturbed_controls(
 
 
 def _is_verified(crash: CrashFiles) -> bool:
-    """Whether the crash is verified, of a kind whose reports are changed here, and reported in FARS' own words."""
+    """Return whether the crash is verified, of a kind whose reports are changed here, and reported in FARS' own
+    words."""
     if not crash.has(VERDICT) or crash.load(RECORD).register != FARS:
         return False
     return crash.load(VERDICT).verified and _begins(crash) in PERTURBED
@@ -159,10 +163,9 @@ def _tasks(
 
 
 def _maps_around(crashes: Sequence[CrashFiles]) -> dict[str, bytes]:
-    """The map as far around each crash as any report is set down, in one pass over each map file.
+    """Return the map as far around each crash as any report is set down, in one pass over each map file.
 
-    Where no file covers the crash (its map came from a service) its own extract.
-    """
+    If no file covers the crash (its map came from a service) its own extract."""
     found: dict[str, bytes] = {}
     by_maps: dict[tuple[RegisteredMap, ...], list[CrashFiles]] = {}
     for crash in crashes:

@@ -35,7 +35,7 @@ _BODY_EVIDENCE: Final = (
 
 # --- clocks ----------------------------------------------------------------------------------------------------------
 def turned(area: int, hours: int) -> int:
-    """An area of the body so many hours further round, clockwise; sides by their middle; others (top) stay.
+    """Return an area of the body so many hours further round, clockwise; sides by their middle; others (top) stay.
 
     >>> turned(11, 2), turned(13, 2)
     (1, 13)
@@ -45,7 +45,7 @@ def turned(area: int, hours: int) -> int:
 
 
 def turn_clocks(report: ChangedReport, scene: PerturbedScene, *, hours: int, both: bool) -> str | None:
-    """``IMPACT1``, the areas of all events and the damage of vehicle 1 of the pair (or of both), turned alike.
+    """Return ``IMPACT1``, the areas of all events and the damage of vehicle 1 of the pair (or of both), turned alike.
 
     >>> report = ChangedReport(report_xml)  # vehicle 1 struck at 3 o'clock
     >>> turn_clocks(report, perturbed_scene, hours=4, both=False), code_in(report.vehicle(1), "IMPACT1")
@@ -58,7 +58,7 @@ def turn_clocks(report: ChangedReport, scene: PerturbedScene, *, hours: int, bot
 
 
 def random_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The areas of each vehicle, turned together by hours drawn from 0 to 11, so that any clock is as likely.
+    """Return the areas of each vehicle, turned together by hours drawn from 0 to 11, so that any clock is as likely.
 
     >>> random_clocks(ChangedReport(report_xml), perturbed_scene).count(" h")  # drawn for each vehicle
     2
@@ -72,7 +72,7 @@ def random_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def swap_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The areas of the one vehicle reported of the other: initial impacts, those of their collisions, damage.
+    """Return the areas of the one vehicle reported of the other: initial impacts, those of their collisions, damage.
 
     >>> report = ChangedReport(report_xml)  # vehicle 1 struck at 3 o'clock, vehicle 2 at 1 o'clock
     >>> swap_clocks(report, perturbed_scene), [code_in(vehicle, "IMPACT1") for vehicle in report.vehicles()]
@@ -83,7 +83,7 @@ def swap_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def mirror_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """Left for right in all areas of both vehicles.
+    """Return the left for right in all areas of both vehicles.
 
     >>> report = ChangedReport(report_xml)  # vehicle 1 struck at 3 o'clock, vehicle 2 at 1 o'clock
     >>> mirror_clocks(report, perturbed_scene), [code_in(vehicle, "IMPACT1") for vehicle in report.vehicles()]
@@ -102,7 +102,7 @@ def _mirrored(area: int) -> int:
 def change_movements(
     report: ChangedReport, scene: PerturbedScene, *, to: Mapping[PreCrashMovement, PreCrashMovement]
 ) -> str | None:
-    """``P_CRASH1`` of both vehicles by a table, and ``P_CRASH2`` where it repeats the vehicle's own turn.
+    """Return ``P_CRASH1`` of both vehicles by a table, and ``P_CRASH2`` where it repeats the vehicle's own turn.
 
     ``ACC_TYPE``, which speaks of both vehicles, stays.
 
@@ -127,7 +127,7 @@ def change_movements(
 
 # --- speeds ----------------------------------------------------------------------------------------------------------
 def swap_speeds(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``TRAV_SP`` of the two vehicles exchanged, where both are reported.
+    """Return ``TRAV_SP`` of the two vehicles exchanged, where both are reported.
 
     >>> report = ChangedReport(report_xml)  # 14 and 30 mph
     >>> swap_speeds(report, perturbed_scene), [code_in(vehicle, "TRAV_SP") for vehicle in report.vehicles()]
@@ -141,7 +141,7 @@ def swap_speeds(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def set_speeds(report: ChangedReport, scene: PerturbedScene, *, mph: int) -> str | None:
-    """``TRAV_SP`` of both vehicles, where it is reported.
+    """Return ``TRAV_SP`` of both vehicles, where it is reported.
 
     >>> set_speeds(ChangedReport(report_xml), perturbed_scene, mph=150)
     'vehicle 1 and 2 at 150 mph'
@@ -162,7 +162,7 @@ def _has_speed(vehicle: object) -> bool:
 
 # --- crash types -----------------------------------------------------------------------------------------------------
 def set_crash_types(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int, int]) -> str | None:
-    """``ACC_TYPE`` of the two vehicles, in the order of their numbers.
+    """Return ``ACC_TYPE`` of the two vehicles, in the order of their numbers.
 
     >>> set_crash_types(ChangedReport(report_xml), perturbed_scene, codes=(50, 51))  # head-on
     'ACC_TYPE 50 and 51'
@@ -176,7 +176,7 @@ def set_crash_types(report: ChangedReport, scene: PerturbedScene, *, codes: tupl
 
 
 def swap_crash_types(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``ACC_TYPE`` of the one vehicle reported of the other.
+    """Return ``ACC_TYPE`` of the one vehicle reported of the other.
 
     >>> report = ChangedReport(report_xml)  # 68 and 69: one turns left across the other's way
     >>> swap_crash_types(report, perturbed_scene), [code_in(vehicle, "ACC_TYPE") for vehicle in report.vehicles()]
@@ -191,7 +191,7 @@ def swap_crash_types(report: ChangedReport, scene: PerturbedScene) -> str | None
 
 # --- bodies and the rest ---------------------------------------------------------------------------------------------
 def set_bodies(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int, int]) -> str | None:
-    """``BODY_TYP`` of the two vehicles; model, weight rating and what the VIN says of the old bodies go.
+    """Return ``BODY_TYP`` of the two vehicles; model, weight rating and what the VIN says of the old bodies go.
 
     >>> set_bodies(ChangedReport(report_xml), perturbed_scene, codes=(52, 80))
     'transit bus and motorcycle'
@@ -205,8 +205,8 @@ def set_bodies(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int
 
 
 def random_vehicles(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """All that is said of both vehicles' course drawn at random: movement, critical event, crash type, areas, speed
-    (5 to 80 mph, where one is reported).
+    """Return all that is said of both vehicles' course drawn at random: movement, critical event, crash type, areas,
+    speed (5 to 80 mph, where one is reported).
 
     >>> report = ChangedReport(report_xml)
     >>> random_vehicles(report, perturbed_scene).count("ACC_TYPE")

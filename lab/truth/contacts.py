@@ -1,9 +1,7 @@
 """Estimates of the sample's crashes of several contacts against the truth, by kind of crash.
 
-Belongs here: ``chains/truth.json`` of the sample, whose rows are those of two vehicles
-(:mod:`lab.truth.vehicles`). Where a vehicle stood before it was pushed is known; how far ahead or behind another
-it came no report tells.
-"""
+Belongs here: ``chains/truth.json`` of the sample, whose rows are those of two vehicles (:mod:`lab.truth.vehicles`).
+If a vehicle stood before it was pushed is known; how far ahead or behind another it came no report tells."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ class ContactsSummary:
 
 
 def contacts_by_kind(truth: SampleTruth, rows: Iterable[TruthRow]) -> list[ContactsSummary]:
-    """The summary of the rows, a line for each kind of crash."""
+    """Return the summary of the rows, a line for each kind of crash."""
     kinds: Mapping[str, str] = {crash.key: crash.kind for crash in truth.crashes}
     of_kind: dict[str, list[TruthRow]] = {}
     for row in rows:

@@ -1,8 +1,7 @@
 """Estimates of the sample's crashes with people against the truth: which way the person went, and where it was struck.
 
-Belongs here: ``people/truth.json`` of the sample. What a person's speed truly was no report tells, so that no error of
-it is measured.
-"""
+Belongs here: ``people/truth.json`` of the sample. A person's true speed is in no report, so that no error of it is
+measured."""
 
 from __future__ import annotations
 
@@ -28,7 +27,10 @@ class _Row(BaseModel):
 
 
 class TruePerson(_Row):
-    """What one person did. ``told``: the report says which way it went; ``number`` is the party's."""
+    """The true course of one person.
+
+    ``told``: the report says which way it went; ``number`` is the party's.
+    """
 
     number: int
     course: str
@@ -69,7 +71,7 @@ class PersonTruthRow:
 
     @property
     def course_correct(self) -> bool | None:
-        """Whether the person went the true way."""
+        """Return whether the person went the true way."""
         return None if self.course_error_deg is None else self.course_error_deg <= MAX_COURSE_ERROR_DEG
 
 
@@ -87,7 +89,10 @@ class KindSummary:
 
 
 def load_people_truth(path: Path) -> PeopleTruth:
-    """Reads ``people/truth.json``. Raises :class:`UserError` if there is no such file or it is not one."""
+    """Return reads ``people/truth.json``.
+
+    Raises :class:`UserError` if there is no such file or it is not one.
+    """
     try:
         return PeopleTruth.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
@@ -97,8 +102,9 @@ def load_people_truth(path: Path) -> PeopleTruth:
 def score_people(
     truth: PeopleTruth, estimates: Mapping[str, StateEstimate], hypothesis: Mapping[str, int] | None = None
 ) -> list[PersonTruthRow]:
-    """A row for each person of each crash with a truth; ``hypothesis`` as :func:`lab.truth.vehicles.score_truth`
-    has it."""
+    """Return a row for each person of each crash with a truth; ``hypothesis`` as :func:`lab.truth.vehicles.score_truth`
+    has it.
+    """
     rows = []
     for crash in truth.crashes:
         made = estimates.get(crash.key)
@@ -120,7 +126,7 @@ def score_people(
 
 
 def by_kind(rows: Iterable[PersonTruthRow]) -> list[KindSummary]:
-    """The summary of the rows, a line for each kind of crash."""
+    """Return the summary of the rows, a line for each kind of crash."""
     of_kind: dict[str, list[PersonTruthRow]] = {}
     for row in rows:
         of_kind.setdefault(row.kind, []).append(row)

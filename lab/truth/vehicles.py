@@ -61,7 +61,10 @@ class TrueApproach(_Row):
 
 
 class TrueVehicle(_Row):
-    """What one vehicle did. ``path`` ends at the impact pose and begins before the initial one."""
+    """The true course of one vehicle.
+
+    ``path`` ends at the impact pose and begins before the initial one.
+    """
 
     vehicle_number: int
     manoeuvre: str
@@ -100,7 +103,7 @@ class SampleTruth(_Row):
 
     @property
     def by_key(self) -> dict[str, TrueCrash]:
-        """Crashes by partition key."""
+        """Return crashes by partition key."""
         return {crash.key: crash for crash in self.crashes}
 
 
@@ -168,7 +171,7 @@ class OutcomeRow:
 
     @property
     def as_expected(self) -> bool:
-        """Whether state and reason are the expected ones."""
+        """Return whether state and reason are the expected ones."""
         return (self.state, self.reason) == (self.expected_state, self.expected_reason)
 
 
@@ -182,7 +185,7 @@ class TruthScore:
 
 
 def load_truth(path: Path) -> SampleTruth:
-    """Reads ``truth.json``.
+    """Return reads ``truth.json``.
 
     Raises:
         UserError: there is no such file, or it is not a truth file.
@@ -206,7 +209,7 @@ def score_truth(
     outcomes: Mapping[str, tuple[str, str | None]] | None = None,
     hypothesis: Mapping[str, int] | None = None,
 ) -> TruthScore:
-    """Measures estimates, by key, against the truth.
+    """Return measures estimates, by key, against the truth.
 
     ``outcomes`` are final states and reasons by key, to be set beside the expected ones. ``hypothesis`` gives the index
     of the hypothesis to measure where it is not the first: the one a verdict chose.
@@ -273,7 +276,7 @@ def _angle_deg(a_rad: float, b_rad: float) -> float:
 
 
 def _came_from(vehicle: TrueVehicle, pose: Pose) -> tuple[bool, bool]:
-    """Whether an initial pose lies on the true approach road, and in the true lane of it."""
+    """Return whether an initial pose lies on the true approach road, and in the true lane of it."""
     left_m, course_rad = _beside_path(np.array(vehicle.path), pose)
     # A backing vehicle points against the path it takes.
     towards = vehicle.initial_pose.heading_rad - _course_of_pose(vehicle)
@@ -294,7 +297,7 @@ def _half_turns(angle_rad: float) -> float:
 
 
 def _beside_path(path_xy_m: FloatArray, pose: Pose) -> tuple[float, float]:
-    """How far left of a path, shape (n, 2), a pose lies, and the course of the path there.
+    """Return how far left of a path, shape (n, 2), a pose lies, and the course of the path there.
 
     Beyond its ends the path goes on straight.
     """

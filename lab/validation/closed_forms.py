@@ -43,7 +43,7 @@ class ClosedForm:
 
 
 def closed_forms(settings: SimSettings) -> list[ClosedForm]:
-    """Every law, in the order of this page."""
+    """Return every law, in the order of this page."""
     return [
         _sliding(settings),
         _braking(settings),
@@ -67,7 +67,7 @@ def _planned(speed_of_time: Callable[[float], float], x_m: float = 0.0, seconds:
 
 
 def _sliding(settings: SimSettings) -> ClosedForm:
-    """A car with locked wheels, let go beyond the end of its plan."""
+    """Return a car with locked wheels, let go beyond the end of its plan."""
     speed, after_s = 20.0, 0.5
     plan = _planned(lambda _: speed, seconds=after_s + 0.02)
     other = straight_on(2, _CAR, Pose(0.0, 80.0, 0.0), 0.0)
@@ -81,7 +81,7 @@ def _sliding(settings: SimSettings) -> ClosedForm:
 
 
 def _braking(settings: SimSettings) -> ClosedForm:
-    """A driver who asks for more than the road gives."""
+    """Return a driver who asks for more than the road gives."""
     speed, brake_s = 25.0, 1.0
     log = _run(settings, _planned(lambda t: max(speed - 15.0 * max(t - brake_s, 0.0), 0.0)))
     law = speed**2 / (2 * settings.friction * GRAVITY_MPS2)
@@ -90,7 +90,9 @@ def _braking(settings: SimSettings) -> ClosedForm:
 
 
 def _restitution(settings: SimSettings, body: Body, speed_mps: float) -> ClosedForm:
-    """Straight into the rear of one that stands: what both have after it, by what restitution the contact returned."""
+    """Return the straight into the rear of one that stands: what both have after it, by what restitution the contact
+    returned.
+    """
     one = straight_on(1, _CAR, Pose(-20.0, 0.0, 0.0), speed_mps)
     two = straight_on(2, body, Pose(0.0, 0.0, 0.0), 0.0)
     contact = _run(settings, one, two).contacts[0]
@@ -107,7 +109,7 @@ def _restitution(settings: SimSettings, body: Body, speed_mps: float) -> ClosedF
 
 
 def _throw(settings: SimSettings) -> ClosedForm:
-    """An adult struck by a car that brakes from then on; the bounds are of the car's speed at the strike."""
+    """Return an adult struck by a car that brakes from then on; the bounds are of the car's speed at the strike."""
     speed, strike_s = 15.0, 1.0
     front_m = _CAR.length_m / 2 + 0.3
     car = _planned(lambda t: max(speed - 7.0 * max(t - strike_s, 0.0), 0.0), -speed * strike_s - front_m)
@@ -122,8 +124,9 @@ def _throw(settings: SimSettings) -> ClosedForm:
 
 
 def _tripping(settings: SimSettings) -> ClosedForm:
-    """The speed from which on a car that slides sideways into a kerb goes over, by halving: on ice, since the law knows
-    no force but the kerb's."""
+    """Return the speed from which on a car that slides sideways into a kerb goes over, by halving: on ice, since the
+    law knows no force but the kerb's.
+    """
     settings = settings.model_copy(update={"friction": _ICE})
     model = roll_model(_CAR)
     assert model is not None

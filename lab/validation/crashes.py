@@ -17,7 +17,7 @@ from trace_dag.common.settings import SimSettings
 
 
 def compare_crash(crash: RecordedCrash, settings: SimSettings) -> list[Compared]:
-    """The vehicles of a case; with a reason those that cannot be compared."""
+    """Return the vehicles of a case; with a reason those that cannot be compared."""
     rows: dict[int | None, Compared] = {}
     if crash.unreadable is not None:
         return [Compared(crash.case, None, "", reason=crash.unreadable)]
@@ -50,7 +50,7 @@ def _compared(crash: RecordedCrash, settings: SimSettings) -> Iterator[Compared]
 
 
 def _event_of_two(crash: RecordedCrash) -> RecordedEvent | None:
-    """The first event of two vehicles that as many recorders as possible have a delta-v of."""
+    """Return the first event of two vehicles that as many recorders as possible have a delta-v of."""
     best: tuple[int, RecordedEvent] | None = None
     for event in crash.events:
         if event.other_vehicle is None or event.vehicle == event.other_vehicle:

@@ -51,10 +51,10 @@ class _Pair:
         return one, two
 
     def closes(self, speeds_mps: tuple[float, float]) -> bool:
-        """Whether the struck side of one of them at least comes nearer to the other.
+        """Return whether the struck side of one of them at least comes nearer to the other.
 
-        Who runs into the rear of another is the faster: with the other faster still its front would strike the first.
-        """
+        A vehicle that runs into the rear of another is the faster: with the other faster still its front would
+        strike the first."""
         (vx1, vy1), (vx2, vy2) = self.velocities(speeds_mps)
         past = (vx1 - vx2, vy1 - vy2), (vx2 - vx1, vy2 - vy1)
         return any(
@@ -67,13 +67,13 @@ class _Pair:
         )
 
     def plastic(self, speeds_mps: tuple[float, float]) -> tuple[Vector, Vector]:
-        """Delta-v of both, each ahead and to the left."""
+        """Return the delta-v of both, each ahead and to the left."""
         changes = plastic_delta_v((self.bodies[0].mass_kg, self.bodies[1].mass_kg), *self.velocities(speeds_mps))
         one, two = (in_body(change, heading) for change, heading in zip(changes, self.headings_rad, strict=True))
         return one, two
 
     def simulated(self, speeds_mps: tuple[float, float], settings: SimSettings) -> SimulationLog | None:
-        """The crash; None if they never meet with the sides that were struck."""
+        """Return the crash; None if they never meet with the sides that were struck."""
         if not self.closes(speeds_mps):
             return None
         placed = meeting(self.bodies, self.headings_rad, speeds_mps, self.damaged, self.locked_wheels)
@@ -86,7 +86,9 @@ class _Pair:
 def compare_pair(
     case: str, event: RecordedEvent, pair: tuple[RecordedVehicle, RecordedVehicle], settings: SimSettings
 ) -> Iterator[Compared]:
-    """Both vehicles of an event, the one without a recorder with that reason; :class:`Unusable` where it cannot be."""
+    """Yield both vehicles of an event, the one without a recorder with that reason; :class:`Unusable` where it cannot
+    be.
+    """
     ready = _ready(event, pair)
     recordings = tuple(vehicle.recording(event.number) for vehicle in pair)
     both = all(recording is not None for recording in recordings)
@@ -150,7 +152,7 @@ def _ready(event: RecordedEvent, pair: tuple[RecordedVehicle, RecordedVehicle]) 
 
 
 def _check_momentum(ready: _Pair, recordings: tuple[Recording | None, ...]) -> None:
-    """Both felt the same impulse: of what both recorded, neither may be a multiple of the other."""
+    """Check that both felt the same impulse: of those recorded, neither may be a multiple of the other."""
     felt = []
     for body, recording in zip(ready.bodies, recordings, strict=True):
         assert recording is not None
@@ -164,7 +166,7 @@ def _check_momentum(ready: _Pair, recordings: tuple[Recording | None, ...]) -> N
 
 
 def _target(pair: tuple[RecordedVehicle, RecordedVehicle], event: int, free: int) -> tuple[int, float]:
-    """Whose reconstructed delta-v the free speed is fitted to, and how much it is."""
+    """Return the vehicle whose reconstructed delta-v the free speed is fitted to, and that delta-v."""
     for index in (1 - free, free):
         delta_v = pair[index].reconstructed_mps.get(event)
         if delta_v:
@@ -189,8 +191,9 @@ def _plastic_delta_v(ready: _Pair, speeds_mps: tuple[float, float], index: int) 
 def _fitted(
     delta_v: Callable[[tuple[float, float]], float], known: list[float | None], free: int, target_mps: float
 ) -> tuple[float, float]:
-    """Speeds of both with the free one such that the delta-v comes nearest to a target: the best of some, refined by
-    halving the distance to its neighbours."""
+    """Return speeds of both with the free one such that the delta-v comes nearest to a target: the best of some,
+    refined by halving the distance to its neighbours.
+    """
 
     def speeds(speed_mps: float) -> tuple[float, float]:
         one, two = (speed_mps if index == free else (value or 0.0) for index, value in enumerate(known))

@@ -1,4 +1,4 @@
-"""Where measured crashes began: bodies placed so that their damaged areas meet, and run back until they are apart.
+"""Beginnings of measured crashes: bodies placed so that their damaged areas meet, and run back until they are apart.
 
 Two vehicles are placed so that the middles of their direct damage, as deep as half of the largest crush, would
 coincide if neither were slowed down; from there each goes back along its heading at its speed at impact.
@@ -31,13 +31,15 @@ _ZONES: Final = {  # middle of a CDC's horizontal location, of half a front's wi
 
 
 def struck_side(damage: Damage | None, area: str) -> str | None:
-    """The side that was struck (F, B, L, R): of the damage, else of the event; None if that is not a side."""
+    """Return the side that was struck (F, B, L, R): of the damage, else of the event; None if that is not a side."""
     side = damage.side if damage is not None and damage.side in "FBLR" else area
     return side if side in ("F", "B", "L", "R") else None
 
 
 def damaged_m(vehicle: RecordedVehicle, body: Body, damage: Damage | None, side: str) -> tuple[float, float]:
-    """Middle of the direct damage to a side, half as deep as the crush, ahead and to the left of the body's middle."""
+    """Return the middle of the direct damage to a side, half as deep as the crush, ahead and to the left of the body's
+    middle.
+    """
     crush_m = damage.crush_m if damage is not None and damage.crush_m is not None else _USUAL_CRUSH_M
     on_end = side in "FB"
     half_m = (body.width_m if on_end else body.length_m) / 2
@@ -61,7 +63,7 @@ def meeting(
     damaged: tuple[tuple[float, float], tuple[float, float]],
     locked_wheels: tuple[float | None, float | None] = (None, None),
 ) -> tuple[Participant, Participant] | None:
-    """Both vehicles shortly before they touch; None if they never would."""
+    """Return both vehicles shortly before they touch; None if they never would."""
     velocities = [
         (speed * math.cos(heading), speed * math.sin(heading))
         for speed, heading in zip(speeds_mps, headings_rad, strict=True)
@@ -95,7 +97,7 @@ def straight_on(
     course_rad: float | None = None,
     locked_wheels: float | None = None,
 ) -> Participant:
-    """A vehicle that goes on at its speed, along its heading or sliding along another course."""
+    """Return a vehicle that goes on at its speed, along its heading or sliding along another course."""
     slides = course_rad is not None
     course = pose.heading_rad if course_rad is None else course_rad
     time_s = np.linspace(0.0, _PLAN_S, 101)
@@ -122,7 +124,7 @@ def before_object(
     half_object_m: float,
     locked_wheels: float | None = None,
 ) -> Participant:
-    """A vehicle heading east shortly before it strikes an object at the origin with its damaged area.
+    """Return a vehicle heading east shortly before it strikes an object at the origin with its damaged area.
 
     It slides where its course is not its heading.
     """

@@ -11,7 +11,7 @@ import math
 def plastic_delta_v(
     masses_kg: tuple[float, float], velocity_1_mps: tuple[float, float], velocity_2_mps: tuple[float, float]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Change of velocity (x, y) of both.
+    """Return the change of velocity (x, y) of both.
 
     >>> plastic_delta_v((1000.0, 3000.0), (20.0, 4.0), (0.0, 0.0))
     ((-15.0, -3.0), (5.0, 1.0))
@@ -23,7 +23,7 @@ def plastic_delta_v(
 
 
 def in_body(vector: tuple[float, float], heading_rad: float) -> tuple[float, float]:
-    """A vector of the frame, ahead and to the left of a body.
+    """Return a vector of the frame, ahead and to the left of a body.
 
     >>> in_body((0.0, 5.0), math.pi / 2)[0]
     5.0

@@ -31,7 +31,7 @@ _SIDEWAYS_RAD: Final = math.radians(40.0)
 
 
 def compare_with_post(case: str, event: RecordedEvent, vehicle: RecordedVehicle, settings: SimSettings) -> Compared:
-    """The vehicle of such an event; :class:`Unusable` where it cannot be."""
+    """Return the vehicle of such an event; :class:`Unusable` where it cannot be."""
     recording, damage, body = vehicle.recording(event.number), vehicle.damage(event.number), vehicle.body
     assert recording is not None
     assert event.object_code is not None
@@ -72,7 +72,8 @@ def _post(kind: int, diameter_m: float) -> FixedObject:
 
 
 def _pressing_n(body: Body, damage: Damage) -> float:
-    """The force that a pole pressed a vehicle with, by its largest crush: an object that left a dent of that depth
-    held at least as much."""
+    """Return the force that a pole pressed a vehicle with, by its largest crush: an object that left a dent of that
+    depth held at least as much.
+    """
     rate = POLE_TEST_MPS / crush_m(body.vehicle_class)
     return body.mass_kg * rate * rate * (damage.crush_m or 0.0)

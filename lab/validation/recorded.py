@@ -2,9 +2,8 @@
 
 The file is a JSON list of cases, coded much like FARS (NHTSA, CIREN coding manual; CDC: SAE J224; recorders: 49 CFR
 563). Numbers may be written as text. Unknown codes (997 to 999, 888, 777, 9999) and whatever is missing or no number
-become None: cases are never refused for it, what lacks is said where it is needed. What is no case is kept with the
-reason, as long as the file has cases.
-"""
+become None: cases are never refused for it, what lacks is said where it is needed. An entry that is no case is kept
+with the reason, as long as the file has cases."""
 
 from __future__ import annotations
 
@@ -50,8 +49,9 @@ class Damage:
 
 @dataclass(frozen=True)
 class Recording:
-    """What a recorder says of one event: delta-v (m/s, ahead and to the left; at least one is known), speed at or just
-    before the impact."""
+    """A recorder's record of one event: delta-v (m/s, ahead and to the left; at least one is known), speed at or just
+    before the impact.
+    """
 
     event: int | None
     ahead_mps: float | None
@@ -60,12 +60,12 @@ class Recording:
 
     @property
     def delta_v_mps(self) -> float:
-        """The whole change where both parts were recorded, else the one that was."""
+        """Return the whole change where both parts were recorded, else the one that was."""
         return math.hypot(self.ahead_mps or 0.0, self.left_mps or 0.0)
 
     @property
     def whole(self) -> bool:
-        """Whether both parts were recorded."""
+        """Return whether both parts were recorded."""
         return self.ahead_mps is not None and self.left_mps is not None
 
 
@@ -87,19 +87,22 @@ class RecordedVehicle:
     reconstructed_mps: Mapping[int, float]  # delta-v by event
 
     def recording(self, event: int) -> Recording | None:
-        """Of an event the largest change: modules of one vehicle record the same impact, and lesser ones with it."""
+        """Return the largest change of an event: modules of one vehicle record the same impact, and lesser ones with
+        it.
+        """
         of_event = [recording for recording in self.recordings if recording.event == event]
         return max(of_event, key=lambda recording: recording.delta_v_mps, default=None)
 
     def locked_wheels(self, event: int) -> float | None:
-        """Share of its weight on braked wheels at the impact: all of it with the brake on, None where it was not.
+        """Return the share of its weight on braked wheels at the impact: all of it with the brake on, None where it was
+        not.
 
-        Whose brake was on goes on braking as the pulse lasts, and the recorder counts it: 0.1 s of it are 2 km/h.
-        """
+        A vehicle whose brake was on goes on braking as the pulse lasts, and the recorder counts it: 0.1 s of it are
+        2 km/h."""
         return 1.0 if self.braked.get(event) else None
 
     def damage(self, event: int) -> Damage | None:
-        """The first damage of an event."""
+        """Return the first damage of an event."""
         return next((damage for damage in self.damages if damage.event == event), None)
 
 
@@ -127,7 +130,7 @@ class RecordedCrash:
 
 
 def read_recorded_crashes(path: Path) -> list[RecordedCrash]:
-    """All cases of a file; :class:`UserError` for what is no such file."""
+    """Return all cases of a file; :class:`UserError` for what is no such file."""
     wanted = "a JSON list of CIREN cases, each an object with the keys ciren, ev and V"
     try:
         cases = json.loads(path.read_text(encoding="utf-8-sig"))
@@ -268,7 +271,7 @@ def _damage(row: Mapping[str, Any]) -> Damage:
 
 
 def _recordings(values: Mapping[str, Any]) -> tuple[tuple[Recording, ...], dict[int, float]]:
-    """What was recorded of a change of velocity, and the speed at each event (m/s) that a recorder has one of.
+    """Return the recorded changes of velocity, and the speed at each event (m/s) that a recorder has one of.
 
     The modules of a vehicle, and the pages of one, share the impact: where the one with the change has no speed,
     another's of the same event is its.
@@ -300,19 +303,19 @@ def _recordings(values: Mapping[str, Any]) -> tuple[tuple[Recording, ...], dict[
 
 
 def _samples_by_number(listed: object) -> dict[int | None, object]:
-    """The samples of each recording."""
+    """Return the samples of each recording."""
     by_key = listed if isinstance(listed, dict) else {}
     return {number: each for key, each in by_key.items() if (number := _whole(key)) is not None}
 
 
 def _brake_on(samples: object) -> bool | None:
-    """The last sample of the brake's switch before the impact; None where none is known."""
+    """Return the last sample of the brake's switch before the impact; None where none is known."""
     known = [(time_s, on) for time_s, on in _before_impact(samples, high=1.0) if on in (0.0, 1.0)]
     return bool(known[-1][1]) if known else None
 
 
 def _before_impact(samples: object, *, high: float) -> list[tuple[float, float]]:
-    """Known samples from 0 to a value, with their times (s, negative), in the order of time."""
+    """Return the known samples from 0 to a value, with their times (s, negative), in the order of time."""
     found = [
         (time_s, value)
         for sample in _rows(samples)
@@ -325,15 +328,14 @@ def _before_impact(samples: object, *, high: float) -> list[tuple[float, float]]
 
 
 def _speed_at_impact_mps(samples: object) -> float | None:
-    """The sample nearest to the impact that is known; where it is said to be half a second before it or more, who
-    slowed down goes on doing so for half of that time.
+    """Return the sample nearest to the impact that is known; where it is said to be half a second before it or more,
+    who slowed down goes on doing so for half of that time.
 
     Recorders of one maker sample every half or whole second whatever happens, and count the last sample as a whole
-    interval before the impact: it is anything between that and none (Wilkinson et al., SAE 2006-01-1397), half of it on
-    average. Of the 180 recorders of the public cases that have the impact itself, going on so errs by 0 km/h on
-    average where they slow down, the last sample by +6 (every second) and +4 (every half), going on for the whole
-    interval by -4 and -3.
-    """
+    interval before the impact: it is anything between that and none (Wilkinson et al., SAE 2006-01-1397), half of it
+    on average. Going on so errs, over the 180 recorders of the public cases that have the impact itself, by 0 km/h
+    on average where they slow down, the last sample by +6 (every second) and +4 (every half), going on for the whole
+    interval by -4 and -3."""
     known = _before_impact(samples, high=_FASTEST_KMH)
     if not known:
         return None
@@ -353,7 +355,7 @@ def _rows(value: object) -> list[Any]:
 def _number(
     value: object, *, low: float = -math.inf, high: float = math.inf, unknown_from: float = _UNKNOWN_FROM
 ) -> float | None:
-    """A known number within bounds, also one that is written as text."""
+    """Return a known number within bounds, also one that is written as text."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
@@ -364,6 +366,6 @@ def _number(
 
 
 def _whole(value: object) -> int | None:
-    """A known number that counts something."""
+    """Return a known number that counts something."""
     number = _number(value, low=0.0)
     return None if number is None or number != int(number) else int(number)

@@ -1,4 +1,4 @@
-"""What comes of a measured crash: a row for each vehicle, with what its recorder said and what a simulated one says."""
+"""Rows of a measured crash: one for each vehicle, with its recorder's values and the simulated ones."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Compared:
     reason: str | None = None
 
     def published(self) -> dict[str, str | int | float | None]:
-        """What ``python -m lab validate_simulator --json`` prints of it."""
+        """Return the row that ``python -m lab validate_simulator --json`` prints."""
         return {
             "case": self.case,
             "vehicle": self.vehicle,
@@ -63,12 +63,14 @@ def _rounded(value: float | None) -> float | None:
 
 
 class Unusable(Exception):  # noqa: N818 - no error: data
-    """Why a case cannot be set up."""
+    """A case that cannot be set up, with the reason."""
 
 
 def check_recording(vehicle: RecordedVehicle, recording: Recording, outward: Vector) -> None:
-    """:class:`Unusable` for a change that no recorder has to record, and for one toward the side that was struck:
-    what strikes a vehicle pushes. ``outward`` is where that side faces, ahead and to the left."""
+    """Raise :class:`Unusable` for a change that no recorder has to record, and for one toward the struck side.
+
+    ``outward`` is where that side faces, ahead and to the left.
+    """
     if recording.delta_v_mps < LEAST_RECORDED_MPS:
         raise Unusable(
             f"vehicle {vehicle.number}: its recorded delta-v of {mps_to_kmh(recording.delta_v_mps):.1f} km/h is below "
@@ -85,14 +87,14 @@ def check_recording(vehicle: RecordedVehicle, recording: Recording, outward: Vec
 def simulate(
     participants: tuple[Participant, ...], settings: SimSettings, objects: tuple[FixedObject, ...] = ()
 ) -> SimulationLog:
-    """A crash on flat, dry ground, logged at every step, until its pulse is over."""
+    """Return a crash on flat, dry ground, logged at every step, until its pulse is over."""
     fine = settings.model_copy(update={"log_step_s": settings.step_s})
     simulation = EmbeddedSimulation(fine, Surface(), settings.friction)
     return simulation.run(participants, time_limit_s=8.0, after_contact_s=PULSE_S + 0.05, objects=objects)
 
 
 def recorded_by(log: SimulationLog, index: int) -> Vector:
-    """What a recorder in a vehicle would say, the greatest change of velocity ahead and to the left, m/s.
+    """Return the values of a recorder in a vehicle, the greatest change of velocity ahead and to the left, m/s.
 
     It adds up the accelerations along the vehicle's own axes from the first touch on, until the pulse is over and 30 ms
     more, for a quarter of a second at most (49 CFR 563.5).
@@ -116,8 +118,11 @@ def recorded_by(log: SimulationLog, index: int) -> Vector:
 def compared_row(
     case: str, vehicle: RecordedVehicle, event: int, kind: str, plastic: Vector, log: SimulationLog, index: int
 ) -> Compared:
-    """The row of a vehicle that could be compared: the one of the log with that ``index``, whose change was recorded in
-    that event. ``plastic`` is the peer's delta-v ahead and to the left, m/s."""
+    """Return the row of a vehicle that could be compared: the one of the log with that ``index``, whose change was
+    recorded in that event.
+
+    ``plastic`` is the peer's delta-v ahead and to the left, m/s.
+    """
     recording, damage, contact = vehicle.recording(event), vehicle.damage(event), log.first_contact
     assert recording is not None
     assert contact is not None
@@ -139,7 +144,7 @@ def compared_row(
 
 
 def _same_parts(delta_v: Vector, recording: Recording) -> float:
-    """Of a delta-v what the recorder has of it: some record along the vehicle alone, or across it."""
+    """Return the parts of a delta-v that the recorder has: some record along the vehicle alone, or across it."""
     ahead, left = delta_v
     return math.hypot(
         0.0 if recording.ahead_mps is None else ahead,
@@ -148,7 +153,7 @@ def _same_parts(delta_v: Vector, recording: Recording) -> float:
 
 
 def _measured_direction_deg(recording: Recording, damage: Damage | None) -> float | None:
-    """Where the force came from: by the recorder, else by the investigators (the CDC's clock or degrees)."""
+    """Return the direction of the force: by the recorder, else by the investigators (the CDC's clock or degrees)."""
     if recording.ahead_mps is not None and recording.left_mps is not None:
         return math.degrees(math.atan2(-recording.left_mps, -recording.ahead_mps))
     return None if damage is None or damage.force_from_rad is None else math.degrees(damage.force_from_rad)

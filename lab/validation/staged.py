@@ -90,7 +90,7 @@ class StagedResult:
 
 
 def staged_results(settings: SimSettings) -> list[StagedResult]:
-    """Both vehicles of each test."""
+    """Return both vehicles of each test."""
     return [result for test in TESTS for result in _result(test, settings)]
 
 
@@ -121,13 +121,13 @@ def _result(test: StagedTest, settings: SimSettings) -> list[StagedResult]:
 
 
 def _impact_m(vehicle: StagedVehicle) -> tuple[float, float]:
-    """Where the impact is, ahead and to the left of the body's middle."""
+    """Return the place of the impact, ahead and to the left of the body's middle."""
     away_m, angle = vehicle.to_impact_ft * METRES_PER_FOOT, math.radians(vehicle.impact_deg)
     return vehicle_model(vehicle.body).cg_ahead_m + away_m * math.cos(angle), away_m * math.sin(angle)
 
 
 def _when_apart(log: SimulationLog, index: int) -> float:
-    """The yaw rate of a vehicle that did not turn before, once the two are apart (rad/s)."""
+    """Return the yaw rate of a vehicle that did not turn before, once the two are apart (rad/s)."""
     contact, vehicle = log.first_contact, log.vehicles[index]
     assert contact is not None
     k = int(np.searchsorted(vehicle.time_s, contact.time_s + contact.duration_s))

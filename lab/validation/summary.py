@@ -1,4 +1,4 @@
-"""What the comparisons come to: median and worst error by kind of crash, the simulator's beside the peer's."""
+"""Summary of the comparisons: median and worst error by kind of crash, the simulator's beside the peer's."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class GroupErrors:
 
 
 def errors_by_group(rows: Iterable[Compared]) -> list[GroupErrors]:
-    """The groups in their order, those without vehicles too."""
+    """Return the groups in their order, those without vehicles too."""
     compared = [row for row in rows if row.reason is None]
     return [_group(name, [row for row in compared if belongs(row)]) for name, belongs in _GROUPS]
 
