@@ -12,7 +12,7 @@ in turn, and compared with the draws of the new estimate, weighed by what the re
 * what a vehicle did before (P_CRASH1), alone and with both crash types: whether the likeliest manoeuvre is of its kind;
 * both crash types: whether the angle between the headings is within 45 degrees of what it is with everything reported;
 * everything that tells lanes, of both vehicles: whether each comes in the lane it has with everything reported. That
-  lane is an estimate too. Of the sample the true lanes are known.
+  lane is an estimate too. The true lanes of the sample are known.
 
 Chance draws each from what all crashes have: another vehicle's speed, area, movement or angle, any lane of the same
 direction. If a language model is configured (``TRACE_DAG_STATES__LLM_MODEL``), it is asked for coordinates as the
