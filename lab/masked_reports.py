@@ -4,7 +4,7 @@
     python -m lab masked_reports ROOT [--draws 8] [--truth data/sample/truth.json] [--beside llm:coordinates-v1]
 
 ``ROOT`` holds computed crashes; the first command computes the shared ones and those of the sample, or takes the root
-that ``TRACE_DAG_MASKED_ROOT`` names for the shared ones. Of each verified collision of two vehicles one thing is hidden
+that ``TRACE_DAG_MASKED_ROOT`` names for the shared ones. One thing of each verified collision of two vehicles is hidden
 in turn, and compared with the draws of the new estimate, weighed by what the report still says:
 
 * a reported travel speed: whether the middle of the draws is within 5 mph of it, and an interval of 80 % contains it;
