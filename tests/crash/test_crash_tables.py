@@ -31,6 +31,9 @@ text = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 def _strategy(kind: object) -> st.SearchStrategy[object]:
     """Any value a field of that type can hold in storage."""
     args = typing.get_args(kind)
+    if typing.get_origin(kind) is typing.Annotated:
+        low, high = args[1].metadata
+        return (st.integers if args[0] is int else st.floats)(low.ge, high.le)
     if typing.get_origin(kind) is tuple:
         return st.lists(_strategy(args[0]), max_size=3).map(tuple)
     if args:
@@ -42,7 +45,7 @@ def _strategy(kind: object) -> st.SearchStrategy[object]:
 
 
 def _instances(kind: type) -> st.SearchStrategy[object]:
-    hints = typing.get_type_hints(kind)
+    hints = typing.get_type_hints(kind, include_extras=True)
     fields = {field.name: _strategy(hints[field.name]) for field in dataclasses.fields(kind)}
     if kind is NonMotorist:
         fields["number"] = st.integers(0, 999)

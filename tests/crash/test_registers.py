@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 from pathlib import Path
 
@@ -167,6 +168,61 @@ def test_rows_without_number_of_one_crash_are_refused(tmp_path):
         list(table(tmp_path, str(tmp_path / "mine.toml"), *[row] * 1_001).records())
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("ELM\x1b[31m ST", "a control character"),
+        ("ELM\x00ST", "a control character"),
+        ("ELM \u202eTS", "a control character"),
+        ("E" * 1_000_000, "more than 2,000 characters"),
+    ],
+)
+def test_a_value_that_is_no_text_is_refused_with_row_and_column(tmp_path, text, said):
+    rows = [{**TEMPE, "Incidentid": str(number)} for number in range(3)]
+    rows[1]["StreetName"] = text
+    with pytest.raises(UserError, match=rf"tempe\.csv: row 3, column 'StreetName': {said}") as refused:
+        table(tmp_path, "tempe", *rows).notes()
+    assert str(refused.value).isprintable()
+    assert len(str(refused.value)) < 400
+
+
+def test_ages_and_years_that_nobody_has_are_counted_and_not_known(tmp_path):
+    mapping = 'AGE = { column = "age" }\nMOD_YEAR = "built"\n'
+    (tmp_path / "mine.toml").write_text(MINE + mapping)
+    row = {"id": "1", "when": "2020-01-02 03:04", "lat": "52.0", "lon": "0.1", "manner": "2", "kmh": "36"}
+    rows = [{**row, "age": age, "built": built} for age, built in (("44", "2019"), ("-5", "1066"), ("121", "20155"))]
+    read = table(tmp_path, str(tmp_path / "mine.toml"), *rows, {**rows[0], "id": "2", "when": "1815-06-18 11:00"})
+    (record,) = read.records()
+    assert [[each.age_years for each in vehicle.occupants] for vehicle in record.vehicles] == [[44], [], []]
+    assert [vehicle.model_year for vehicle in record.vehicles] == [2019, None, None]
+    assert read.notes()[1:] == [
+        "1 crash left out: a year that is not from 1900 to 2100",
+        "not mapped, so not known: age as AGE: -5 (1), 121 (1)",
+        "not mapped, so not known: built as MOD_YEAR: 1066 (1), 20155 (1)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("vehicles", 0, "occupants", 0, "age_years"), -5),
+        (("vehicles", 0, "occupants", 0, "age_years"), 121),
+        (("vehicles", 0, "model_year"), 1),
+        (("year",), 9999),
+        (("case_year",), 0),
+        (("position_accuracy_m",), 1e6),
+    ],
+)
+def test_a_document_with_what_nothing_can_have_is_malformed(tmp_path, place, value):
+    (record,) = table(tmp_path, "montgomery", MONTGOMERY).records()
+    part = document = json.loads(report_to_json(record))
+    for step in place[:-1]:
+        part = part[step]
+    part[place[-1]] = value
+    with pytest.raises(Rejection, match=rf"malformed_report.*{'.'.join(map(str, place))}"):
+        report_from_json(json.dumps(document).encode(), name="a report")
+
+
 def test_an_id_twice_is_an_error_where_a_row_is_a_crash(tmp_path):
     with pytest.raises(UserError, match="id '1001' has 2 rows"):
         list(table(tmp_path, "tempe", TEMPE, TEMPE).records())
@@ -314,6 +370,7 @@ def test_elements_without_a_table_of_codes_are_taken_as_they_stand(tmp_path):
         ('{ column = "manner" }', '{ column = "manner", values = { x = 3 } }', "MAN_COLL has no code 3"),
         ('rows = "unit"', 'rows = "crash"', "units are named where"),
         ("point_accuracy_m = 10", "", "point_accuracy_m: Field required"),
+        ("point_accuracy_m = 10", "point_accuracy_m = 100000", "point_accuracy_m: Input should be less than"),
         ("point_accuracy_m = 10", "point_accuracy_m = 10\nexpression = 'a + b'", "Extra inputs are not permitted"),
         ("[crash]", "[crash", "cannot be read as TOML"),
     ],

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.scenario.pixels import drawn, of_colour
-from trace_dag.pages.canvas import Canvas, Ink
+from trace_dag.pages.canvas import Canvas, Ink, pixels_of
 
 WINDOW = (-10.0, -20.0, 30.0, 20.0)  # 40 m by 40 m
 SQUARE = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
@@ -95,3 +95,10 @@ def test_letters_of_other_languages_are_reduced_to_english_in_pixels_alone(canva
     plain = Canvas(WINDOW, 400.0)
     plain.text("Penon <1>", 10.0, 0.0, 40.0, "black", 1.0)
     assert np.array_equal(np.asarray(drawn(canvas.svg(), 400)), np.asarray(drawn(plain.svg(), 400)))
+
+
+@pytest.mark.parametrize("text", ["ELM \x1b[31m ST", "ELM\x00ST", "\udc80 ST", "<ELM & ST>", "\ufffe"])
+def test_a_text_that_cannot_be_drawn_costs_no_picture(canvas, text):
+    canvas.text(text, 10.0, 0.0, 12.0, "black", 1.0)
+    ElementTree.fromstring(canvas.svg())
+    assert pixels_of(canvas.svg(), 40).size == (40, 40)

@@ -24,13 +24,12 @@ from trace_dag.crash.fields import Fields, local_name, malformed
 from trace_dag.crash.keys import crash_key, state_of
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.persons import read_non_motorists
-from trace_dag.crash.record import CrashRecord, EventRecord, VehicleRecord
+from trace_dag.crash.record import LATEST_YEAR, CrashRecord, EventRecord, VehicleRecord
 from trace_dag.crash.sequence import has_struck_standing_only, known_by_events_alone, read_sequence
 from trace_dag.crash.table_reports import is_json, report_from_json
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
 
-LATEST_YEAR: Final = 2100
 _MIDNIGHT_AS_24: Final = 24
 _NOT_REPORTED_DEG: Final = ((77, 777), (88, 888), (99, 999))
 """Whole degrees of latitude and longitude that say: not reported, not available, unknown."""

@@ -10,13 +10,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum, StrEnum
-from typing import Final
+from typing import Annotated, Final, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
 from trace_dag.common.geometry import Pose
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.codes.persons import HIGHEST_AGE
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.parties import (
@@ -29,6 +31,15 @@ from trace_dag.crash.parties import (
     thing_struck,
 )
 from trace_dag.crash.trailer import Trailer
+
+FIRST_YEAR: Final = 1900
+LATEST_YEAR: Final = 2100
+LARGEST_ACCURACY_M: Final = 1000.0
+"""Of reported points, metres: what is farther off than that tells no road."""
+# What a record that is read from a file is held to.
+Age: TypeAlias = Annotated[int, Field(ge=0, le=HIGHEST_AGE)]
+Year: TypeAlias = Annotated[int, Field(ge=FIRST_YEAR, le=LATEST_YEAR)]
+Accuracy: TypeAlias = Annotated[float, Field(ge=0, le=LARGEST_ACCURACY_M)]
 
 
 class PreCrashMovement(IntEnum):
@@ -168,7 +179,7 @@ class Occupant:
     number: int  # PER_NO, of the vehicle's occupants
     role_code: int  # PER_TYP: 1 driver, 2 passenger
     injury_code: int | None = None  # INJ_SEV
-    age_years: int | None = None  # AGE
+    age_years: Age | None = None  # AGE
     restraint_code: int | None = None  # REST_USE
 
 
@@ -184,7 +195,7 @@ class VehicleRecord:
     mass_kg: float
     body_type_code: int | None = None  # BODY_TYP
     make_model: str = ""
-    model_year: int | None = None
+    model_year: Year | None = None
     trailers: int | None = None  # TOW_VEH
     trailer: Trailer | None = None  # what it pulls, as one body; length and mass above are without it
     jackknife_code: int | None = None  # J_KNIFE
@@ -194,7 +205,7 @@ class VehicleRecord:
     speed_limit_mps: float | None = None  # VSPD_LIM
     speeding: bool | None = None  # SPEEDREL
     driver_drinking: bool | None = None  # DR_DRINK
-    driver_age_years: int | None = None  # AGE of who drove
+    driver_age_years: Age | None = None  # AGE of who drove
     driver_belted: bool | None = None  # REST_USE
     occupants_killed: int | None = None  # DEATHS
     lanes: int | None = None  # VNUM_LAN
@@ -295,7 +306,7 @@ class NonMotorist:
     number: int  # PER_NO
     person_type_code: int  # PER_TYP, else PBPTYPE
     striking_vehicle: int | None = None  # STR_VEH
-    age_years: int | None = None  # AGE, else PBAGE
+    age_years: Age | None = None  # AGE, else PBAGE
     sex_code: int | None = None  # SEX, else PBSEX
     location_code: int | None = None  # LOCATION
     crosswalk_code: int | None = None  # PBCWALK
@@ -368,7 +379,7 @@ class CrashRecord:
     """
 
     key: str
-    case_year: int  # of other registers than FARS: the year of the crash
+    case_year: Year  # of other registers than FARS: the year of the crash
     state_case: int | None
     latitude_deg: float
     longitude_deg: float
@@ -379,13 +390,13 @@ class CrashRecord:
     vehicle_trajectory: VehicleTrajectory = VehicleTrajectory.OTHERS
     register: str = FARS
     register_lacks: tuple[str, ...] = ()
-    position_accuracy_m: float | None = None  # how far the reported point usually is from the crash
+    position_accuracy_m: Accuracy | None = None  # how far the reported point usually is from the crash
     attribution: str = ""  # whom a report of another register than FARS is to be attributed to, and its licence
     state_code: int | None = None
     state_name: str = ""
     county_name: str = ""
     city_name: str = ""
-    year: int | None = None
+    year: Year | None = None
     month: int | None = None
     day: int | None = None
     hour: int | None = None

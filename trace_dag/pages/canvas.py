@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 import numpy as np
 import shapely
 
+from trace_dag.common.messages.wording import printable
 from trace_dag.pages.map_scene import Window
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ class Canvas:
         turned = f' transform="rotate({-math.degrees(angle_rad):.1f} {x:.1f} {y:.1f})"' if angle_rad else ""
         self.element(
             f'<text x="{x:.1f}" y="{y + _MIDDLE_EM * size:.1f}" font-size="{size:g}" fill="{ink}" '
-            f'text-anchor="{anchor}"{turned}>{html.escape(text)}</text>',
+            f'text-anchor="{anchor}"{turned}>{html.escape(printable(text))}</text>',
             z,
         )
 

@@ -8,7 +8,7 @@ language: a value is looked up, a number has a unit, a time a format.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -20,9 +20,10 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.common.units import KG_PER_LB, METRES_PER_FOOT, MPS_PER_KMH, MPS_PER_MPH
 from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.persons import HIGHEST_AGE
 from trace_dag.crash.codes.table import code_table, has_codes
 from trace_dag.crash.keys import FARS, REGISTER_NAME
-from trace_dag.crash.record import Moment, Octant
+from trace_dag.crash.record import LARGEST_ACCURACY_M, Moment, Octant
 from trace_dag.crash.tables import CRASH_RECORD, NON_MOTORIST_COLUMNS, VEHICLE_COLUMNS
 
 PARKED: Final = "parked"
@@ -175,7 +176,7 @@ class RegisterMapping(_Part):
     rows: Literal["crash", "unit"]
     units: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
-    point_accuracy_m: float = Field(gt=0)
+    point_accuracy_m: float = Field(gt=0, le=LARGEST_ACCURACY_M)
     crash: CrashColumns
     unit: UnitColumns
 
@@ -284,15 +285,19 @@ VEHICLE_FIELDS: Final[Mapping[str, Column]] = _of_elements(VEHICLE_COLUMNS)
 PERSON_FIELDS: Final[Mapping[str, Column]] = _of_elements(NON_MOTORIST_COLUMNS)
 """What a mapping can have of a crash, a vehicle and a person outside vehicles: columns of their records by element."""
 OCCUPANT_FIELDS: Final = {"INJ_SEV": "injury_code", "AGE": "age_years", "REST_USE": "restraint_code"}
-NUMBERS: Final = frozenset({"AGE", "VE_FORMS", "FATALS"})
-"""Elements that count, and have no codes."""
+NUMBERS: Final[Mapping[str, range]] = {
+    "AGE": range(HIGHEST_AGE + 1),
+    "VE_FORMS": range(1000),
+    "FATALS": range(1000),
+}
+"""Elements that count, and have no codes, with what they can be."""
 
 
 def _check_codes(element: str, values: Iterable[int | str]) -> None:
     words = {PARKED} if element == "P_CRASH1" else set()
-    if element in NUMBERS or not has_codes(element):
+    if element not in NUMBERS and not has_codes(element):
         return
-    known = code_table(element).meanings
+    known: Container[int | str] = NUMBERS.get(element) or code_table(element).meanings
     for value in values:
         if value not in words and value not in known:
             raise ValueError(f"{element} has no code {value!r}")

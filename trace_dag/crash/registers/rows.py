@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from trace_dag.common.errors import UserError
+from trace_dag.common.messages.wording import printable
+from trace_dag.crash.fields import MAX_TEXT
 from trace_dag.crash.registers.mapping import RegisterMapping
 
 if TYPE_CHECKING:
@@ -26,6 +28,9 @@ Row = Mapping[str, Any]
 TIME: Final = "time as read"
 """Where a row has its time, None if that is not known."""
 _AT_ONCE: Final = 20_000
+_LONGEST_NARRATIVE: Final = 50_000
+_SHOWN: Final = 60
+_CONTROL: Final = r"[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]"  # those of right-to-left text reorder a line
 _IN_ORDER: Final = """
 SELECT kept.* EXCLUDE (number) FROM kept JOIN (SELECT id, min(number) AS first FROM kept GROUP BY id) USING (id)
 ORDER BY first, number
@@ -77,10 +82,25 @@ class RegisterRows:
         database.execute(f"CREATE TABLE kept (number BIGINT, id VARCHAR, {texts}, time TIMESTAMP)")
         for frame in self._frames(usecols=names, chunksize=_AT_ONCE):
             frame = frame[names].fillna("").apply(lambda column: column.str.split().str.join(" "))
+            self._check_texts(frame)
             frame.insert(0, "", frame.index)
             frame[TIME] = pd.to_datetime(frame[time.column], format=time.format, errors="coerce")
             database.execute("INSERT INTO kept SELECT * FROM frame")
         return database
+
+    def _check_texts(self, frame: pd.DataFrame) -> None:
+        """Raise :class:`UserError` for a value that is no text of a table, by the row and column where it stands."""
+        for name in self.wanted:
+            most = _LONGEST_NARRATIVE if name == self._mapping.crash.narrative else MAX_TEXT
+            for wrong, what in (
+                (frame[name].str.contains(_CONTROL), "a control character"),
+                (frame[name].str.len() > most, f"more than {most:,} characters"),
+            ):
+                if wrong.any():
+                    place = int(wrong.argmax())
+                    row = int(frame.index[place]) + 2  # the header is the first, and they are counted from 1
+                    begins = printable(frame[name].iloc[place][:_SHOWN])
+                    raise UserError(f"{self._path}: row {row}, column {name!r}: {what} in {begins!r}; mend that row")
 
     def _frames(self, **options: Any) -> Iterator[pd.DataFrame]:
         import pandas as pd

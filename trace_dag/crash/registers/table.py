@@ -27,6 +27,8 @@ from trace_dag.crash.keys import register_key
 from trace_dag.crash.listing import CrashListing, list_record
 from trace_dag.crash.parse import reported_position
 from trace_dag.crash.record import (
+    FIRST_YEAR,
+    LATEST_YEAR,
     CrashRecord,
     EventRecord,
     Heading,
@@ -220,6 +222,9 @@ class RowReader:
         if moment is None:
             self.left_out["no date and time in the format of the mapping"] += 1
             return None
+        if not FIRST_YEAR <= moment.year <= LATEST_YEAR:
+            self.left_out[f"a year that is not from {FIRST_YEAR} to {LATEST_YEAR}"] += 1
+            return None
         coded = {name: self._code(row, name, column) for name, column in mapping.crash.coded.items()}
         vehicles, persons = self._units(rows)
         if isinstance(further := coded.pop("PER_TYP", None), int):
@@ -283,13 +288,13 @@ class RowReader:
 
     def _vehicle(self, row: Row, unit: str, number: int, *, parked: bool) -> VehicleRecord:
         columns = self.mapping.unit
-        coded = self._codes_of_unit(row, unit, VEHICLE_FIELDS)
+        coded = self._codes_of_unit(row, unit, {*VEHICLE_FIELDS, *OCCUPANT_FIELDS})
         movement = coded.pop("P_CRASH1", None)
         moves = not parked and movement != PARKED
         initial, body_type = coded.get("IMPACT1"), coded.get("BODY_TYP")
         body, body_implied = body_of(BodyEvidence(body_type=body_type))
         named = (self._text(row, columns.make, unit), self._text(row, columns.model, unit))
-        driver = self._codes_of_unit(row, unit, OCCUPANT_FIELDS) if moves else {}
+        driver = {name: code for name, code in coded.items() if name in OCCUPANT_FIELDS and moves}
         vehicle = VehicleRecord(
             number=number,
             vehicle_class=body.vehicle_class,
@@ -342,7 +347,7 @@ class RowReader:
         elif self._is_unknown(value):
             found = None
         else:
-            found = self._whole(label, value)
+            found = self._whole(label, value, NUMBERS.get(element))
             if found is not None and element in _CODED and found not in code_table(element).meanings:
                 found = self._count(label, value)
         return code_table(element).known(found) if isinstance(found, int) and element in _CODED else found
@@ -357,8 +362,8 @@ class RowReader:
         return self._count(name, row[name]) if number is None or number < 0 else number * column.factor
 
     def _year(self, row: Row, unit: str) -> int | None:
-        text = self._text(row, self.mapping.unit.MOD_YEAR, unit)
-        return int(text) if text.isascii() and text.isdigit() and 1900 <= int(text) <= 2100 else None
+        text = self._text(row, column := self.mapping.unit.MOD_YEAR, unit)
+        return self._whole(f"{column} as MOD_YEAR", text, range(FIRST_YEAR, LATEST_YEAR + 1)) if text else None
 
     def _text(self, row: Row, column: str | None, unit: str = "") -> str:
         value = "" if column is None else str(row[self.mapping.column_of(column, unit)])
@@ -379,9 +384,12 @@ class RowReader:
             found = next((code for known, code in values.items() if known.casefold() == value.casefold()), None)
         return self._count(name, value) if found is None else found
 
-    def _whole(self, name: str, value: str) -> int | None:
+    def _whole(self, name: str, value: str, within: range | None = None) -> int | None:
         number = _number(value)
-        return self._count(name, value) if number is None or number != int(number) else int(number)
+        if number is None or number != int(number) or (within is not None and int(number) not in within):
+            self._count(name, value)
+            return None
+        return int(number)
 
     def _count(self, name: str, value: str) -> Any:
         """Count a value that the mapping does not know; None, what it counts as."""
@@ -389,7 +397,9 @@ class RowReader:
         return None
 
 
-_CODED: Final = frozenset(filter(has_codes, (*CRASH_FIELDS, *VEHICLE_FIELDS, *PERSON_FIELDS, "PER_TYP"))) - NUMBERS
+_CODED: Final = (
+    frozenset(filter(has_codes, (*CRASH_FIELDS, *VEHICLE_FIELDS, *PERSON_FIELDS, "PER_TYP"))) - NUMBERS.keys()
+)
 
 
 def _fields(columns: Mapping[str, Column], coded: Mapping[str, Any]) -> dict[str, Any]:
