@@ -11,12 +11,12 @@ from trace_dag.flow.contract import Flow, StageDefinition
 
 VERSIONS = {
     Stage.RAW_REPORT: 1,
-    Stage.CRASH_RECORD: 6,
+    Stage.CRASH_RECORD: 7,
     Stage.OSM_EXTRACT: 2,
     Stage.ROAD_MAP: 6,
-    Stage.STATE_ESTIMATE: 10,
+    Stage.STATE_ESTIMATE: 11,
     Stage.SIMULATION_LOG: 4,
-    Stage.VERDICT: 8,
+    Stage.VERDICT: 9,
 }
 """Numbers of the stages' code. Raise one when other results come of the same input: a test compares the
 sample's outputs (``tests/sample/test_stage_outputs.py``)."""
