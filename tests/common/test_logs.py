@@ -11,10 +11,10 @@ import pytest
 
 PROGRAM = """
 import logging
-from trace_dag.common.messages.logs import at_work, configure_logging, figures
+from trace_dag.common.messages.logs import log_context, configure_logging, figures
 configure_logging()
 log = logging.getLogger("trace_dag.roads")
-with at_work("2023-510179", "road_map"):
+with log_context("2023-510179", "road_map"):
     log.warning("3 lanes are\\nnot known", extra=figures(lanes=3))
 log.info("not asked for")
 try:

@@ -149,6 +149,8 @@ def test_a_corner_is_not_the_middle_of_a_side():
     comparison = beside(corner, ANGLE_RECORD, CROSSROADS)
     assert comparison.observed.first.sides[1].clock_h < 7.6
     assert doubts(comparison) == {Doubt.OTHER_FACE}
+    whole_side = replace(ANGLE_RECORD, register="narrative")  # names a side, not a place on it
+    assert Doubt.OTHER_FACE not in doubts(beside(corner, whole_side, CROSSROADS))
     rear_left = replace(ANGLE_RECORD.vehicles[0], impact=area(8))
     told = replace(ANGLE_RECORD, vehicles=(rear_left, ANGLE_RECORD.vehicles[1]))
     collision = replace(told.events[0], area_1=rear_left.impact)

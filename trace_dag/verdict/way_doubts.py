@@ -19,6 +19,7 @@ from trace_dag.common.units import clock_difference_h, kmh_to_mps, mps_to_kmh
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes import crash as codes
 from trace_dag.crash.departure_side import SIDE_OF_EVENT
+from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import EventKind, is_vehicle, party_in_words
 from trace_dag.crash.record import Severity
 from trace_dag.crash.zones import is_in_crosswalk
@@ -182,8 +183,11 @@ def _junction_at(network: RoadNetwork, x_m: float, y_m: float) -> Junction | Non
 def _other_faces(beside: Comparison) -> Iterator[Reservation]:
     """Yield a doubt for each vehicle struck at another face or a corner than reported.
 
-    The report has the middle of a side or the rear, within the criterion's two clock positions.
+    The report has the middle of a side or the rear, within the criterion's two clock positions. Narratives and most
+    other tables name a side as a whole, so FARS alone is compared.
     """
+    if beside.record.register != FARS:
+        return
     for event in beside.sequence.events:
         seen = beside.seen(event)
         for number, side in seen.sides.items() if seen is not None else ():
