@@ -28,7 +28,10 @@ _STARTED: list[subprocess.Popen[bytes]] = []  # its standard input is a pipe of 
 PROGRAMS = {
     "trace-dag": "from trace_dag.cli.main import main\nmain()",
     "lab": "from lab.__main__ import main\nmain()",
-    "python": "import sys\nexec(sys.stdin.read())",
+    "python": "import sys\n"
+    "if sys.argv[1:3] == ['-m', 'lab']:\n"
+    "    del sys.argv[1:3]\n    from lab.__main__ import main\n    main()\n"
+    "else:\n    exec(sys.stdin.read())",
 }
 
 _IMPORTED_WHERE_USED = (

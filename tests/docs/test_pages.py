@@ -115,6 +115,7 @@ def run(block: Block, folder: Path) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join([str(programs), str(Path(sys.executable).parent), os.environ["PATH"]])
     # A page is read on a wide terminal; a few crashes are done before workers of their own would have started.
     environment = os.environ | {"PATH": path, "COLUMNS": "200", "TRACE_DAG_EXECUTION__WORKERS": "1"}
+    environment["PYTHONPATH"] = str(Path(__file__).parents[2])  # for the laboratory, which is not installed
     return subprocess.run(
         program, input=block.commands, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
