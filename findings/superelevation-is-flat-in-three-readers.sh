@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Expected: ASAM OpenDRIVE 1.6, "Superelevation": the cross section of a road is turned about the reference line by
 #   the angle of the record, so that at 0.12 rad a lane whose centre is 1.75 m to the right lies 0.21 m lower.
-# Happens: CARLA, netconvert and pyxodr read the file without an error and lay both lanes level at height zero; the
-#   waypoint of CARLA has a roll of zero as well. A banked curve is a flat one in all three.
+# Happens: CARLA, netconvert and pyxodr read the file without an error and lay both lanes level at the
+#   height of the reference line; the waypoint of CARLA has a roll of zero as well. A banked curve is a flat one in all three.
 # Version: carla 0.9.16, eclipse-sumo 1.28.0, pyxodr 0.1.3 (PyPI).
 set -euo pipefail
 folder=$(mktemp -d)
