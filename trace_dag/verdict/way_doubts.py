@@ -163,7 +163,7 @@ def _streets_cross(network: RoadNetwork, x_m: float, y_m: float) -> bool:
     """Return whether lanes of two streets of an intersection lie over each other at a point."""
     headings = []
     for lane in network.nearest_lanes(x_m, y_m, 0.0):
-        junction = network.junction_by_id.get(network.road_by_id[lane.lane.road_id].junction_id or "")
+        junction = network.junction_of(lane.lane)
         if junction is not None and junction.kind != RoadTopology.NOT_AN_INTERSECTION:
             headings.append(network.pose(lane.lane, lane.s_m).heading_rad)
     return any(abs(math.degrees(math.remainder(a - b, math.pi))) > _CROSSING_DEG for a, b in combinations(headings, 2))
@@ -172,7 +172,7 @@ def _streets_cross(network: RoadNetwork, x_m: float, y_m: float) -> bool:
 def _junction_at(network: RoadNetwork, x_m: float, y_m: float) -> Junction | None:
     """Return the junction at a point: the one that it is in, or whose middle is near."""
     for lane in network.nearest_lanes(x_m, y_m, 0.0):
-        junction = network.junction_by_id.get(network.road_by_id[lane.lane.road_id].junction_id or "")
+        junction = network.junction_of(lane.lane)
         if junction is not None:
             return junction
     near = [(math.dist(each.centre_xy_m, (x_m, y_m)), each) for each in network.junctions if each.centre_xy_m]

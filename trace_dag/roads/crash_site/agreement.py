@@ -253,7 +253,7 @@ def _reported_control(vehicle: VehicleRecord) -> str | None:
 
 
 def _mapped_controls(vehicle: VehicleRecord, street: StreetAtCrash) -> tuple[str, ...]:
-    """Return a map without a sign is compared only with a report of no control: OSM lacks many signs that exist."""
+    """Return the mapped controls; none, since OSM lacks many signs, only beside a report of no control."""
     if street.controls:
         return tuple(sorted(control.value for control in street.controls))
     return (Control.NONE.value,) if control_of(vehicle) == Control.NONE else ()
@@ -310,9 +310,7 @@ def _kind_as_named(
 def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:
     """Return the kind of the crossing that the crash lies in."""
     lane = placement.lane
-    junction = (
-        None if lane is None else network.junction_by_id.get(network.road_by_id[lane.lane.road_id].junction_id or "")
-    )
+    junction = network.junction_of(lane.lane) if lane is not None else None
     if junction is None or not junction.kind or junction.centre_xy_m is None:
         return RoadTopology.NOT_AN_INTERSECTION
     distance_m = math.dist(junction.centre_xy_m, (placement.x_m, placement.y_m))

@@ -48,6 +48,10 @@ class RoadNetwork:
         """Return junctions by OpenDRIVE id."""
         return {junction.id: junction for junction in self.junctions}
 
+    def junction_of(self, lane: LaneRef) -> Junction | None:
+        """Return the junction of a lane's road; None for a road between junctions."""
+        return self.junction_by_id.get(self.road_by_id[lane.road_id].junction_id or "")
+
     # --- lanes -----------------------------------------------------------------------------------------------
     @cached_property
     def _geometry(self) -> _Roads:
