@@ -27,7 +27,6 @@ import trace_dag
 _STARTED: list[subprocess.Popen[bytes]] = []  # its standard input is a pipe of this process: it ends when this does
 PROGRAMS = {
     "trace-dag": "from trace_dag.cli.main import main\nmain()",
-    "lab": "from lab.__main__ import main\nmain()",
     "python": "import sys\n"
     "if sys.argv[1:3] == ['-m', 'lab']:\n"
     "    del sys.argv[1:3]\n    from lab.__main__ import main\n    main()\n"
@@ -56,8 +55,7 @@ with socket.socket(socket.AF_UNIX) as prepared:
 
 @cache
 def programs() -> Path:
-    """The folder with ``trace-dag``, ``lab`` (to be started in the repository), and ``python``, for what it is given on
-    its standard input."""
+    """Return the folder with ``trace-dag``, and ``python`` for ``-m lab`` and for a program on its standard input."""
     folder = Path(tempfile.mkdtemp(prefix="prepared-", dir=os.environ.get("TRACE_DAG_TESTS_SHARED")))
     address = str(folder / "asked")
     for name in PROGRAMS:

@@ -89,7 +89,7 @@ def trace_dag_process(root: Path | str, *arguments: str, **environment: str) -> 
 def study(root: Path | str, name: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a study of the laboratory on a root, likewise."""
     executor = {"TRACE_DAG_EXECUTION__EXECUTOR": "in_process"}
-    return _in_process("lab", "--root", str(root), name, *arguments, **executor | environment)
+    return _in_process("python", "-m", "lab", "--root", str(root), name, *arguments, **executor | environment)
 
 
 def _in_process(program: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -98,7 +98,7 @@ def _in_process(program: str, *arguments: str, **environment: str) -> subprocess
         capture_output=True,
         text=True,
         check=False,
-        cwd=SAMPLE.parents[1] if program == "lab" else None,
+        cwd=SAMPLE.parents[1] if program == "python" else None,
         env=os.environ | {"COLUMNS": "200"} | environment,
     )
 
