@@ -28,7 +28,7 @@ from trace_dag.reconstruction.alternatives import bearing_from_rad
 from trace_dag.simulation.states import Hypothesis, ParticipantState, StateEstimate
 
 WITHIN_RAD: Final = math.radians(45)
-"""How far a direction may be from the reported octant's: as the verdict's criterion."""
+"""Largest difference of a direction from the reported octant's: as the verdict's criterion."""
 
 
 @dataclass(frozen=True)

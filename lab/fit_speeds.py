@@ -41,7 +41,7 @@ from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 TABLE: Final = Path(__file__).parents[1] / "trace_dag/reconstruction/motion/speed_coefficients.py"
 LEVELS: Final = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
 RIDGE: Final = 0.3
-"""Of the table's shifts: by cross validation 0.1 to 1 differ by 2 % in the mean error."""
+"""Penalty of the table's shifts: by cross validation 0.1 to 1 differ by 2 % in the mean error."""
 POOLED: Final = 8.0
 """So many of all vehicles join those of a role."""
 _AS_IF_MPH: Final = 0.5  # absolute deviations are smooth below

@@ -31,7 +31,7 @@ class Needs(StrEnum):
 _COLLISIONS: Final = frozenset({EventKind.VEHICLE_CONTACT})
 _STRIKES: Final = frozenset({EventKind.PERSON_STRUCK})
 PERTURBED: Final = _COLLISIONS | _STRIKES
-"""What a crash has to begin with for its report to be changed."""
+"""First events of crashes whose reports are changed."""
 
 
 @dataclass(frozen=True)

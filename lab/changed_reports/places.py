@@ -16,7 +16,7 @@ from trace_dag.osm.types import OsmExtract, OsmWay
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 
 LEAST_M: Final = 300.0
-"""How far a random point is from the crash, at least."""
+"""Least distance of a random point from the crash."""
 _NAMES: Final = ("name", "ref", "alt_name", "old_name", "official_name", "loc_name")
 
 

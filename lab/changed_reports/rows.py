@@ -40,7 +40,7 @@ from trace_dag.verdict.controls import JudgedCrash, in_place_of
 from trace_dag.verdict.judge import judge_hypothesis
 
 FARTHEST_M = 1000.0
-"""How far from its crash a report is set down at most."""
+"""Largest distance at which a report is set down from its crash."""
 _REPORT = "report.xml"
 
 

@@ -18,7 +18,7 @@ from trace_dag.simulation.states import Trajectory
 from trace_dag.simulation.types import Body, Participant
 
 OUTWARD: Final = {"F": (1.0, 0.0), "B": (-1.0, 0.0), "L": (0.0, 1.0), "R": (0.0, -1.0)}
-"""Where each side of a vehicle faces, ahead and to the left."""
+"""Direction of each side of a vehicle, ahead and to the left."""
 _APART_M: Final = 0.3
 _BACK_S: Final = 0.002
 _FARTHEST_S: Final = 5.0

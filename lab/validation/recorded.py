@@ -21,7 +21,7 @@ from trace_dag.crash.codes.bodies import BodyEvidence, body_of
 from trace_dag.simulation.types import Body, BodyKind
 
 LOAD_KG: Final = 100.0
-"""Of occupants and luggage, on top of the curb mass and of the cargo that is known."""
+"""Mass of occupants and luggage, on top of the curb mass and of the cargo that is known."""
 
 _VEHICLE = re.compile(r"\s*vehicle\s+(\d+)", re.IGNORECASE)
 _MOST_VEHICLES: Final = 30  # codes of what was struck: up to this a vehicle of the crash, beyond it a kind of object

@@ -258,7 +258,7 @@ def test_a_map_without_roads_is_a_rejection():
 
 @pytest.mark.parametrize("clock", [1, 11])
 def test_oncoming_vehicles_meet_with_the_sides_that_are_reported(clock: int):
-    """Who comes from the left of the other, across its whole lane, is struck on the right, and so is the other."""
+    """A vehicle that comes from the left, across the other's whole lane, is struck on the right, as is the other."""
     case = sample_case("2023-319022")  # a car crosses the centreline
     vehicles = tuple(dataclasses.replace(each, impact=impact_area(clock)) for each in case.record.vehicles)
     events = tuple(

@@ -31,7 +31,7 @@ from trace_dag.simulation.backends import backend, backend_factory
 from trace_dag.simulation.types import Simulation
 
 VERSION = "5"
-"""Of the code that evaluates, our agents' included; see :data:`trace_dag.flow.stages.VERSIONS`."""
+"""Number of the code that evaluates, our agents' included; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _OURS_S = 120.0  # beyond making an agent and its evaluation: what a worker does itself, a new process included
 _OUR_MEMORY_MB = 4096
 _CHUNKS_PER_WORKER = 4  # of a cluster, at least

@@ -39,7 +39,7 @@ from trace_dag.simulation.states import EstimatorRun, Hypothesis, ParticipantSta
 from trace_dag.simulation.types import Participant
 
 VERSION = "3"
-"""Of the code that makes variations; see :data:`trace_dag.flow.stages.VERSIONS`."""
+"""Number of the code that makes variations; see :data:`trace_dag.flow.stages.VERSIONS`."""
 
 
 @dataclass(frozen=True)

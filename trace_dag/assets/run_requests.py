@@ -17,7 +17,7 @@ UNFINISHED = (
     DagsterRunStatus.STARTING,
     DagsterRunStatus.STARTED,
 )
-"""Of runs that are under way or to come."""
+"""Statuses of runs that are under way or to come."""
 
 _PARTITION_TAG = "dagster/partition"
 _RANGE_START_TAG = "dagster/asset_partition_range_start"

@@ -13,7 +13,7 @@ from trace_dag.common.units import wrap_angle
 
 
 def location_from_carla(x_m: float, y_m: float) -> tuple[float, float]:
-    """Return cARLA's x, y to the local frame's.
+    """Convert CARLA's x, y to the local frame's.
 
     >>> location_from_carla(10.0, 3.0)
     (10.0, -3.0)
@@ -31,7 +31,7 @@ def location_to_carla(x_m: float, y_m: float) -> tuple[float, float]:
 
 
 def heading_from_carla(yaw_deg: float) -> float:
-    """Return cARLA's yaw to radians counter-clockwise from east, in (-pi, pi]."""
+    """Convert CARLA's yaw to radians counter-clockwise from east, in (-pi, pi]."""
     return wrap_angle(-math.radians(yaw_deg))
 
 
@@ -45,7 +45,7 @@ def heading_to_carla(heading_rad: float) -> float:
 
 
 def yaw_rate_from_carla(yaw_rate_dps: float) -> float:
-    """Return cARLA's angular velocity about z (degrees/s, clockwise from above) to radians/s counter-clockwise."""
+    """Convert CARLA's angular velocity about z (degrees/s, clockwise from above) to radians/s counter-clockwise."""
     return -math.radians(yaw_rate_dps)
 
 

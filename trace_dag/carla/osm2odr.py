@@ -67,7 +67,7 @@ _LIMITS: Final = MapLimits(
     geodesic_m=10.0,
     clearance_m=0.0,
 )
-"""What is asked of Osm2Odr's maps: flat, with kinks in roads and gaps at links, lanes of its own at ramps."""
+"""Limits for Osm2Odr's maps: flat, with kinks in roads and gaps at links, lanes of its own at ramps."""
 
 
 class Osm2OdrConverter:

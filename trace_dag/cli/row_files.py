@@ -99,4 +99,4 @@ FORMATS: dict[str, Callable[[Path, Sequence[str], Any], None]] = {
     "geojson": _write_geojson,
     "parquet": _write_parquet,
 }
-"""What writes a file of each format."""
+"""Writers of each format."""

@@ -51,7 +51,7 @@ class LocalFrame:
         )
 
     def to_local(self, latitude_deg: FloatArray | float, longitude_deg: FloatArray | float) -> FloatArray:
-        """Return geographic degrees, scalars or shape (n,), to local metres, shape (2,) or (n, 2)."""
+        """Convert geographic degrees, scalars or shape (n,), to local metres, shape (2,) or (n, 2)."""
         x_m, y_m = self._transformer.transform(longitude_deg, latitude_deg)
         return np.stack([np.asarray(x_m, float), np.asarray(y_m, float)], axis=-1)
 

@@ -17,7 +17,7 @@ GRAVITY_MPS2: Final = 9.80665  # standard gravity, ISO 80000-3
 
 
 def mph_to_mps(speed_mph: float) -> float:
-    """Return miles per hour to metres per second.
+    """Convert miles per hour to metres per second.
 
     >>> mph_to_mps(25)
     11.176
@@ -26,7 +26,7 @@ def mph_to_mps(speed_mph: float) -> float:
 
 
 def mps_to_mph(speed_mps: float) -> float:
-    """Return metres per second to miles per hour.
+    """Convert metres per second to miles per hour.
 
     >>> round(mps_to_mph(11.176), 6)
     25.0
@@ -35,7 +35,7 @@ def mps_to_mph(speed_mps: float) -> float:
 
 
 def kmh_to_mps(speed_kmh: float) -> float:
-    """Return kilometres per hour to metres per second.
+    """Convert kilometres per hour to metres per second.
 
     >>> kmh_to_mps(36)
     10.0
@@ -44,7 +44,7 @@ def kmh_to_mps(speed_kmh: float) -> float:
 
 
 def mps_to_kmh(speed_mps: float) -> float:
-    """Return metres per second to kilometres per hour.
+    """Convert metres per second to kilometres per hour.
 
     >>> mps_to_kmh(10)
     36.0
@@ -53,7 +53,7 @@ def mps_to_kmh(speed_mps: float) -> float:
 
 
 def clock_to_bearing_rad(clock_h: float) -> float:
-    """Return the clock position on a vehicle's body to an angle, radians counter-clockwise from the vehicle's front.
+    """Convert a clock position on a vehicle's body to an angle, radians counter-clockwise from the vehicle's front.
 
     12 o'clock is the front (0), 9 the left (+pi/2), 6 the rear (pi), 3 the right (-pi/2), as in FARS ``IMPACT1``.
 
@@ -64,7 +64,7 @@ def clock_to_bearing_rad(clock_h: float) -> float:
 
 
 def bearing_to_clock_h(bearing_rad: float) -> float:
-    """Return the angle counter-clockwise from the vehicle's front to a clock position in (0, 12], hours.
+    """Convert an angle counter-clockwise from the vehicle's front to a clock position in (0, 12], hours.
 
     >>> bearing_to_clock_h(math.pi / 2)
     9.0

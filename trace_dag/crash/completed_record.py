@@ -52,7 +52,7 @@ def complete_record(record: CrashRecord) -> CrashRecord:
 
 
 def drop_headings(record: CrashRecord) -> CrashRecord:
-    """Return the record as it would be had its register no directions of travel: without them and all that they imply.
+    """Return the record without directions of travel and all that they imply, as of a register that lacks them.
 
     >>> drop_headings(record) == record  # FARS has none
     True

@@ -143,7 +143,7 @@ def _of_kinds(names: Collection[str]) -> Rule:
 
 
 def _number_of_vehicles(wanted: int) -> Rule:
-    """Return a crash must involve that many motor vehicles in transport."""
+    """Return the rule that a crash involves that many motor vehicles in transport."""
 
     def shortcoming(record: CrashRecord) -> str | None:
         found = record.moving_vehicles
@@ -198,7 +198,7 @@ def _struck_from_behind(vehicle: VehicleRecord, partner: VehicleRecord | None) -
 
 
 def _location(record: CrashRecord) -> str | None:
-    """Return a report of a state of the US lies there; a register that names none can be of anywhere."""
+    """Check that a report of a US state lies there; a register that names none can be of anywhere."""
     low, high = US_LATITUDE_DEG
     west, east = US_LONGITUDE_DEG
     if record.state_code is None or (low <= record.latitude_deg <= high and west <= record.longitude_deg <= east):
@@ -265,7 +265,7 @@ def _place_of_person(record: CrashRecord, strike: CrashEvent) -> str | None:
 
 
 def _course_of(record: CrashRecord, vehicles: Sequence[VehicleRecord]) -> str | None:
-    """Return every vehicle's course is told, by its own fields or those of the other one."""
+    """Check that every vehicle's course is reported, by its own fields or those of the other one."""
     for index, vehicle in enumerate(vehicles):
         partner = vehicles[1 - index] if len(vehicles) == 2 else None
         if not _trajectory_known(record, vehicle, partner):
@@ -328,7 +328,7 @@ KINDS: Final[tuple[Rule, ...]] = tuple(
         ("modelled", Reason.NOT_MODELLED, "the first harmful event is one that can be simulated"),
     )
 )
-"""What kind of crash it has to be."""
+"""Rules about the kind of crash."""
 
 RULES: Final[tuple[Rule, ...]] = (
     Rule("location", Reason.INCOMPLETE_LOCATION, "the place of the crash is known", _location),
@@ -340,4 +340,4 @@ RULES: Final[tuple[Rule, ...]] = (
 OF_VERDICTS: Final[tuple[Rule, ...]] = (
     Rule("impact", Reason.INCOMPLETE_IMPACT, "on which side a vehicle was struck is known of one at least", _impact),
 )
-"""What a verdict cannot do without, beyond the paper's rules."""
+"""Rules that a verdict needs beyond the paper's."""

@@ -253,7 +253,7 @@ def _second_street(record: CrashRecord) -> Iterator[str]:
 
 
 def _route(record: CrashRecord) -> Iterator[str]:
-    """Yield a road's number says who signs it (``ROUTE``), and what it can be by class (``FUNC_SYS``).
+    """Yield a road's number that contradicts its system (``ROUTE``) or its class (``FUNC_SYS``).
 
     In two-vehicle crashes of 2015 with ``TWAY_ID`` an interstate, US or state route, ``ROUTE`` names another system
     in 0.5 to 2 %; 98.7 % of those on interstates by class are so by name, and 0.4 % of those on US routes are on

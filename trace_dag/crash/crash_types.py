@@ -161,7 +161,7 @@ def _opposite_direction() -> dict[int, CrashType]:
 
 
 def _forward_impacts(first: int, row: Callable[..., CrashType]) -> dict[int, CrashType]:
-    """Return the e and H: out of control or avoiding something, into the other one's path.
+    """Return configurations E and H: out of control or avoiding something, into the other one's path.
 
     The other vehicle is not coded."""
     table: dict[int, CrashType] = {}

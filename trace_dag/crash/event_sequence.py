@@ -84,7 +84,7 @@ class CrashEvent:
 
     @property
     def person(self) -> NonMotorist:
-        """Return the whom the vehicle strikes.
+        """Return the person whom the vehicle strikes.
 
         Raises ``TypeError`` for an event of another kind.
         """
@@ -250,7 +250,7 @@ def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord] | M
 
 
 def unlisted_vehicles(record: CrashRecord) -> str | None:
-    """Return that the report lists fewer vehicles in transport than it counts (``VE_FORMS``), as a sentence; else None.
+    """Return the sentence that the report lists fewer vehicles in transport than ``VE_FORMS``, or None.
 
     >>> unlisted_vehicles(replace(record, vehicles=record.vehicles[:1]))
     'the report lists 1 of 2 vehicles in transport'
@@ -351,7 +351,7 @@ class _Reader:
         return others[0] if len(others) == 1 else None
 
     def _struck(self, event: EventRecord) -> NonMotorist | None:
-        """Return the whom an event was with: the one named, or one not listed; None if that cannot be told."""
+        """Return the person of an event: the one named, or one not listed; None if that is unknown."""
         if event.kind is EventKind.ANIMAL_STRUCK:
             own = event.number if event.party_2 is None else event.party_2 - thing_party(0)
             self._animal = own if self._animal is None else self._animal

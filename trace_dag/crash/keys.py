@@ -31,12 +31,12 @@ class CrashKey:
 
     @property
     def state_case(self) -> int | None:
-        """Return the FARS' ``stateCase``; None of other registers."""
+        """Return FARS' ``stateCase``; None of other registers."""
         return None if self.case_year is None else int(self.id)
 
     @property
     def order(self) -> tuple[object, ...]:
-        """Return sorts keys: FARS by year and number, then each register by itself, numbers by their size."""
+        """Return the sorting key: FARS by year and number, then each register by itself, numbers by their size."""
         number = int(self.id) if self.id.isascii() and self.id.isdigit() else -1
         return (self.register != FARS, self.register, self.case_year or 0, number, self.id)
 

@@ -133,7 +133,7 @@ def crash_element(root: etree._Element, *, name: str) -> etree._Element:
 
 
 def _not_struck(people_outside: int | None, events: Iterable[EventRecord]) -> Iterator[str]:
-    """Yield that people outside vehicles are struck in no event, as a sentence: no body is simulated for them."""
+    """Yield the sentence that people outside vehicles are struck in no event and are not simulated."""
     strikes = [event for event in events if event.kind is EventKind.PERSON_STRUCK]
     bodies = len({each.party_2 for each in strikes if each.party_2 is not None} or strikes)
     if people_outside is not None and 0 < bodies < people_outside:

@@ -14,7 +14,7 @@ from typing import Final
 from trace_dag.crash.codes import events as codes
 
 HIGHEST_NUMBER: Final = 999
-"""Of a vehicle, and of a person before :data:`_PERSONS` is added."""
+"""Limit for a vehicle, and for a person before :data:`_PERSONS` is added."""
 _PERSONS: Final = 1000
 _THINGS: Final = 2000
 _TRAILERS: Final = 3000

@@ -35,7 +35,7 @@ from trace_dag.crash.trailer import Trailer
 FIRST_YEAR: Final = 1900
 LATEST_YEAR: Final = 2100
 LARGEST_ACCURACY_M: Final = 1000.0
-"""Of reported points, metres: what is farther off than that tells no road."""
+"""Limit for the accuracy of reported points, metres: a point farther off names no road."""
 # What a record that is read from a file is held to.
 Age: TypeAlias = Annotated[int, Field(ge=0, le=HIGHEST_AGE)]
 Year: TypeAlias = Annotated[int, Field(ge=FIRST_YEAR, le=LATEST_YEAR)]
@@ -68,7 +68,7 @@ class PreCrashMovement(IntEnum):
 
 
 STOPPED_MOVEMENTS: Final = frozenset({PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE})
-"""Of a vehicle that stood before the critical event."""
+"""Movements of a vehicle that stood before the critical event."""
 
 
 class VehicleClass(StrEnum):

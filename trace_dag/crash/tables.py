@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA_VERSION: Final = 3
-"""Of :data:`CRASH_RECORD`, in every file: raised when a column comes, goes or changes its meaning."""
+"""Version of :data:`CRASH_RECORD`, in every file: raised when a column comes, goes or changes its meaning."""
 _INTEGER, _REAL, _TEXT, _BOOLEAN = ColumnType.INTEGER, ColumnType.REAL, ColumnType.TEXT, ColumnType.BOOLEAN
 
 _AREA_FIELDS: Final = (

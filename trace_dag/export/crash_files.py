@@ -25,7 +25,7 @@ from trace_dag.flow.tasks import MadeFiles
 
 FOLDER = "benchmark"
 VERSION = "7"
-"""Of the code that makes pages, packages and replays; see :data:`trace_dag.flow.stages.VERSIONS`."""
+"""Number of the code that makes pages, packages and replays; see :data:`trace_dag.flow.stages.VERSIONS`."""
 REPLAYS = "replays"
 FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))
 MADE_WITH = (  # modules that take a while to load, also those that are imported where they are used
@@ -125,5 +125,5 @@ def read_notes(storage: Storage) -> dict[str, MadeFiles]:
 
 
 def _at_once(key: str) -> str:
-    """Return whether the manifest of this name lists the files beside a page that is still to be made."""
+    """Return the name of the manifest of the files beside a crash's page, which is still to be made."""
     return f"beside the page of {key}"

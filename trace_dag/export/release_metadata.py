@@ -63,7 +63,7 @@ _CONTEXT: Final[dict[str, Any]] = {
     "subField": "cr:subField",
     "transform": "cr:transform",
 }
-"""As the specification of Croissant 1.0 has it."""
+"""Context of the specification of Croissant 1.0."""
 
 
 def croissant(

@@ -26,7 +26,7 @@ OnProblem = Callable[[Failure], None]
 log = logging.getLogger(__name__)
 
 FOLDER = "outcomes"
-"""Where the records of a run lie as one file, on an object store."""
+"""Folder of the records of a run as one file, on an object store."""
 _READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
 
 

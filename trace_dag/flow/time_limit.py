@@ -26,7 +26,7 @@ from trace_dag.common.errors import Failure
 T = TypeVar("T")
 
 SLOWEST_BYTES_PER_S = 1_000_000.0
-"""Of reading a map file, a twentieth of the usual: so much longer may work on a large one take."""
+"""Rate of reading a map file, a twentieth of the usual: so much longer may work on a large one take."""
 _AGAIN_S = 5.0  # the alarm goes off again, should somebody have swallowed it
 _LATER = 1.5  # a worker ends itself after this share of the limit
 GRACE_S = 10.0  # and so much

@@ -21,7 +21,7 @@ HARDEST_MPS2: Final = GRAVITY_MPS2
 BRISKEST_MPS2: Final = 4.0
 """Acceleration of the action +1."""
 ASIDE_M: Final = 2.0
-"""How far beside its way a vehicle goes to get past."""
+"""Distance beside its way at which a vehicle gets past."""
 
 _GENTLE_MPS2 = 3.0
 MANOEUVRES: Final[tuple[tuple[str, float | None, float], ...]] = (

@@ -78,7 +78,7 @@ _NO_ANSWER: Final = {
     TOO_LONG: "The question is longer than the model's context.",
     "length": "The answer was cut off before its end. Keep it shorter.",
 }
-"""What is wrong with an answer that ended so."""
+"""Faults of answers by the way in which they ended."""
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
 
 WIDTH_PX: Final = 1170
-"""Of the picture as pixels."""
+"""Size of the picture as pixels."""
 _IMPACT_HALF_WINDOW_M: Final = 16.0
 _STRIKE_HALF_WINDOW_M: Final = 8.0  # of a person, who is smaller
 _FARTHEST_IMPACTS_M: Final = 40.0

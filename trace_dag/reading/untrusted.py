@@ -10,7 +10,7 @@ import numpy as np
 from trace_dag.common.errors import DamagedFile
 
 MOST_BYTES: Final = 64_000_000
-"""Of one file: a crash's largest has some two million."""
+"""Limit for one file: a crash's largest has some two million."""
 _DEEPEST: Final = 32
 """Lists and objects within each other: ours go to ten."""
 _MOST_ELEMENTS: Final = 2_000_000

@@ -40,7 +40,7 @@ class Candidate:
 
     @property
     def log_prior(self) -> float:
-        """Log-likelihood of everything known before the contact is solved for."""
+        """Return the log-likelihood of everything known before the contact is solved for."""
         return self.scenario.log_prior + math.fsum(self.terms.values())
 
 

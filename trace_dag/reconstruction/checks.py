@@ -167,7 +167,7 @@ def _area(vehicle: VehicleRecord, participant: ParticipantState) -> list[Estimat
 
 
 def _direction(solution: Solution, participant: ParticipantState, turn: Turn | None) -> EstimateCheck:
-    """Return whether the vehicle turned the reported way.
+    """Check that the vehicle turned the reported way.
 
     The turn has begun by the impact and is complete at the end of the plan.
     """

@@ -37,7 +37,7 @@ class EstimatorFactory(Protocol):
     """A package's estimator, usually its class (entry points of the group ``trace_dag.estimators``)."""
 
     paid: bool
-    """Whether an estimate may cost money: then nobody asks it for estimates that were not asked for by name."""
+    """True where an estimate may cost money: it is then asked only by name."""
 
     def __call__(self, settings: StateSettings, files: Storage | None = None, ledger: str = "run") -> Estimator:
         """Return the estimator by the settings.

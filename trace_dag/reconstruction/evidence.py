@@ -54,7 +54,7 @@ Terms = dict[str, float]
 
 
 def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, approach: Approach) -> Terms:
-    """Return whether the approach's approach is one of the streets the record names.
+    """Score an approach by the streets that the record names.
 
     >>> street_terms(network, map_report.placement, record, next(s for s in scene.approaches if s.name == "7:2>6:2"))
     {}
@@ -173,7 +173,7 @@ def road_terms(vehicle: VehicleRecord, approach: Approach) -> Terms:
 
 
 def heading_terms(vehicle: VehicleRecord, option: Option) -> Terms:
-    """Return the vehicle's way compared with the direction of travel that its report gives, if it gives one.
+    """Score the vehicle's way against its reported direction of travel, if there is one.
 
     >>> heading_terms(record.vehicles[0], None)  # FARS gives none
     {}
@@ -189,7 +189,7 @@ def heading_terms(vehicle: VehicleRecord, option: Option) -> Terms:
 
 
 def heading_log_likelihood(heading: Heading, heading_rad: float, turned_rad: float | None = None) -> float:
-    """Log-likelihood of a reported direction of travel, of a party headed so (rad) that turns by ``turned_rad``.
+    """Return the log-likelihood of a reported direction of travel of a party that turns by ``turned_rad``.
 
     >>> from trace_dag.crash.record import Octant
     >>> north = Heading(Octant.NORTH)
@@ -208,7 +208,7 @@ def heading_log_likelihood(heading: Heading, heading_rad: float, turned_rad: flo
 
 
 WRONG_HEADING = 1 - math.sqrt(0.975)
-"""How often a reported direction is wrong: of two vehicles in a rear end 97.5 % are reported to go the same way."""
+"""Share of reported directions that are wrong: 97.5 % of pairs in a rear end are reported to go the same way."""
 HEADING_SIGMA_RAD = math.radians(22.5)  # half an octant; police name the compass by the street, which may run askew
 _OTHER_OCTANTS = 7
 _TURNED_SHARES = {
@@ -222,7 +222,7 @@ _TURNS = frozenset({Manoeuvre.TURN_LEFT, Manoeuvre.TURN_RIGHT, Manoeuvre.U_TURN}
 
 
 def lane_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) -> Terms:
-    """Return whether the lane is one from which such a manoeuvre is made.
+    """Score the lane by the manoeuvres that are made from it.
 
     >>> rider = record.vehicles[1]
     >>> {str(lane_terms(rider, approach, None)) for approach in scene.through}  # whoever goes straight on uses any lane
@@ -254,7 +254,7 @@ _ARROWS = frozenset(
 
 
 def speed_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) -> Terms:
-    """Return whether the speed is usual there: the reported speed against the road's limit, for through traffic.
+    """Score the reported speed of through traffic against the road's limit.
 
     >>> speed_terms(record.vehicles[0], scene.approaches[0], Turn.LEFT)  # who turns slows down: nothing to compare
     {}
@@ -328,7 +328,7 @@ def _rank(road: Road | None) -> int:
 
 
 def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) -> FloatArray:
-    """Log-likelihood of contact bearings (shape (n,)) on a body, given the reported area; 0 where none is reported."""
+    """Return the log-likelihood of contact bearings, shape (n,), given the reported area; 0 without one."""
     if vehicle.impact is None:
         return np.zeros_like(bearing_rad)
     apart = np.abs(np.remainder(bearing_rad - vehicle.impact.centre_rad + math.pi, math.tau) - math.pi)
@@ -338,7 +338,7 @@ def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) 
 
 
 def manner_log_likelihood(record: CrashRecord, bearing_1_rad: FloatArray, bearing_2_rad: FloatArray) -> FloatArray:
-    """Log-likelihood of the struck faces given the manner of collision (``MAN_COLL``), bearings of shape (n,) each.
+    """Return the log-likelihood of the struck faces, bearings of shape (n,), given ``MAN_COLL``.
 
     Useful if the areas of impact are not reported. The manner is that of the first harmful event.
 
@@ -381,7 +381,7 @@ _FACE_COSINE = math.cos(math.radians(55))  # corners belong to both faces
 
 
 def place_log_likelihood(record: CrashRecord, distance_m: FloatArray) -> FloatArray:
-    """Log-likelihood of a contact at this distance (metres) from the reported place.
+    """Return the log-likelihood of a contact at this distance (metres) from the reported place.
 
     A register says how far its points usually are from the crash; FARS' are taken for good to 2.5 m.
 

@@ -40,8 +40,8 @@ _MANNER_SAYS: Final[Mapping[CollisionType, Mapping[Relation, float]]] = {
     CollisionType.SIDESWIPE_SAME_DIRECTION: {Relation.SAME_DIRECTION: 0.0},
     CollisionType.SIDESWIPE_OPPOSITE_DIRECTION: {Relation.OPPOSITE_DIRECTION: 0.0},
 }
-"""What ``MAN_COLL`` makes of each relation: log-likelihood ratios from 120 crashes of Virginia (2023) and FARS (2012 to
-2016) whose ``ACC_TYPE`` says the relation, half a crash added to each. It is that of the first harmful event."""
+"""Weights of ``MAN_COLL`` for each relation: log-likelihood ratios from 120 crashes of Virginia (2023) and FARS (2012
+to 2016) whose ``ACC_TYPE`` says the relation, half a crash added to each. It is that of the first harmful event."""
 _NEVER_SO = -4.0  # log-likelihood ratio of relations that none of those crashes has
 _TURNING_LEFT = 0.28
 """Share of vehicles that turned left, of 92 that went straight or turned left in angle crashes at intersections
@@ -80,7 +80,7 @@ class Party:
 
     @property
     def encroached(self) -> float:
-        """Log-odds that this vehicle left its path or struck the other: from role, critical event and events.
+        """Return the log-odds that this vehicle left its path or struck the other.
 
         0 if they say nothing.
         """
@@ -212,7 +212,7 @@ def _relations(record: CrashRecord, one: Party, two: Party) -> dict[Relation, fl
 
 
 def _mover_prior(relation: Relation, mover: Party, other: Party) -> float:
-    """Log-probability that ``mover``, not ``other``, is the one that moved, given the relation."""
+    """Return the log-probability that ``mover``, not ``other``, is the one that moved, given the relation."""
     odds = mover.encroached - other.encroached
     if relation in (Relation.OPPOSITE_DIRECTION, Relation.SAME_DIRECTION):
         odds += 4.0 * ((mover.turn is not None) - (other.turn is not None))

@@ -19,7 +19,7 @@ class HasScore(Protocol):
 
     @property
     def score(self) -> float:
-        """Log-likelihood."""
+        """Return the log-likelihood."""
 
 
 Found = TypeVar("Found")
@@ -33,7 +33,7 @@ class Scored:
 
     @property
     def score(self) -> float:
-        """Log-likelihood, rounded so that an order by it does not depend on the last bits."""
+        """Return the log-likelihood, rounded so that an order by it does not depend on the last bits."""
         return round(math.fsum(self.terms.values()), _DECIMALS)
 
 

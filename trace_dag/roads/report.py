@@ -12,7 +12,8 @@ from typing import Final, Literal
 from trace_dag.roads.map.model import LaneMatch
 
 STRUCTURES_WITHIN_M: Final = 100.0
-"""How near a bridge or tunnel is noted; the published study left crashes out that were this near to one."""
+"""Distance within which a bridge or tunnel is noted; the published study left crashes out that were this near to
+one."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from trace_dag.simulation.types import Body, Contact, Participant, SimulationLog
 from trace_dag.simulation.vehicles import VehicleModel, vehicle_model
 
 BEYOND_IMPACT_S = 5.0
-"""How long after the recorded impact a scenario goes on: what was avoided by then is avoided."""
+"""Time that a scenario goes on after the recorded impact: a crash avoided by then is avoided."""
 
 MOST_TIMES = 2.0
 """An agent that takes so many times the recorded time for its way has not finished it."""

@@ -12,7 +12,7 @@ VEHICLE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#F0E442",
 REPORTED_COLOUR: Final = "#000000"
 CONTACT_COLOUR: Final = "#B00020"
 OBJECT_COLOUR: Final = "#6B4A2B"
-"""Of fixed objects: brown, with a broken outline where the program placed them."""
+"""Colour of fixed objects: brown, with a broken outline where the program placed them."""
 
 
 def vehicle_colour(index: int) -> str:

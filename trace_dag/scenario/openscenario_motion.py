@@ -22,7 +22,7 @@ from trace_dag.simulation.surface import Surface
 from trace_dag.simulation.types import DEEPEST_EVERY_S, Contact, SimulationLog, VehicleLog
 
 INTO_EACH_OTHER_S = 0.001
-"""Where a log has no state in which the bodies of a contact overlap: so long after the touch they are hardly slowed."""
+"""Time after the touch at which bodies are hardly slowed, for logs without a state in which they overlap."""
 
 PLAYER_STEP_S = 0.02
 """The longest step with which players are to see every contact: bodies overlap a little longer."""
@@ -71,7 +71,7 @@ class PlayedMotion:
 
     @classmethod
     def of(cls, log: SimulationLog, vehicle: VehicleLog, surface: Surface) -> PlayedMotion:
-        """Return that of a log; ``surface`` gives the grade it stands on."""
+        """Return the motion of a log; ``surface`` gives the grade it stands on."""
         centres, seen_s = _with_contacts(log, vehicle)
         time, x, y, z, heading = centres.T
         heading = np.unwrap(heading)

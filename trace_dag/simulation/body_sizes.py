@@ -34,9 +34,9 @@ _ADULT_YEARS = 35.0
 _WIDTH = 0.29  # of the stature: across the shoulders with the arms (Drillis and Contini, 1966)
 _STRIDE = 0.34  # of the stature: from the heel behind to the toe in front, in the middle of a step
 BICYCLE_LENGTH_M, BICYCLE_WIDTH_M, BICYCLE_KG = 1.75, 0.60, 15.0
-"""Of an adult's bicycle; a child's is smaller as the child is, and lighter as its length."""
+"""Size of an adult's bicycle; a child's is smaller as the child is, and lighter as its length."""
 CONVEYANCE_LENGTH_M, CONVEYANCE_KG = 0.9, 8.0
-"""Of a kick scooter or a board, the most usual personal conveyances."""
+"""Size of a kick scooter or a board, the most usual personal conveyances."""
 
 
 @dataclass(frozen=True)

@@ -52,9 +52,10 @@ WALL_CRUSH_M: Final = {
 
 _SIDE, _REAR = 0.6, 0.8  # of a front's stiffness
 _SPRINGS_BACK = 0.05
-"""Of the greatest crush, at least, while they still press: so pulses last 80 to 120 ms at changes of 30 to 70 km/h."""
+"""Share of the greatest crush, at least, while they still press: so pulses last 80 to 120 ms at changes of 30 to 70
+km/h."""
 FROM_WALL_MPS: Final = 2.0
-"""What a vehicle springs back with from a wall."""
+"""Restitution of a vehicle against a wall."""
 _FROM_VEHICLE_MPS, _MOST_REBOUND = 2.5, 0.3
 _SETTLED_M = 0.3  # from this overlap on the surface between both has its direction
 _BOTTOMS_M = 2.4  # of both: engines and cells, which hardly give way; twice as stiff there, and rising steeply
@@ -114,7 +115,7 @@ class Crush:
         self._restitution = 0.0
         self._settled_rad: float | None = None  # the normal, as seen by both bodies as they turn
         self.depths_m = (0.0, 0.0)
-        """How deep each was pressed in at most."""
+        """Greatest depth of each."""
 
     def press(self, outlines: tuple[Outline, Outline], now_s: float, part_s: float) -> Pressed | None:
         """Return the forces of this moment, where the outlines are now, for a part of a step.

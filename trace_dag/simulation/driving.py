@@ -85,7 +85,7 @@ class Driver(Protocol):
     """Drives one participant until its first contact; after that it is not driven."""
 
     period_s: float
-    """How often it is asked; what it does is held until the next time."""
+    """Rate at which it is asked; its answer is held until the next time."""
 
     @property
     def has_arrived(self) -> bool:

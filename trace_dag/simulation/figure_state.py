@@ -25,7 +25,7 @@ class BodyTree:
     def __init__(self, mujoco: Any, model: Any, data: Any, name: str, person: Person) -> None:
         self.person = person
         self.velocity = (0.0, 0.0, 0.0)
-        """Of its centre of mass, after the last step."""
+        """Velocity of its centre of mass, after the last step."""
         self.body_id = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
         self.mass_kg = float(model.body_subtreemass[self.body_id])
         self.size_m = person.model.body.height_m

@@ -39,7 +39,7 @@ _STABILITY: Final = {
 _TRACK: Final = 0.84  # of the width
 _GYRATION: Final = 0.33  # radius about the long axis, of the width (Garrott, SAE 930897: 0.55 to 0.65 m of cars)
 ROLLS_G: Final = 0.5
-"""What slows down who slides and rolls."""
+"""Deceleration of a vehicle that slides and rolls."""
 _FALLS_S: Final = 0.7  # a motorcycle onto its side
 _SETTLES_RPS: Final = 2.5
 _FASTEST_RPS: Final = 9.0  # peaks of 400 to 600 degrees a second in tests; faster it slides more than it rolls
@@ -99,7 +99,7 @@ class Roll:
         self._tilt_rad = self._rate_rps = 0.0
         self._rolled_m = (body.width_m + body.height_m) / math.pi  # of a rolling box: half its girth by pi
         self.over = False
-        """Whether it has tipped beyond its wheels: from then on it rolls."""
+        """True once it has tipped beyond its wheels: from then on it rolls."""
 
     @property
     def roll_rad(self) -> float:

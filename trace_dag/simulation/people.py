@@ -63,7 +63,7 @@ class Person:
         self.ground = Ground(math.inf, math.inf, participant.initial_pose.z_m, 0.0, 0.0)  # not looked at yet
         self.z = participant.initial_pose.z_m
         self.crashed = False
-        """Whether it was touched."""
+        """True once it was touched."""
         self.stops = False
         self.yaw_rate = 0.0
         self.x = self.y = self.heading = self.vx = self.vy = 0.0

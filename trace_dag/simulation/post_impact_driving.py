@@ -39,7 +39,7 @@ class PostImpactDriver:
         self._deceleration_mps2 = max(response.deceleration_mps2, braked_mps2 if brakes_already else 0.0)
         self._beside_m = None if beside else 0.0  # to the left of the path; None until it is looked at first
         self.stops = False
-        """Whether it brakes by now, to a stop."""
+        """True once it brakes, to a stop."""
 
     def row(self, step: int, x_m: float, y_m: float, ahead_mps: float) -> tuple[float, ...]:
         """Return the plan's row for the vehicle's present place.

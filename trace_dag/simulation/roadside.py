@@ -74,7 +74,7 @@ class Roadside:
         ]
 
     def no_contact_reason(self, number: int) -> str:
-        """Return that the only vehicle struck nothing, as a sentence."""
+        """Return the sentence that the only vehicle struck nothing."""
         things = f"none of {len(self.items)} objects" if len(self.items) > 1 else "nothing"
         return f"no contact: vehicle {number} strikes {things}, and does not overturn"
 

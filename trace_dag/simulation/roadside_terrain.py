@@ -50,7 +50,7 @@ _APPROACH: Final = {  # tangent of the angle of a slope that the overhangs clear
 _OTHER_APPROACH: Final = math.tan(math.radians(18))
 _AHEAD: Final = math.cos(math.radians(45))  # who goes more across than along its axis slides sideways
 _DIGS_IN: Final = 1.0
-"""What a body that digs into soil is slowed down by, of what it is pressed with: the least of 1.0 to 2.0 g in tests in
+"""Deceleration of a body that digs into soil, as a share of its load: the least of 1.0 to 2.0 g in tests in
 which cars tripped on soil (Cooperrider, Thomas and Hammoud, SAE 900366)."""
 
 
@@ -81,7 +81,7 @@ class _Profile:
 
     @classmethod
     def of(cls, item: FixedObject) -> _Profile:
-        """Return that of an object."""
+        """Return the profile of an object."""
         return cls(item.pose, item.length_m / 2, slope_profile_m(item))
 
     def at(self, x_m: float, y_m: float) -> Bank:

@@ -27,7 +27,7 @@ in Accident Reconstruction, SAE 830612. Surfaces the report does not name count 
 
 
 _DRIVES_ON = AfterStriking(math.inf, 0.0)
-"""Who left by the report does not stop for whom it struck."""
+"""Drivers who left by the report do not stop."""
 
 
 def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float:

@@ -32,14 +32,15 @@ from trace_dag.simulation.surface import Ground
 from trace_dag.simulation.vehicles import VehicleModel
 
 _VEHICLE_RATE_RPS, _VEHICLE_DAMPING_RATIO = 40.0, 2.6
-"""Of the contact of a person and a vehicle: struck at 10 m/s a segment presses some four centimetres in, at 30 m/s
-thirteen, as legs, clothes and sheet metal give, and comes back so slowly that nothing rebounds. Throws are right over
-a range of these: 95 to 97 % of a car's and a van's at rates of 35 to 40, ratios of 2.6 to 3.4."""
+"""Stiffness of the contact of a person and a vehicle: struck at 10 m/s a segment presses some four centimetres in, at
+30 m/s thirteen, as legs, clothes and sheet metal give, and comes back so slowly that nothing rebounds. Throws are right
+over a range of these: 95 to 97 % of a car's and a van's at rates of 35 to 40, ratios of 2.6 to 3.4."""
 VEHICLE_FRICTION = 0.9
-"""Of people on a vehicle while they are struck: the sheet metal gives way under a body and holds it in its dent."""
+"""Friction of people on a vehicle while they are struck: the sheet metal gives way under a body and holds it in its
+dent."""
 _CARRIED_FRICTION = 0.3
-"""Of who lies on a vehicle afterwards: clothes on sheet metal slide at 0.2 to 0.4 (Simms and Wood, Pedestrian and
-Cyclist Impact, 2009), so that people slide off the hood when the driver brakes."""
+"""Friction of people who lie on a vehicle afterwards: clothes on sheet metal slide at 0.2 to 0.4 (Simms and Wood,
+Pedestrian and Cyclist Impact, 2009), so that people slide off the hood when the driver brakes."""
 _SLIPS = 1e-3
 _IMPLICIT_FROM_S = 0.004
 """Steps from which on velocities are integrated implicitly: limbs that spin in flight gain energy by explicit ones."""
@@ -49,7 +50,7 @@ _MOST_WHEEL_LOAD_N = 44_500.0
 _LIES_BELOW_M = 0.3  # centre of mass above the road
 _LYING_M = 0.24  # height of a trunk that lies
 _CLIMBS_M = 0.5
-"""How far a vehicle goes on from touching who lies before its wheel until the wheel is on top: 2 sqrt(R r), of a tyre
+"""Distance of a vehicle from touching a person before its wheel until the wheel is on top: 2 sqrt(R r), of a tyre
 of R = 0.5 m and a trunk of r = 0.12 m. The tyre does not push the trunk on: it draws it under where its friction is
 above tan(nip angle / 2) = sqrt(r / R) = 0.49, as a rolling mill draws in what it rolls; rubber on clothes has more."""
 _CREEPS_MPS = 1.0
@@ -57,8 +58,8 @@ _SEEN_M = 0.2  # so near to a vehicle a segment is seen, before it touches
 _VEHICLE_SLIDING = 0.3  # rate of the friction's reference, of the normal one
 _ROAD_RATE_RPS, _ROAD_DAMPING_RATIO = 100.0, 1.0
 _TURNING = 3.0
-"""How much faster, in rad/s times stature, the road's friction stops turning than sliding: moment mu N h/4 over the
-inertia m h^2/12 of a body that lies flat."""
+"""Ratio, in rad/s times stature, by which the road's friction stops turning faster than sliding: moment mu N h/4 over
+the inertia m h^2/12 of a body that lies flat."""
 _LIMBS_MPS = 1.0  # an impulse of the road of so much per mass stops the limbs to 1/e
 
 
@@ -81,10 +82,11 @@ class FigureBodies(RigidBodies):
         self._last_step_s = 0.0
         self._bad = int(mujoco.mjtWarning.mjWARN_BADQACC)
         self.touches: dict[tuple[int, int], list[PersonTouch]] = {}
-        """Where people touched vehicles in the state the last step began with, by the numbers of the two bodies."""
+        """Places where people touched vehicles in the state the last step began with, by the numbers of the two
+        bodies."""
         self.lying_still = False
-        """Whether all who were touched slide on the road or rest there, with limbs that no longer move and touched by
-        no vehicle: until the next step of MuJoCo's they can slide as they lie."""
+        """True while all who were touched slide on the road or rest there, with limbs that no longer move and touched
+        by no vehicle: until the next step of MuJoCo's they can slide as they lie."""
 
         def geom(name: str) -> int:
             return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name))
@@ -104,7 +106,7 @@ class FigureBodies(RigidBodies):
         self._carried: dict[BodyTree, float] = {}  # by the road in the last step: normal force, N
         self._pressed: dict[tuple[tuple[int, int], BodyTree], list[PersonTouch]] = {}  # down, by a vehicle
         self._climbed: dict[tuple[int, BodyTree], tuple[float, float]] = {}
-        """How hard (N s) and how far (m) a vehicle has pushed who lies before it."""
+        """Impulse (N s) and distance (m) by which a vehicle has pushed a person who lies before it."""
         self._wheel_loads_n = [min(m.body.mass_kg * GRAVITY_MPS2 / 4, _MOST_WHEEL_LOAD_N) for m in models]
         self._wheels_touch = [shows_wheels(m.body) for m in models]
         self._shells = []

@@ -96,7 +96,7 @@ class Towed(Vehicle):
 
     @property
     def pedals(self) -> tuple[float, float]:
-        """Return no throttle, and the brake of the vehicle that pulls it."""
+        """Return the pedals: no throttle, and the brake of the pulling vehicle."""
         return 0.0, self.puller.pedals[1]
 
     def log_row(self) -> tuple[float, ...]:

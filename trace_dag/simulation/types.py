@@ -30,7 +30,7 @@ PULSE_S = 0.25
 """Time after first touching over which a contact's delta-v is taken: that of event data recorders, 49 CFR 563.7."""
 
 DEEPEST_EVERY_S = 0.1
-"""Of each contact, the log has the state at its deepest overlap within each so much of its clock. Rigid bodies overlap
+"""Interval of a log's clock in each of which it has the state at a contact's deepest overlap. Rigid bodies overlap
 by centimetres for some thirty milliseconds: the log's own steps can miss what made the crash."""
 
 STATE_GRID = 2**20
@@ -38,7 +38,7 @@ STATE_GRID = 2**20
 _NOT_ON_GRID = ("number", "time_s")
 
 OVERTURNED_RAD = math.radians(60)
-"""Who is tilted that far has overturned: the centre of gravity of every class is beyond its wheels by then."""
+"""Tilt from which a vehicle has overturned: the centre of gravity of every class is beyond its wheels by then."""
 
 
 class Termination(StrEnum):
@@ -428,7 +428,7 @@ class BackendFactory(Protocol):
     """A package's back-end, usually its class (entry points of the group ``trace_dag.backends``)."""
 
     one_at_a_time: bool
-    """Whether only one process can use it: there is one server."""
+    """True where only one process can use it: there is one server."""
 
     def __call__(self, settings: SimSettings) -> Backend:
         """Return the back-end by the settings; it connects when the first map is loaded."""

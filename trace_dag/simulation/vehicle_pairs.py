@@ -37,7 +37,7 @@ class VehiclePairs:
         pairs = [(i, j) for j in range(len(vehicles)) for i in range(j) if party[i] != party[j]]
         self.places = [(i, j) if party[i] < party[j] else (j, i) for i, j in pairs]
         self.crushed: dict[tuple[int, int], Crush] = {}
-        """Of those that overlap."""
+        """Contacts of those that overlap."""
         self.pressed_n: dict[tuple[int, int], tuple[float, float]] = {}
         """Force x, y on the second of each pair, as :meth:`press` found it last."""
         self._met = [

@@ -64,7 +64,7 @@ def course_facts(beside: Comparison) -> Iterator[Fact]:
 
 # --- what happened -----------------------------------------------------------------------------------------------
 def _first_harm(beside: Comparison) -> Iterator[Fact]:
-    """Yield the first harmful event is the one that the sequence begins with."""
+    """Yield ``HARM_EV`` beside the event that the sequence begins with."""
     code, first = beside.record.first_harmful_event_code, beside.sequence.first
     if code is not None:
         agreement, found = Agreement.of(code == first.code), HARM_EV.meaning(first.code)

@@ -117,7 +117,7 @@ def _names_of(network: RoadNetwork, placement: CrashPlacement, streets: SiteStre
 
 
 def _agreement_of_names(reported: str, here: set[str], around: set[str], *, on_reported_ramp: bool) -> Agreement | None:
-    """Return whether a reported street is one of those ``here``; None if it cannot be compared with them.
+    """Compare a reported street with those ``here``; None if it cannot be compared.
 
     A route's number can only be missed on a map that numbers routes, a name only where streets have names.
     """

@@ -116,7 +116,7 @@ def _missed(record: CrashRecord, events: Sequence[EventOutcome]) -> Iterator[Res
 
 
 def _no_areas(record: CrashRecord) -> Reservation | None:
-    """Return its register has no areas of impact: at which parts the bodies meet is asked of no simulation."""
+    """Return the doubt that the register has no areas of impact, so that no part struck is compared."""
     if "impact" not in record.register_lacks:
         return None
     detail = "the register has no areas of impact: that the bodies meet at other parts would not be noticed"

@@ -60,7 +60,7 @@ _INCOMPLETE: Final[Mapping[Reason, tuple[Reason, str]]] = {
     ),
     Reason.WRONG_IMPACT: (Reason.INCOMPLETE_IMPACT, "The report gives no area of impact (IMPACT1, AOI)."),
 }
-"""What a crash is rejected for where the report says nothing that the reason could be judged by, and the sentence."""
+"""Reasons of a crash whose report has nothing to judge them by, with their sentences."""
 _REJECTING = (
     Reason.NO_COLLISION,
     Reason.WRONG_PARTY,
@@ -515,7 +515,7 @@ def criteria(beside: Comparison) -> tuple[Criterion, ...]:
 
 
 def _happens(beside: Comparison, first: CrashEvent, begins: CrashEvent | None, *, nothing: bool) -> Criterion:
-    """Return that there is a crash at all: a contact, or the overturn."""
+    """Return the criterion that there is a crash at all: a contact, or the overturn."""
     log, number = beside.observed.log, first.number
     if first.kind is EventKind.OVERTURN:
         over = begins is not None
@@ -552,7 +552,7 @@ def _right_party(beside: Comparison, begins: CrashEvent | None) -> Iterator[Crit
 
 
 def _departure(each: Beside) -> list[Criterion]:
-    """Return whether, and to which side, the vehicle left the road before the first event, and which street."""
+    """Return the criteria of the first departure: whether, to which side, and from which street."""
     departure, left = each.of.departure, each.seen.departure
     assert left is not None
     number, event = departure.vehicle.number, each.event.number
@@ -657,7 +657,7 @@ def at_most(
 
 
 def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...]) -> Judgement:
-    """Return whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it.
+    """Judge whether the crash is accepted; if not, give the first reason in the order of the flow, and its sentence.
 
     Something has to have been evaluated for each ``required`` reason.
 

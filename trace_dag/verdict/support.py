@@ -59,7 +59,7 @@ _ESSENTIAL_CONTRADICTIONS: Final = frozenset(
         "first event and sequence",
     }
 )
-"""What a report has to agree with itself about: where it was, who met whom and how, which parts were struck."""
+"""Subjects on which a report has to agree with itself: place, parties and manner, parts struck."""
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ _COMPARISONS = {
     "estimator_files": ESTIMATORS,
 }
 VERSION = "8"
-"""Of the code and the SQL that build a warehouse; see :data:`trace_dag.flow.stages.VERSIONS`."""
+"""Number of the code and the SQL that build a warehouse; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _BUILD_ATTEMPTS = 3
 _MEMORY_LIMIT = "1GB"
 # Each column of each table takes whole blocks. With DuckDB's usual 256 kB nearly all of a warehouse of a few hundred

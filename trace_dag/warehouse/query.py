@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 _BESIDE = "warehouse.json"
 MAX_ROWS = 5_000_000
-"""Of one answer: some 2 GB of memory. A national year has 40,000 crashes, its largest table some 100 rows for each."""
+"""Limit for one answer: some 2 GB of memory. A national year has 40,000 crashes, its largest table some 100 rows for
+each."""
 
 _DESCRIBE = re.compile(r'\s*DESC(?:RIBE)?\s+"?(?P<table>\w+)"?\s*;?\s*', re.IGNORECASE)
 _HELD_BY = re.compile(r"Conflicting lock is held in (?P<program>.+) \(PID (?P<pid>\d+)\)")

@@ -19,7 +19,7 @@ from trace_dag.simulation.driving import Pedals
 
 MOST_PATH_POINTS = 10_000
 FARTHEST_M = 1e6
-"""Of a point of a path from the crash: farther than any road leads, and near enough for exact geometry."""
+"""Limit of a path's points from the crash: farther than any road leads, and near enough for exact geometry."""
 
 MESSAGE_CHARACTERS = 400
 LENGTH = struct.Struct("<I")

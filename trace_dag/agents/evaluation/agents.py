@@ -87,7 +87,7 @@ class Recorded:
 
 
 Action = Pedals | Motion | Recorded
-"""What an agent answers: pedals, a motion, or the recorded driver. Anything else is a fault."""
+"""An agent's answer: pedals, a motion, or the recorded driver. Anything else is a fault."""
 
 
 class Agent(Protocol):

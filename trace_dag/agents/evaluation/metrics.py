@@ -21,7 +21,7 @@ from trace_dag.simulation.types import Body, Contact, SimulationLog, VehicleLog,
 _TTC_STEP_S = 0.1
 _SMOOTHED_S = 0.2  # accelerations are means over so long
 OFF_ROAD_S = 0.5
-"""Who is off the road for longer has left it."""
+"""A vehicle that is off the road for longer has left it."""
 _SAME_REL = 0.1
 
 
@@ -109,7 +109,7 @@ def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
 
 
 def _of_departure(metrics: Metrics) -> DriveOutcome:
-    """Return whether the agent that stays on the road, strikes nothing and does not overturn avoided the departure.
+    """Return the outcome of an agent in the place of a vehicle that left the road.
 
     Overturning weighs more than the risk of a contact; to leave the road without either mitigates the crash.
     """

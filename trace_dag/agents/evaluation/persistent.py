@@ -28,10 +28,10 @@ from trace_dag.simulation.vehicles import vehicle_model
 
 REACTION_S: Final = 0.75
 BRAKING_G: Final = 0.774
-"""Of the careful and competent human driver: UN Regulation No. 157, annex 3, performance model 1."""
+"""Figures of the careful and competent human driver: UN Regulation No. 157, annex 3, performance model 1."""
 
 FASTEST_ON_FOOT: Final = 1.5
-"""Of who walks: from usual to fast walking, 1.4 to 2.1 m/s (Bohannon, Age and Ageing 26, 1997)."""
+"""Range for people on foot: from usual to fast walking, 1.4 to 2.1 m/s (Bohannon, Age and Ageing 26, 1997)."""
 _CATCHES_UP_S: Final = 2.0
 _WAITS_S: Final = 0.5
 """A person too early by so much stands still; by less it slows down: it does not start and stop all the time."""

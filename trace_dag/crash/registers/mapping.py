@@ -27,9 +27,9 @@ from trace_dag.crash.record import LARGEST_ACCURACY_M, Moment, Octant
 from trace_dag.crash.tables import CRASH_RECORD, NON_MOTORIST_COLUMNS, VEHICLE_COLUMNS
 
 PARKED: Final = "parked"
-"""What ``P_CRASH1`` can be beside its codes: the unit was parked, not in transport."""
+"""Values of ``P_CRASH1`` beside its codes: the unit was parked, not in transport."""
 UNIT_KINDS: Final = ("vehicle", PARKED, "none")
-"""What a unit can be beside a ``PER_TYP`` of a person outside vehicles; ``none``: there is no such unit."""
+"""Values of a unit beside a ``PER_TYP`` of a person outside vehicles; ``none``: there is no such unit."""
 UNITS: Final[Mapping[str, float]] = {
     "m": 1.0,
     "ft": METRES_PER_FOOT,
@@ -41,7 +41,7 @@ UNITS: Final[Mapping[str, float]] = {
     "kg": 1.0,
     "lb": KG_PER_LB,
 }
-"""What a number in a unit is multiplied with to be in metres, m/s or kilograms."""
+"""Factors from a unit to metres, m/s or kilograms."""
 _TEXTS: Final = ("trafficway_1", "trafficway_2", "county_name", "city_name")
 _NOT_MAPPED: Final = frozenset(
     {"STATE", "CaseYear", "YEAR", "MONTH", "DAY", "HOUR", "MINUTE", "ST_CASE", "PER_NO", "VEH_NO", "UNITTYPE"}
@@ -283,7 +283,8 @@ def _of_elements(columns: Iterable[Column]) -> dict[str, Column]:
 CRASH_FIELDS: Final[Mapping[str, Column]] = _of_elements(CRASH_RECORD.columns)
 VEHICLE_FIELDS: Final[Mapping[str, Column]] = _of_elements(VEHICLE_COLUMNS)
 PERSON_FIELDS: Final[Mapping[str, Column]] = _of_elements(NON_MOTORIST_COLUMNS)
-"""What a mapping can have of a crash, a vehicle and a person outside vehicles: columns of their records by element."""
+"""Fields that a mapping can have of a crash, a vehicle and a person outside vehicles: columns of their records by
+element."""
 OCCUPANT_FIELDS: Final = {"INJ_SEV": "injury_code", "AGE": "age_years", "REST_USE": "restraint_code"}
 NUMBERS: Final[Mapping[str, range]] = {
     "AGE": range(HIGHEST_AGE + 1),

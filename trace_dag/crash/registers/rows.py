@@ -26,7 +26,7 @@ Row = Mapping[str, Any]
 """One row: texts by column, and under :data:`TIME` when it was."""
 
 TIME: Final = "time as read"
-"""Where a row has its time, None if that is not known."""
+"""Key of a row's time, None if unknown."""
 _AT_ONCE: Final = 20_000
 _LONGEST_NARRATIVE: Final = 50_000
 _SHOWN: Final = 60

@@ -75,7 +75,7 @@ class CrashSource:
 
 @lru_cache(maxsize=64)
 def _maps_digest(maps: tuple[RegisteredMap, ...], map_service: str | None) -> str:
-    """Return thousands of crashes share their maps."""
+    """Return the digest of the maps, which thousands of crashes share."""
     files = {file.sha256: Path(file.location).name for file in maps}
     return combine_digests(files | ({"service": map_service} if map_service else {}))
 

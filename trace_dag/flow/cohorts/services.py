@@ -37,7 +37,7 @@ _WITHOUT_NETWORK = {
     "overpass": _MAP_BY_HAND,
     "osm-api": _MAP_BY_HAND,
 }
-"""What to do instead of asking each service."""
+"""Remedies for each service that cannot be asked."""
 
 
 def map_copies(storage: Storage) -> Path:

@@ -26,7 +26,7 @@ from trace_dag.language.narratives.vocabulary import CRASH, Vocabulary, parse_me
 
 _TIME: Final = re.compile(r"(?P<year>\d{4})(?:-(?P<month>\d\d)-(?P<day>\d\d)(?:[ T](?P<hour>\d\d):(?P<minute>\d\d))?)?")
 _BODY: Final = frozenset({"vehicle_class", "length_m", "width_m", "height_m", "mass_kg"})
-"""What follows from the kind of body, in one go with it."""
+"""Fields that follow from the kind of body, in one go with it."""
 Part = CrashRecord | VehicleRecord | NonMotorist
 P = TypeVar("P", CrashRecord, VehicleRecord, NonMotorist)
 
@@ -157,7 +157,7 @@ _ELSEWHERE: Final = {
     "injury_code": ("occupants",),
     "age_years": ("occupants",),
 }
-"""Where the record has what it has under no such name: of a vehicle, a person or the crash."""
+"""Places in the record of fields without such a name: of a vehicle, a person or the crash."""
 
 
 def merge_records(coded: CrashRecord, narrated: CrashRecord) -> CrashRecord:

@@ -51,7 +51,7 @@ CLOSING_MPS = 6.0  # least difference if one of two unreported speeds must have 
 
 
 def same_lane(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
-    """Yield the rear-end: the mover runs into the other from behind."""
+    """Yield pairs of a rear end: the mover runs into the other from behind."""
     mover, other = scenario.mover, scenario.other
     offsets = [0.0]
     if _off_centre(mover) or _off_centre(other):

@@ -56,7 +56,7 @@ class Solution:
 
     @property
     def score(self) -> float:
-        """Log-likelihood, rounded so that the order of solutions does not depend on the last bits."""
+        """Return the log-likelihood, rounded so that the order of solutions does not depend on the last bits."""
         return round(self.candidate.scenario.log_prior + math.fsum(self.terms.values()), 6)
 
     @property

@@ -39,7 +39,7 @@ SHIFTS_MPH: Final[Mapping[str, float]] = {
     "turning": -0.93,
     "from a stop sign": 10.0,
 }
-"""What each feature of a report adds to the rule."""
+"""Shifts of the rule by each feature of a report."""
 
 SPREAD_MPH: Final[Mapping[str, tuple[float, ...]]] = {
     "standing": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -47,7 +47,7 @@ SPREAD_MPH: Final[Mapping[str, tuple[float, ...]]] = {
     "speeding": (-37.26, -33.58, -27.72, -11.14, -5.52, -2.6, 0.41, 5.77, 9.88, 17.23, 24.83, 34.68, 35.38),
     "along": (-36.56, -30.78, -20.52, -8.14, -2.76, -1.01, -0.04, 0.5, 1.75, 4.65, 11.93, 22.83, 27.28),
 }
-"""What is left, by class of vehicles."""
+"""Residuals by class of vehicles."""
 
 BRAKING: Final[Mapping[str, tuple[float, ...]]] = {
     "turning": (0.135, 0.164, 0.292, 0.389, 0.587, 0.734, 0.75, 0.85, 0.908, 1.0, 1.045, 1.3, 1.3),

@@ -68,7 +68,7 @@ class SimulatedMotion:
 
     @classmethod
     def of(cls, log: VehicleLog, body: Body) -> SimulatedMotion:
-        """Return that of a party of a simulation."""
+        """Return the motion of a party of a simulation."""
         return cls(log.number, body.length_m, body.width_m, log.time_s, log.x_m, log.y_m, np.unwrap(log.heading_rad))
 
     @property
@@ -95,7 +95,7 @@ class Arrival:
 
     @property
     def group(self) -> tuple[str, bool]:
-        """Return arrivals of one group differ in detail only."""
+        """Return the group, whose arrivals differ in detail only."""
         return self.placed.option.approach.name, self.profile.impact_mps <= STANDING_MPS
 
     @property
@@ -324,7 +324,7 @@ def _gaps_m(newcomer: Poses, size_m: tuple[float, float], other: SimulatedMotion
 
 
 def _headway(since_s: FloatArray) -> FloatArray:
-    """Log-likelihood of coming so long after the contact before."""
+    """Return the log-likelihood of coming so long after the contact before."""
     headways = np.maximum(since_s, _STEP_S) / _USUAL_HEADWAY_S
     return np.asarray(-0.5 * (np.log(headways) / _HEADWAY_SIGMA) ** 2)
 

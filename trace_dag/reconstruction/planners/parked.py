@@ -46,10 +46,10 @@ from trace_dag.simulation.states import (
 
 _FROM_KERB_M: Final = 0.3
 _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.3, Zone.WALKED: 0.6, Zone.OUTSIDE: 3.0}
-"""How far beyond the carriageway's edge the side towards it is taken to stand."""
+"""Distances beyond the carriageway's edge of the side towards it."""
 _DRIFT_G, _SWERVE_G = 0.08, 0.2
 _OVERLAPS: Final = (0.0, 0.45, -0.45, 0.8, -0.8)
-"""How far the two are aside of each other, as shares of half their widths together."""
+"""Offsets of the two from each other, as shares of half their widths together."""
 _OTHER_SIDE: Final = -3.0  # log-likelihood of leaving to the side that the report does not say
 _ACROSS: Final = -1.5  # of leaving across oncoming traffic, if no side is reported
 _IN_THE_LANE: Final = -1.0  # of standing in the middle of a lane, not at its edge
@@ -125,7 +125,7 @@ class _Plan(Scored):
 
     @property
     def group(self) -> tuple[str, str, float]:
-        """Return plans of one group differ in detail only."""
+        """Return the group, whose plans differ in detail only."""
         return self.drive.approach.name, self.stand.option.approach.name, self.stand.option.constant_m
 
 

@@ -123,7 +123,7 @@ class Way:
 
     @classmethod
     def of(cls, network: RoadNetwork, log: SimulationLog, number: int, since_s: float) -> Way:
-        """Return that of a vehicle of a log."""
+        """Return the way of a vehicle of a log."""
         driven = log.vehicle_log(number)
         body = log.bodies[number]
         steps = np.flatnonzero((driven.time_s > since_s) & _moves(driven))

@@ -26,7 +26,8 @@ from trace_dag.roads.report import MappedThing
 from trace_dag.simulation.states import ParticipantState
 
 OFF_GROUND_M: Final = 1.0
-"""How far the middle of a vehicle may be off what is mapped: widths of lanes and shoulders are known no better."""
+"""Distance of a vehicle's middle from mapped ground that is allowed: widths of lanes and shoulders are known no
+better."""
 _STEP_S: Final = 0.1
 _HALF_LANE_M: Final = 1.75
 _NO_GROUND_M: Final = 1000.0  # where the map has none at all

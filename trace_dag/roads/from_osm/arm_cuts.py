@@ -25,7 +25,7 @@ of all cuts are shorter than 5.5 m, 99 in 100 shorter than 19 m."""
 _GAP_M: Final = 5.0  # an arm counts as clear once it has been clear over this length, about a car's. Judgement
 _OVERLAP_M: Final = 0.5  # overlap of carriageways that still counts as clear: lanes are wider than cars. Judgement
 LEAST_STREET_M: Final = 1.0
-"""What must remain of a street between two junctions. Judgement."""
+"""Length that must remain of a street between two junctions. Judgement."""
 _CORNER_M: Final = {True: 3.0, False: 5.0}
 """Room for the corner where a service road is one of the two, and else. Judgement."""
 _MAJOR_CORNER_M: Final = 6.5  # the same where both are secondary roads or greater. Judgement

@@ -119,7 +119,7 @@ def make_arm(
     rest: PlanView,
     lanes: Sequence[EndLane],
 ) -> JunctionArm:
-    """Return an arm from the lanes at a road's end (left to right of its reference line).
+    """Make an arm of the lanes at a road's end (left to right of its reference line).
 
     >>> from trace_dag.roads.from_osm.lanes import Stretch, build_sections
     >>> west = tee_arms[0]
@@ -265,7 +265,7 @@ def _with_turns(movements: Sequence[Movement]) -> list[Movement]:
 
 
 def _straightness(movement: Movement) -> tuple[float, int]:
-    """Return the smallest turn first.
+    """Return the sorting key by which the smallest turn comes first.
 
     A road of another class or name has to be clearly straighter than the same road.
     """

@@ -184,9 +184,9 @@ def _prolong(piece: _Edge, arms: dict[int, int], positions: dict[int, Point], cl
 
 
 def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point]) -> bool:
-    """Return removes the last metres of a dead end if they bend away.
+    """Remove the last metres of a dead end if they bend away.
 
-    False if nothing else would be left of it.
+    Return False if nothing else would be left of it.
     """
     nodes = piece.node_ids
     for last in (-1, 0):

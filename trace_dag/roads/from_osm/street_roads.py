@@ -115,9 +115,9 @@ def _is_painted(stretch: Stretch) -> bool:
 
 
 def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
-    """Return the stretches after the shortest one without room has gone to the more similar neighbour.
+    """Return the stretches with the shortest one that lacks room merged into the more similar neighbour.
 
-    It had no room for its own lanes.
+    The room is that for its own lanes.
 
     None if all have room. Turn lanes at the end of a street are kept unless hardly anything is left of them. Places
     where a bridge, a tunnel or a name begins or ends are kept too.

@@ -12,7 +12,7 @@ from typing import Final
 from trace_dag.common.units import METRES_PER_FOOT, kmh_to_mps, mph_to_mps
 
 MOST_LANES: Final = 12
-"""Of one direction; a larger number is a typing error."""
+"""Limit for one direction; a larger number is a typing error."""
 _SPEED: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(mph|km/h|kmh|kph)?\s*$", re.IGNORECASE)
 _METRES: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(m|ft)?\s*$", re.IGNORECASE)
 _FEET_INCHES: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*'\s*(?:(\d+(?:\.\d+)?)\s*\")?\s*$")

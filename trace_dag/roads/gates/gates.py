@@ -259,7 +259,7 @@ def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _for_people(stored: RoadNetwork, comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:
-    """Yield crosswalks lie at OpenStreetMap's crossings; nobody walks or cycles where other roads' traffic drives."""
+    """Check crosswalks against OpenStreetMap's crossings, and sidewalks and cycle lanes against other roads."""
     distances = comparison.crosswalk_distances()
     worst = max(distances, key=lambda row: row[0], default=None)
     name, unit = "crosswalk_place", "m"
@@ -296,7 +296,7 @@ def _crash(stored: RoadNetwork, placement: CrashPlacement | None, limits: MapLim
 
 
 def _carla(stored_map: StoredMap) -> MapGate:
-    """Return cARLA's own parser reads the map and finds lanes in it."""
+    """Check that CARLA's own parser reads the map and finds lanes in it."""
     unit = f"waypoints {_CARLA_SPACING_M:.0f} m apart"
     if importlib.util.find_spec("carla") is None:
         return MapGate("carla_map", None, None, unit, None, "the carla extra is not installed")

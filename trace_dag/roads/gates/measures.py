@@ -259,7 +259,7 @@ class RoadCrossing(NamedTuple):
     y_m: float
     clearance_m: float
     separated: bool
-    """Whether OSM says that one passes above the other (layer, bridge or tunnel differ)."""
+    """True where OSM has one pass above the other (layer, bridge or tunnel differ)."""
 
 
 def crossings(network: RoadNetwork) -> list[RoadCrossing]:

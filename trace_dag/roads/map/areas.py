@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _TILE_M: Final = 32.0
 _AROUND_M: Final = 12.0
-"""What lanes cover this near to a tile is part of its piece."""
+"""Reach of a tile: ground of lanes this near is part of its piece."""
 _TOUCHING_M: Final = 1.0  # more than what closing the slivers between lanes can reach
 
 

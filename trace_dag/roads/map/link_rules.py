@@ -155,7 +155,7 @@ def _connection(ends: _Ends, junction: str, connection: etree._Element) -> Itera
 
 
 def _connecting_roads(ends: _Ends, used: Collection[str]) -> Iterator[str]:
-    """Yield whether every road of a junction is one that exists and is ``used`` by a connection."""
+    """Yield roads of a junction that do not exist or that no connection has ``used``."""
     for key, road in ends.roads.items():
         if road.junction != "-1":
             if road.junction not in ends.junctions:

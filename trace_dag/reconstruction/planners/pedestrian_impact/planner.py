@@ -64,7 +64,7 @@ from trace_dag.simulation.states import Manoeuvre
 _COMPASS_RAD: Final = math.radians(45)  # a coded direction is a quarter of the compass
 _WIDEST_M: Final = 30.0
 _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
-"""How far beyond the carriageway's edge a person is taken to have been: the middle of a narrow shoulder, of a sidewalk
+"""Distances of a person beyond the carriageway's edge: the middle of a narrow shoulder, of a sidewalk
 behind its curb, beside both."""
 _OUTWARD: Final = (Zone.BESIDE, Zone.WALKED, Zone.OUTSIDE)
 _DRIFT_G: Final = 0.08  # of a driver who drifts off the road
@@ -145,7 +145,7 @@ class ImpactPlan(Scored):
 
     @property
     def group(self) -> tuple[int, str, str]:
-        """Return plans of one group differ in detail only."""
+        """Return the group, whose plans differ in detail only."""
         option = self.drive.option
         return option.approach.side, option.manoeuvre.value, self.walk.reading.course.value
 

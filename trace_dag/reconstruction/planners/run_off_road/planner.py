@@ -204,7 +204,7 @@ def _on_free_ground(
 
 
 def _zone_term(scene: Scene, contact_xy_m: tuple[float, float]) -> float:
-    """Log-likelihood of a place by whether it lies between two roads as reported."""
+    """Return the log-likelihood of a place by whether it lies between two roads as reported."""
     relation = scene.record.road_relation_code
     if relation not in _ZONES:
         return 0.0
@@ -225,7 +225,7 @@ def _point_off_road_m(scene: Scene) -> float:
 
 
 def _side_of_point(scene: Scene, base: Path, place_m: float, sign: float) -> float:
-    """Log-likelihood of a departure to a side by the reported point, where that lies off the carriageway."""
+    """Return the log-likelihood of a departure to a side by the reported point, where that lies off the carriageway."""
     _, left_m = base.project(0.0, 0.0, near_s_m=place_m)
     return 0.0 if left_m * sign > 0 else -min(_point_off_road_m(scene) / _POINT_SCALE_M, _SIDE_AT_MOST)
 

@@ -83,7 +83,7 @@ _LATERAL_G: Final = {
 
 
 def angle_log_likelihood(angle_rad: float) -> float:
-    """Log-likelihood of an angle between a vehicle's course and the road where it leaves it, 0 for the likeliest.
+    """Return the log-likelihood of an angle at which a vehicle leaves the road, 0 for the likeliest.
 
     >>> at = {degrees: angle_log_likelihood(math.radians(degrees)) for degrees in (3, 8, 15, 30)}
     >>> [round(value, 1) for value in at.values()]
