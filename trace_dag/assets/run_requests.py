@@ -1,6 +1,7 @@
 """Runs of planned crashes, the same for schedules, sensors and commands."""
 
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from typing import Any
 
 from dagster import AssetKey, DagsterInstance, DagsterRunStatus, RunRequest
@@ -19,6 +20,9 @@ UNFINISHED = (
 )
 """Statuses of runs that are under way or to come."""
 
+PLANNED_TAG = "trace_dag/planned"
+"""Holds the fingerprint of the crashes that a run was planned for."""
+
 _PARTITION_TAG = "dagster/partition"
 _RANGE_START_TAG = "dagster/asset_partition_range_start"
 _RANGE_END_TAG = "dagster/asset_partition_range_end"
@@ -31,8 +35,18 @@ def batch_config(batch: PlannedBatch, settings: Mapping[str, Any] | None = None)
 
 
 def range_tags(batch: PlannedBatch) -> dict[str, str]:
-    """Return the tags by which Dagster knows which partitions a run is for."""
-    return {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}
+    """Return the tags by which Dagster knows which partitions a run is for, with their fingerprint.
+
+    Dagster keeps the ends of a range alone, and looks up what lies between them when the run starts. Partitions that
+    were removed and added again have changed their order by then.
+    """
+    ends = {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}
+    return {**ends, PLANNED_TAG: fingerprint(batch.keys)}
+
+
+def fingerprint(keys: Sequence[str]) -> str:
+    """Return a short digest of partition keys in any order."""
+    return sha256("\n".join(sorted(keys)).encode()).hexdigest()[:16]
 
 
 def run_requests(instance: DagsterInstance, selection: Selection, *, size: int, name: str) -> list[RunRequest]:
