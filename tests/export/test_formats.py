@@ -46,7 +46,7 @@ def home():
 def commonroad(home, tmp_path_factory):
     """The CommonRoad files of one crash, parsed, by name."""
     folder = tmp_path_factory.mktemp("commonroad")
-    assert export(home.workspace, [KEY], folder, "commonroad") == 2
+    assert export(home.workspace, [KEY], folder, "commonroad") == 3
     return {file.stem: etree.parse(file).getroot() for file in folder.iterdir()}
 
 
@@ -60,8 +60,12 @@ def number(element, path):
 
 def test_there_is_a_planning_problem_for_each_driver_and_the_others_are_obstacles(commonroad, home):
     log = home[KEY].log
-    assert sorted(commonroad) == [f"{KEY}_V1", f"{KEY}_V2"]
+    assert sorted(commonroad) == [f"{KEY}_V1", f"{KEY}_V2", f"{KEY}_all"]
     for name, root in commonroad.items():
+        if name.endswith("_all"):
+            assert len(root.findall("dynamicObstacle")) == 2, "measures look for every driver among the obstacles"
+            assert root.find("planningProblem") is None
+            continue
         ego = int(name[-1])
         (problem,), (obstacle,) = root.findall("planningProblem"), root.findall("dynamicObstacle")
         own, other = (next(v for v in log.vehicles if (v.number == ego) is mine) for mine in (True, False))
@@ -121,6 +125,29 @@ def test_lanelets_meet_and_refer_to_what_is_there(commonroad):
             assert np.hypot(*(points(after.find("leftBound"))[0] - left[-1])) < 0.6
             links += 1
     assert links > len(lanelets) / 2
+
+
+def test_every_way_through_a_junction_is_listed_by_the_turn_that_its_ends_make(commonroad):
+    root = commonroad[f"{KEY}_V1"]
+    assert root.find("scenarioTags/intersection") is not None
+    lanelets = {element.get("id"): element for element in root.iterfind("lanelet")}
+    turns = defaultdict(set)
+    for incoming in root.iterfind("intersection/incoming"):
+        entered = {each.get("ref") for each in incoming.iterfind("incomingLanelet")}
+        for turn in ("Right", "Straight", "Left"):
+            for each in incoming.iterfind(f"successors{turn}"):
+                within = lanelets[each.get("ref")]
+                assert within.findtext("laneletType") == "intersection"
+                assert {before.get("ref") for before in within.iterfind("predecessor")} <= entered
+                steps = np.diff(points(within.find("leftBound")), axis=0)
+                headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+                turns[turn].add(round(np.degrees(headings[-1] - headings[0])))
+    assert max(turns["Right"]) <= -25
+    assert max(abs(turn) for turn in turns["Straight"]) < 35
+    assert min(turns["Left"]) >= 25
+    inside = [each for each in lanelets.values() if each.findtext("laneletType") == "intersection"]
+    entered_from = [each for each in inside if each.find("predecessor") is not None]
+    assert sum(1 for each in root.iter() if each.tag.startswith("successors")) == len(entered_from)
 
 
 def test_lanelets_have_the_limits_signs_and_lights_of_the_map(commonroad, home):

@@ -2,12 +2,14 @@
 
 A file per driver who has something to avoid. Its planning problem starts as that driver did and has to reach where the
 vehicle would have been without the crash (:class:`trace_dag.scenario.drives.Goal`); everybody else is an obstacle
-that drives as recorded, without the crash: what agents are evaluated in. Times are steps of
+that drives as recorded, without the crash: what agents are evaluated in. In ``<key>_all.xml`` all are obstacles, for
+measures of criticality, which look for the driver among these. Times are steps of
 :data:`trace_dag.scenario.drives.STEP_S`, places are in the crash's local frame, as in its OpenDRIVE map.
 
-A limit is a sign of the lanelets where it holds; stop signs and lights have a stop line. The phases of a light are
-unknown. Signs, and with them the benchmark's id, are of Zamunda, the format's country for no country in particular: its
-schema lacks the American stop sign (R1-1), and commonroad-io the American yield sign. The place is in ``location``.
+A junction is an intersection with an incoming element for each road that leads there. A limit is a sign of the
+lanelets where it holds; stop signs and lights have a stop line. The phases of a light are unknown. Signs, and with
+them the benchmark's id, are of Zamunda, the format's country for no country in particular: its schema lacks the
+American stop sign (R1-1), and commonroad-io the American yield sign. The place is in ``location``.
 
 Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
 documentation of the XML format 2020a.
@@ -32,6 +34,7 @@ from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.export.formats.exporter import as_driven
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
+from trace_dag.reconstruction.scene.approach_finder import TURN_RAD
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
 from trace_dag.roads.map.model import LaneRef, Road, Signal
 from trace_dag.roads.map.network import RoadNetwork
@@ -70,7 +73,8 @@ class CommonRoad:
     """``<key>_V<number>.xml`` for each driver who leaves the road or would meet somebody, were nobody to react.
 
     A vehicle that struck a party that the crash had thrown there, or the trailer, which a planning problem does not
-    have, has nothing to avoid."""
+    have, has nothing to avoid. ``<key>_all.xml`` has everybody, and no planning problem.
+    """
 
     def __init__(self, keys: Sequence[str]) -> None:
         """Prepare nothing."""
@@ -88,10 +92,11 @@ class CommonRoad:
             raise UserError("nobody who drives in it has anything to avoid")
         road = _Lanelets(case.network)
         source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
-        return {
-            f"{crash.key}_V{own.number}.xml": _scenario(record, road, own, others, source)
+        files = {
+            f"{crash.key}_V{own.number}.xml": _scenario(record, road, f"V{own.number}", others, source, own)
             for own, others in tested.items()
         }
+        return {**files, f"{crash.key}_all.xml": _scenario(record, road, "All", drives, source)}
 
     def beside(self) -> Mapping[str, bytes]:
         """Return each file explains itself."""
@@ -102,8 +107,7 @@ def road_scenario(network: RoadNetwork) -> bytes:
     """Return a road map without traffic, as a scenario that has lanelets alone."""
     root = _root(f"{_COUNTRY}_Map-1_1_T-1", f"trace-dag {__version__}, {network.attribution}", date.today())
     _add_location(root, network.frame.latitude_deg, network.frame.longitude_deg)
-    etree.SubElement(etree.SubElement(root, "scenarioTags"), "urban")
-    _Lanelets(network).write_into(root)
+    _Lanelets(network).write_into(root, "urban")
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
@@ -135,15 +139,14 @@ class _Lanelets:
         self._lights = [post for post in posts if post.signal.type == _LIGHT]
         self._signs_of: dict[LaneRef, list[int]] = defaultdict(list)
         self._lights_of: dict[LaneRef, list[int]] = defaultdict(list)
-        self.next_id = len(self._shapes) + 1
+        numbers = count(len(self._shapes) + 1)
         for ids_of, rows in (
             (self._signs_of, [*(limit.lanes for limit in self._limits), *(sign.lanes for sign in self._signs)]),
             (self._lights_of, [light.lanes for light in self._lights]),
         ):
-            for lanes in rows:
+            for lanes, number in zip(rows, numbers, strict=False):
                 for ref in lanes:
-                    ids_of[ref].append(self.next_id)
-                self.next_id += 1
+                    ids_of[ref].append(number)
         stops = [post for post in (*self._lights, *self._signs) if post.signal.type in (_LIGHT, _STOP)]
         self._stops_at = {ref: post.signal.s_m for post in stops for ref in post.lanes}
 
@@ -173,8 +176,12 @@ class _Lanelets:
             for (_, _, speed_mps), refs in by_limit.items()
         ]
 
-    def write_into(self, root: etree._Element) -> None:
-        """Add an element for each lanelet, sign and light."""
+    def write_into(self, root: etree._Element, tag: str) -> int:
+        """Add the tags, and an element for each lanelet, sign, light and intersection; return the next free id."""
+        incomings = self._incomings()
+        tags = etree.SubElement(root, "scenarioTags")
+        for name in (tag, "intersection") if incomings else (tag,):
+            etree.SubElement(tags, name)
         for shape in self._shapes:
             self._write(root, shape)
         numbers = count(len(self._shapes) + 1)
@@ -186,6 +193,26 @@ class _Lanelets:
             _add_sign(root, next(numbers), sign.signal.type, place)
         for light in self._lights:
             _add_light(root, next(numbers), self._place(light.lanes[0].road_id, light.signal))
+        for roads in incomings.values():
+            intersection = etree.SubElement(root, "intersection", id=str(next(numbers)))
+            for lanes in roads.values():
+                incoming = etree.SubElement(intersection, "incoming", id=str(next(numbers)))
+                for name in ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft"):
+                    for number in lanes[name]:
+                        etree.SubElement(incoming, name, ref=str(number))
+        return next(numbers)
+
+    def _incomings(self) -> dict[str, dict[str, dict[str, list[int]]]]:
+        """Return by junction and road that leads into it the lanelets that end there, and those that go on, by turn."""
+        found: dict[str, dict[str, dict[str, list[int]]]] = defaultdict(lambda: defaultdict(lambda: defaultdict(list)))
+        for shape in self._shapes:
+            before = [ref for ref in shape.predecessors if ref in self._ids]
+            if shape.junction_id is None or not before:
+                continue
+            lanes = found[shape.junction_id][before[0].road_id]
+            lanes["incomingLanelet"] = sorted({*lanes["incomingLanelet"], *self._known(before)})
+            lanes[f"successors{_turn_of(shape)}"].append(self._ids[shape.ref])
+        return found
 
     def _place(self, road_id: str, signal: Signal) -> FloatArray:
         x, y, heading, _ = self._network.road_geometry(road_id).line.at(signal.s_m)
@@ -227,6 +254,14 @@ class _Lanelets:
         return [self._ids[ref] for ref in refs if ref in self._ids]
 
 
+def _turn_of(shape: LaneShape) -> str:
+    """Return the turn of a connecting lane by the headings of its ends, as the format calls it."""
+    steps = np.diff(shape.centre_m[:, :2], axis=0)
+    (x, y), (end_x, end_y) = steps[0], steps[-1]
+    turn_rad = math.atan2(x * end_y - y * end_x, x * end_x + y * end_y)
+    return "Straight" if abs(turn_rad) < TURN_RAD else "Left" if turn_rad > 0 else "Right"
+
+
 def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | None, value: str = "") -> None:
     """Add a sign; without a place it stands for a limit that holds unsigned."""
     element = etree.SubElement(root, "trafficSign", id=str(number))
@@ -250,18 +285,19 @@ def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
     _add(light, "active", "false")
 
 
-def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, others: Sequence[Drive], source: str) -> bytes:
+def _scenario(
+    record: CrashRecord, road: _Lanelets, name: str, others: Sequence[Drive], source: str, own: Drive | None = None
+) -> bytes:
     year, _, number = record.key.partition("-")
     day = date(record.year or record.case_year, record.month or 1, record.day or 1)
-    root = _root(f"{_COUNTRY}_Fars{year}x{number}V{own.number}-1_1_T-1", source, day)
+    root = _root(f"{_COUNTRY}_Fars{year}x{number}{name}-1_1_T-1", source, day)
     _add_location(root, record.latitude_deg, record.longitude_deg)
-    etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
-    road.write_into(root)
-    next_id = road.next_id
+    next_id = road.write_into(root, "critical")
     for each in sorted(others, key=lambda each: not each.is_parked):  # those that stand come first
         _add_obstacle(root, next_id, each)
         next_id += 1
-    _add_problem(root, next_id, own)
+    if own is not None:
+        _add_problem(root, next_id, own)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
