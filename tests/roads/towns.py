@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import count
 
+from lxml import etree
+
 from trace_dag.common.geometry import LocalFrame
 from trace_dag.common.settings import RoadSettings
 from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
-from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
+from trace_dag.roads.build import PlainMap, build_plain_map
 from trace_dag.roads.crash_site.crossings import add_kinds
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.from_osm.way_direction import along_traffic
@@ -29,6 +32,7 @@ class Town:
         self._nodes: dict[tuple[float, float, str], OsmNode] = {}
         self._ways: list[OsmWay] = []
         self._walkways: list[OsmWay] = []
+        self._relations: list[OsmRelation] = []
 
     def street(self, points: Points, *, highway: str = "residential", level: str = "", **tags: str) -> int:
         """A way through points in metres; ``__`` in a key stands for a colon. Returns its id."""
@@ -49,16 +53,31 @@ class Town:
         self._nodes[float(x_m), float(y_m), ""] = node._replace(tags={**node.tags, **tags})
         return node.id
 
+    def restriction(self, origin: int, via: tuple[float, float], target: int, **tags: str) -> None:
+        """A turn restriction from way to way at a node."""
+        node = self._node(*via, "")
+        members = (OsmMember("way", origin, "from"), OsmMember("node", node.id, "via"), OsmMember("way", target, "to"))
+        named = {key.replace("__", ":"): value for key, value in tags.items()}
+        self._relations.append(OsmRelation(len(self._relations) + 1, members, {"type": "restriction", **named}))
+
     def extract(self) -> OsmExtract:
         """What the converter takes."""
         nodes = {node.id: node for node in self._nodes.values()}
         box = BoundingBox(36.99, -77.01, 37.01, -76.99)
-        return OsmExtract(box, nodes, tuple(self._ways), walkways=tuple(self._walkways))
+        return OsmExtract(box, nodes, tuple(self._ways), tuple(self._relations), walkways=tuple(self._walkways))
 
     def network(self) -> RoadNetwork:
         """What the converter makes of it."""
         extract = along_traffic(self.extract())
         return add_kinds(convert(extract, FRAME, SETTINGS), extract)
+
+    def made(self) -> PlainMap:
+        """The map as ``trace-dag map`` makes it."""
+        return build_plain_map(self.extract(), FRAME, SETTINGS, name="town", left_hand=False)
+
+    def xodr(self) -> etree._Element:
+        """The root of that map's file, read by lxml alone."""
+        return etree.fromstring(self.made().stored.xodr)
 
     def _node(self, x_m: float, y_m: float, level: str) -> OsmNode:
         key = (float(x_m), float(y_m), level)

@@ -13,7 +13,7 @@ VERSIONS = {
     Stage.RAW_REPORT: 1,
     Stage.CRASH_RECORD: 7,
     Stage.OSM_EXTRACT: 2,
-    Stage.ROAD_MAP: 6,
+    Stage.ROAD_MAP: 7,
     Stage.STATE_ESTIMATE: 11,
     Stage.SIMULATION_LOG: 4,
     Stage.VERDICT: 9,

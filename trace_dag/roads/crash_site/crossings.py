@@ -112,7 +112,9 @@ def add_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
     )
     network = replace(network, junctions=roundabouts)
     private_roads = frozenset(
-        road.id for road in network.roads if road.osm_way_ids and private.issuperset(road.osm_way_ids)
+        road.id
+        for road in network.roads
+        if road.junction_id is None and road.osm_way_ids and private.issuperset(road.osm_way_ids)
     )
     kinds = {
         junction_id: (crossing.kind or RoadTopology.NOT_AN_INTERSECTION).value

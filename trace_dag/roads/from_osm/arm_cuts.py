@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from trace_dag.roads.from_osm.street_graph import Street
@@ -161,8 +162,16 @@ def _chord_heading(segments: Sequence[tuple[float, float, float, float, float, f
     return math.atan2(y - y0, x - x0)
 
 
-def cuts_of(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[PlanView]) -> list[Cut]:
+def cuts_of(
+    ends: Sequence[StreetEnd],
+    streets: Sequence[Street],
+    plans: Sequence[PlanView],
+    crossovers: Mapping[StreetEnd, StreetEnd] = MappingProxyType({}),
+) -> list[Cut]:
     """Return the cut of each arm of one junction, as if streets were long enough.
+
+    ``crossovers`` has the end of a way across the median at which an arm ends, if nothing else there makes room for
+    turning into it.
 
     >>> cuts_of([StreetEnd(0, True)], street_graph.streets, plans)  # one arm alone has none to be clear of
     [Cut(clear_m=0.5, wanted_m=1.0)]
@@ -188,10 +197,7 @@ def cuts_of(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequenc
                 reach = min(reach, _FORK_M)
             clear = max(clear, reach)
             if _CORNER_RAD[0] < angle < _CORNER_RAD[1]:
-                corner = _CORNER_M["service" in (strip.profile.highway, other.profile.highway)]
-                if max(strip.profile.rank, other.profile.rank) <= 3:
-                    corner = _MAJOR_CORNER_M
-                reach += max(corner, (TIGHTEST_RADIUS_M - _EDGE_LANE_M) / math.tan(angle / 2))
+                reach += _corner_m(strip, other)
             elif angle >= _CORNER_RAD[1]:
                 shift_m = strip.shift_to(other)
                 # Half the length over which lanes shifted by a cubic bend no tighter than a corner: 6 shift /
@@ -199,11 +205,24 @@ def cuts_of(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequenc
                 clear = max(clear, math.sqrt(6 * shift_m * CORNER_RADIUS_M) / 2)
                 reach = max(reach, _SHIFT_RATIO * shift_m)
             wanted = max(wanted, reach)
+        if ends[i] in crossovers:
+            crossover = crossovers[ends[i]]
+            other = _Strip(streets[crossover.street], crossover.at_start, _REACH_M)
+            reach = strip.clear_of(other)
+            clear, wanted = max(clear, reach), max(wanted, reach + _corner_m(strip, other))
         if len(strips) == 2:
             most = _longest_fold_cut_m(_angle(*strips))
             clear, wanted = min(clear, most), min(wanted, most)
         cuts.append(Cut(clear, wanted))
     return cuts
+
+
+def _corner_m(strip: _Strip, other: _Strip) -> float:
+    """Return the room (metres) for the corner between two arms."""
+    corner = _CORNER_M["service" in (strip.profile.highway, other.profile.highway)]
+    if max(strip.profile.rank, other.profile.rank) <= 3:
+        corner = _MAJOR_CORNER_M
+    return max(corner, (TIGHTEST_RADIUS_M - _EDGE_LANE_M) / math.tan(_angle(strip, other) / 2))
 
 
 def _longest_fold_cut_m(angle_rad: float) -> float:

@@ -273,6 +273,7 @@ def _road(link: _Link, road_id: str, junction_id: str) -> Road:
         predecessor=RoadLink("road", origin.road_id, origin.contact),
         successor=RoadLink("road", target.road_id, target.contact),
         highway=origin.profile.highway,
+        osm_way_ids=() if origin.profile.inferred or target.profile.inferred else movement.way_ids,
         name=origin.profile.name if movement.turn == "straight" else "",
         speed_mps=_lower(origin.profile.speed_forward_mps, target.profile.speed_backward_mps),
         # Where a junction reaches onto a bridge, what it crosses there is below it.

@@ -49,7 +49,7 @@ from trace_dag.roads.from_osm.movements import (
 from trace_dag.roads.from_osm.polyline_fit import fit_plan
 from trace_dag.roads.from_osm.signs import place_signs
 from trace_dag.roads.from_osm.street_graph import Street, build_street_graph
-from trace_dag.roads.from_osm.street_roads import StreetRoads, build_street_roads
+from trace_dag.roads.from_osm.street_roads import StreetRoads, build_street_roads, ways_between
 from trace_dag.roads.from_osm.tags import CrossSection, WayProfile, read_profile
 from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, widen_tight_bends
 from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_plan
@@ -232,21 +232,23 @@ def _arms(
         trim = layout.trims[end.street][0 if end.at_start else 1]
         made = built[end.street]
         if end.at_start:
-            rest = reverse_plan(cut_plan(plan, 0.0, trim))
+            begin_m, end_m = 0.0, trim
+            rest = reverse_plan(cut_plan(plan, begin_m, end_m))
             road, contact, lanes, node = made.roads[0], ContactPoint.START, made.start_lanes, street.start_node
         else:
-            rest = cut_plan(plan, plan.length_m - trim, plan.length_m)
+            begin_m, end_m = plan.length_m - trim, plan.length_m
+            rest = cut_plan(plan, begin_m, end_m)
             road, contact, lanes, node = made.roads[-1], ContactPoint.END, made.end_lanes, street.end_node
         assert node is not None
-        arms.append(
-            make_arm(road.id, contact, node, end_profile(street, end.at_start), plan_pose(rest, 0.0), rest, lanes)
-        )
+        profile, cut_off = end_profile(street, end.at_start), ways_between(street, plan, begin_m, end_m)
+        arms.append(make_arm(road.id, contact, node, profile, plan_pose(rest, 0.0), rest, lanes, cut_off))
     return arms
 
 
 def _inner_way(street: Street, plan: PlanView) -> InnerWay:
-    nodes = (street.node_ids[0], street.node_ids[-1])
-    return InnerWay(street.spans[0].profile, nodes, tuple(street.points), plan.length_m)
+    nodes = (*(street.node_ids[span.first] for span in street.spans), street.node_ids[-1])
+    ways = tuple(span.profile.way_id for span in street.spans)
+    return InnerWay(street.spans[0].profile.oneway, ways, nodes, tuple(street.points), plan.length_m)
 
 
 def _restrictions(extract: OsmExtract, aliases: Mapping[int, int]) -> TurnRestrictions:

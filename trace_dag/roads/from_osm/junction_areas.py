@@ -159,7 +159,21 @@ class _Crossings:
         arms = [end for end in ends if end.street not in self._inner]
         self._cuts.update((end, Cut(0.0, 0.0)) for end in arms)
         arms = [end for end in arms if _connects(end, arms, self._streets)]
-        self._cuts.update(zip(arms, cuts_of(arms, self._streets, self._plans), strict=True))
+        self._cuts.update(zip(arms, cuts_of(arms, self._streets, self._plans, self._crossovers(ends)), strict=True))
+
+    def _crossovers(self, ends: Sequence[StreetEnd]) -> dict[StreetEnd, StreetEnd]:
+        """Return the end of the way across a median, by each end of the carriageway that meets nothing else there."""
+        found: dict[StreetEnd, StreetEnd] = {}
+        for inner in (end for end in ends if end.street in self._inner):
+            street = self._streets[inner.street]
+            node = street.start_node if inner.at_start else street.end_node
+            arms = [end for end in self._ends[node] if end != inner] if node is not None else []
+            if len(arms) == 2 and all(
+                end.street not in self._inner and end_profile(self._streets[end.street], end.at_start).oneway
+                for end in arms
+            ):
+                found |= dict.fromkeys(arms, inner)
+        return found
 
     def _join_used_up(self, nodes_of: dict[int, list[int]]) -> set[int]:
         """Join crossings whose street has no room for the corners at both its ends. Returns the joined crossings."""
@@ -212,7 +226,7 @@ def _divided_crossings(
             continue
         across = _bearing(street, True)
         for names, highway, bearing in through[a]:
-            if abs(math.sin(bearing - across)) < _ACROSS_SINE:  # along, not across
+            if math.sin(across - bearing) < _ACROSS_SINE:  # along, not across, or to its right
                 continue
             if any(
                 other_highway == highway

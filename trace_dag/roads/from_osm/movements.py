@@ -13,7 +13,7 @@ import heapq
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from trace_dag.roads.from_osm.lanes import EndLane
@@ -69,7 +69,7 @@ class JunctionArm:
     """A road where it meets a junction. ``inbound`` is its reference line's pose there, heading into the junction.
 
     ``incoming`` and ``outgoing`` are its lanes, each from left to right as the driver sees them; ``rest`` is the
-    piece of street cut off, from the pose to the node.
+    piece of street cut off, from the pose to the node, and ``way_ids`` the OSM ways along it.
     """
 
     road_id: str
@@ -81,6 +81,7 @@ class JunctionArm:
     incoming: tuple[ArmLane, ...]
     outgoing: tuple[ArmLane, ...]
     centre: ArmLane | None  # centre turn lane, seen inbound
+    way_ids: tuple[int, ...] = ()
 
     @property
     def outbound(self) -> PlanPose:
@@ -90,9 +91,10 @@ class JunctionArm:
 
 @dataclass(frozen=True)
 class InnerWay:
-    """A street inside a joined junction."""
+    """A street inside a joined junction: its OSM ways, and the nodes where it begins, those meet, and it ends."""
 
-    profile: WayProfile
+    oneway: bool
+    way_ids: tuple[int, ...]
     node_ids: tuple[int, ...]
     points: tuple[Point, ...]
     length_m: float
@@ -100,14 +102,20 @@ class InnerWay:
 
 @dataclass(frozen=True)
 class Movement:
-    """From one arm to another: its kind, the lanes that make it, and the nodes passed on the way."""
+    """From one arm to another: its kind, the lanes that make it, and the places and OSM ways inside that it passes."""
 
     origin: JunctionArm
     target: JunctionArm
     angle_rad: float
     turn: str
     waypoints: tuple[Point, ...]
+    inner_way_ids: tuple[int, ...] = ()
     lanes: tuple[tuple[ArmLane, ArmLane], ...] = ()
+
+    @property
+    def way_ids(self) -> tuple[int, ...]:
+        """Return the OSM ways along which it leads inside the junction."""
+        return tuple(dict.fromkeys((*self.origin.way_ids, *self.inner_way_ids, *self.target.way_ids)))
 
 
 def make_arm(
@@ -118,6 +126,7 @@ def make_arm(
     inbound: PlanPose,
     rest: PlanView,
     lanes: Sequence[EndLane],
+    way_ids: tuple[int, ...] = (),
 ) -> JunctionArm:
     """Make an arm of the lanes at a road's end (left to right of its reference line).
 
@@ -148,6 +157,7 @@ def make_arm(
         incoming=along if at_end else against,
         outgoing=against if at_end else along,
         centre=seen(middle[0], at_end) if middle else None,
+        way_ids=way_ids,
     )
 
 
@@ -196,7 +206,7 @@ def find_movements(
     steps: dict[int, list[tuple[InnerWay, bool]]] = defaultdict(list)
     for way in inner:
         steps[way.node_ids[0]].append((way, True))
-        if not way.profile.oneway:
+        if not way.oneway:
             steps[way.node_ids[-1]].append((way, False))
     movements: list[Movement] = []
     for origin in arms:
@@ -227,7 +237,7 @@ def _movement(
         length, _, node, ways, nodes, points = heapq.heappop(queue)
         if node == target.node and restrictions.permits((*ways, target.profile.way_id), (*nodes, node)):
             angle = math.remainder(target.outbound.heading_rad - origin.inbound.heading_rad, math.tau)
-            return Movement(origin, target, angle, "", points)
+            return Movement(origin, target, angle, "", points, ways[1:])
         if len(ways) > 12:
             continue
         for way, along in steps[node]:
@@ -235,7 +245,8 @@ def _movement(
             reached = nodes_along[-1]
             if reached in nodes or reached == origin.node:
                 continue
-            longer_ways, longer_nodes = (*ways, way.profile.way_id), (*nodes, node)
+            passed_ways = way.way_ids if along else way.way_ids[::-1]
+            longer_ways, longer_nodes = (*ways, *passed_ways), (*nodes, *nodes_along[:-1])
             if not restrictions.permits(longer_ways, longer_nodes):
                 continue
             passed = way.points if along else way.points[::-1]
@@ -259,7 +270,7 @@ def _with_turns(movements: Sequence[Movement]) -> list[Movement]:
             turn = "u_turn"
         else:
             turn = "left" if movement.angle_rad > 0 else "right"
-        named.append(Movement(movement.origin, movement.target, movement.angle_rad, turn, movement.waypoints))
+        named.append(replace(movement, turn=turn))
     # A U-turn goes left in right-hand traffic, also if its angle is just over 180 degrees the other way.
     return sorted(named, key=lambda movement: -(math.pi if movement.turn == "u_turn" else movement.angle_rad))
 
@@ -298,10 +309,7 @@ def _assign_lanes(origin: JunctionArm, movements: list[Movement]) -> list[Moveme
         if not any(lane in lanes_of for lanes_of in chosen):
             nearest = straight if straight is not None else movements[0 if lane is lanes[0] else -1]
             chosen[movements.index(nearest)].append(lane)
-    return [
-        Movement(m.origin, m.target, m.angle_rad, m.turn, m.waypoints, _pair(m, sorted(c, key=lanes.index)))
-        for m, c in zip(movements, chosen, strict=True)
-    ]
+    return [replace(m, lanes=_pair(m, sorted(c, key=lanes.index))) for m, c in zip(movements, chosen, strict=True)]
 
 
 def _continues(origin: JunctionArm, target: JunctionArm) -> bool:
@@ -434,12 +442,5 @@ def _feed_idle_lanes(movements: list[Movement]) -> list[Movement]:
         extra = tuple(
             (min(movement.lanes, key=lambda pair: abs(pair[1].offset_m - lane.offset_m))[0], lane) for lane in idle
         )
-        fed[index] = Movement(
-            movement.origin,
-            movement.target,
-            movement.angle_rad,
-            movement.turn,
-            movement.waypoints,
-            movement.lanes + extra,
-        )
+        fed[index] = replace(movement, lanes=movement.lanes + extra)
     return fed

@@ -26,7 +26,8 @@ from trace_dag.roads.map.curves import Point
 _SAME_PLACE_M: Final = 0.05
 _FARTHEST_M: Final = 1e5  # from the crash; beyond it coordinates are wrong
 _CLIPPED_M: Final = 12.0  # least length of a road from its junction to the border of the box
-_STUB_M: Final = 3.0  # dead ends shorter than this are errors of drawing or cutting
+STUB_M: Final = 3.0
+"""Dead ends shorter than this are errors of drawing or cutting."""
 _HOOK_RAD: Final = math.radians(5)
 _SAME_ROAD_RAD: Final = math.radians(100)  # a way that turns more sharply at its end is not continued by the next
 
@@ -194,7 +195,7 @@ def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point
         while arms[nodes[last]] == 1 and len(nodes) > 2:
             a, b, c = nodes[-3:] if last else nodes[2::-1]
             taken += math.dist(positions[b], positions[c])
-            if taken > _STUB_M or arms[b] > 2:
+            if taken > STUB_M or arms[b] > 2:
                 break
             if _bend(positions[a], positions[b], positions[c]) < _HOOK_RAD:
                 break
@@ -202,7 +203,7 @@ def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point
             arms[b] = 1
     met = sorted((arms[nodes[0]], arms[nodes[-1]]))
     length = math.fsum(math.dist(positions[a], positions[b]) for a, b in pairwise(nodes))
-    return length > _STUB_M or met[0] != 1 or met[1] < 3
+    return length > STUB_M or met[0] != 1 or met[1] < 3
 
 
 def _split_at_junctions(pieces: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> list[_Edge]:

@@ -55,7 +55,7 @@ def build_street_roads(
     for i in range(len(sections)):
         group.append(i)
         if i + 1 == len(sections) or i + 1 in breaks:
-            way_ids = _ways_between(street, plan, merged[group[0]].begin_m, merged[i].end_m)
+            way_ids = ways_between(street, plan, merged[group[0]].begin_m, merged[i].end_m)
             roads.append(_road(new_id(), plan, [sections[k] for k in group], way_ids))
             begins.append(merged[group[0]].begin_m)
             group = []
@@ -185,7 +185,7 @@ def _merge_equal(stretches: list[Stretch]) -> list[Stretch]:
     return merged
 
 
-def _ways_between(street: Street, plan: PlanView, begin_m: float, end_m: float) -> tuple[int, ...]:
+def ways_between(street: Street, plan: PlanView, begin_m: float, end_m: float) -> tuple[int, ...]:
     """Return the OSM ways along a stretch of a street, in order."""
     ways = {
         span.profile.way_id: None

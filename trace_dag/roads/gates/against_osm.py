@@ -19,6 +19,7 @@ import shapely
 from trace_dag.common.geometry import arc_lengths
 from trace_dag.common.messages.wording import count_of
 from trace_dag.osm.drivable import is_drivable
+from trace_dag.roads.from_osm.street_graph import STUB_M
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, read_profile
 from trace_dag.roads.gates.axes import SAMPLE_M, distances_to_axes
 from trace_dag.roads.map.lane_geometry import sample_lanes
@@ -210,6 +211,28 @@ class MapComparison:
             missing_public_way_ids=tuple(way.id for way in missing if way.tags.get("highway") != "service"),
         )
 
+    def ways_without_road(self) -> dict[int, str]:
+        """Return why a way has neither a road of its own nor a movement through a junction along it, by its id."""
+        made = {way_id for road in self.network.roads for way_id in road.osm_way_ids}
+        junction_of = {node_id: each.id for each in self.network.junctions for node_id in each.osm_node_ids}
+        found = {}
+        for way in self.ways:
+            if way.id in made or INFERRED_TAG in way.tags:
+                continue
+            line, segments = self.way_line(way), _segments(way)
+            length_m = float(arc_lengths(line)[-1]) if len(line) > 1 else 0.0
+            others = [other.id for other in self.ways if other.id != way.id and segments <= _segments(other)]
+            within = {junction_of[node_id] for node_id in way.node_ids if node_id in junction_of}
+            if others:
+                found[way.id] = f"lies on way {others[0]}"
+            elif length_m <= STUB_M:
+                found[way.id] = f"is {length_m:.1f} m long, less than can be driven along"
+            elif within and shapely.covers(self.junction_areas, shapely.linestrings(line)):
+                found[way.id] = f"lies within junction {min(within)}, through which no movement leads along it"
+            else:
+                found[way.id] = "no road could be made of it"
+        return found
+
     def _points_of_ways(self) -> Iterator[tuple[OsmWay, FloatArray, FloatArray, NDArray[np.bool_]]]:
         """Yield each way with its line, the points along it, and which of these lie outside the junctions."""
         # A way that was drawn has no original.
@@ -336,6 +359,10 @@ class MapComparison:
             x, y, _, _ = line.at(line.project(float(xy_m[0]), float(xy_m[1])).s_m)
             feet.append((x, y))
         return min(feet, key=lambda foot: math.dist(foot, xy_m))
+
+
+def _segments(way: OsmWay) -> set[frozenset[int]]:
+    return {frozenset(pair) for pair in pairwise(way.node_ids)}
 
 
 def _resampled(line: FloatArray) -> FloatArray:

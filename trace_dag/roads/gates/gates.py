@@ -144,6 +144,11 @@ def _ways(comparison: MapComparison, limits: MapLimits, left_out_ways: Collectio
     missing = [way_id for way_id in deviation.missing_public_way_ids if way_id not in left_out_ways]
     named = _count_gate("ways_missing", [f"way {way_id}" for way_id in missing], "public ways", limits.ways_missing)
     yield named if named.passed else replace(named, way_ids=tuple(missing))
+    without = comparison.ways_without_road()
+    detail = "; ".join(f"way {way_id} {why}" for way_id, why in without.items())  # all of them: no other list has them
+    yield MapGate(
+        "ways_without_road", len(without), None, "ways", None if without else True, detail, way_ids=tuple(without)
+    )
 
 
 def _lanes(comparison: MapComparison, limits: MapLimits) -> MapGate:
