@@ -141,8 +141,9 @@ def test_columns_that_are_not_mapped_are_named_and_not_stored(tmp_path):
     [
         ({"Latitude": ""}, "no latitude and longitude"),
         ({"Latitude": "0", "Longitude": "0"}, "no latitude and longitude"),
-        ({"DateTime": "yesterday"}, "no date and time in the format of the mapping"),
-        ({"Incidentid": "../../etc"}, "an id with other characters than letters, digits, - and _"),
+        ({"Latitude": "33 24:00.0"}, "Latitude is no number of degrees, such as 41.5, but '33 24:00.0' or the like"),
+        ({"DateTime": "yesterday"}, "no year in the column of the time, as the mapping has its format"),
+        ({"Incidentid": ""}, "no id, or one that is too long"),
     ],
 )
 def test_rows_that_make_no_crash_are_counted(tmp_path, change, why):
@@ -224,7 +225,7 @@ def test_a_document_with_what_nothing_can_have_is_malformed(tmp_path, place, val
 
 
 def test_an_id_twice_is_an_error_where_a_row_is_a_crash(tmp_path):
-    with pytest.raises(UserError, match="id '1001' has 2 rows"):
+    with pytest.raises(UserError, match="id '1001' stands in rows 2 and 3"):
         list(table(tmp_path, "tempe", TEMPE, TEMPE).records())
 
 
@@ -400,7 +401,19 @@ def test_shipped_mappings_say_where_their_tables_are_from():
 
 def test_keys_of_registers_are_safe_and_sort_after_those_of_fars():
     assert register_key("tempe", "42") == "tempe-42"
-    for crash_id in ("a/b", "a.b", "", "a b", "é", "-a", "x" * 151):
+    ids = {
+        "a/b": "a_2Fb",
+        "a.b": "a_2Eb",
+        "a b": "a_20b",
+        "é": "_C3_A9",
+        "-a": "_2Da",
+        "a_2Fb": "a_5F2Fb",
+        "a_b": "a_b",
+    }
+    assert {crash_id: register_key("tempe", crash_id) for crash_id in ids} == {
+        crash_id: f"tempe-{encoded}" for crash_id, encoded in ids.items()
+    }
+    for crash_id in ("", "x" * 151):
         with pytest.raises(ValueError, match="make no key"):
             register_key("tempe", crash_id)
     for key in ("tempe", "Tempe-1", "fars-1", "tempe-../x", "tempe-1\n", "2023-5101790"):

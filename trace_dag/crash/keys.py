@@ -2,7 +2,7 @@
 
 FARS' keys are ``<caseYear>-<stateCase>``: a ``stateCase`` is unique only within its year. Those of other registers are
 ``<register>-<id>``. A register's name begins with a letter, so that the two cannot be mixed up; an id holds letters,
-digits, ``-`` and ``_`` alone, so that a key is safe as the name of a file, as a partition and in a URL.
+digits, ``-`` and ``_`` alone, others encoded, so that a key is safe as the name of a file, as a partition and in a URL.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ FARS: Final = "fars"
 REGISTER_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,31}")
 _FARS_KEY: Final = re.compile(r"(?P<year>[12][0-9]{3})-(?P<case>[1-9][0-9]{4,5})")
 _KEY: Final = re.compile(rf"(?P<register>{REGISTER_NAME.pattern})-(?P<id>[A-Za-z0-9_][A-Za-z0-9_-]{{0,149}})")
+_TO_ENCODE: Final = re.compile(r"[^A-Za-z0-9_-]|^-|_(?=[0-9A-F]{2})")  # the last: so that no two ids are one key
 _SHOWN: Final = 40  # characters of what is none
 
 
@@ -61,16 +62,19 @@ def crash_key(case_year: int, state_case: int) -> str:
 def register_key(register: str, crash_id: str) -> str:
     """Return the key of a crash of another register.
 
-    Raises ValueError for an id with other characters than a key may have.
+    Other characters than a key may have become ``_`` with the two digits of each of their bytes, as ``%`` in a URL.
 
-    >>> register_key("tempe", "2579417")
-    'tempe-2579417'
+    Raises ValueError for a blank id and one that is too long.
+
+    >>> register_key("tempe", "2579417"), register_key("utah", "2022/45 A")
+    ('tempe-2579417', 'utah-2022_2F45_20A')
     """
-    key = f"{register}-{crash_id}"
+    encoded = _TO_ENCODE.sub(lambda match: "".join(f"_{byte:02X}" for byte in match[0].encode()), crash_id)
+    key = f"{register}-{encoded}"
     if register == FARS or not _KEY.fullmatch(key):
         raise ValueError(
             f"register {register!r} and id {crash_id[:_SHOWN]!r} make no key; expected lower-case letters, digits and "
-            "_ in the one, letters, digits, - and _ in the other"
+            "_ in the one, 1 to 150 letters, digits, - and _ in the other"
         )
     return key
 

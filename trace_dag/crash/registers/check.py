@@ -11,6 +11,7 @@ from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import check
 from trace_dag.crash.record import CrashRecord, NonMotorist, Origin, VehicleRecord, origins
+from trace_dag.crash.registers.mapping import MOMENT
 
 
 class Table(Protocol):
@@ -29,15 +30,16 @@ def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
     """Yield the notes of a table.
 
     Then, for each kind of crash, how many there are, how many say enough to be reconstructed, and what the others lack;
-    then in how many crashes each field is reported.
+    then in how many crashes each field is reported, and in how many others imply it.
     """
     total: Counter[str] = Counter()
     lacking: dict[str, Counter[str]] = {}
-    reported: Counter[str] = Counter()
+    found: dict[Origin, Counter[str]] = {origin: Counter() for origin in Origin}
     for record in map(complete_record, table.records()):
         total[record.kind] += 1
         parts: list[CrashRecord | VehicleRecord | NonMotorist] = [record, *record.vehicles, *record.non_motorists]
-        reported.update({name for part in parts for name, origin in origins(part).items() if origin is Origin.REPORTED})
+        for name, origin in {pair for part in parts for pair in origins(part).items()}:
+            found[origin][name] += 1
         try:
             check(record, settings)
         except Rejection as rejection:
@@ -47,9 +49,12 @@ def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
         reasons = lacking.get(kind, Counter())
         why = "".join(f", {number} {reason}" for reason, number in reasons.most_common())
         yield f"{kind}: {count} crashes, {count - reasons.total()} that say enough{why}"
-    in_order = sorted(reported.items(), key=lambda each: (-each[1], each[0]))
-    fields = ", ".join(f"{name} {count}" for name, count in in_order if name not in _OF_EVERY_RECORD)
-    yield f"fields reported, in how many of {total.total()} crashes: {fields}"
+    times = ", ".join(f"{part} {found[Origin.REPORTED][part]}" for part in MOMENT)
+    yield f"time of {total.total()} crashes: {times}; the rest is not reported"
+    for origin, words in ((Origin.REPORTED, "reported"), (Origin.IMPLIED, "implied by others")):
+        in_order = sorted(found[origin].items(), key=lambda each: (-each[1], each[0]))
+        named = (f"{name} {count}" for name, count in in_order if name not in _OF_EVERY_RECORD.union(MOMENT))
+        yield f"fields {words}, in how many of {total.total()} crashes: {', '.join(named)}"
 
 
 _OF_EVERY_RECORD = frozenset(

@@ -7,14 +7,17 @@ language: a value is looked up, a number has a unit, a time a format.
 
 from __future__ import annotations
 
+import re
 import tomllib
+import zoneinfo
+from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from trace_dag.common.errors import UserError
 from trace_dag.common.schemas import Column, ColumnType
@@ -48,6 +51,21 @@ _NOT_MAPPED: Final = frozenset(
     | {"TRAV_SP", "VSPD_LIM", "MOD_YEAR", "PER_TYP", "PBPTYPE", "STR_VEH"}
 )
 """Elements of records that a mapping says in another way, or that only FARS has."""
+MOMENT: Final = ("year", "month", "day", "hour", "minute")
+"""Parts of a crash's time; a part that no column holds is not reported."""
+_DIRECTIVES: Final[Mapping[str, tuple[str, ...]]] = {
+    **dict.fromkeys("Yy", ("year",)),
+    **dict.fromkeys("mbB", ("month",)),
+    "d": ("day",),
+    "j": ("month", "day"),
+    **dict.fromkeys("HI", ("hour",)),
+    "M": ("minute",),
+    **dict.fromkeys("pSfzaA%", ()),
+}
+"""Parts of a time that each directive of ``strftime`` holds."""
+ISO8601: Final = "ISO8601"
+EPOCHS: Final = {"epoch s": 1000, "epoch ms": 1}
+"""Formats of numbers of seconds or milliseconds since 1970 UTC, with the milliseconds of one."""
 
 
 def _register_name(name: str) -> str:
@@ -85,11 +103,65 @@ class NumberColumn(_Part):
         return UNITS[self.unit]
 
 
-class TimeColumn(_Part):
-    """A column of dates with times, as ``strftime`` writes them: ``%m/%d/%Y %H:%M``."""
+def _one_or_more(value: object) -> object:
+    return (value,) if isinstance(value, str) else value
 
-    column: str
-    format: str
+
+class TimeColumn(_Part):
+    """One or more columns that hold the date and the time between them, each with its format.
+
+    A format is one of ``strftime`` (``%m/%d/%Y %H:%M``), ``ISO8601``, ``epoch s`` or ``epoch ms``. One format for
+    several columns is split at its blanks. ``zone``: the local time wanted, where the table has offsets from UTC.
+    """
+
+    column: Annotated[tuple[str, ...], BeforeValidator(_one_or_more), Field(min_length=1)]
+    format: Annotated[tuple[str, ...], BeforeValidator(_one_or_more)]
+    zone: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _split(cls, data: object) -> object:
+        if isinstance(data, dict) and isinstance(data.get("column"), list) and isinstance(data.get("format"), str):
+            return {**data, "format": data["format"].split(" ", len(data["column"]) - 1)}
+        return data
+
+    @model_validator(mode="after")
+    def _can_be_read(self) -> TimeColumn:
+        if len(self.column) != len(self.format):
+            raise ValueError(f"{len(self.format)} formats of {len(self.column)} columns; expected one for each")
+        held = Counter(part for each in self.format for part in parts_of(each))
+        if twice := [part for part, count in held.items() if count > 1]:
+            raise ValueError(f"the {twice[0]} is in it more than once")
+        if "year" not in held:
+            raise ValueError(f"no year in {' '.join(self.format)!r}; expected %Y, %y or {ISO8601}")
+        offset = any(each in EPOCHS or each.endswith(("Z", "%z")) for each in self.format)
+        if offset and (self.zone is None or len(self.column) > 1):
+            raise ValueError('a time with an offset from UTC stands in one column, with zone = "America/Chicago" or so')
+        if self.zone is not None and self.zone not in zoneinfo.available_timezones():
+            raise ValueError(f"zone {self.zone!r} is not known; expected a name such as America/Chicago")
+        return self
+
+
+def parts_of(time_format: str) -> tuple[str, ...]:
+    """Return the parts of a time that a format holds.
+
+    Raises ValueError for one that cannot be read.
+
+    >>> parts_of("%m/%d/%Y")
+    ('month', 'day', 'year')
+    """
+    if time_format == ISO8601 or time_format in EPOCHS:
+        return MOMENT
+    found = re.findall("%(.?)", time_format.replace("%%", ""), re.DOTALL)
+    for each in found:
+        if each not in _DIRECTIVES:
+            known = ", ".join(f"%{name}" for name in _DIRECTIVES)
+            raise ValueError(
+                f"%{each} in {time_format!r} is not known; expected {known}, {ISO8601}, {', '.join(EPOCHS)}"
+            )
+    if ("I" in found) != ("p" in found):
+        raise ValueError(f"{time_format!r}: %I, the hour of twelve, needs %p beside it, AM or PM")
+    return tuple(part for each in found for part in _DIRECTIVES[each])
 
 
 class DirectionColumn(_Part):
@@ -160,11 +232,25 @@ class UnitColumns(_Columns):
     VSPD_LIM: NumberColumn | None = None
 
 
+class JoinedFile(_Part):
+    """A file beside that of the crashes, joined to it by ``on``: its own columns, each with one of those before it.
+
+    ``name`` is a pattern of file names (``*unit*.csv``). ``where``: the values that its rows must have, by column.
+    Its first row that fits gives further columns; with ``units``, each of its rows is a unit of its own.
+    """
+
+    name: str
+    on: Annotated[Mapping[str, str], Field(min_length=1)]
+    where: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
+    units: bool = False
+
+
 class RegisterMapping(_Part):
     """A register: what it is, whose, how good, and how its table is read.
 
     ``rows``: whether a row is a crash, with ``units`` of it beside each other, or a unit. ``unknown``: what stands for
-    "not known" in any column, beside blanks.
+    "not known" in any column, beside blanks. ``table``: the pattern of the crashes' file in a folder, ``files`` those
+    beside it. ``traffic``: the side that it keeps, else that of the country around each point.
     """
 
     register_name: Annotated[str, AfterValidator(_register_name)] = Field(alias="register")
@@ -177,6 +263,13 @@ class RegisterMapping(_Part):
     units: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
     point_accuracy_m: float = Field(gt=0, le=LARGEST_ACCURACY_M)
+    traffic: Literal["left", "right"] | None = None
+    separator: Annotated[str, Field(min_length=1, max_length=1)] | None = None  # else found in the header
+    decimal: Literal[".", ","] = "."
+    table: str = "*"
+    files: tuple[JoinedFile, ...] = ()
+    documented: str = ""  # where its columns and codes are, and as of when
+    lacks_in_words: str = ""
     crash: CrashColumns
     unit: UnitColumns
 
@@ -216,7 +309,7 @@ class RegisterMapping(_Part):
     def columns(self) -> Iterator[str]:
         """Yield every column of the table that is read."""
         crash, unit = self.crash, self.unit
-        yield from (crash.id, crash.time.column)
+        yield from (crash.id, *crash.time.column)
         texts = ("latitude_deg", "longitude_deg", *_TEXTS, "narrative")
         yield from (name for text in texts if (name := getattr(crash, text)) is not None)
         if crash.from_crossing is not None:

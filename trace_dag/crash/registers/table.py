@@ -40,6 +40,7 @@ from trace_dag.crash.record import (
 )
 from trace_dag.crash.registers.mapping import (
     CRASH_FIELDS,
+    ISO8601,
     NUMBERS,
     OCCUPANT_FIELDS,
     PARKED,
@@ -48,6 +49,7 @@ from trace_dag.crash.registers.mapping import (
     CodedColumn,
     NumberColumn,
     RegisterMapping,
+    parts_of,
     read_mapping,
 )
 from trace_dag.crash.registers.rows import TIME, RegisterRows, Row
@@ -104,17 +106,14 @@ class RegisterTable:
         One at a time, for they may be millions.
         """
         reader = RowReader(self.mapping)
-        most = 1 if self.mapping.rows == "crash" else _MOST_ROWS
         for crash_id, group in self._rows.crashes():
             key = reader.key_of(crash_id)
             if key is None or (keys is not None and key not in keys):
                 continue
-            rows = list(islice(group, most + 1))
-            if len(rows) > most:
+            rows = list(islice(group, _MOST_ROWS + 1))
+            if len(rows) > _MOST_ROWS:
                 raise UserError(
-                    f"{self._path}: id {crash_id!r} has {len(rows)} rows or more; the mapping says one per crash"
-                    if most == 1
-                    else f"{self._path}: id {crash_id!r} has more than {most} rows; expected one per vehicle or person"
+                    f"{self._path}: id {crash_id!r} has more than {_MOST_ROWS} rows; expected one per vehicle or person"
                 )
             place = None
             if reader.lacks_point(rows[0]):
@@ -196,16 +195,32 @@ class RowReader:
         if crash.latitude_deg is None or crash.longitude_deg is None:
             return None
         try:
-            return Place(*reported_position(_number(row[crash.latitude_deg]), _number(row[crash.longitude_deg])))
+            here = (_number(row[name].replace(",", ".")) for name in (crash.latitude_deg, crash.longitude_deg))
+            return Place(*reported_position(*here))
         except Rejection:
             return None
+
+    def _why_no_point(self, row: Row) -> str:
+        names = (self.mapping.crash.latitude_deg, self.mapping.crash.longitude_deg)
+        for name in names:
+            if name and not self._is_unknown(row[name]) and _number(row[name].replace(",", ".")) is None:
+                return f"{name} is no number of degrees, such as 41.5, but {row[name]!r} or the like"
+        return "no latitude and longitude"
+
+    def _count_unread_times(self, row: Row) -> None:
+        """Count texts of a time that are not in their format, so that what they hold is not known."""
+        for column, form in zip(self.mapping.crash.time.column, self.mapping.crash.time.format, strict=True):
+            if not self._is_unknown(row[column]) and getattr(row[TIME], parts_of(form)[0]) is None:
+                needs_zone = form == ISO8601 and self.mapping.crash.time.zone is None and ":" in row[column]
+                hint = " (with an offset: name a zone)" if needs_zone else ""
+                self._count(f"{column} as {form}{hint}", row[column])
 
     def key_of(self, crash_id: str) -> str | None:
         """Return the key of a crash; None, and counted, for an id that makes none."""
         try:
             return register_key(self.mapping.register_name, crash_id)
         except ValueError:
-            self.left_out["an id with other characters than letters, digits, - and _"] += 1
+            self.left_out["no id, or one that is too long"] += 1
             return None
 
     def record(self, key: str, rows: Sequence[Row], found: Place | None = None) -> CrashRecord | None:
@@ -217,10 +232,11 @@ class RowReader:
         moment = row[TIME]
         place = found or self._point(row)
         if place is None:
-            self.left_out["no latitude and longitude"] += 1
+            self.left_out[self._why_no_point(row)] += 1
             return None
-        if moment is None:
-            self.left_out["no date and time in the format of the mapping"] += 1
+        self._count_unread_times(row)
+        if moment.year is None:
+            self.left_out["no year in the column of the time, as the mapping has its format"] += 1
             return None
         if not FIRST_YEAR <= moment.year <= LATEST_YEAR:
             self.left_out[f"a year that is not from {FIRST_YEAR} to {LATEST_YEAR}"] += 1
@@ -245,11 +261,7 @@ class RowReader:
             state_name=STATES.get(mapping.state or 0, ""),
             county_name=self._text(row, mapping.crash.county_name),
             city_name=self._text(row, mapping.crash.city_name),
-            year=moment.year,
-            month=moment.month,
-            day=moment.day,
-            hour=moment.hour,
-            minute=moment.minute,
+            **moment._asdict(),
             trafficway_1=self._text(row, mapping.crash.trafficway_1),
             trafficway_2=self._text(row, mapping.crash.trafficway_2),
             non_motorists=tuple(persons),
@@ -358,7 +370,7 @@ class RowReader:
         name = self.mapping.column_of(column.column, unit)
         if self._is_unknown(row[name]):
             return None
-        number = _number(row[name])
+        number = _number(row[name].replace(",", ".") if self.mapping.decimal == "," else row[name])
         return self._count(name, row[name]) if number is None or number < 0 else number * column.factor
 
     def _year(self, row: Row, unit: str) -> int | None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import datetime
 import re
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 from trace_dag.crash.codes import events as codes
 from trace_dag.crash.derive import impact_area
@@ -18,7 +19,7 @@ from trace_dag.crash.record import (
     VehicleRecord,
     origins,
 )
-from trace_dag.crash.registers.rows import TIME
+from trace_dag.crash.registers.rows import TIME, ReportedTime
 from trace_dag.crash.registers.table import RowReader
 from trace_dag.crash.reported_place import Place
 from trace_dag.language.narratives.reading import Fact, NarrativeEvent, Reading
@@ -49,14 +50,13 @@ def record_of(narrative: Narrative, found: Place | None, reading: Reading, known
 
     ``found``: where it was, if that is not said beside it.
     """
-    import pandas as pd
-
     time = _TIME.fullmatch(narrative.time.strip())
-    at = {name: int(value) for name, value in time.groupdict(default="0").items()} if time else {}
+    at = {name: int(value) for name, value in time.groupdict().items() if value is not None} if time else {}
     try:
-        moment = pd.Timestamp(at["year"], at["month"] or 1, at["day"] or 1, at["hour"], at["minute"])
+        datetime.date(at["year"], at.get("month", 1), at.get("day", 1))
     except (KeyError, ValueError):
         return "no time: expected 2023, 2023-05-03 or 2023-05-03 16:20"
+    moment = ReportedTime(**at)
     reading, units = _without_gaps(reading)
     crash = dict.fromkeys(known.mapping.columns(), "")
     if narrative.place is not None:
@@ -74,12 +74,8 @@ def record_of(narrative: Narrative, found: Place | None, reading: Reading, known
     record = key and reader.record(key, rows, found)
     if not record:
         return next(iter(reader.left_out))
-    not_said: dict[str, Any] = {name: None for name in ("month", "day") if not at[name]}
-    if time is not None and time["hour"] is None:
-        not_said |= {"hour": None, "minute": None}
     record = replace(
         record,
-        **not_said,
         contradictions=tuple(f"the narrative: {each}" for each in reading.contradictions),
         ambiguities=tuple(f"not taken from the narrative: {each}" for each in reading.not_taken),
     )
