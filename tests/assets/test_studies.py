@@ -10,6 +10,7 @@ import pytest
 from dagster import AssetKey, DagsterInstance, DagsterRunStatus, build_run_status_sensor_context, materialize
 from sample_runs import finished
 
+from tests.roads import judges
 from trace_dag.assets.after_runs import summary_after_runs
 from trace_dag.assets.definitions import build_definitions
 from trace_dag.assets.studies import STUDIES
@@ -46,14 +47,23 @@ def run(name: str, workspace: Workspace, instance: DagsterInstance, config: dict
 @pytest.mark.parametrize(
     ("name", "config", "shown", "stored"),
     [
+        ("traffic", {"cohort": COHORT}, "left out", "traffic/2023-319003.traffic.json"),
         ("controls", {"most": 2}, "another crash's report", f"{FOLDER}/controls-{COHORT}.json"),
         ("variations", {"count": 1, "cohort": COHORT}, "near misses", "variations/2023-319003.family.parquet"),
         ("evaluations", {"agents": ["brake"], "ego": ["striking"]}, "brake", "evaluations/brake.parquet"),
     ],
 )
 def test_a_study_is_stored_and_shown(
-    workspace: Workspace, instance: DagsterInstance, name: str, config: dict, shown: str, stored: str
+    workspace: Workspace,
+    instance: DagsterInstance,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    config: dict,
+    shown: str,
+    stored: str,
 ) -> None:
+    if name == "traffic":
+        monkeypatch.setenv("SUMO_HOME", str(judges.sumo_home()))
     run(name, workspace, instance, config)
     event = instance.get_latest_materialization_event(AssetKey(name))
     assert event is not None

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from sample_runs import asked, trace_dag
 
+from tests.roads import judges
 from trace_dag.cli.main import cli
 
 CRASHES = ("2023-319003", "2023-319022")
@@ -56,6 +57,38 @@ def test_the_same_families_whatever_the_number_of_workers(root: Path, finished_r
     other = Path(shutil.copytree(finished_root, tmp_path / "root"))
     vary(other, workers=2)
     assert files(other / "variations") == files(root / "variations")
+
+
+def test_traffic_enters_the_warehouse_replays_and_packages_and_is_the_same_again(
+    finished_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = Path(shutil.copytree(finished_root, tmp_path / "root"))
+    monkeypatch.setenv("SUMO_HOME", str(judges.sumo_home()))
+    asked_for = ["traffic", "--only", CRASHES[0], "--factor", "2", "--seed", "5", "--json"]
+    done = trace_dag(root, *asked_for)
+    assert done.returncode == 0, done.stderr
+    (report,) = json.loads(done.stdout)
+    assert report["vehicles"] > 0
+    rows = asked(root, "SELECT DISTINCT factor, seed, vehicles FROM traffic")
+    assert rows == [{"factor": 2.0, "seed": 5, "vehicles": report["vehicles"]}]
+    page, packages = tmp_path / "replay.html", tmp_path / "packages"
+    assert trace_dag(root, "replay", CRASHES[0], "--output", str(page)).returncode == 0
+    assert '"traffic":[{"length"' in page.read_text()
+    assert trace_dag(root, "export", "--only", CRASHES[0], "--output", str(packages)).returncode == 0
+    made = files(root / "traffic")
+    traffic = f"{CRASHES[0]}.traffic.json"
+    assert (packages / CRASHES[0] / "traffic.json").read_bytes() == made[traffic]
+    assert trace_dag(root, *asked_for).returncode == 0
+    assert files(root / "traffic") == made
+    assert trace_dag(root, "verify", "--contents").returncode == 0
+
+
+def test_without_sumo_a_line_names_the_extra(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("SUMO_HOME", raising=False)
+    done = trace_dag(root, "traffic", "--only", CRASHES[0])
+    assert done.returncode == 2
+    assert "pip install 'trace-dag[sumo]'" in done.stderr.strip().splitlines()[-1]
 
 
 def test_an_agent_takes_the_place_of_both_and_its_evaluations_enter_the_warehouse(root: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import math
-import os
 import pickle
 import struct
 from collections import defaultdict
@@ -27,11 +26,12 @@ from trace_dag.export.export import export
 from trace_dag.export.formats import commonroad as commonroad_form
 from trace_dag.export.formats import scenarionet
 from trace_dag.export.formats.osi import trace
-from trace_dag.export.formats.sumo import floating_car_data, network_xml
+from trace_dag.export.formats.sumo import floating_car_data
 from trace_dag.flow.artefacts import ROAD_MAP
 from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.drives import STEP_S
+from trace_dag.scenario.traffic.sumo_network import network_xml
 
 KEY = "2023-319003"
 GPX = "{http://www.topografix.com/GPX/1/1}"
@@ -234,7 +234,7 @@ def test_floating_cars_are_where_the_log_has_their_fronts(home):
 
 
 def test_a_network_for_sumo_keeps_its_places_and_the_same_map_gives_the_same_bytes(home, tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(judges.judges_environment()), prepend=os.pathsep)
+    monkeypatch.setenv("SUMO_HOME", str(judges.sumo_home()))
     assert export(home.workspace, [KEY], tmp_path, "sumo") == 2
     assert export(home.workspace, [KEY], tmp_path, "sumo") == 0
     location = etree.parse(tmp_path / f"{KEY}.net.xml").find("location")

@@ -39,6 +39,11 @@ def judges_environment() -> Path:
     return folder
 
 
+def sumo_home() -> Path:
+    """Folder of the judges' SUMO, its programs and TraCI; skips where it is absent."""
+    return next(judges_environment().parent.glob("lib/python*/site-packages/sumo"))
+
+
 @dataclass(frozen=True)
 class CarlaSteps:
     """Driving on by 1 m from every waypoint: distances (metres), changes of height and heading, and how many led on."""

@@ -7,9 +7,9 @@ Belongs here: which crashes, the workers, storage. Does not belong here: what a 
 from __future__ import annotations
 
 import math
-import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -24,13 +24,12 @@ from trace_dag.agents.stored_variations import (
 )
 from trace_dag.agents.variations.family import Variation, VariationKind, family
 from trace_dag.agents.variations.table import VARIATIONS, row
+from trace_dag.agents.work_by_crash import report_each
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import Pose
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.artefacts import ESTIMATE, VERDICT
-from trace_dag.flow.executors import run_redoing_lost
 from trace_dag.flow.manifests import list_files, sound_manifest
-from trace_dag.flow.pool import Lost
 from trace_dag.flow.workspace import Workspace
 from trace_dag.reconstruction.json_io import estimate_to_json
 from trace_dag.simulation.backends import backend
@@ -53,12 +52,6 @@ class FamilyReport:
     error: str = ""
 
 
-@dataclass(frozen=True)
-class _Task:
-    case: StoredCase
-    request: FamilyRequest
-
-
 def make_families(
     workspace: Workspace,
     cases: Sequence[StoredCase],
@@ -70,28 +63,10 @@ def make_families(
 
     ``on_progress`` is called with each crash as it is done.
     """
-    tasks = [_Task(case, request) for case in cases]
-    reports: dict[str, FamilyReport] = {}
-    with workspace.executing() as executor:
-        for task, found in run_redoing_lost(executor, _make, tasks, lambda task: [task]):
-            key = task.case.key
-            reports[key] = FamilyReport(key, error=found.detail) if isinstance(found, Lost) else found
-            on_progress(reports[key])
-    return [reports[case.key] for case in cases]
+    return report_each(workspace, cases, partial(_make_family, request), FamilyReport, on_progress)
 
 
-def _make(task: _Task) -> FamilyReport:
-    try:
-        return _make_family(task)
-    except Failure as failure:
-        return FamilyReport(task.case.key, error=str(failure))
-    except Exception as error:
-        # One crash without a family keeps no other from having one.
-        return FamilyReport(task.case.key, error="".join(traceback.format_exception(error)))
-
-
-def _make_family(task: _Task) -> FamilyReport:
-    request, stored = task.request, task.case
+def _make_family(request: FamilyRequest, stored: StoredCase) -> FamilyReport:
     files = stored.files.unread()
     storage, settings = files.storage, files.settings
     case = load_case(stored)

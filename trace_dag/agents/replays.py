@@ -13,6 +13,7 @@ from trace_dag.agents.evaluation.metrics import DriveOutcome, Metrics, measure, 
 from trace_dag.agents.evaluation.registry import resolve
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.agents.stored_cases import AgentRole, load_case, number_of, stored_case
+from trace_dag.agents.stored_traffic import read_traffic
 from trace_dag.common.errors import UserError
 from trace_dag.common.units import mps_to_mph
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP, SAMPLED, VERDICT, CrashArtefacts, surroundings_of
@@ -62,6 +63,7 @@ def content_of(crash: CrashArtefacts, log: SimulationLog) -> ReplayContent:
         verdict,
         surroundings=surroundings_of(crash),
         sampled=crash.load(SAMPLED) if crash.has(SAMPLED) else None,
+        traffic=stored.traffic if (stored := read_traffic(crash)) is not None else None,
     )
 
 

@@ -14,6 +14,7 @@ from trace_dag.agents.evaluation.shares import clustered_share, effective_number
 from trace_dag.agents.evaluation.table import Row
 from trace_dag.agents.families import FamilyReport
 from trace_dag.agents.share_chart import Share
+from trace_dag.agents.stored_traffic import TrafficReport
 from trace_dag.common.messages.wording import percent
 from trace_dag.verdict.controls import ControlRow
 
@@ -156,6 +157,19 @@ _BESIDE_AVOIDED = ("did_not_arrive", "rules_broken", "mitigated", "worse")
 
 def _with_interval(share: float, low: float, high: float) -> str:
     return f"{percent(share)} ({100 * low:.0f} to {100 * high:.0f})"
+
+
+def traffic_table(reports: Sequence[TrafficReport]) -> StudyTable:
+    """Return the vehicles around some crashes, those left out, and the processor time for each crash, s."""
+    made = [each for each in reports if not each.error]
+    vehicles, left_out = sum(each.vehicles for each in made), sum(each.left_out for each in made)
+    cpu_s = sum(each.cpu_s for each in made) / max(len(made), 1)
+    return StudyTable(
+        ["crashes", "vehicles", "left out", "CPU s a crash"],
+        [(len(made), vehicles, left_out, f"{cpu_s:.1f}")],
+        [Share(each.key, each.vehicles, each.vehicles + each.left_out) for each in made],
+        "Vehicles around the crash, of those that came",
+    )
 
 
 def families_table(reports: Sequence[FamilyReport]) -> StudyTable:

@@ -22,12 +22,14 @@ from trace_dag.agents.evaluations import evaluate_agents, try_agents
 from trace_dag.agents.families import make_families
 from trace_dag.agents.share_chart import data_url, share_chart
 from trace_dag.agents.stored_cases import AgentRole, StoredCase, likely_courses, stored_variations, verified_cases
+from trace_dag.agents.stored_traffic import make_traffic
 from trace_dag.agents.stored_variations import FamilyRequest
 from trace_dag.agents.summaries import (
     StudyTable,
     controls_table,
     evaluations_table,
     families_table,
+    traffic_table,
 )
 from trace_dag.assets.specs import OWNERS
 from trace_dag.common.errors import Failure as BrokenPart
@@ -39,6 +41,7 @@ from trace_dag.export.release import build_release
 from trace_dag.flow.controls import negative_controls
 from trace_dag.flow.stored_crashes import cohorts_of, study_each
 from trace_dag.flow.workspace import Workspace
+from trace_dag.scenario.traffic.simulation import TrafficRequest
 
 GROUP = "studies"
 Found = TypeVar("Found")
@@ -79,6 +82,13 @@ class VariationsConfig(CohortConfig):
 
     count: int = Field(default=10, ge=1, description="Variations of each crash.")
     seed: int = Field(default=1, description="The same crash and seed give the same variations.")
+
+
+class TrafficConfig(CohortConfig):
+    """Options of traffic."""
+
+    factor: float = Field(default=1.0, ge=0, le=10, description="Multiple of the usual volumes.")
+    seed: int = Field(default=1, description="The same crash, factor and seed give the same traffic.")
 
 
 class ReleaseConfig(CohortConfig):
@@ -183,6 +193,17 @@ def variations(context: AssetExecutionContext, config: VariationsConfig) -> Mate
     return _result(families_table(reports), left_out)
 
 
+@_study("Traffic around the verified crashes, by SUMO: usual for hour, day, area and roads.")
+def traffic(context: AssetExecutionContext, config: TrafficConfig) -> MaterializeResult[Any]:
+    """Run ``trace-dag traffic``."""
+    workspace: Workspace = context.resources.workspace
+    left_out = _LeftOut()
+    cases = verified_cases(workspace, config.cohort or None, (), departures=None, on_problem=left_out.add)
+    reports = make_traffic(workspace, cases, TrafficRequest(config.factor, config.seed))
+    left_out += [f"{each.key}: {each.error.strip().splitlines()[-1]}" for each in reports if each.error]
+    return _result(traffic_table(reports), left_out)
+
+
 @_study("Agents in the place of a crash's drivers.", deps=[Stage.VERDICT.value, "variations"])
 def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> MaterializeResult[Any]:
     """Run ``trace-dag evaluate``."""
@@ -236,5 +257,5 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
 
 
 STUDIES: Mapping[str, AssetsDefinition] = {
-    each.key.to_user_string(): each for each in (controls, variations, evaluations, release)
+    each.key.to_user_string(): each for each in (controls, variations, traffic, evaluations, release)
 }

@@ -28,6 +28,7 @@ from trace_dag.cli.show import show
 from trace_dag.cli.sql import sql
 from trace_dag.cli.status import status
 from trace_dag.cli.tables import tables
+from trace_dag.cli.traffic import traffic
 from trace_dag.cli.ui import ui
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
@@ -66,7 +67,7 @@ def cli(context: click.Context, root: str | None) -> None:
 cli.add_under("Start", demo, ingest, run, rerun, cohort)
 cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
 cli.add_under("Judge the results", controls, national_coverage, verify)
-cli.add_under("Use them", export, release, evaluate, leaderboard, vary)
+cli.add_under("Use them", export, release, evaluate, leaderboard, vary, traffic)
 cli.add_under("Without crashes", map_command)
 cli.add_under("Set up", settings, plugins)
 

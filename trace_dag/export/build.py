@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from trace_dag.agents.leaderboard import write_leaderboard
+from trace_dag.agents.stored_traffic import traffic_files
 from trace_dag.common.errors import Failure
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.provenance import crash_of
@@ -188,11 +189,11 @@ def _crashes(
     for row in stage_outcomes:
         outcomes.setdefault(row["key"], []).append(row)
     rights = _rights(table, records)
-    at_once = read_notes(workspace.storage)
+    at_once, traffic = read_notes(workspace.storage), traffic_files(workspace.storage)
     crashes = []
     for crash in table:
         key, said = crash["key"], tuple(outcomes.get(crash["key"], ()))
-        of_files = made_of(records[key])
+        of_files = made_of(records[key], traffic.get(key, ()))
         parts = [VERSION, crash, of_files, [each["outcome"] for each in said], rights[key].attributions]
         digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
         made = at_once[key].files if key in at_once and at_once[key].made_of == of_files else None

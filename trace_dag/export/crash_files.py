@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Mapping, Set
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from functools import partial
 
+from trace_dag.agents.stored_traffic import traffic_files
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.export.packaging import package_of
@@ -24,7 +25,7 @@ from trace_dag.flow.records import Records
 from trace_dag.flow.tasks import MadeFiles
 
 FOLDER = "benchmark"
-VERSION = "7"
+VERSION = "8"
 """Number of the code that makes pages, packages and replays; see :data:`trace_dag.flow.stages.VERSIONS`."""
 REPLAYS = "replays"
 FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))
@@ -71,9 +72,10 @@ def make_files(files: CrashFiles, *, accepted: bool) -> tuple[StoredFile, ...]:
     return tuple(storage.write(name, data) for name, data in made.items())
 
 
-def made_of(records: Records) -> str:
-    """Return a digest of what the files of a crash are made of: its artefacts, its picture, and the code."""
-    listed = [file.sha256 for record in records.values() for file in (*record.artefacts, *record.pictures)]
+def made_of(records: Records, traffic: Sequence[StoredFile] = ()) -> str:
+    """Return a digest of what the files of a crash are made of: its artefacts, picture and traffic, and the code."""
+    artefacts = (file for record in records.values() for file in (*record.artefacts, *record.pictures))
+    listed = [file.sha256 for file in (*artefacts, *traffic)]
     return hashlib.sha256(json.dumps([VERSION, listed]).encode()).hexdigest()
 
 
@@ -84,16 +86,19 @@ def make_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFile
     nor where a later stage's record is from before this run. The files present are listed once for the whole run: an
     object store takes two requests, one of them a listing, to report one missing file."""
     names = [name(key) for name in (replay_name, package_name, thumbnail_name) for key in keys]
-    return partial(_made_at_once, already=frozenset(crash_of(name) for name in storage.sizes(names)))
+    already = frozenset(crash_of(name) for name in storage.sizes(names))
+    return partial(_made_at_once, already=already, traffic=traffic_files(storage))
 
 
-def _made_at_once(files: CrashFiles, already: Set[str]) -> MadeFiles | None:
+def _made_at_once(
+    files: CrashFiles, already: Set[str], traffic: Mapping[str, Sequence[StoredFile]]
+) -> MadeFiles | None:
     records = files.records
     valid = valid_records(records)
     if valid.keys() != records.keys() or files.key in already:
         return None
     accepted = status_of_valid(files.key, valid).final_state.accepted
-    return MadeFiles(make_files(files, accepted=accepted), made_of(valid))
+    return MadeFiles(make_files(files, accepted=accepted), made_of(valid, traffic.get(files.key, ())))
 
 
 def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:

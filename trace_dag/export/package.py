@@ -59,8 +59,8 @@ class PackageInput:
     ``report`` (its file's name and content), ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as
     read, ``surroundings`` lie behind its roads. ``sampled`` is what the draws of the estimate came to. ``drives`` are
     what everybody was going to do. ``picture`` is the crash from above as PNG, ``replay`` what its replay shows; they
-    are made where they are not at hand. ``variation`` says what was changed, as JSON, where this is not the crash
-    itself.
+    are made where they are not at hand. ``traffic`` is what drives around the crash, as JSON. ``variation`` says what
+    was changed, as JSON, where this is not the crash itself.
     """
 
     record: CrashRecord
@@ -79,6 +79,7 @@ class PackageInput:
     picture: bytes | None = None
     replay: ReplayContent | None = None
     sampled: SampledRuns | None = None
+    traffic: bytes | None = None
 
     @property
     def rights(self) -> Rights:
@@ -257,6 +258,9 @@ def _results(crash: PackageInput) -> list[_File]:
         files.append(
             _File("ensemble.json", _CC0, what, ensemble_to_json(crash.record.key, crash.estimate, crash.sampled))
         )
+    if crash.traffic is not None:
+        what = "vehicles around the crash, usual for its hour and roads, simulated by SUMO; the report has none of them"
+        files.append(_File("traffic.json", _CC0, what, crash.traffic))
     if crash.variation is not None:
         files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
     return files

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[str, bytes]:
     """Return the scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand."""
     from trace_dag.agents.stored_cases import case_of
+    from trace_dag.agents.stored_traffic import read_traffic, traffics
     from trace_dag.export.package import PackageInput, package_files
     from trace_dag.osm.xml import write_osm
     from trace_dag.scenario.drives import drives_of
@@ -64,6 +65,7 @@ def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[s
             surroundings=surroundings_of(files),
             picture=files.storage.read_whole(picture) if picture else None,
             replay=replay,
+            traffic=None if (traffic := read_traffic(files)) is None else traffics().dump_json(traffic) + b"\n",
             sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
         )
     )

@@ -1,7 +1,8 @@
 """Manifests of folders without outcome records: each file's size and SHA-256 as written.
 
-``ROOT/<folder>/manifest.json`` lists the files of a folder: of the benchmark, of comparisons, evaluations and
-variations. It is written after the files it lists. Outcome records list the artefacts and pictures of the stages.
+``ROOT/<folder>/manifest.json`` lists the files of a folder: of the benchmark, of comparisons, evaluations,
+traffic and variations. It is written after the files it lists. Outcome records list the artefacts and pictures of the
+stages.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from trace_dag.flow.cohorts.registry import Registry
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
-FOLDERS = ("comparisons", "evaluations", "variations")
+FOLDERS = ("comparisons", "evaluations", "traffic", "variations")
 """Folders all of whose files are listed in their manifest, beside the benchmark's."""
 
 _OLDER = "ledgers"

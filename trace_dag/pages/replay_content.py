@@ -5,7 +5,7 @@ Belongs here: the content. Does not belong here: the pages that show it (:mod:`t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -37,6 +37,7 @@ from trace_dag.verdict.types import EventResult, Verdict
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
     from trace_dag.reconstruction.samples.simulated import SampledRuns
+    from trace_dag.scenario.traffic.surrounding import SurroundingTraffic
     from trace_dag.simulation.types import Contact
 
 _MARGIN_M = 25.0
@@ -104,13 +105,14 @@ def replay_content(
     *,
     surroundings: Sequence[OsmFeature] = (),
     sampled: SampledRuns | None = None,
+    traffic: SurroundingTraffic | None = None,
     beside: ReplayWindows | None = None,
     in_3d: bool = True,
 ) -> ReplayContent:
     """Return the content for a log: of the hypothesis that ``verdict`` judges, or of an agent's ``drive``.
 
-    ``sampled`` has other likely courses, which can be chosen. A drive shown ``beside`` others has their windows, and
-    its outcome as its title.
+    ``sampled`` has other likely courses, which can be chosen, ``traffic`` vehicles around the crash. A drive shown
+    ``beside`` others has their windows, and its outcome as its title.
 
     >>> content = replay_content(record, network, log, verdict, in_3d=False)
     >>> content.solid is None, content.map_svg[:4]
@@ -132,6 +134,7 @@ def replay_content(
         **_ghost(drive, log),
         "courses": [] if sampled is None or drive is not None else _courses(sampled),
         "events": [] if verdict is None or drive is not None else _events(verdict),
+        "traffic": [] if traffic is None else list(_traffic(traffic, map_window)),
         "map": [round(value, 2) for value in map_window],
         "key": record.key,
         "night": is_dark(record),
@@ -277,6 +280,22 @@ def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
             }
         )
     return courses
+
+
+def _traffic(traffic: SurroundingTraffic, window: Window) -> Iterator[dict[str, Any]]:
+    """Yield the vehicles that come into the window, each from when it is there, in steps of simulated time."""
+    west, south, east, north = window
+    for each in traffic.vehicles:
+        t = each.trajectory
+        if ((t.x_m > west) & (t.x_m < east) & (t.y_m > south) & (t.y_m < north)).any():
+            yield {
+                "length": each.body.length_m,
+                "width": each.body.width_m,
+                "time": t.time_s.tolist(),
+                "x": np.round(t.x_m, 2).tolist(),
+                "y": np.round(t.y_m, 2).tolist(),
+                "h": np.round(np.unwrap(t.heading_rad), 3).tolist(),
+            }
 
 
 def _overturn(vehicle: VehicleLog, k: int) -> dict[str, Any]:

@@ -63,6 +63,7 @@ TABLES: Final[Mapping[str, Rows]] = {
     "leaderboard_by_class": Rows.OF_ALL,
     "agent_probabilities": Rows.OF_ALL,
     "variations": Rows.OF_ALL,
+    "traffic": Rows.OF_ALL,
     "estimator_comparison": Rows.OF_ALL,
     "warehouse_build": Rows.OF_ALL,
 }

@@ -114,9 +114,9 @@ def form_of_map(
 
         return {f"scenarionet/{name}": content for name, content in road_description(network).items()}
     if form == "sumo":
-        from trace_dag.export.formats.sumo import netconvert, network_xml
+        from trace_dag.scenario.traffic.sumo_network import network_xml, sumo_program
 
-        return {"map.net.xml": network_xml(netconvert(), "map", network, xodr)}
+        return {"map.net.xml": network_xml(sumo_program("netconvert"), "map", network, xodr)}
     if form == "glb":
         from trace_dag.pages.solid.scene import place_glb
 

@@ -1,0 +1,188 @@
+"""Traffic around stored crashes, made in parallel and kept under the root, one crash by one.
+
+``ROOT/traffic/<key>.traffic.json`` has the vehicles and how they were made, ``.parquet`` of the same name a row for
+each class of road on the map.
+"""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache, partial
+from typing import TYPE_CHECKING
+
+from trace_dag.agents.evaluation.table import Row, rows_from_parquet, rows_to_parquet
+from trace_dag.agents.stored_cases import StoredCase
+from trace_dag.agents.work_by_crash import report_each
+from trace_dag.common.errors import DamagedFile
+from trace_dag.common.provenance import crash_of
+from trace_dag.common.schemas import Column, ColumnType, TableSchema
+from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage, StoredFile
+from trace_dag.flow.artefacts import RECORD, ROAD_MAP, XODR, CrashArtefacts
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
+from trace_dag.flow.records import OnProblem
+from trace_dag.flow.workspace import Workspace
+from trace_dag.scenario.traffic.simulation import TrafficRequest, load_traci, surround
+from trace_dag.scenario.traffic.sumo_network import sumo_program
+from trace_dag.scenario.traffic.surrounding import SurroundingTraffic
+from trace_dag.scenario.traffic.volumes import Hour, hour_of
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+FOLDER = "traffic"
+VERSION = "1"
+"""Number of the code that makes traffic; see :data:`trace_dag.flow.stages.VERSIONS`."""
+
+_TEXT, _INT, _REAL, _BOOL = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.REAL, ColumnType.BOOLEAN
+TRAFFIC = TableSchema(
+    "traffic",
+    "Traffic around verified crashes by class of road, measured in the minute before they begin",
+    (
+        Column("key", _TEXT, "Key of the crash", required=True),
+        Column("traffic_class", _TEXT, "interstate, arterial, collector or local", required=True),
+        Column("rural", _BOOL, "Whether the area is rural", required=True),
+        Column("weekend", _BOOL, "Whether it was on a Saturday or Sunday", required=True),
+        Column("hour", _INT, "Hour of the day", required=True),
+        Column("factor", _REAL, "Multiple of the tables' volumes that was asked for", required=True),
+        Column("seed", _INT, "Seed of the arrivals and routes", required=True),
+        Column("lane_km", _REAL, "Length of the class's lanes on the map, km", required=True),
+        Column("table_volume", _REAL, "Vehicles an hour and lane by the tables, with the factor", required=True),
+        Column("limit_mps", _REAL, "Mean speed limit of its lanes", unit="mps", required=True),
+        Column("volume", _REAL, "Vehicles an hour and lane as simulated", required=True),
+        Column("speed_mps", _REAL, "Mean speed as simulated, over vehicles and moments", unit="mps"),
+        Column("density_per_km", _REAL, "Vehicles a km of lane as simulated", required=True),
+        Column("vehicles", _INT, "Vehicles on the whole map while the crash goes on", required=True),
+        Column("left_out", _INT, "Vehicles left out so that the crash stays as it is", required=True),
+        Column("code_version", _TEXT, "Code that made it", required=True),
+        Column("verdict_fingerprint", _TEXT, "Of the crash it was made for", required=True),
+    ),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTraffic:
+    """Traffic as stored: of which crash, how it was asked for and made, and the vehicles."""
+
+    key: str
+    request: TrafficRequest
+    at: Hour
+    code_version: str
+    verdict_fingerprint: str
+    traffic: SurroundingTraffic
+
+
+@dataclass(frozen=True)
+class TrafficReport:
+    """The traffic of one crash: vehicles, those left out, processor time (s), and the error if it broke."""
+
+    key: str
+    vehicles: int = 0
+    left_out: int = 0
+    cpu_s: float = 0.0
+    error: str = ""
+
+
+def make_traffic(
+    workspace: Workspace,
+    cases: Sequence[StoredCase],
+    request: TrafficRequest,
+    *,
+    on_progress: Callable[[TrafficReport], None] = lambda _: None,
+) -> list[TrafficReport]:
+    """Return the reports of the traffic of some verified crashes, stored; in their order.
+
+    ``on_progress`` is called with each crash as it is done. Raises :class:`UserError` without SUMO.
+    """
+    sumo_program("sumo"), sumo_program("netconvert"), load_traci()
+    return report_each(workspace, cases, partial(_make, request), TrafficReport, on_progress)
+
+
+def _make(request: TrafficRequest, stored: StoredCase) -> TrafficReport:
+    files, began_s = stored.files.unread(), _cpu_s()
+    log, at = files.shown_log(), hour_of(files.load(RECORD))
+    assert log is not None, "a verified crash was simulated"
+    traffic = surround(stored.key, files.load(ROAD_MAP), files.load(XODR), log, at, request)
+    about = StoredTraffic(stored.key, request, at, VERSION, stored.fingerprint, traffic)
+    beside = {
+        "key": stored.key,
+        **at._asdict(),
+        **asdict(request),
+        "vehicles": len(traffic.vehicles),
+        "left_out": traffic.left_out,
+        "code_version": VERSION,
+        "verdict_fingerprint": stored.fingerprint,
+    }
+    rows = [{**beside, **asdict(each)} for each in traffic.measured]
+    name = traffic_name(stored.key)
+    written = [
+        files.storage.write(name, traffics().dump_json(about) + b"\n"),
+        files.storage.write(_rows_name(name), rows_to_parquet(rows, TRAFFIC)),
+    ]
+    list_files(files.storage, FOLDER, written)
+    return TrafficReport(stored.key, len(traffic.vehicles), traffic.left_out, _cpu_s() - began_s)
+
+
+def _cpu_s() -> float:
+    """Return the processor time of this process and of those it started and that have ended."""
+    of_others = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + of_others.ru_utime + of_others.ru_stime
+
+
+def read_traffic(crash: CrashArtefacts) -> StoredTraffic | None:
+    """Return the traffic that was made for a crash of a root as it is now; None where there is none.
+
+    Raises :class:`DamagedFile`.
+    """
+    if not isinstance(crash, CrashFiles) or Stage.VERDICT not in crash.records:
+        return None
+    name = traffic_name(crash.key)
+    if name not in sound_manifest(crash.storage, FOLDER).files:
+        return None
+    found = traffics().validate_json(_read(crash.storage, crash.key, name))
+    return found if found.verdict_fingerprint == crash.records[Stage.VERDICT].fingerprint else None
+
+
+def traffic_files(storage: Storage) -> dict[str, list[StoredFile]]:
+    """Return the files of the traffic around each crash that has some, by key."""
+    found: dict[str, list[StoredFile]] = {}
+    for name, file in sorted(sound_manifest(storage, FOLDER).files.items()):
+        found.setdefault(crash_of(name), []).append(file)
+    return found
+
+
+def all_rows(storage: Storage, *, on_problem: OnProblem) -> list[Row]:
+    """Return every stored row of :data:`TRAFFIC`; ``on_problem`` is called with the files that are damaged."""
+    found: list[Row] = []
+    for name in sorted(sound_manifest(storage, FOLDER).files):
+        if name.endswith(".parquet"):
+            try:
+                found += rows_from_parquet(_read(storage, crash_of(name), name))
+            except DamagedFile as damaged:
+                on_problem(damaged)
+    return found
+
+
+def _read(storage: Storage, key: str, name: str) -> bytes:
+    return read_listed(storage, name, remedy=f"trace-dag traffic --only {key} makes the crash's traffic again")
+
+
+def traffic_name(key: str) -> str:
+    """Return the path below the root of the traffic around a crash."""
+    return f"{FOLDER}/{key}.traffic.json"
+
+
+def _rows_name(name: str) -> str:
+    return name.removesuffix(".json") + ".parquet"
+
+
+@cache
+def traffics() -> TypeAdapter[StoredTraffic]:
+    """Return the type adapter that reads and writes traffic as JSON."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(StoredTraffic)

@@ -1,0 +1,109 @@
+"""The road map as a network for SUMO, made by its netconvert, and where SUMO is."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.common.errors import Failure, UserError
+from trace_dag.osm.road_classes import ROAD_CLASSES, road_class
+from trace_dag.roads.map.network import RoadNetwork
+
+_TIME_LIMIT_S: Final = 300.0
+_YIELDING: Final = ("205", "206")  # signs of the map: yield, stop
+_LOWEST_RANK: Final = max(each.rank for each in ROAD_CLASSES.values())
+
+
+def sumo_homes() -> list[Path]:
+    """Return the folders that SUMO may be in: the package of the extra ``sumo``, and ``SUMO_HOME``."""
+    package = find_spec("sumo")
+    homes = [Path(each) for each in (package.submodule_search_locations or [])] if package else []
+    return [*homes, *([Path(os.environ["SUMO_HOME"])] if "SUMO_HOME" in os.environ else [])]
+
+
+def sumo_program(name: str) -> str:
+    """Return the path of one of SUMO's programs: of the extra ``sumo``, of ``SUMO_HOME``, or on the path.
+
+    Raises :class:`UserError`.
+    """
+    found = next(filter(None, (shutil.which(name, path=str(home / "bin")) for home in sumo_homes())), None)
+    found = found or shutil.which(name)
+    if found is None:
+        raise UserError(f"SUMO's {name} is needed and not here: pip install 'trace-dag[sumo]', or set SUMO_HOME")
+    return found
+
+
+def network_xml(program: str, key: str, network: RoadNetwork, xodr: bytes) -> bytes:
+    """Return the map as netconvert writes it, its places left where they are, with :func:`edge_patch` on it.
+
+    Raises :class:`Failure` if netconvert cannot.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "map.xodr").write_bytes(xodr)
+        read = _converted(program, key, folder)
+        Path(folder, "map.edg.xml").write_bytes(edge_patch(network, read))
+        return etree.tostring(
+            _converted(program, key, folder, "--edge-files", "map.edg.xml"), xml_declaration=True, encoding="UTF-8"
+        )
+
+
+def edge_patch(network: RoadNetwork, read: etree._Element) -> bytes:
+    """Return what netconvert does not take from OpenDRIVE, for the edges of the network it has read with their names.
+
+    Every edge that it reads has priority 1, so at a crossing a through road may yield to a side street: here priorities
+    are by road class, 0 where a stop or yield sign stands. A lane without a limit gets 13.89 m/s from it, a centre turn
+    lane 1.39 m/s: they get what is usual for the road's class, marked ``assumedSpeed``.
+    """
+    patch = etree.Element("edges")
+    for edge in read.iterfind("edge[@priority]"):
+        changed = etree.SubElement(patch, "edge", id=edge.get("id", ""))
+        for lane in edge.iterfind("lane"):
+            road_id, lane_id = origin_of(lane)
+            road = network.road_by_id[road_id]
+            usual = road_class(road.highway)
+            yields = any(sign.type in _YIELDING and int(lane_id) in road.lanes_under(sign) for sign in road.signals)
+            changed.set("priority", "0" if yields else changed.get("priority", str(_LOWEST_RANK + 1 - usual.rank)))
+            limits = [each.speed_mps for part in road.lane_sections for each in part.lanes if each.id == int(lane_id)]
+            if None in limits:
+                limit_mps = next(filter(None, (*limits, road.speed_mps)), None)
+                speed = f"{limit_mps or usual.speed_mps:.2f}"
+                made = etree.SubElement(changed, "lane", index=lane.get("index", ""), speed=speed)
+                if limit_mps is None:
+                    etree.SubElement(made, "param", key="assumedSpeed", value="true")
+    return etree.tostring(patch)
+
+
+def origin_of(lane: etree._Element) -> tuple[str, str]:
+    """Return the ids of the OpenDRIVE road and lane that a lane of a network is made of, of the first of several."""
+    road_id, _, lane_id = str(lane.xpath("string(param[@key='origId']/@value)")).split()[0].rpartition("_")
+    return road_id, lane_id
+
+
+def _converted(program: str, key: str, folder: str, *options: str) -> etree._Element:
+    """Run netconvert on ``map.xodr`` of a folder.
+
+    Lanes name the road and lane that they are made of (``origId``). It begins its file with the time and its command:
+    without them the same map gives the same bytes.
+    """
+    command = [program, "--opendrive-files", "map.xodr", "--output-file", "map.net.xml", *options]
+    command += ["--output.original-names", "true"]
+    command += ["--offset.disable-normalization", "true", "--no-warnings", "true"]
+    made = Path(folder, "map.net.xml")
+    made.unlink(missing_ok=True)
+    try:
+        done = subprocess.run(  # noqa: S603 - SUMO's own program
+            command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT_S, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise Failure(f"{key}: netconvert took longer than {_TIME_LIMIT_S:g} s") from error
+    if done.returncode or not made.exists():
+        raise Failure(f"{key}: netconvert made no network: {' '.join(done.stderr.split())[-300:]}")
+    parser = etree.XMLParser(remove_comments=True, resolve_entities=False, no_network=True, huge_tree=True)
+    return etree.fromstring(made.read_bytes(), parser)

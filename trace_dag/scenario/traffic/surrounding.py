@@ -1,0 +1,106 @@
+"""Vehicles around a crash as every form takes them: a body and its motion, in the crash's frame and on its clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from trace_dag.common.geometry import FloatArray, Poses, gaps_m
+from trace_dag.crash.codes import bodies
+from trace_dag.crash.record import VehicleClass
+from trace_dag.scenario.traffic.volumes import TrafficClass
+from trace_dag.simulation.states import Trajectory
+from trace_dag.simulation.types import Body, BodyKind
+
+FIRST_NUMBER: Final = 4001
+"""Number of the first vehicle: beyond those of parties and trailers (:mod:`trace_dag.crash.parties`)."""
+
+_COMBINATION_M: Final = 21.0  # AASHTO's WB-62, 69 ft, as one body
+_REPORTED: Final = {
+    VehicleClass.CAR: bodies.SEDAN,
+    VehicleClass.PICKUP: bodies.PICKUP,
+    VehicleClass.MOTORCYCLE: bodies.MOTORCYCLE,
+    VehicleClass.BUS: bodies.TRANSIT_BUS,
+    VehicleClass.TRUCK: bodies.LARGE_TRUCK,
+    VehicleClass.TRACTOR_TRAILER: bodies.TRACTOR_OF_TRAILER,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SurroundingVehicle:
+    """A vehicle that is no party, from when it comes onto the map, or the crash begins, to when it leaves it."""
+
+    number: int
+    body: Body
+    trajectory: Trajectory
+
+    def poses_at(self, times_s: FloatArray) -> Poses:
+        """Return x, y and heading at times of the crash's clock, each shape (n,); NaN where it is not on the map."""
+        t = self.trajectory
+        off = (times_s < t.time_s[0] - 1e-6) | (times_s > t.time_s[-1] + 1e-6)
+        x, y, heading = (
+            np.where(off, np.nan, np.interp(times_s, t.time_s, values))
+            for values in (t.x_m, t.y_m, np.unwrap(t.heading_rad))
+        )
+        return x, y, heading
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Traffic of one class of road over the minute before the crash, beside what the tables have.
+
+    ``volume`` is vehicles an hour and lane, ``lane_km`` the length of its lanes on the map.
+    """
+
+    traffic_class: TrafficClass
+    lane_km: float
+    table_volume: float
+    limit_mps: float
+    volume: float
+    speed_mps: float | None
+    density_per_km: float
+
+
+@dataclass(frozen=True, eq=False)
+class SurroundingTraffic:
+    """Traffic around a crash: vehicles by number, and how many had to be left out for the crash to stay as it is."""
+
+    vehicles: tuple[SurroundingVehicle, ...]
+    left_out: int
+    measured: tuple[Measured, ...]
+
+
+def body_of_class(vehicle_class: VehicleClass) -> Body:
+    """Return the body of a surrounding vehicle: typical of its class; a combination is one body.
+
+    >>> body_of_class(VehicleClass.CAR).length_m, body_of_class(VehicleClass.TRACTOR_TRAILER).length_m
+    (4.85, 21.0)
+    """
+    typical = _REPORTED[vehicle_class]
+    length_m = _COMBINATION_M if vehicle_class is VehicleClass.TRACTOR_TRAILER else typical.length_m
+    return Body(
+        BodyKind.MOTOR_VEHICLE, vehicle_class, length_m, typical.width_m, typical.height_m, float(typical.mass_kg)
+    )
+
+
+def overlapping(
+    vehicles: Sequence[SurroundingVehicle], parties: Mapping[int, tuple[Body, Poses]], times_s: FloatArray
+) -> set[int]:
+    """Return the numbers of vehicles that overlap a party, or one with a lower number, at any of the times.
+
+    ``parties`` has the body and the poses of each at the times.
+    """
+    found: set[int] = set()
+    fixed = [(body, poses) for body, poses in parties.values()]
+    for each in sorted(vehicles, key=lambda vehicle: vehicle.number):
+        own, size_m = each.poses_at(times_s), (each.body.length_m, each.body.width_m)
+        if any(
+            bool((gaps_m(own, size_m, poses, (body.length_m, body.width_m)) < 0).any()) for body, poses in fixed
+        ):  # NaN, where one of them is not there, is no overlap
+            found.add(each.number)
+        else:
+            fixed.append((each.body, own))
+    return found
