@@ -229,3 +229,23 @@ def test_several_files_are_joined_by_their_keys(tmp_path):
     (tmp_path / "Person_2022.csv").unlink()
     with pytest.raises(UserError, match=r"no file \*person\*\.csv, which the mapping of mine names; it has Crash_2022"):
         RegisterTable.open(str(tmp_path / "mine.toml"), tmp_path).notes()
+
+
+@pytest.mark.parametrize(
+    ("keys", "point", "keeps_left"),
+    [
+        ("", "52.5,-1.5", True),  # the English Midlands
+        ("", "50.95,1.86", False),  # Calais
+        ('traffic = "right"\n', "52.5,-1.5", False),
+        ('traffic = "left"\n', "41.5,-100", True),
+        ("state = 52\n", "17.72,-64.8", True),  # the US Virgin Islands
+        ("state = 31\n", "41.5,-100", False),
+    ],
+)
+def test_traffic_keeps_the_side_of_the_mapping_or_else_of_the_country(tmp_path, keys, point, keeps_left):
+    text = "id,lat,lon,manner,when,street\n" + f"1,{point},1,2022-05-03,Elm"
+    table = opened(tmp_path, PLAIN.replace("units =", f"{keys}units ="), text)
+    (record,) = table.records()
+    assert [vehicle.keeps_left for vehicle in record.vehicles] == [keeps_left] * 2
+    said = "traffic keeps left in 1 of 1 crashes, by the mapping or the point's country"
+    assert (said in check_table(table, CrashSettings())) == keeps_left

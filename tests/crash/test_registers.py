@@ -384,7 +384,7 @@ def test_what_is_wrong_in_a_mapping_is_said(tmp_path, old, new, said):
 
 
 def test_a_mapping_that_is_not_there_names_those_that_are():
-    with pytest.raises(UserError, match="montgomery, tempe"):
+    with pytest.raises(UserError, match="montgomery, nyc, penndot, stats19, tempe"):
         read_mapping("atlantis")
 
 

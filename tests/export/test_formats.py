@@ -28,6 +28,7 @@ from trace_dag.export.formats import scenarionet
 from trace_dag.export.formats.osi import trace
 from trace_dag.export.formats.sumo import floating_car_data
 from trace_dag.flow.artefacts import ROAD_MAP
+from trace_dag.roads.from_osm.left_hand import mirror_network
 from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.drives import STEP_S
@@ -266,6 +267,23 @@ def test_in_sumo_the_higher_road_has_priority_and_a_lane_without_limit_its_class
         (names[c.get("from")], c.get("state")) for c in root.iterfind("connection[@dir='s']") if c.get("from") in names
     }
     assert ahead == {("6", "M"), ("2", "m")}
+
+
+def test_in_sumo_traffic_keeps_left_where_the_map_does():
+    """Of a street to the east the eastbound lane lies north of it, the side street's southbound one east."""
+    town = Town()
+    town.street([(-200, 0), (0, 0), (200, 0)], highway="primary", lanes="2", maxspeed="45 mph")
+    town.street([(0, -200), (0, 0)], highway="residential", lanes="2", maxspeed="25 mph")
+    network = mirror_network(town.network())
+    program = judges.judges_environment() / "netconvert"
+    root = etree.fromstring(network_xml(str(program), "town", network, write_opendrive(network)))
+    lanes = root.findall("edge[@priority]/lane")
+    assert len(lanes) == 6
+    for lane in lanes:
+        points = [[float(value) for value in point.split(",")] for point in lane.get("shape").split()]
+        (x0, y0), (x1, y1) = points[0], points[-1]
+        left_of_street = (x1 > x0 and y0 > 0) or (x1 < x0 and y0 < 0)
+        assert left_of_street if abs(y1 - y0) < 1 else (x0 > 0) == (y1 < y0)
 
 
 def test_a_trace_has_a_message_for_every_moment(home, tmp_path):

@@ -8,7 +8,7 @@ left its lane (:func:`critical_event`)."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from typing import Final
@@ -223,6 +223,16 @@ def _intersecting() -> dict[int, CrashType]:
     }
 
 
+_ACROSS: Final = frozenset({68, 69})  # the two types of which the side that traffic keeps tells the turn
+
+
+def _across_from_the_left(kind: CrashType) -> CrashType:
+    """Return a type of a turn across oncoming traffic, where that keeps left: a turn to the right."""
+    turn = None if kind.turn is None else Turn.RIGHT
+    shows = None if kind.shows is None else opposite_side(kind.shows)
+    return replace(kind, turn=turn, shows=shows, movement=kind.movement if turn is None else _MOVEMENT_OF_TURN[turn])
+
+
 CRASH_TYPES: dict[int, CrashType] = _table()
 _UNKNOWN: Final = CrashType()
 
@@ -242,7 +252,8 @@ def crash_type_of(vehicle: VehicleRecord) -> CrashType:
     >>> crash_type_of(record.vehicles[0]).turn.value  # ACC_TYPE 68: turns across the path of an oncoming vehicle
     'left'
     """
-    return crash_type(vehicle.crash_type_code)
+    kind = crash_type(vehicle.crash_type_code)
+    return _across_from_the_left(kind) if vehicle.keeps_left and vehicle.crash_type_code in _ACROSS else kind
 
 
 def turn_of(vehicle: VehicleRecord) -> Turn | None:

@@ -36,11 +36,21 @@ SIDE_AFTER_EVENT: Final = {
     codes.CROSSED_MEDIAN: DepartureSide.LEFT,
 }
 """Side that a vehicle is on after an event, on which it leaves the road if no later one says so."""
+_OVER_THE_MIDDLE: Final = frozenset({codes.CROSSED_CENTRELINE, codes.CROSSED_MEDIAN})
 _SIDE_OF_TYPE: Final = {Side.RIGHT: DepartureSide.RIGHT, Side.LEFT: DepartureSide.LEFT}
 _OFF_THE_END: Final = 14  # P_CRASH2
 _SIDE_OF_CRITICAL: Final = {12: DepartureSide.LEFT, 13: DepartureSide.RIGHT, _OFF_THE_END: DepartureSide.AHEAD}
 _FORWARD: Final = frozenset(range(11, 17))  # ACC_TYPE
 _END_OF_ROAD: Final = 14  # ACC_TYPE
+
+
+def side_after(code: int, *, keeps_left: bool) -> DepartureSide:
+    """Return the side of :data:`SIDE_AFTER_EVENT`; of the road's middle it is the other one where traffic keeps left.
+
+    >>> side_after(68, keeps_left=True).value  # SOE: crossed the centreline
+    'right'
+    """
+    return DepartureSide.RIGHT if keeps_left and code in _OVER_THE_MIDDLE else SIDE_AFTER_EVENT[code]
 
 
 def departs_at_end(vehicle: VehicleRecord) -> bool:

@@ -17,7 +17,7 @@ from typing import Final, TypeAlias
 from trace_dag.common.errors import Reason
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.codes import events as codes
-from trace_dag.crash.departure_side import SIDE_AFTER_EVENT, DepartureSide
+from trace_dag.crash.departure_side import SIDE_AFTER_EVENT, DepartureSide, side_after
 from trace_dag.crash.event_parties import ORDER_OF_IMPACTS
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party
@@ -333,7 +333,7 @@ class _Reader:
             area=None if event.kind is EventKind.OVERTURN else self._area(vehicle, event.area_1),
             partner=partner,
             partner_area=self._area(partner, event.area_2) if isinstance(partner, VehicleRecord) else None,
-            side=None if left is None else SIDE_AFTER_EVENT[left.code],
+            side=None if left is None else side_after(left.code, keeps_left=vehicle.keeps_left),
             departure=None if left is None else left.number,
         )
 

@@ -23,6 +23,7 @@ _STEP_OF_TURN: Final = {Turn.LEFT: 2, Turn.RIGHT: 3}
 _STRAIGHT_ON: Final = frozenset({PreCrashMovement.GOING_STRAIGHT, PreCrashMovement.DECELERATING})
 _CROSSED_STRAIGHT: Final = 91
 _TURNED_LEFT_FROM_RIGHT: Final = 82  # into the opposite direction of the one that came straight on (83)
+_TURNED_RIGHT_FROM_LEFT: Final = 80  # likewise (81)
 
 
 def add_implied_types(
@@ -62,10 +63,14 @@ def _types(man_coll: int | None, one: VehicleRecord, two: VehicleRecord) -> dict
     across = math.isclose(abs(apart_rad), math.pi / 2)
     if across and {one.movement, two.movement} <= _STRAIGHT_ON:
         return {one.number: _CROSSED_STRAIGHT, two.number: _CROSSED_STRAIGHT}
-    if across and apart_rad > 0 and turn_of(one) is Turn.LEFT and two.movement in _STRAIGHT_ON:
+    turn, sign, type_of_turner = (
+        (Turn.RIGHT, -1, _TURNED_RIGHT_FROM_LEFT) if one.keeps_left else (Turn.LEFT, 1, _TURNED_LEFT_FROM_RIGHT)
+    )
+    if across and apart_rad * sign > 0 and turn_of(one) is turn and two.movement in _STRAIGHT_ON:
         # Of who turns left across or into the other's path from any other side no direction, before or after the turn,
         # is to the left of the other's.
-        return {one.number: _TURNED_LEFT_FROM_RIGHT, two.number: _TURNED_LEFT_FROM_RIGHT + 1}
+        # Where traffic keeps left, it is all in a mirror.
+        return {one.number: type_of_turner, two.number: type_of_turner + 1}
     return {}
 
 

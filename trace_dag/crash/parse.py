@@ -27,6 +27,7 @@ from trace_dag.crash.persons import read_non_motorists
 from trace_dag.crash.record import LATEST_YEAR, CrashRecord, EventRecord, VehicleRecord
 from trace_dag.crash.sequence import has_struck_standing_only, known_by_events_alone, read_sequence
 from trace_dag.crash.table_reports import is_json, report_from_json
+from trace_dag.crash.traffic_side import LEFT_HAND_STATES
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
 
@@ -259,6 +260,8 @@ def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
     twice = sorted({number for number in numbers if numbers.count(number) > 1})
     if twice:
         raise malformed(f"{fields.where}: vehicle number {twice[0]} is given {numbers.count(twice[0])} times")
+    if fields.integer("STATE") in LEFT_HAND_STATES:
+        vehicles = [replace(vehicle, keeps_left=True) for vehicle in vehicles]
     return tuple(sorted(vehicles, key=lambda vehicle: vehicle.number))
 
 

@@ -226,6 +226,7 @@ class VehicleRecord:
     avoidance_manoeuvres: tuple[int, ...] = ()  # MANEUVER
     rollover_code: int | None = None  # ROLLOVER
     hit_and_run: bool | None = None  # HIT_RUN
+    keeps_left: bool = False  # traffic does, where it drove
     heading: Heading | None = None  # of registers other than FARS
     occupants: tuple[Occupant, ...] = ()
     implied: tuple[str, ...] = ()
@@ -440,6 +441,11 @@ class CrashRecord:
         if self.fatalities or self.register == FARS:
             found.add(Severity.KILLED)
         return next((severity for severity in Severity if severity in found), None)
+
+    @property
+    def keeps_left(self) -> bool:
+        """Return whether traffic keeps left where the crash was."""
+        return any(vehicle.keeps_left for vehicle in self.vehicles)
 
     @property
     def moving_vehicles(self) -> int:

@@ -104,6 +104,7 @@ VEHICLE_COLUMNS: Final = (
     Column("avoidance_manoeuvres", _INTEGER, "What the driver avoided", source="MDRMANAV, MANEUVER", repeated=True),
     Column("rollover_code", _INTEGER, "Rollover", source="ROLLOVER"),
     Column("hit_and_run", _BOOLEAN, "Left the scene", source="HIT_RUN"),
+    Column("keeps_left", _BOOLEAN, "Traffic keeps left, where it drove", required=True),
     Column("heading", None, "Reported direction of travel, of registers other than FARS", fields=_HEADING_FIELDS),
     Column("occupants", None, "The persons in the vehicle", repeated=True, fields=_OCCUPANT_FIELDS),
     Column("implied", _TEXT, "Fields derived from others", repeated=True),

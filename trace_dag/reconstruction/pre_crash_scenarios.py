@@ -43,7 +43,7 @@ _MANNER_SAYS: Final[Mapping[CollisionType, Mapping[Relation, float]]] = {
 """Weights of ``MAN_COLL`` for each relation: log-likelihood ratios from 120 crashes of Virginia (2023) and FARS (2012
 to 2016) whose ``ACC_TYPE`` says the relation, half a crash added to each. It is that of the first harmful event."""
 _NEVER_SO = -4.0  # log-likelihood ratio of relations that none of those crashes has
-_TURNING_LEFT = 0.28
+_TURNING_ACROSS = 0.28
 """Share of vehicles that turned left, of 92 that went straight or turned left in angle crashes at intersections
 (Virginia 2023 and FARS 2012 to 2016)."""
 _UNREPORTED_CENTRELINE = -2.0  # log-likelihood ratio: reports seldom leave out that somebody crossed it
@@ -157,8 +157,8 @@ def pre_crash_scenarios(record: CrashRecord, one: Party, two: Party) -> tuple[Pr
 def _possible(record: CrashRecord, each: Party) -> list[tuple[Party, float]]:
     """Return a party as reported.
 
-    One of an angle crash at an intersection of which nothing says how it moved goes straight on or turns left, each
-    with its log-probability.
+    One of an angle crash at an intersection of which nothing says how it moved goes straight on or turns across
+    oncoming traffic, each with its log-probability.
     """
     unsaid = (
         each.vehicle.movement in UNSAID_MOVEMENTS and each.crash_type.relation is None and each.critical.own is None
@@ -166,7 +166,8 @@ def _possible(record: CrashRecord, each: Party) -> list[tuple[Party, float]]:
     at_intersection = record.road_topology is not RoadTopology.NOT_AN_INTERSECTION
     if not unsaid or record.collision_type is not CollisionType.ANGLE or not at_intersection:
         return [(each, 0.0)]
-    moved = {PreCrashMovement.GOING_STRAIGHT: 1.0 - _TURNING_LEFT, PreCrashMovement.TURNING_LEFT: _TURNING_LEFT}
+    across = PreCrashMovement.TURNING_RIGHT if each.vehicle.keeps_left else PreCrashMovement.TURNING_LEFT
+    moved = {PreCrashMovement.GOING_STRAIGHT: 1.0 - _TURNING_ACROSS, across: _TURNING_ACROSS}
     return [
         (party(record, replace(each.vehicle, movement=movement)), math.log(share)) for movement, share in moved.items()
     ]

@@ -21,7 +21,7 @@ from trace_dag.roads.crash_site.gap_filling import fill_gaps
 from trace_dag.roads.crash_site.near_streets import near_streets
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.converter import Converter, WayHints
-from trace_dag.roads.from_osm.left_hand import LEFT_HAND_STATES, mirror_extract, mirror_network
+from trace_dag.roads.from_osm.left_hand import mirror_extract, mirror_network
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.gates import check_map, require
@@ -86,7 +86,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
     """
     extract = along_traffic(extract, _local_time(record))
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
-    left_hand = record.state_code in LEFT_HAND_STATES
+    left_hand = record.keeps_left
 
     def converted(given: OsmExtract, hints: Mapping[int, WayHints]) -> RoadNetwork:
         return _network(given, frame, settings, hints, left_hand=left_hand)

@@ -34,9 +34,11 @@ def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
     """
     total: Counter[str] = Counter()
     lacking: dict[str, Counter[str]] = {}
+    on_the_left = 0
     found: dict[Origin, Counter[str]] = {origin: Counter() for origin in Origin}
     for record in map(complete_record, table.records()):
         total[record.kind] += 1
+        on_the_left += record.keeps_left
         parts: list[CrashRecord | VehicleRecord | NonMotorist] = [record, *record.vehicles, *record.non_motorists]
         for name, origin in {pair for part in parts for pair in origins(part).items()}:
             found[origin][name] += 1
@@ -49,6 +51,8 @@ def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
         reasons = lacking.get(kind, Counter())
         why = "".join(f", {number} {reason}" for reason, number in reasons.most_common())
         yield f"{kind}: {count} crashes, {count - reasons.total()} that say enough{why}"
+    if on_the_left:
+        yield f"traffic keeps left in {on_the_left} of {total.total()} crashes, by the mapping or the point's country"
     times = ", ".join(f"{part} {found[Origin.REPORTED][part]}" for part in MOMENT)
     yield f"time of {total.total()} crashes: {times}; the rest is not reported"
     for origin, words in ((Origin.REPORTED, "reported"), (Origin.IMPLIED, "implied by others")):
@@ -58,7 +62,7 @@ def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
 
 
 _OF_EVERY_RECORD = frozenset(
-    {"case_year", "number", "in_transport", "travel_speed_is_lower_bound", "person_type_code"}
+    {"case_year", "number", "keeps_left", "in_transport", "travel_speed_is_lower_bound", "person_type_code"}
 ) | {
     *("length_m", "width_m", "height_m", "mass_kg", "vehicle_class"),
     *("collision_type", "road_topology", "vehicle_trajectory", "position_accuracy_m"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import shutil
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,3 +67,11 @@ def _opened(path: Path) -> Any:
 
 
 codecs.register_error("windows-1252", lambda error: (_windows_1252(error), getattr(error, "end", 0)))
+
+
+def first_rows(path: Path, most: int) -> tuple[list[str], list[list[str]]]:
+    """Return the columns of a table and its first rows."""
+    header, separator = read_header(path, None)
+    with _opened(path) as file:
+        reader = csv.reader(file, delimiter=separator)
+        return header, [row for row in islice(reader, 1, most + 1) if row]

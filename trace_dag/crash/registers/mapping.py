@@ -85,10 +85,14 @@ class _Part(BaseModel):
 
 
 class CodedColumn(_Part):
-    """A column whose values are looked up; without ``values`` they are codes already."""
+    """A column whose values are looked up; without ``values`` they are codes already.
+
+    ``other``: the meaning of values that are not listed; ``unknown`` for none.
+    """
 
     column: str
     values: Mapping[str, int | str] = Field(default_factory=dict)
+    other: int | str | None = None
 
 
 class NumberColumn(_Part):
@@ -169,6 +173,7 @@ class DirectionColumn(_Part):
 
     column: str
     values: Mapping[str, Octant]
+    other: Literal["unknown"] | None = None
 
 
 class HeadingColumn(DirectionColumn):
@@ -236,13 +241,15 @@ class JoinedFile(_Part):
     """A file beside that of the crashes, joined to it by ``on``: its own columns, each with one of those before it.
 
     ``name`` is a pattern of file names (``*unit*.csv``). ``where``: the values that its rows must have, by column.
-    Its first row that fits gives further columns; with ``units``, each of its rows is a unit of its own.
+    Its first row that fits gives further columns; with ``units``, each of its rows is a unit of its own: of ``kind``,
+    where that is given, a value of :attr:`UnitColumns.kind`.
     """
 
     name: str
     on: Annotated[Mapping[str, str], Field(min_length=1)]
     where: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
     units: bool = False
+    kind: int | str | None = None
 
 
 class RegisterMapping(_Part):
@@ -289,10 +296,13 @@ class RegisterMapping(_Part):
             for element, column in columns.coded.items():
                 if element not in known:
                     raise ValueError(f"{element} is not an element of a record; there are {', '.join(sorted(known))}")
-                _check_codes(element, column.values.values())
-        if self.unit.kind is not None:
-            persons = [value for value in self.unit.kind.values.values() if value not in UNIT_KINDS]
-            _check_codes("PER_TYP", persons)
+                _check_codes(element, [*column.values.values(), *_said(column)])
+        of_unit_kind = self.unit.kind
+        kinds = [
+            *((*of_unit_kind.values.values(), *_said(of_unit_kind)) if of_unit_kind else ()),
+            *(file.kind for file in self.files),
+        ]
+        _check_codes("PER_TYP", [kind for kind in kinds if kind is not None and kind not in UNIT_KINDS])
         return self
 
     @property
@@ -305,6 +315,17 @@ class RegisterMapping(_Part):
         """Return the fields of vehicles that decide how a crash is judged and that no column says."""
         asked = {"impact": "IMPACT1", "crash_type_code": "ACC_TYPE"}
         return tuple(field for field, element in asked.items() if element not in self.unit.coded)
+
+    @property
+    def covers(self) -> tuple[str, ...]:
+        """Return the kinds of party that its crashes can have, in words."""
+        kinds = {file.kind for file in self.files} | set(self.unit.kind.values.values() if self.unit.kind else ())
+        if "PER_TYP" in self.crash.coded:
+            kinds |= set(self.crash.coded["PER_TYP"].values.values())
+        moves = self.unit.coded.get("P_CRASH1")
+        parked = PARKED in kinds or (moves is not None and PARKED in moves.values.values())
+        words = {"pedestrians": 5 in kinds, "cyclists": 6 in kinds, "parked vehicles": parked}
+        return ("vehicles", *(word for word, known in words.items() if known))
 
     def columns(self) -> Iterator[str]:
         """Yield every column of the table that is read."""
@@ -331,7 +352,7 @@ def list_shipped_mappings() -> list[str]:
     """Return names of the registers whose mappings are part of the package.
 
     >>> list_shipped_mappings()
-    ['montgomery', 'tempe']
+    ['baac', 'chicago', 'cris', 'maryland', 'montgomery', 'nyc', 'penndot', 'stats19', 'tempe']
     """
     folder = resources.files("trace_dag.crash.registers")
     return sorted(each.name.removesuffix(".toml") for each in folder.iterdir() if each.name.endswith(".toml"))
@@ -385,6 +406,10 @@ NUMBERS: Final[Mapping[str, range]] = {
     "FATALS": range(1000),
 }
 """Elements that count, and have no codes, with what they can be."""
+
+
+def _said(column: CodedColumn) -> list[int | str]:
+    return [] if column.other in (None, "unknown") else [column.other]
 
 
 def _check_codes(element: str, values: Iterable[int | str]) -> None:

@@ -39,6 +39,8 @@ class ReportedTime(NamedTuple):
 
 TIME: Final = "time as read"
 """Key of a row's :class:`ReportedTime`."""
+KIND: Final = "kind as read"
+"""Key of what a row is by its file, as :attr:`trace_dag.crash.registers.mapping.JoinedFile.kind`; None of most."""
 _AT_ONCE: Final = 20_000
 _LONGEST_NARRATIVE: Final = 50_000
 _MOST_FILE_ROWS: Final = 1_000_000_000
@@ -111,10 +113,13 @@ class RegisterRows:
 
     def crashes(self) -> Iterator[tuple[str, Iterator[Row]]]:
         """Return the id and the rows of each crash, in the order of the table by its first row."""
-        names = self.wanted
+        names, kinds = self.wanted, [None, *(file.kind for file in self._mapping.files)]
         found = self._database.cursor().execute("SELECT * EXCLUDE (number, first) FROM kept ORDER BY first, number")
         rows = itertools.chain.from_iterable(iter(lambda: found.fetchmany(_AT_ONCE), []))
-        whole = ({**dict(zip(names, row, strict=False)), TIME: ReportedTime(*row[len(names) :])} for row in rows)
+        whole = (
+            {**dict(zip(names, row, strict=False)), TIME: ReportedTime(*row[len(names) : -1]), KIND: kinds[row[-1]]}
+            for row in rows
+        )
         return itertools.groupby(whole, itemgetter(names[0]))
 
     @cached_property
@@ -128,7 +133,7 @@ class RegisterRows:
         texts = ", ".join(f"coalesce({column}, '') AS {column}" for column in self._at.values())
         times = ", ".join(f"{expression} AS {part}" for part, expression in self._moment().items())
         first = f"min(number) OVER (PARTITION BY {self._at[self._mapping.crash.id]}) AS first"
-        database.execute(f"CREATE TABLE kept AS SELECT number, {first}, {texts}, {times} FROM ({self._joined()})")
+        database.execute(f"CREATE TABLE kept AS SELECT number, {first}, {texts}, {times}, file FROM ({self._joined()})")
         self._check_rows_agree(database)
         return database
 
@@ -176,14 +181,14 @@ class RegisterRows:
     def _joined(self) -> str:
         """Return the query of all rows: one for each unit, or each crash."""
         columns = [[self._at[name] for name in header if name in self._at] for header in self._headers]
-        query, present = "SELECT * FROM file_0", set(columns[0])
+        query, present = "SELECT *, 0 AS file FROM file_0", set(columns[0])
         if units := [(place, file) for place, file in enumerate(self._mapping.files, 1) if file.units]:
             parts = []
             for order, (place, file) in enumerate(units):
                 number = f"c.number * {_MOST_FILE_ROWS} * {len(units)} + {order} * {_MOST_FILE_ROWS} + u.number"
                 own = "".join(f", u.{column}" for column in columns[place] if column not in present)
                 parts.append(
-                    f"SELECT c.* REPLACE ({number} AS number){own} FROM file_0 c "
+                    f"SELECT c.* REPLACE ({number} AS number){own}, {place} AS file FROM file_0 c "
                     f"JOIN file_{place} u ON {self._keys(file, 'u', 'c', present)} WHERE {self._rows_of(file)}"
                 )
             query = " UNION ALL BY NAME ".join(parts)

@@ -47,14 +47,16 @@ from trace_dag.crash.registers.mapping import (
     PERSON_FIELDS,
     VEHICLE_FIELDS,
     CodedColumn,
+    DirectionColumn,
     NumberColumn,
     RegisterMapping,
     parts_of,
     read_mapping,
 )
-from trace_dag.crash.registers.rows import TIME, RegisterRows, Row
+from trace_dag.crash.registers.rows import KIND, TIME, RegisterRows, Row
 from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
 from trace_dag.crash.table_reports import report_to_json
+from trace_dag.crash.traffic_side import LEFT_HAND_STATES, keeps_left_at
 
 _OF_TWO_VEHICLES: Final = frozenset({1, 2, 6, 7, 8, 9, 10})  # MAN_COLL
 _STRUCK: Final = {5: event_codes.PEDESTRIAN, 6: event_codes.CYCLIST, 7: event_codes.CYCLIST}
@@ -185,7 +187,7 @@ class RowReader:
         distance_m = 0.0 if self._is_unknown(row[distance.column]) else self._measured(row, distance, "")
         if distance_m is None:
             return None
-        octant = self._looked_up(direction.column, row[direction.column], direction.values)
+        octant = self._looked_up(direction.column, row[direction.column], direction)
         return FromCrossing.said(
             self._text(row, crash.trafficway_1), self._text(row, crash.trafficway_2), distance_m, octant
         )
@@ -242,7 +244,7 @@ class RowReader:
             self.left_out[f"a year that is not from {FIRST_YEAR} to {LATEST_YEAR}"] += 1
             return None
         coded = {name: self._code(row, name, column) for name, column in mapping.crash.coded.items()}
-        vehicles, persons = self._units(rows)
+        vehicles, persons = self._units(rows, keeps_left=self._keeps_left(place))
         if isinstance(further := coded.pop("PER_TYP", None), int):
             persons.append(NonMotorist(len(persons) + 1, further))
         record = CrashRecord(
@@ -273,7 +275,13 @@ class RowReader:
             self.narratives[key] = narrative
         return _with_first_event(record)
 
-    def _units(self, rows: Sequence[Row]) -> tuple[list[VehicleRecord], list[NonMotorist]]:
+    def _keeps_left(self, place: Place) -> bool:
+        """Return whether traffic keeps left, by the mapping or else by the state or country of the place."""
+        if self.mapping.traffic is not None:
+            return self.mapping.traffic == "left"
+        return self.mapping.state in LEFT_HAND_STATES if self.mapping.state is not None else keeps_left_at(*place)
+
+    def _units(self, rows: Sequence[Row], *, keeps_left: bool) -> tuple[list[VehicleRecord], list[NonMotorist]]:
         vehicles: list[VehicleRecord] = []
         persons: list[NonMotorist] = []
         units = (
@@ -282,7 +290,8 @@ class RowReader:
         for number, (row, unit) in enumerate(units, 1):
             kind = self._kind(row, unit)
             if kind in ("vehicle", PARKED):
-                vehicles.append(self._vehicle(row, unit, number, parked=kind == PARKED))
+                vehicle = self._vehicle(row, unit, number, parked=kind == PARKED)
+                vehicles.append(replace(vehicle, keeps_left=keeps_left))
             elif isinstance(kind, int):
                 persons.append(self._person(row, unit, number, kind))
         return vehicles, persons
@@ -290,12 +299,15 @@ class RowReader:
     def _kind(self, row: Row, unit: str) -> int | str:
         """Return ``vehicle``, ``parked``, ``none`` or a ``PER_TYP``; a blank beside other units of the row is none."""
         column = self.mapping.unit.kind
+        of_file: int | str | None = row.get(KIND)
+        if of_file is not None:
+            return of_file
         if column is None:
             return "vehicle"
         name = self.mapping.column_of(column.column, unit)
         if unit and not row[name]:
             return "none"
-        kind = self._looked_up(name, row[name], column.values)
+        kind = self._looked_up(name, row[name], column)
         return "vehicle" if kind is None else kind
 
     def _vehicle(self, row: Row, unit: str, number: int, *, parked: bool) -> VehicleRecord:
@@ -347,15 +359,15 @@ class RowReader:
         if column is None:
             return None
         name = self.mapping.column_of(column.column, unit)
-        octant = self._looked_up(name, row[name], column.values)
+        octant = self._looked_up(name, row[name], column)
         return None if octant is None else Heading(octant, column.turning if turns else Moment.BEFORE)
 
     def _code(self, row: Row, element: str, column: CodedColumn, unit: str = "") -> Any:
         """Return a code, None where it is not known; a number as it stands where the mapping lists no values."""
         name = self.mapping.column_of(column.column, unit)
         value, label = row[name], f"{name} as {element}"
-        if column.values:
-            found = self._looked_up(label, value, column.values)
+        if column.values or column.other is not None:
+            found = self._looked_up(label, value, column)
         elif self._is_unknown(value):
             found = None
         else:
@@ -388,12 +400,15 @@ class RowReader:
     def _unknown(self) -> frozenset[str]:
         return frozenset(word.casefold() for word in self.mapping.unknown)
 
-    def _looked_up(self, name: str, value: str, values: Mapping[str, Any]) -> Any:
+    def _looked_up(self, name: str, value: str, column: CodedColumn | DirectionColumn) -> Any:
         if self._is_unknown(value):
             return None
+        values: Mapping[str, Any] = column.values
         found = values.get(value)
         if found is None:
-            found = next((code for known, code in values.items() if known.casefold() == value.casefold()), None)
+            found = next((code for known, code in values.items() if known.casefold() == value.casefold()), column.other)
+        if found == "unknown":
+            return None
         return self._count(name, value) if found is None else found
 
     def _whole(self, name: str, value: str, within: range | None = None) -> int | None:

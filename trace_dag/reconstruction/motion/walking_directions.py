@@ -96,6 +96,7 @@ _CYCLIST_SHARES: Final[Mapping[Course, float]] = {
 }
 _ANIMAL_SHARES: Final[Mapping[Course, float]] = {Course.FROM_LEFT: 0.5, Course.FROM_RIGHT: 0.5}
 """No report tells from which side an animal came."""
+_IN_A_MIRROR: Final = {Course.FROM_LEFT: Course.FROM_RIGHT, Course.FROM_RIGHT: Course.FROM_LEFT}
 _SHARES: Final = {PartyKind.CYCLIST: _CYCLIST_SHARES, PartyKind.ANIMAL: _ANIMAL_SHARES}
 _OTHER_SIDE: Final = -1.5
 """Log-likelihood of a person that came from the other side than that of the vehicle it was struck at."""
@@ -125,7 +126,9 @@ def reported_directions(person: NonMotorist, turn: Turn | None) -> frozenset[Cou
     return allowed or _of_actions(person)
 
 
-def readings(person: NonMotorist, turn: Turn | None, area: ImpactArea | None) -> tuple[CourseReading, ...]:
+def readings(
+    person: NonMotorist, turn: Turn | None, area: ImpactArea | None, *, keeps_left: bool = False
+) -> tuple[CourseReading, ...]:
     """Return all possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at.
 
     >>> found = readings(pedestrian_record.non_motorists[0], None, None)
@@ -134,6 +137,8 @@ def readings(person: NonMotorist, turn: Turn | None, area: ImpactArea | None) ->
     """
     told = reported_directions(person, turn)
     shares = _SHARES.get(person.kind, _PEDESTRIAN_SHARES)
+    if keeps_left:
+        shares = {_IN_A_MIRROR.get(course, course): share for course, share in shares.items()}
     left = told or shares.keys()
     known = {course: share for course, share in shares.items() if course in left} or dict.fromkeys(left, 1.0)
     if turn is not None and not told:  # a turning vehicle seldom strikes somebody who walks along its road

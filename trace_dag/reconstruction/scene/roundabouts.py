@@ -1,4 +1,6 @@
-"""Roundabouts of a network: a short closed chain of one-way lanes that always turns left."""
+"""Roundabouts of a network: a short closed chain of one-way lanes that always turns left.
+
+It turns right if traffic keeps left."""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 
 LONGEST_M = 240.0  # an outer radius of 38 m: FHWA gives 20 to 30 m for one lane, 25 to 40 m for two
-_RIGHTWARD_RAD = math.radians(-15)  # a lane that turns right by more than this leaves the ring
+_OUTWARD_RAD = math.radians(-15)  # a lane that turns away from the middle by more than this leaves the ring
 _OUT_OF_ROUND = 1.7  # farthest over nearest distance from the middle; a pair of median crossovers is far longer
 
 
@@ -53,7 +55,8 @@ def _in_ring(network: RoadNetwork, ref: LaneRef, centreline: Callable[[LaneRef],
     section = network.road_by_id[ref.road_id].lane_sections[ref.section]
     one_way = all(lane.id * ref.lane_id > 0 for lane in section.lanes if lane.id != 0 and lane.type.drivable)
     heading = centreline(ref)[:, 3]
-    return one_way and float(heading[-1] - heading[0]) > _RIGHTWARD_RAD
+    inwards = -1.0 if network.road_by_id[ref.road_id].left_hand else 1.0
+    return one_way and inwards * float(heading[-1] - heading[0]) > _OUTWARD_RAD
 
 
 def _round(lanes: tuple[LaneRef, ...], centreline: Callable[[LaneRef], FloatArray]) -> bool:
@@ -61,7 +64,7 @@ def _round(lanes: tuple[LaneRef, ...], centreline: Callable[[LaneRef], FloatArra
     turned = math.fsum(float(np.diff(centreline(ref)[:, 3]).sum()) for ref in lanes)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = np.hypot(*(points - middle).T)
-    return turned > math.radians(270) and float(radius.max()) <= _OUT_OF_ROUND * float(radius.min())
+    return abs(turned) > math.radians(270) and float(radius.max()) <= _OUT_OF_ROUND * float(radius.min())
 
 
 def _length(centre: FloatArray) -> float:

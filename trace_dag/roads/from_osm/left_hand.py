@@ -18,8 +18,6 @@ from trace_dag.roads.from_osm.tag_values import MOST_LANES, parse_integer
 from trace_dag.roads.map.model import Cubic, Junction, Lane, LaneSection, PlanElement, Road, RoadMark
 from trace_dag.roads.map.network import RoadNetwork
 
-LEFT_HAND_STATES: Final = frozenset({52})
-"""FARS state codes where traffic keeps left: the US Virgin Islands."""
 _SIDED: Final = frozenset(
     {"sidewalk", "cycleway", "footway", "shoulder", "parking", "busway", "verge", "kerb", "turn", "change"}
 )

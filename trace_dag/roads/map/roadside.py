@@ -98,7 +98,8 @@ def _zone(
 def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, float], *, opposed: bool) -> bool:
     """Return whether a point lies between two lanes.
 
-    Left of two that go opposite ways (a median), or between a road and a ramp that go the same way (a gore).
+    It is on the inner side, the left one where traffic keeps right, of two that go opposite ways (a median), or between
+    a road and a ramp that go the same way (a gore).
     """
     first = near[0]
     sees_first, heading = _seen(network, first, xy_m)
@@ -108,7 +109,8 @@ def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, 
             continue
         apart = abs(math.remainder(heading - other_heading, math.tau))
         if opposed:
-            return apart > _OPPOSED_RAD and first.offset_m > 0 and other.offset_m > 0
+            inwards = -1.0 if network.road_by_id[first.lane.road_id].left_hand else 1.0
+            return apart > _OPPOSED_RAD and first.offset_m * inwards > 0 and other.offset_m * inwards > 0
         ramps = [network.road_by_id[each.lane.road_id].highway.endswith("_link") for each in (first, other)]
         near_each_other = other.outside_m + first.outside_m <= _GORE_M
         return near_each_other and apart < _PARALLEL_RAD and first.offset_m * other.offset_m < 0 and any(ramps)
@@ -129,7 +131,8 @@ def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
     mapped = _mapped_shoulder_m(network, match, left=left)
     if mapped is not None:
         return mapped
-    return usual_shoulder_m(network.road_by_id[match.lane.road_id].highway, left=left)
+    road = network.road_by_id[match.lane.road_id]
+    return usual_shoulder_m(road.highway, left=left != road.left_hand)
 
 
 def _mapped_shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float | None:

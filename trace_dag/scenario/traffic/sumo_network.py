@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -16,6 +17,7 @@ from trace_dag.common.errors import Failure, UserError
 from trace_dag.osm.road_classes import ROAD_CLASSES, road_class
 from trace_dag.roads.map.network import RoadNetwork
 
+_LANE: Final = re.compile(r"_(-?\d+)(?= |$)")  # of an origId
 _TIME_LIMIT_S: Final = 300.0
 _YIELDING: Final = ("205", "206")  # signs of the map: yield, stop
 _LOWEST_RANK: Final = max(each.rank for each in ROAD_CLASSES.values())
@@ -47,10 +49,13 @@ def network_xml(program: str, key: str, network: RoadNetwork, xodr: bytes) -> by
     """
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "map.xodr").write_bytes(xodr)
-        read = _converted(program, key, folder)
+        left = ["--lefthand"] if any(road.left_hand for road in network.roads) else []  # it does not read the rule
+        read = _converted(program, key, folder, *left)
         Path(folder, "map.edg.xml").write_bytes(edge_patch(network, read))
         return etree.tostring(
-            _converted(program, key, folder, "--edge-files", "map.edg.xml"), xml_declaration=True, encoding="UTF-8"
+            _converted(program, key, folder, "--edge-files", "map.edg.xml", *left),
+            xml_declaration=True,
+            encoding="UTF-8",
         )
 
 
@@ -90,7 +95,8 @@ def _converted(program: str, key: str, folder: str, *options: str) -> etree._Ele
     """Run netconvert on ``map.xodr`` of a folder.
 
     Lanes name the road and lane that they are made of (``origId``). It begins its file with the time and its command:
-    without them the same map gives the same bytes.
+    without them the same map gives the same bytes. With ``--lefthand`` netconvert 1.28 names each lane after the one
+    across the road's reference line: here each has its own name.
     """
     command = [program, "--opendrive-files", "map.xodr", "--output-file", "map.net.xml", *options]
     command += ["--output.original-names", "true"]
@@ -106,4 +112,8 @@ def _converted(program: str, key: str, folder: str, *options: str) -> etree._Ele
     if done.returncode or not made.exists():
         raise Failure(f"{key}: netconvert made no network: {' '.join(done.stderr.split())[-300:]}")
     parser = etree.XMLParser(remove_comments=True, resolve_entities=False, no_network=True, huge_tree=True)
-    return etree.fromstring(made.read_bytes(), parser)
+    root = etree.fromstring(made.read_bytes(), parser)
+    if "--lefthand" in options:
+        for name in root.iterfind(".//param[@key='origId']"):
+            name.set("value", _LANE.sub(lambda lane: f"_{-int(lane[1])}", name.get("value", "")))
+    return root

@@ -166,7 +166,7 @@ def impact_plans(scene: Scene, strike: CrashEvent) -> list[ImpactPlan]:
     ('cross_from_left', True)
     """
     who = party(scene.record, strike.vehicle)
-    courses = readings(strike.person, who.turn, strike.area)
+    courses = readings(strike.person, who.turn, strike.area, keeps_left=who.vehicle.keeps_left)
     crosswalks = crosswalks_of(scene, strike.person)
     found = []
     for option, speed, terms in approaches_of(scene, who):

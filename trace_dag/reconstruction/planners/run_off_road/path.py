@@ -16,6 +16,7 @@ from trace_dag.common.geometry import Pose
 from trace_dag.common.paths import LateralShift, Path, shifted
 from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.road_departure import Departure
 from trace_dag.reconstruction.assemble import round_trajectory
 from trace_dag.reconstruction.motion.manoeuvres import Option
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
@@ -36,6 +37,17 @@ _BRAKES_G: Final = 0.4  # the most beyond the edge: grass and gravel hold little
 _SKID_G: Final = 0.3  # mean while the slip builds up to sliding sideways
 _LEAST_SHARE: Final = 0.4  # least share of the speed that is left after skidding
 SIGN: Final = {DepartureSide.LEFT: 1.0, DepartureSide.RIGHT: -1.0, DepartureSide.AHEAD: 0.0}
+
+
+def sign_of(departure: Departure) -> float:
+    """Return the side of a departure as a sign, 1 to the left; where none is reported that of the near edge.
+
+    >>> sign_of(departure)  # ACC_TYPE 1: off the right edge
+    -1.0
+    """
+    near = DepartureSide.LEFT if departure.vehicle.keeps_left else DepartureSide.RIGHT
+    return SIGN[departure.side or near]
+
 
 GOES_ON_M: Final = 60.0
 """So far a course off the road is followed beyond the place it is anchored at."""

@@ -34,13 +34,13 @@ from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
 from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of
 from trace_dag.reconstruction.planners.run_off_road.path import (
     FLATTEST,
-    SIGN,
     add_skid,
     edge_near,
     end_of_road_m,
     lane_path,
     path_aside,
     rotate_pose,
+    sign_of,
     skid_profile,
     slope_of,
 )
@@ -173,9 +173,7 @@ def _plan(
         along = base.pose(base.project(pose.x_m, pose.y_m, near_s_m=place_m)[0])
         course_rad = path.pose(station_m).heading_rad - along.heading_rad
         terms[_ANGLE] = angle_log_likelihood(math.remainder(course_rad, math.tau))
-        terms["side of the reported point"] = _side_of_point(
-            scene, base, place_m, SIGN[departure.side or DepartureSide.RIGHT]
-        )
+        terms["side of the reported point"] = _side_of_point(scene, base, place_m, sign_of(departure))
     stood = _on_free_ground(scene, objects, planned)
     if not stood:
         terms["no ground for the object"] = _NO_GROUND
@@ -244,7 +242,7 @@ def _aside_to_object(
 
     The first object is the map's, if the map has one of that kind where the vehicle left the road.
     """
-    sign = SIGN[departure.side or DepartureSide.RIGHT]
+    sign = sign_of(departure)
     place_m, edge = edge_near(scene, base, place_m, sign)
     code = departure.objects[0].code
     if mapped := mapped_object(scene, base, code, sign):
@@ -279,7 +277,7 @@ def _aside(
     along_rad: float | None,
 ) -> Led:
     """Return the way off the road to an object whose near face is ``face_m`` to the side of a station of ``base``."""
-    sign = SIGN[departure.side or DepartureSide.RIGHT]
+    sign = sign_of(departure)
     here = base.pose(place_m)
     first = departure.objects[0]
     slope = FLATTEST
