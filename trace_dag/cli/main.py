@@ -19,6 +19,7 @@ from trace_dag.cli.national_coverage import national_coverage
 from trace_dag.cli.open import open_page
 from trace_dag.cli.options import GroupedCommands, examples
 from trace_dag.cli.plugins import plugins
+from trace_dag.cli.registers import registers
 from trace_dag.cli.release import release
 from trace_dag.cli.replay import replay
 from trace_dag.cli.rerun import rerun
@@ -64,7 +65,7 @@ def cli(context: click.Context, root: str | None) -> None:
     context.obj = storage_root(root)
 
 
-cli.add_under("Start", demo, ingest, run, rerun, cohort)
+cli.add_under("Start", demo, ingest, registers, run, rerun, cohort)
 cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
 cli.add_under("Judge the results", controls, national_coverage, verify)
 cli.add_under("Use them", export, release, evaluate, leaderboard, vary, traffic)
