@@ -13,14 +13,18 @@ from lxml import etree
 from tests.roads import judges
 from tests.roads.towns import Town
 from tests.simulation.motions import participant, straight
+from tests.verdict.crashes import record, vehicle
 from trace_dag.common.geometry import Pose, rectangle_corners
 from trace_dag.common.settings import SimSettings
+from trace_dag.crash.parties import party_label
+from trace_dag.export.formats.sumo import floating_car_data
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.scenario.openscenario import OpenScenarios
 from trace_dag.scenario.traffic.demand import Streets
 from trace_dag.scenario.traffic.simulation import Party, TrafficRequest, surround
 from trace_dag.scenario.traffic.sumo_network import network_xml
-from trace_dag.scenario.traffic.surrounding import SurroundingTraffic
+from trace_dag.scenario.traffic.surrounding import SurroundingTraffic, add_traffic
 from trace_dag.scenario.traffic.volumes import Hour, TrafficClass, hourly_volume, vehicle_mix
 from trace_dag.simulation.embedded import EmbeddedSimulation
 from trace_dag.simulation.surface import NetworkSurface
@@ -115,6 +119,21 @@ def test_traffic_stops_behind_a_party_that_stands_in_its_lane(network, sumo) -> 
         each for each in found.vehicles if each.trajectory.x_m[0] < -60.0 and abs(each.trajectory.heading_rad[0]) < 0.1
     ]
     assert all(each.trajectory.x_m[-1] < -50.0 for each in came_later), "nobody drives through it"
+
+
+def test_forms_that_write_a_log_have_the_vehicles_while_they_are_there(network, crash, sumo) -> None:
+    found = around(network, crash, 2.0)
+    moments = etree.fromstring(floating_car_data(add_traffic(crash, found))).findall("timestep")
+    for moment in (moments[0], moments[40]):
+        time_s = float(moment.get("time"))
+        names = {each.get("id") for each in moment if each.get("id").startswith("S")}
+        there = [v for v in found.vehicles if v.trajectory.time_s[0] <= time_s <= v.trajectory.time_s[-1]]
+        assert names == {party_label(each.number) for each in there}
+        assert names
+    all_the_time = add_traffic(crash, found, throughout=True)
+    document = etree.fromstring(OpenScenarios(record(vehicle(1, 12), vehicle(2, 9)), network, all_the_time).write())
+    entities = {each.get("name") for each in document.iter("ScenarioObject")}
+    assert {"V1", "V2"} < entities < {"V1", "V2", *(party_label(each.number) for each in found.vehicles)}
 
 
 def test_as_many_come_as_the_tables_say(network, sumo) -> None:

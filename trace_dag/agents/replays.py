@@ -13,7 +13,7 @@ from trace_dag.agents.evaluation.metrics import DriveOutcome, Metrics, measure, 
 from trace_dag.agents.evaluation.registry import resolve
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.agents.stored_cases import AgentRole, load_case, number_of, stored_case
-from trace_dag.agents.stored_traffic import read_traffic
+from trace_dag.agents.stored_traffic import StoredTraffic, read_traffic
 from trace_dag.common.errors import UserError
 from trace_dag.common.units import mps_to_mph
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP, SAMPLED, VERDICT, CrashArtefacts, surroundings_of
@@ -42,7 +42,7 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
     if log is None:
         raise UserError(f"crash {crash.key} was not simulated; trace-dag status tells where it stands")
     if replay_format == "html":
-        return replay_page(content_of(crash, log))
+        return replay_page(content_of(crash, log, read_traffic(crash)))
     record, network = crash.load(RECORD), crash.load(ROAD_MAP)
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
     surroundings = surroundings_of(crash)
@@ -51,8 +51,8 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
     return write_animation(record, network, log, verdict, surroundings=surroundings)
 
 
-def content_of(crash: CrashArtefacts, log: SimulationLog) -> ReplayContent:
-    """Return the content of the replay of a stored crash for one of its logs."""
+def content_of(crash: CrashArtefacts, log: SimulationLog, traffic: StoredTraffic | None = None) -> ReplayContent:
+    """Return the content of the replay of a stored crash for one of its logs, with the traffic that was made for it."""
     from trace_dag.pages.replay_content import replay_content
 
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
@@ -63,7 +63,7 @@ def content_of(crash: CrashArtefacts, log: SimulationLog) -> ReplayContent:
         verdict,
         surroundings=surroundings_of(crash),
         sampled=crash.load(SAMPLED) if crash.has(SAMPLED) else None,
-        traffic=stored.traffic if (stored := read_traffic(crash)) is not None else None,
+        traffic=None if traffic is None else traffic.traffic,
     )
 
 

@@ -120,7 +120,7 @@ def _make(request: TrafficRequest, stored: StoredCase) -> TrafficReport:
     rows = [{**beside, **asdict(each)} for each in traffic.measured]
     name = traffic_name(stored.key)
     written = [
-        files.storage.write(name, traffics().dump_json(about) + b"\n"),
+        files.storage.write(name, traffic_to_json(about)),
         files.storage.write(_rows_name(name), rows_to_parquet(rows, TRAFFIC)),
     ]
     list_files(files.storage, FOLDER, written)
@@ -143,8 +143,14 @@ def read_traffic(crash: CrashArtefacts) -> StoredTraffic | None:
     name = traffic_name(crash.key)
     if name not in sound_manifest(crash.storage, FOLDER).files:
         return None
-    found = traffics().validate_json(_read(crash.storage, crash.key, name))
+    found = _traffics().validate_json(_read(crash.storage, crash.key, name))
     return found if found.verdict_fingerprint == crash.records[Stage.VERDICT].fingerprint else None
+
+
+def traffic_of(crash: CrashArtefacts) -> SurroundingTraffic | None:
+    """Return the vehicles of :func:`read_traffic`."""
+    stored = read_traffic(crash)
+    return None if stored is None else stored.traffic
 
 
 def traffic_files(storage: Storage) -> dict[str, list[StoredFile]]:
@@ -180,9 +186,13 @@ def _rows_name(name: str) -> str:
     return name.removesuffix(".json") + ".parquet"
 
 
+def traffic_to_json(traffic: StoredTraffic) -> bytes:
+    """Return traffic as UTF-8 JSON, ending with a newline."""
+    return _traffics().dump_json(traffic) + b"\n"
+
+
 @cache
-def traffics() -> TypeAdapter[StoredTraffic]:
-    """Return the type adapter that reads and writes traffic as JSON."""
+def _traffics() -> TypeAdapter[StoredTraffic]:
     from pydantic import TypeAdapter
 
     return TypeAdapter(StoredTraffic)

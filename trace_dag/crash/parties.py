@@ -18,6 +18,8 @@ HIGHEST_NUMBER: Final = 999
 _PERSONS: Final = 1000
 _THINGS: Final = 2000
 _TRAILERS: Final = 3000
+SURROUNDING: Final = 4000
+"""Number beyond which bodies are of vehicles around a crash, which no report has."""
 
 
 class PartyKind(StrEnum):
@@ -139,7 +141,7 @@ def party_of_body(number: int) -> int:
     >>> party_of_body(3002), party_of_body(1001)
     (2, 1001)
     """
-    return number - _TRAILERS if number > _TRAILERS else number
+    return number - _TRAILERS if _TRAILERS < number <= SURROUNDING else number
 
 
 def is_vehicle(party: int | None) -> bool:
@@ -154,11 +156,14 @@ def is_vehicle(party: int | None) -> bool:
 def party_label(party: int) -> str:
     """Return a short name for pictures, files and tables.
 
-    ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what event 3 struck, ``T2`` for the trailer of vehicle 2.
+    ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what event 3 struck, ``T2`` for the trailer of vehicle 2,
+    ``S4`` for a vehicle around the crash.
 
-    >>> party_label(2), party_label(1001), party_label(2003), party_label(3002)
-    ('V2', 'P1', 'O3', 'T2')
+    >>> party_label(2), party_label(1001), party_label(2003), party_label(3002), party_label(4004)
+    ('V2', 'P1', 'O3', 'T2', 'S4')
     """
+    if party > SURROUNDING:
+        return f"S{party - SURROUNDING}"
     if party < _PERSONS:
         return f"V{party}"
     if party > _TRAILERS:

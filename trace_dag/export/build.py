@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from trace_dag.agents.leaderboard import write_leaderboard
-from trace_dag.agents.stored_traffic import traffic_files
+from trace_dag.agents.stored_traffic import read_traffic, traffic_files
 from trace_dag.common.errors import Failure
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.provenance import crash_of
@@ -105,6 +105,7 @@ class _Crash:
     outcomes: tuple[Mapping[str, Any], ...]
     rights: Rights
     digest: str
+    has_traffic: bool
     made: tuple[StoredFile, ...] | None  # beside its page, by a worker of a run; None where that is still to do
 
     @property
@@ -197,7 +198,7 @@ def _crashes(
         parts = [VERSION, crash, of_files, [each["outcome"] for each in said], rights[key].attributions]
         digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
         made = at_once[key].files if key in at_once and at_once[key].made_of == of_files else None
-        crashes.append(_Crash(files[key], crash, said, rights[key], digest, made))
+        crashes.append(_Crash(files[key], crash, said, rights[key], digest, key in traffic, made))
     return crashes
 
 
@@ -261,7 +262,8 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     storage, key = files.storage, files.key
     made = crash.made
     if made is None:
-        made = make_files(files, accepted=FinalState(crash.row["final_state"]).accepted)
+        traffic = read_traffic(files) if crash.has_traffic else None
+        made = make_files(files, accepted=FinalState(crash.row["final_state"]).accepted, traffic=traffic)
     sizes = {file.name: file.size for file in made}
     if package_name(key) in sizes:
         downloads = [Download("Scenario package", f"../packages/{key}.zip", sizes[package_name(key)])]

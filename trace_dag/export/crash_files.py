@@ -12,8 +12,8 @@ import hashlib
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from functools import partial
+from typing import TYPE_CHECKING
 
-from trace_dag.agents.stored_traffic import traffic_files
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.export.packaging import package_of
@@ -23,6 +23,9 @@ from trace_dag.flow.crash_status import status_of_valid, valid_records
 from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
 from trace_dag.flow.records import Records
 from trace_dag.flow.tasks import MadeFiles
+
+if TYPE_CHECKING:
+    from trace_dag.agents.stored_traffic import StoredTraffic
 
 FOLDER = "benchmark"
 VERSION = "8"
@@ -54,7 +57,7 @@ def thumbnail_name(key: str) -> str:
     return f"{FOLDER}/thumbnails/{key}.svg"
 
 
-def make_files(files: CrashFiles, *, accepted: bool) -> tuple[StoredFile, ...]:
+def make_files(files: CrashFiles, *, accepted: bool, traffic: StoredTraffic | None = None) -> tuple[StoredFile, ...]:
     """Make and store what there can be of a crash: a replay if it was simulated, the rest if it is accepted."""
     from trace_dag.agents.replays import content_of
     from trace_dag.export.package import zip_files
@@ -64,10 +67,10 @@ def make_files(files: CrashFiles, *, accepted: bool) -> tuple[StoredFile, ...]:
     storage, key, log = files.storage, files.key, files.shown_log()
     if log is None:
         return ()
-    replay = content_of(files, log)
+    replay = content_of(files, log, traffic)
     made = {replay_name(key): replay_script(replay)}
     if accepted:
-        made[package_name(key)] = zip_files(package_of(files, replay), folder=key)
+        made[package_name(key)] = zip_files(package_of(files, replay, traffic=traffic), folder=key)
         made[thumbnail_name(key)] = draw_thumbnail(files.load(ROAD_MAP), log, surroundings_of(files)).encode()
     return tuple(storage.write(name, data) for name, data in made.items())
 
@@ -83,22 +86,21 @@ def make_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFile
     """Return the function that makes the files of a crash at its end, for :func:`trace_dag.flow.batch.run_stages`.
 
     It makes none where some are there already, which its manifest lists: they are for whoever builds it to replace;
-    nor where a later stage's record is from before this run. The files present are listed once for the whole run: an
-    object store takes two requests, one of them a listing, to report one missing file."""
+    nor where a later stage's record is from before this run. Traffic around a crash is left for the build, too. The
+    files present are listed once for the whole run: an object store takes two requests, one of them a listing, to
+    report one missing file."""
     names = [name(key) for name in (replay_name, package_name, thumbnail_name) for key in keys]
     already = frozenset(crash_of(name) for name in storage.sizes(names))
-    return partial(_made_at_once, already=already, traffic=traffic_files(storage))
+    return partial(_made_at_once, already=already)
 
 
-def _made_at_once(
-    files: CrashFiles, already: Set[str], traffic: Mapping[str, Sequence[StoredFile]]
-) -> MadeFiles | None:
+def _made_at_once(files: CrashFiles, already: Set[str]) -> MadeFiles | None:
     records = files.records
     valid = valid_records(records)
     if valid.keys() != records.keys() or files.key in already:
         return None
     accepted = status_of_valid(files.key, valid).final_state.accepted
-    return MadeFiles(make_files(files, accepted=accepted), made_of(valid, traffic.get(files.key, ())))
+    return MadeFiles(make_files(files, accepted=accepted), made_of(valid))
 
 
 def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:

@@ -15,6 +15,7 @@ from io import BytesIO
 from typing import Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
+from trace_dag.agents.stored_traffic import StoredTraffic, traffic_to_json
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
@@ -38,6 +39,7 @@ from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
 from trace_dag.scenario.opendrive_objects import PlacedObject, add_objects, fixed_objects
 from trace_dag.scenario.opendrive_surroundings import surrounding_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
+from trace_dag.scenario.traffic.surrounding import add_traffic
 from trace_dag.scenario.trajectories import log_to_json
 from trace_dag.simulation.states import StateEstimate
 from trace_dag.simulation.types import SimulationLog
@@ -59,7 +61,7 @@ class PackageInput:
     ``report`` (its file's name and content), ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as
     read, ``surroundings`` lie behind its roads. ``sampled`` is what the draws of the estimate came to. ``drives`` are
     what everybody was going to do. ``picture`` is the crash from above as PNG, ``replay`` what its replay shows; they
-    are made where they are not at hand. ``traffic`` is what drives around the crash, as JSON. ``variation`` says what
+    are made where they are not at hand. ``traffic`` is what drives around the crash. ``variation`` says what
     was changed, as JSON, where this is not the crash itself.
     """
 
@@ -79,7 +81,7 @@ class PackageInput:
     picture: bytes | None = None
     replay: ReplayContent | None = None
     sampled: SampledRuns | None = None
-    traffic: bytes | None = None
+    traffic: StoredTraffic | None = None
 
     @property
     def rights(self) -> Rights:
@@ -184,6 +186,11 @@ def _scenarios(crash: PackageInput) -> list[_File]:
         scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: everybody follows their trajectory"),
         scenario("scenario.carla.xosc", Flavour(carla=True), "OpenSCENARIO 1.0 for CARLA's ScenarioRunner 0.9.16"),
     ]
+    if crash.traffic is not None:
+        surrounded = add_traffic(crash.log, crash.traffic.traffic, throughout=True)
+        data = OpenScenarios(crash.record, crash.network, surrounded).write()
+        what = "OpenSCENARIO 1.2 with the vehicles around the crash that are on the map all the time (S1, ...)"
+        files.append(_File("scenario.traffic.xosc", _CC0, what, data))
     for number in _left_free(crash.log):
         what = f"with V{number} left to a controller of yours"
         files += [
@@ -260,7 +267,7 @@ def _results(crash: PackageInput) -> list[_File]:
         )
     if crash.traffic is not None:
         what = "vehicles around the crash, usual for its hour and roads, simulated by SUMO; the report has none of them"
-        files.append(_File("traffic.json", _CC0, what, crash.traffic))
+        files.append(_File("traffic.json", _CC0, what, traffic_to_json(crash.traffic)))
     if crash.variation is not None:
         files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
     return files

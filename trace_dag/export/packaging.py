@@ -29,13 +29,18 @@ from trace_dag.flow.records import Records
 
 if TYPE_CHECKING:
     from trace_dag.agents.stored_cases import StoredCase
+    from trace_dag.agents.stored_traffic import StoredTraffic
     from trace_dag.pages.replay_content import ReplayContent
 
 
-def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[str, bytes]:
-    """Return the scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand."""
+def package_of(
+    files: CrashFiles, replay: ReplayContent | None = None, *, traffic: StoredTraffic | None = None
+) -> dict[str, bytes]:
+    """Return the scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand.
+
+    ``traffic`` is what was made for the crash as it is.
+    """
     from trace_dag.agents.stored_cases import case_of
-    from trace_dag.agents.stored_traffic import read_traffic, traffics
     from trace_dag.export.package import PackageInput, package_files
     from trace_dag.osm.xml import write_osm
     from trace_dag.scenario.drives import drives_of
@@ -65,7 +70,7 @@ def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[s
             surroundings=surroundings_of(files),
             picture=files.storage.read_whole(picture) if picture else None,
             replay=replay,
-            traffic=None if (traffic := read_traffic(files)) is None else traffics().dump_json(traffic) + b"\n",
+            traffic=traffic,
             sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
         )
     )

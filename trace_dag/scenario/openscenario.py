@@ -26,7 +26,7 @@ import numpy as np
 from lxml import etree
 
 from trace_dag.common.geometry import FloatArray
-from trace_dag.crash.parties import party_label, party_of_body
+from trace_dag.crash.parties import SURROUNDING, party_label, party_of_body
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.trailer import Trailer
 from trace_dag.roads.map.network import RoadNetwork
@@ -243,6 +243,8 @@ def _entities(log: SimulationLog, flavour: Flavour) -> Element:
         reference_m = _reference_ahead_m(log, number, flavour)
         said = {"type": "ego_vehicle" if number == first else "simulation"} if flavour.carla else {}
         what = "trailer_of_fars_vehicle_number" if body.is_trailer else "fars_vehicle_number"
+        if number > SURROUNDING:
+            what = "surrounding_vehicle_number"
         said["fars_party_number" if body.is_figure else what] = str(party_of_body(number))
         if body.is_figure:
             made = person(number, body, said, reference_ahead_m=reference_m, carla=flavour.carla)

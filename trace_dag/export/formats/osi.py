@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from trace_dag.agents.stored_traffic import traffic_of
 from trace_dag.common.errors import UserError
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import wrap_angle
+from trace_dag.crash.parties import SURROUNDING
 from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
@@ -25,6 +27,7 @@ from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.model import Crosswalk, LaneRef, Road, Signal
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario_environment import conditions_of
+from trace_dag.scenario.traffic.surrounding import add_traffic
 from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog
 
 if TYPE_CHECKING:
@@ -97,7 +100,8 @@ class Osi:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         log = crash.shown_log()
         assert log is not None, "a verified crash was simulated"
-        return {f"{crash.key}_gt.osi": trace(crash.load(ROAD_MAP), log, crash.load(RECORD))}
+        surrounded = add_traffic(log, traffic_of(crash))
+        return {f"{crash.key}_gt.osi": trace(crash.load(ROAD_MAP), surrounded, crash.load(RECORD))}
 
     def beside(self) -> Mapping[str, bytes]:
         """Return each trace explains itself."""
@@ -109,7 +113,7 @@ def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> byte
     from osi3.osi_groundtruth_pb2 import GroundTruth
 
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
-    motions = [(log.bodies[each.number], each.number, _states(each, times)) for each in log.vehicles]
+    motions = [(log.bodies[each.number], each, _states(each, times)) for each in log.vehicles]
     chunks = []
     for step, time_s in enumerate(times):
         message = GroundTruth(country_code=_UNITED_STATES, proj_string=network.frame.proj)
@@ -117,9 +121,10 @@ def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> byte
         seconds = round(float(time_s), 3)
         message.timestamp.seconds = int(seconds)
         message.timestamp.nanos = round((seconds - int(seconds)) * 1000) * 1_000_000
-        message.host_vehicle_id.value = min(number for body, number, _ in motions if not body.is_figure)
-        for body, number, states in motions:
-            _add_moving(message, body, number, states[step])
+        message.host_vehicle_id.value = min(each.number for body, each, _ in motions if not body.is_figure)
+        for body, each, states in motions:
+            if each.number <= SURROUNDING or each.time_s[0] - 1e-6 <= time_s <= each.time_s[-1] + 1e-6:
+                _add_moving(message, body, each.number, states[step])
         if step == 0:
             _add_road(message, network)
             _add_objects(message, log)

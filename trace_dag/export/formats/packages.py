@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from trace_dag.agents.stored_traffic import read_traffic
 from trace_dag.export.packaging import package_of
 from trace_dag.flow.contract import CrashFiles
 
@@ -16,7 +17,8 @@ class Packages:
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
-        return {f"{crash.key}/{name}": data for name, data in package_of(crash).items()}
+        files = package_of(crash, traffic=read_traffic(crash))
+        return {f"{crash.key}/{name}": data for name, data in files.items()}
 
     def beside(self) -> Mapping[str, bytes]:
         """Return each package explains itself."""

@@ -14,12 +14,14 @@ from typing import Final
 import numpy as np
 from lxml import etree
 
+from trace_dag.agents.stored_traffic import traffic_of
 from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import VehicleClass
 from trace_dag.flow.artefacts import ROAD_MAP, XODR
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.scenario.traffic.sumo_network import network_xml, sumo_program
+from trace_dag.scenario.traffic.surrounding import add_traffic
 from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog
 
 STEP_S: Final = 0.1
@@ -46,7 +48,7 @@ class Sumo:
         assert log is not None, "a verified crash was simulated"
         return {
             f"{crash.key}.net.xml": network_xml(self._netconvert, crash.key, crash.load(ROAD_MAP), crash.load(XODR)),
-            f"{crash.key}.fcd.xml": floating_car_data(log),
+            f"{crash.key}.fcd.xml": floating_car_data(add_traffic(log, traffic_of(crash))),
         }
 
     def beside(self) -> Mapping[str, bytes]:
@@ -57,13 +59,14 @@ class Sumo:
 def floating_car_data(log: SimulationLog) -> bytes:
     """Return the motion of a log as SUMO's floating-car data (``fcd_file.xsd``)."""
     root = etree.Element("fcd-export")
-    steps = {each.number: _rows(each, log.bodies[each.number]) for each in log.vehicles}
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
+    steps = {each.number: _rows(each, log.bodies[each.number], times) for each in log.vehicles}
+    there = {each.number: (each.time_s[0] - 1e-6, each.time_s[-1] + STEP_S / 2) for each in log.vehicles}
     people = [each.number for each in log.vehicles if log.bodies[each.number].kind in _ON_FOOT]
     order = sorted(steps, key=lambda number: number in people)  # the schema has vehicles first
     for step, time_s in enumerate(times):
         moment = etree.SubElement(root, "timestep", time=f"{time_s:.2f}")
-        for number in order:
+        for number in (each for each in order if there[each][0] <= time_s <= there[each][1]):
             x, y, z, angle_deg, speed = steps[number][step]
             place = {"x": f"{x:.3f}", "y": f"{y:.3f}", "z": f"{z:.3f}", "angle": f"{angle_deg:.2f}"}
             etree.SubElement(
@@ -80,13 +83,11 @@ def _type(body: Body) -> str:
     return "bicycle" if body.is_figure else _CLASSES.get(body.vehicle_class, "passenger")
 
 
-def _rows(moved: VehicleLog, body: Body) -> FloatArray:
+def _rows(moved: VehicleLog, body: Body, times: FloatArray) -> FloatArray:
     """Return x, y, z of the front's middle (m), angle (degrees clockwise from north) and speed (m/s).
 
-    There is a row for every step.
+    There is a row for every time.
     """
-    last_s = float(moved.time_s[-1])
-    times = np.arange(0.0, last_s + STEP_S / 2, STEP_S)
     heading = np.interp(times, moved.time_s, np.unwrap(moved.heading_rad))
     x, y, z = (np.interp(times, moved.time_s, values) for values in (moved.x_m, moved.y_m, moved.z_m))
     ahead_m = 0.0 if body.kind in _ON_FOOT else body.length_m / 2

@@ -11,10 +11,11 @@ from typing import Final
 import numpy as np
 from lxml import etree
 
+from trace_dag.crash.parties import SURROUNDING
 from trace_dag.crash.record import VehicleClass
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.traffic.sumo_network import origin_of
-from trace_dag.scenario.traffic.surrounding import FIRST_NUMBER, body_of_class
+from trace_dag.scenario.traffic.surrounding import body_of_class
 from trace_dag.scenario.traffic.volumes import (
     MIXED,
     MOST_PER_HOUR,
@@ -29,6 +30,7 @@ from trace_dag.simulation.types import Body
 _MOST_EDGES: Final = 200  # of a route: nobody goes round in circles for ever
 _LEAST_ENTRY_M: Final = 25.0  # of an edge that a vehicle appears on: longer than any is
 _SECONDS_PER_HOUR: Final = 3600.0
+_MERGING: Final = {"jmTimegapMinor": "0.3", "impatience": "0.5"}  # judgement; SUMO has 1 s and 0
 _VCLASSES: Final = {
     VehicleClass.MOTORCYCLE: "motorcycle",
     VehicleClass.BUS: "bus",
@@ -110,7 +112,7 @@ class Streets:
                 if begin is not None:
                     found.append((round(float(depart_s), 1), vehicle_class, route[begin:]))
         found.sort(key=lambda trip: trip[0])
-        return [Trip(number, *trip) for number, trip in enumerate(found, FIRST_NUMBER)]
+        return [Trip(number, *trip) for number, trip in enumerate(found, SURROUNDING + 1)]
 
     def _route(self, entry: str, at: Hour, random: np.random.Generator) -> tuple[str, ...]:
         route = [entry]
@@ -124,11 +126,14 @@ class Streets:
 
 
 def types_xml(types: Mapping[str, Body]) -> bytes:
-    """Return SUMO's types of vehicles: of each class, and ``types``; all drive as SUMO's defaults have their kind."""
+    """Return SUMO's types of vehicles: of each class, and ``types``; all drive as SUMO's defaults have their kind.
+
+    But they merge from ramps and side streets into smaller gaps (:data:`_MERGING`), where by default queues grow.
+    """
     root = etree.Element("additional")
     for name, body in ({each.value: body_of_class(each) for each in MIXED} | dict(types)).items():
         size = {"length": body.length_m, "width": body.width_m, "height": body.height_m}
-        kind = {"id": name, "vClass": _VCLASSES.get(body.vehicle_class, "passenger")}
+        kind = {"id": name, "vClass": _VCLASSES.get(body.vehicle_class, "passenger"), **_MERGING}
         etree.SubElement(root, "vType", kind | {key: f"{m:.2f}" for key, m in size.items()})
     return etree.tostring(root)
 

@@ -33,6 +33,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.traffic.demand import Streets, Trip, routes_xml, types_xml
 from trace_dag.scenario.traffic.sumo_network import network_xml, sumo_homes, sumo_program
 from trace_dag.scenario.traffic.surrounding import (
+    STEP_S,
     Measured,
     SurroundingTraffic,
     SurroundingVehicle,
@@ -43,7 +44,6 @@ from trace_dag.scenario.traffic.volumes import Hour, TrafficClass, hourly_volume
 from trace_dag.simulation.states import Trajectory
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog
 
-STEP_S: Final = 0.1
 _FILLING_S: Final = 240.0  # before the crash begins
 _MEASURED_S: Final = 60.0  # the last of them
 _FILLING_STEP_S: Final = 0.5

@@ -52,19 +52,17 @@ def network_xml(program: str, key: str, network: RoadNetwork, xodr: bytes) -> by
         left = ["--lefthand"] if any(road.left_hand for road in network.roads) else []  # it does not read the rule
         read = _converted(program, key, folder, *left)
         Path(folder, "map.edg.xml").write_bytes(edge_patch(network, read))
-        return etree.tostring(
-            _converted(program, key, folder, "--edge-files", "map.edg.xml", *left),
-            xml_declaration=True,
-            encoding="UTF-8",
-        )
+        patched = _converted(program, key, folder, "--edge-files", "map.edg.xml", *left)
+        return etree.tostring(patched, xml_declaration=True, encoding="UTF-8")
 
 
 def edge_patch(network: RoadNetwork, read: etree._Element) -> bytes:
     """Return what netconvert does not take from OpenDRIVE, for the edges of the network it has read with their names.
 
     Every edge that it reads has priority 1, so at a crossing a through road may yield to a side street: here priorities
-    are by road class, 0 where a stop or yield sign stands. A lane without a limit gets 13.89 m/s from it, a centre turn
-    lane 1.39 m/s: they get what is usual for the road's class, marked ``assumedSpeed``.
+    are by road class, a link's one less than its class's, 0 where a stop or yield sign stands. A lane without a limit
+    gets 13.89 m/s from it, a centre turn lane 1.39 m/s: they get what is usual for the road's class, marked
+    ``assumedSpeed``.
     """
     patch = etree.Element("edges")
     for edge in read.iterfind("edge[@priority]"):
@@ -74,7 +72,8 @@ def edge_patch(network: RoadNetwork, read: etree._Element) -> bytes:
             road = network.road_by_id[road_id]
             usual = road_class(road.highway)
             yields = any(sign.type in _YIELDING and int(lane_id) in road.lanes_under(sign) for sign in road.signals)
-            changed.set("priority", "0" if yields else changed.get("priority", str(_LOWEST_RANK + 1 - usual.rank)))
+            rank = usual.rank + road.highway.endswith("_link")
+            changed.set("priority", "0" if yields else changed.get("priority", str(_LOWEST_RANK + 1 - rank)))
             limits = [each.speed_mps for part in road.lane_sections for each in part.lanes if each.id == int(lane_id)]
             if None in limits:
                 limit_mps = next(filter(None, (*limits, road.speed_mps)), None)

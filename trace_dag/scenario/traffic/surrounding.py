@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -13,11 +13,9 @@ from trace_dag.crash.codes import bodies
 from trace_dag.crash.record import VehicleClass
 from trace_dag.scenario.traffic.volumes import TrafficClass
 from trace_dag.simulation.states import Trajectory
-from trace_dag.simulation.types import Body, BodyKind
+from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog
 
-FIRST_NUMBER: Final = 4001
-"""Number of the first vehicle: beyond those of parties and trailers (:mod:`trace_dag.crash.parties`)."""
-
+STEP_S: Final = 0.1
 _COMBINATION_M: Final = 21.0  # AASHTO's WB-62, 69 ft, as one body
 _REPORTED: Final = {
     VehicleClass.CAR: bodies.SEDAN,
@@ -47,6 +45,15 @@ class SurroundingVehicle:
         )
         return x, y, heading
 
+    def logged(self) -> VehicleLog:
+        """Return the motion as a log: on its wheels, without what nobody knows of it."""
+        t, none = self.trajectory, np.zeros(len(self.trajectory.time_s))
+        states: dict[str, FloatArray] = {each.name: none for each in fields(VehicleLog) if each.name != "number"}
+        states |= {each.name: getattr(t, each.name) for each in fields(t)}
+        states |= {"velocity_x_mps": t.speed_mps * np.cos(t.heading_rad), "landmarks_m": none.reshape(-1, 1)[:, :0]}
+        states |= {"velocity_y_mps": t.speed_mps * np.sin(t.heading_rad), "above_road_m": none + self.body.height_m / 2}
+        return VehicleLog(number=self.number, **states)
+
 
 @dataclass(frozen=True)
 class Measured:
@@ -71,6 +78,24 @@ class SurroundingTraffic:
     vehicles: tuple[SurroundingVehicle, ...]
     left_out: int
     measured: tuple[Measured, ...]
+
+
+def add_traffic(log: SimulationLog, traffic: SurroundingTraffic | None, *, throughout: bool = False) -> SimulationLog:
+    """Return a log in which the vehicles around a crash are further bodies, for forms that write a log.
+
+    ``throughout``: only those that are on the map all the time, for forms in which nobody comes and goes.
+    """
+    lasts_s = log.duration_s - 2 * STEP_S
+    vehicles = [
+        each
+        for each in (() if traffic is None else traffic.vehicles)
+        if not throughout or (each.trajectory.time_s[0] <= 0.0 and each.trajectory.time_s[-1] >= lasts_s)
+    ]
+    return replace(
+        log,
+        vehicles=(*log.vehicles, *(each.logged() for each in vehicles)),
+        bodies=log.bodies | {each.number: each.body for each in vehicles},
+    )
 
 
 def body_of_class(vehicle_class: VehicleClass) -> Body:

@@ -28,7 +28,7 @@ class TrafficClass(StrEnum):
     """Classes of roads that the tables tell apart, with OpenStreetMap's below each."""
 
     INTERSTATE = "interstate"  # motorway
-    ARTERIAL = "arterial"  # trunk, primary, secondary
+    ARTERIAL = "arterial"  # trunk, primary, secondary, ramps of motorways
     COLLECTOR = "collector"  # tertiary, unclassified
     LOCAL = "local"  # residential, living street
 
@@ -106,10 +106,12 @@ def hour_of(record: CrashRecord) -> Hour:
 def traffic_class(highway: str) -> TrafficClass | None:
     """Return the class of an OpenStreetMap road; None for one that is not public, which no table counts.
 
-    >>> traffic_class("secondary_link").value, traffic_class("service")
+    A motorway's ramps, which no table counts by themselves, carry what the arterials do that they lead to.
+
+    >>> traffic_class("motorway_link").value, traffic_class("service")
     ('arterial', None)
     """
-    return _BY_RANK.get(road_class(highway).rank)
+    return TrafficClass.ARTERIAL if highway == "motorway_link" else _BY_RANK.get(road_class(highway).rank)
 
 
 def hourly_volume(of: TrafficClass, at: Hour) -> float:
