@@ -11,6 +11,7 @@ import click
 import pytest
 from sample_runs import KEYS, finished, ingest, reports_of, trace_dag
 
+from trace_dag.cli.printing import print_table
 from trace_dag.common.errors import Reason
 from trace_dag.common.stage import Stage
 from trace_dag.warehouse.query import rows
@@ -98,7 +99,32 @@ def test_tables_say_what_they_and_their_columns_mean():
     assert trace_dag(finished(), "sql", "DESCRIBE verdicts").stdout == columns
     names = trace_dag(finished(), "sql", "FROM verdicts LIMIT 0", "--format", "csv").stdout.strip().split(",")
     assert all(name in columns for name in names)
-    assert trace_dag(finished(), "tables", "verdict").returncode == 2
+    found = trace_dag(finished(), "tables", "Closing  speed").stdout.splitlines()[2:]
+    assert {line.split()[0] for line in found} >= {"contacts", "verdicts"}
+    assert all("losing" in line for line in found), "words of a name or of its meaning"
+    assert trace_dag(finished(), "tables", "verdict xyz").returncode == 2
+
+
+def test_rows_wider_than_the_terminal_are_printed_as_a_block_each(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as a terminal
+    monkeypatch.setenv("COLUMNS", "30")
+    rows = [("2023-1", "a car that turned left", 4.5), ("2023-2", None, 11.0)]
+    print_table(["key", "summary", "speed_mps"], rows, fit=True)
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert lines == [
+        "key        2023-1",
+        "summary    a car that turned",
+        "           left",
+        "speed_mps  4.5",
+        "",
+        "key        2023-2",
+        "summary",
+        "speed_mps  11",
+        "",
+    ]
+    monkeypatch.setenv("COLUMNS", "80")
+    print_table(["key", "summary", "speed_mps"], rows, fit=True)
+    assert len(capsys.readouterr().out.splitlines()) == 4, "a table where it fits"
 
 
 @pytest.fixture

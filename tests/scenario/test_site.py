@@ -96,7 +96,7 @@ def test_numbers_on_the_page_are_those_of_the_tables():
         assert re.search(rf'<th scope="row">{step}</th><td class="number">{crashes}</td>', page), row
     for row in rows(warehouse, "coverage"):
         cells = "".join(f'<td class="number">{row[name]}</td>' for name in ("verified", "registered", "published"))
-        name = TOPOLOGIES.get(row["class"], row["class"].replace("_", " "))
+        name = {**TOPOLOGIES, "others": "other"}.get(row["class"], row["class"].replace("_", " "))
         assert re.search(rf">{name}(</a>)?[\s<].*?{cells}", page, re.DOTALL), row
     data = json.loads(re.search(r'id="crashes-data">(.*?)</script>', page, re.DOTALL).group(1))
     states = data["coded"]["final_state"]
@@ -164,6 +164,8 @@ def test_in_a_browser_filters_choose_and_nothing_leaves_the_page(site, tmp_path,
         assert page.run(count) == "2,000 of 2,000 crashes"
         assert page.run("document.documentElement.scrollWidth") <= width_px
         assert page.run("document.querySelectorAll('#map .cluster, #map a').length") > 5
+        states = page.run("[...document.querySelectorAll('#crashes .state')].map(each => each.textContent)")
+        assert states[0] == "verified", "which come first"
         page.run(choose.format("collision_type", "angle"))
         assert page.run(count) == f"{sum(n % 3 == 0 for n in range(2000))} of 2,000 crashes"
         page.run(choose.format("final_state", "rejected"))

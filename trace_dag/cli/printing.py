@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from trace_dag.flow.batch import StaleResult
     from trace_dag.flow.crash_status import CrashStatus
 
-_LONG_TEXT = 40  # characters
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # as OWASP lists them
 
 
@@ -81,29 +80,32 @@ def print_stale(stale: Iterable[StaleResult]) -> None:
 def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: bool = False) -> None:
     """Print aligned columns, numbers to the right; at full width if the output is not a terminal.
 
-    With ``fit``, a terminal gets each row on one line: columns of long texts last, and cut where the line ends.
+    With ``fit``, rows that are wider than the terminal are printed as a block each, a line for a column.
     """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
     console = Console(highlight=False, markup=False, soft_wrap=False)
-    fit = fit and console.is_terminal
-    if fit:
-        longest = [max((len(_cell(row[index])) for row in rows), default=0) for index in range(len(names))]
-        order = sorted(range(len(names)), key=lambda index: longest[index] > _LONG_TEXT)
-        names, rows = [names[index] for index in order], [[row[index] for index in order] for row in rows]
+    texts = [[printable(name) for name in names], *([_cell(value) for value in row] for row in rows)]
+    widths = [max(len(line) for cell in column for line in cell.split("\n")) for column in zip(*texts, strict=True)]
+    if fit and console.is_terminal and sum(widths) + 3 * (len(widths) - 1) > console.width:
+        for row in texts[1:]:
+            block = Table.grid(padding=(0, 2))
+            for name, text in zip(texts[0], row, strict=True):
+                block.add_row(name, text)
+            console.print(block)
+            console.print()
+        return
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for index, name in enumerate(names):
         numeric = any(row[index] is not None for row in rows) and all(
             row[index] is None or (isinstance(row[index], int | float) and not isinstance(row[index], bool))
             for row in rows
         )
-        table.add_column(
-            printable(name), justify="right" if numeric else "left", overflow="ellipsis" if fit else "fold", no_wrap=fit
-        )
-    for row in rows:
-        table.add_row(*(_cell(value) for value in row))
+        table.add_column(printable(name), justify="right" if numeric else "left", overflow="fold")
+    for row in texts[1:]:
+        table.add_row(*row)
     if not console.is_terminal:
         console = Console(highlight=False, markup=False, width=10_000)
     console.print(table)

@@ -85,7 +85,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         else [],
         happens=_happens(accepted) if accepted else [],
         label=label_in_words(accepted) if accepted else "",
-        label_means=_LABELS[accepted.label] if accepted else "",
+        label_means=LABEL_MEANINGS[accepted.label] if accepted else "",
         grade_means=_GRADES[accepted.grade] if accepted and accepted.grade else "",
         outcomes={each.event_number: words(each.outcome) for each in page.verdict.events} if page.verdict else {},
         events=events_in_words(accepted) if accepted else "",
@@ -104,7 +104,7 @@ def write_crash_page(page: CrashPage) -> bytes:
     ).encode()
 
 
-_LABELS = {
+LABEL_MEANINGS: Mapping[str, str] = {
     Label.VERIFIED: "every reported event that can be simulated happens in one motion on this road",
     Label.FIRST_EVENT_ONLY: "the first reported event happens, and not all that the report says came of it",
 }
@@ -205,6 +205,7 @@ class Band:
     width: float
     middle: float
     best_at: float
+    ends: tuple[str, str]
 
 
 _LEAST_DRAWS = 2.0  # of equal weight: a band of fewer is the value of one draw
@@ -224,17 +225,18 @@ def _band(found: Interval, scale: Sequence[float]) -> Band:
     what, unit = _QUANTITIES[found.quantity]
     whose = "" if found.party is None else f", {party_label(found.party)}"
     digits = 1 if unit == " m" else 0
-    best, low, high = (
-        f"{round(mps_to_mph(value) if unit == ' mph' else value, digits) + 0.0:.{digits}f}"
-        for value in (found.best, found.low, found.high)
-    )
     least, most = min(scale), max(scale)
+    best, low, high, *ends = (
+        f"{round(mps_to_mph(value) if unit == ' mph' else value, digits) + 0.0:.{digits}f}"
+        for value in (found.best, found.low, found.high, least, most)
+    )
     span = (most - least) or 1.0
     begin, middle, end, best_at = (
         round(100 * (_MARGIN + (1 - 2 * _MARGIN) * (value - least) / span), 1)
         for value in (found.low, found.middle, found.high, found.best)
     )
-    return Band(what + whose, best + unit, f"{low} to {high}{unit}", begin, round(end - begin, 1), middle, best_at)
+    interval, scale_ends = f"{low} to {high}{unit}", (ends[0], ends[1] + unit)
+    return Band(what + whose, best + unit, interval, begin, round(end - begin, 1), middle, best_at, scale_ends)
 
 
 def report_rights(crash: Row) -> str:
@@ -360,7 +362,8 @@ def _reasons(page: CrashPage) -> Reasons:
         [in_words(each) for each in deciding if each.passed]
         + [_fact_in_words(fact) for fact in facts if fact.weight > 0.0],
         doubts
-        + [in_words(each) for each in deciding if each.passed is False]
+        # The page begins with what rejects a crash.
+        + [in_words(each) for each in deciding if each.passed is False and verdict and each.reason != verdict.reason]
         + ([f"Not corroborated: {detail}"] if detail else [])
         + [
             _fact_in_words(fact)

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
-_TOPOLOGIES = {topology.value: name for topology, name in TOPOLOGIES.items()}
+NAMES = {**{topology.value: name for topology, name in TOPOLOGIES.items()}, "suv": "SUV", "others": "other"}
+"""Values of the warehouse that pages call otherwise than by their words."""
 
 
 def words(value: object) -> str:
@@ -26,7 +27,7 @@ def words(value: object) -> str:
     >>> words('two_vehicles'), words('t')
     ('two vehicles', 'T junction')
     """
-    return _TOPOLOGIES.get(str(value), str(value).replace("_", " ")) if value else ""
+    return NAMES.get(str(value), str(value).replace("_", " ")) if value else ""
 
 
 def _party(number: int | None) -> str:

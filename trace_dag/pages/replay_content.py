@@ -177,9 +177,7 @@ def _events(verdict: Verdict) -> list[dict[str, object]]:
 
 
 def _outcome(verdict: Verdict | None) -> str:
-    if verdict is None:
-        return "not judged"
-    return label_in_words(verdict) if verdict.accepted else f"{label_in_words(verdict)} ({verdict.detail})"
+    return "not judged" if verdict is None else label_in_words(verdict)
 
 
 def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFeature], *, dark: bool) -> str:

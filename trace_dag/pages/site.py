@@ -12,11 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trace_dag.crash.summary import TOPOLOGIES
 from trace_dag.osm.rights import Rights
-from trace_dag.pages.crash_page import report_rights
-from trace_dag.pages.page_templates import read, templates
+from trace_dag.pages.crash_page import LABEL_MEANINGS, report_rights
+from trace_dag.pages.page_templates import NAMES, read, templates
 from trace_dag.pages.replay_library import LIBRARY, site_files
+from trace_dag.verdict.types import Label
 from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
@@ -62,6 +62,7 @@ def write_index(rows: IndexRows, rights: Rights) -> bytes:
             coverage=_by_dimension(rows.coverage),
             failure_reasons=rows.failure_reasons,
             counts={state: sum(row["final_state"] == state for row in crashes) for state in _FINAL_STATES},
+            meanings=_MEANINGS,
         )
     )
     return page.encode()
@@ -86,6 +87,12 @@ def static_files() -> dict[str, bytes]:
 
 
 _FINAL_STATES = ("verified", "first_event_only", "rejected", "failed", "pending")
+_MEANINGS: Mapping[str, str] = {
+    **LABEL_MEANINGS,
+    Label.REJECTED: "the report, the map or the simulation does not bear it out; the reason is beside it",
+    "failed": "the program or a service broke off; run it again",
+    "pending": "not run to its end yet",
+}
 _FILTERS = {
     "final_state": "Outcome",
     "grade": "Grade",
@@ -104,8 +111,8 @@ _FILTERS = {
     "outdated": "Outdated",
 }
 _TABLE_COLUMNS = (
-    {"name": "key", "label": "Crash", "class": "", "sorted": True},
-    {"name": "final_state", "label": "Outcome", "class": "", "sorted": False},
+    {"name": "key", "label": "Crash", "class": "", "sorted": False},
+    {"name": "final_state", "label": "Outcome", "class": "", "sorted": True},
     {"name": "grade", "label": "Grade", "class": "wide", "sorted": False},
     {"name": "reason", "label": "Reason", "class": "", "sorted": False},
     {"name": "place", "label": "Place", "class": "wide", "sorted": False},
@@ -137,7 +144,7 @@ def _text_of(crash: Row, name: str) -> str | None:
 def _columns_of(crashes: Sequence[Row]) -> dict[str, Any]:
     """Return the crashes by column, each text once: a fraction of the size of one object per crash."""
     coded = {}
-    for name in (*_FILTERS, "place"):
+    for name in (*_FILTERS, "place", "trafficway_1", "trafficway_2"):
         numbers: dict[Any, int] = {}
         codes = [numbers.setdefault(_text_of(crash, name), len(numbers)) for crash in crashes]
         coded[name] = {"values": list(numbers), "codes": codes}
@@ -145,8 +152,7 @@ def _columns_of(crashes: Sequence[Row]) -> dict[str, Any]:
         name: [None if (value := crash.get(name)) is None else round(value, digits) for crash in crashes]
         for name, digits in _NUMBERS.items()
     }
-    called = {topology.value: name for topology, name in TOPOLOGIES.items()}
-    return {"key": [crash["key"] for crash in crashes], "coded": coded, "plain": plain, "words": called}
+    return {"key": [crash["key"] for crash in crashes], "coded": coded, "plain": plain, "words": NAMES}
 
 
 def _filters(crashes: Sequence[Row]) -> list[dict[str, Any]]:

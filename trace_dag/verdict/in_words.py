@@ -21,8 +21,13 @@ def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement 
     what = "overturn" if _first(verdict, "overturn") is not None else "first contact"
     if distance is not None:
         numbers.append((length_in_words(distance), f"from the reported point to the {what}"))
-    delta_v_mps = max((c.value for c in verdict.criteria if c.name == "delta_v" and c.value is not None), default=None)
-    if delta_v_mps is not None:
+    throw_m, speed_mps, delta_v_mps = (
+        _largest(verdict, name) for name in ("throw_distance", "impact_speed", "delta_v")
+    )
+    if throw_m is not None and speed_mps is not None:
+        numbers.append((speed_in_words(speed_mps), "speed of the vehicle at the impact"))
+        numbers.append((length_in_words(throw_m), "throw of the person"))
+    elif delta_v_mps is not None:
         numbers.append((speed_in_words(delta_v_mps), "change of velocity, of the vehicle with the larger"))
     if distance is not None:
         judged = _first(verdict, "station_distance", "contact_distance")
@@ -36,7 +41,7 @@ def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement 
     if (clock_error := max((each for each in clock_errors if each is not None), default=None)) is not None:
         numbers.append((f"{clock_error:.1f}", "clock positions at most between reported and simulated impact"))
     closing_mps = _first(verdict, "closing_speed")
-    if closing_mps is not None:
+    if closing_mps is not None and throw_m is None:
         numbers.append((speed_in_words(closing_mps), "closing speed at the first contact"))
     if verdict.support:
         numbers.append((str(verdict.support.independent_facts), "independent facts of the report agree"))
@@ -73,6 +78,11 @@ def speed_in_words(speed_mps: float) -> str:
 def _first(verdict: Verdict, *names: str) -> float | None:
     """Return the value of the first criterion of these names that was measured."""
     return next((c.value for c in verdict.criteria if c.name in names and c.value is not None), None)
+
+
+def _largest(verdict: Verdict, name: str) -> float | None:
+    """Return the largest value of the criteria of a name."""
+    return max((c.value for c in verdict.criteria if c.name == name and c.value is not None), default=None)
 
 
 def label_in_words(verdict: Verdict) -> str:

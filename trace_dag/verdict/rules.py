@@ -519,9 +519,19 @@ def _happens(beside: Comparison, first: CrashEvent, begins: CrashEvent | None, *
     log, number = beside.observed.log, first.number
     if first.kind is EventKind.OVERTURN:
         over = begins is not None
-        detail = "" if over else f"vehicle {first.vehicle.number} does not overturn ({log.reason})"
+        ended = log.reason.removeprefix("no contact: ")
+        says_so = "does not overturn" in ended
+        detail = ended if says_so else f"vehicle {first.vehicle.number} does not overturn ({ended})"
         return Criterion(
-            "overturn", float(over), 1.0, "", over, Reason.NO_OVERTURN, detail, first.vehicle.number, number
+            "overturn",
+            float(over),
+            1.0,
+            "",
+            over,
+            Reason.NO_OVERTURN,
+            "" if over else detail,
+            first.vehicle.number,
+            number,
         )
     party = first.vehicle.number if first.kind is EventKind.OBJECT_STRUCK else None
     touched = not nothing and bool(log.contacts)

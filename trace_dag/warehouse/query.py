@@ -119,8 +119,8 @@ def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
     ``DESCRIBE`` of a table says what each column means, which DuckDB's own leaves out.
     """
     described = _DESCRIBE.fullmatch(sql)
-    if described and (columns := columns_of(path, described["table"])):
-        return ["column", "type", "what it means"], columns
+    if described and (columns := [row for owner, *row in columns_of(path) if owner == described["table"]]):
+        return ["column", "type", "what it means"], [tuple(row) for row in columns]
     with open_warehouse(path) as connection:
         with _refusals(sql):
             connection.execute(sql)
@@ -192,13 +192,12 @@ def tables_of(path: Path) -> list[tuple[Any, ...]]:
     return [(name, count, comment or "") for (name, comment), count in zip(found, rows_of, strict=True)]
 
 
-def columns_of(path: Path, table: str) -> list[tuple[Any, ...]]:
-    """Return the columns of a table or view: name, type and meaning with unit, in order.
-
-    None if there is no such table.
-    """
-    columns = "SELECT table_name, column_name, data_type, comment FROM duckdb_columns() ORDER BY column_index"
-    return [(name, kind, comment or "") for owner, name, kind, comment in query(path, columns)[1] if owner == table]
+def columns_of(path: Path) -> list[tuple[Any, ...]]:
+    """Return all columns of tables and views: owner, name, type and meaning with unit, in order."""
+    columns = (
+        "SELECT table_name, column_name, data_type, comment FROM duckdb_columns() ORDER BY table_name, column_index"
+    )
+    return [(owner, name, kind, comment or "") for owner, name, kind, comment in query(path, columns)[1]]
 
 
 def _first_line(error: Exception) -> str:

@@ -17,6 +17,7 @@ const EYES = new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(
   new Vector3(0, -1, 0), new Vector3(0, 0, 1), new Vector3(-1, 0, 0))); // a camera's axes in those of a body: x ahead, z up
 const FAR_M = 900, SHADOW_M = 45;
 const LIT_VEHICLES = 3; // each pair of headlamps costs a light
+const FLASH_S = 0.25; // a contact is marked for so long
 const CLOSE_M = 5, CLOSE_ON_A_PERSON_M = 2.5; // of the place of a contact
 
 // `box` is the element to draw in, `glb` an ArrayBuffer; `night` says whether it was dark, `dim` whether the page is,
@@ -180,7 +181,8 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
     }
     for (const contact of [...contacts, ...others.marks]) {
       const size = Math.max(1, camera.position.distanceTo(contact.node.getWorldPosition(place)) / 16);
-      contact.node.scale.setScalar(time >= contact.time_s && others.isShown(contact) ? size : 0);
+      const flashes = time >= contact.time_s && time < contact.time_s + FLASH_S && others.isShown(contact);
+      contact.node.scale.setScalar(flashes ? size : 0);
     }
     renderer.render(scene, camera);
   }

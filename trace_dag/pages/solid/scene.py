@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 _AROUND_M: Final = 110.0  # of the motion: so much of the place is seen
 _MOST_M: Final = 450.0  # from its middle
 _CONTACT: Final = Material(CONTACT_COLOUR, opacity=0.85, glows=True)
+_FLASH_S: Final = 0.25
 _WAY_EVERY: Final = 2  # steps of the log: a metre or two of a fast vehicle
 _STAR_M: Final = 0.22
 _BRAKES: Final = 0.02  # of the pedal: lamps are on
@@ -75,7 +76,7 @@ def crash_glb(
         nodes.append(_person(vehicle, body, colour) if body.is_figure else _vehicle(log, vehicle, body, colour))
     if drive is not None:
         nodes.append(_ghost(drive))
-    nodes += [_contact(contact, k, log) for k, contact in enumerate(log.first_of_each)]
+    nodes += [_contact(contact, k) for k, contact in enumerate(log.first_of_each)]
     return write_glb(nodes, title=f"Crash {key}", copyright_notice=network.attribution)
 
 
@@ -194,10 +195,9 @@ def _object(item: FixedObject) -> Node:
     return Node(f"object {item.number}: {item.name}", object_parts(item), translation=where, rotation=turn, extras=said)
 
 
-def _contact(contact: Contact, k: int, log: SimulationLog) -> Node:
-    """Return a mark where two first touched, from then on."""
-    end = max(float(log.vehicles[0].time_s[-1]), contact.time_s + 0.1)
-    times: FloatArray = np.array([0.0, contact.time_s, end])
+def _contact(contact: Contact, k: int) -> Node:
+    """Return a flash where two first touched."""
+    times: FloatArray = contact.time_s + np.array([-contact.time_s, 0.0, _FLASH_S])
     node = Node(
         f"contact {k + 1}",
         [(_CONTACT, ball(_STAR_M, 1.0, 2, 6))],
@@ -205,5 +205,5 @@ def _contact(contact: Contact, k: int, log: SimulationLog) -> Node:
         scale=(0.0, 0.0, 0.0),
         extras=_extras("contact", numbers=[contact.number_1, contact.number_2], time_s=round(contact.time_s, 4)),
     )
-    node.moves["scale"] = size_keys(times, np.array([0.0, 1.0, 1.0]))
+    node.moves["scale"] = size_keys(times, np.array([0.0, 1.0, 0.0]))
     return node

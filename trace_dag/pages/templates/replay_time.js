@@ -1,7 +1,7 @@
 // The controls and keys of a time line that ends at `end` (s). `draw` shows a moment; the clock is `draw`'s answer. Around
 // the `impact` (s, or null) time runs slower if that is chosen.
 const SLOW = { before: .4, after: .8, rate: .25 };
-// `events` are the reported ones: a mark where each happens, those that do not are struck out at the end.
+// `events` are the reported ones: in words below the line, those that do not happen struck out, and a mark where each is.
 function timeline(end, draw, impact, events = []) {
   const line = { now: 0, show, stop };
   let playing = false, last = 0;
@@ -9,6 +9,7 @@ function timeline(end, draw, impact, events = []) {
     line.now = Math.min(end, Math.max(0, t));
     $("time").value = line.now;
     $("clock").textContent = line.now.toFixed(2) + " s" + draw(line.now);
+    for (const { time, told } of marks) told.classList.toggle("past", time !== null && line.now >= time);
   }
   function stop() { playing = false; $("play").textContent = "Play"; }
   function play() { if (line.now >= end) line.now = 0; playing = true; $("play").textContent = "Pause"; last = performance.now(); requestAnimationFrame(tick); }
@@ -28,21 +29,30 @@ function timeline(end, draw, impact, events = []) {
   $("back").addEventListener("click", () => step(-.02));
   $("forward").addEventListener("click", () => step(.02));
   $("time").max = end;
-  const missed = events.filter(each => each.time === null).length;
-  const happened = events.filter(each => each.time !== null).sort((one, two) => one.time - two.time);
-  let at = 0, before = -4;  // in per cent: marks of one moment stand side by side
-  for (const each of [...happened, ...events.filter(each => each.time === null)]) {
-    const mark = document.createElement("button");
-    Object.assign(mark, { textContent: each.number, title: each.words, className: each.time === null ? "missed" : "" });
-    mark.setAttribute("aria-label", each.words);
-    mark.style.left = each.time === null ? `calc(100% - ${1.6 * (missed - 1 - at++)}rem)` : `${before = Math.max(100 * each.time / (end || 1), before + 4)}%`;
-    if (each.time !== null) mark.addEventListener("click", () => { stop(); show(each.time); });
+  const marks = events.toSorted((one, two) => (one.time ?? Infinity) - (two.time ?? Infinity) || one.number - two.number).map(({ number, time, words }) => {
+    const mark = document.createElement("button"), told = document.createElement("li");
+    Object.assign(mark, { textContent: number, title: words, className: time === null ? "missed" : "" });
+    mark.setAttribute("aria-label", words);
+    if (time !== null) mark.addEventListener("click", () => { stop(); show(time); });
     $("events").append(mark);
+    told.append(words + (time === null ? "" : `, at ${time.toFixed(2)} s`));
+    told.className = mark.className;
+    $("told").append(told);
+    return { mark, time, told };
+  });
+  // Marks of one moment stand side by side, those of what does not happen at the right, and none leaves the line.
+  function place() {
+    const width = $("events").clientWidth, apart = 28;
+    let least = 0, most = width;
+    for (const each of marks) least = apart + (each.at = Math.max(least, each.time === null ? width : width * each.time / (end || 1)));
+    for (const each of marks.toReversed()) most = (each.at = Math.min(most, each.at)) - apart;
+    for (const { mark, at } of marks) mark.style.left = `${at}px`;
   }
+  new ResizeObserver(place).observe($("events"));
   $("time").addEventListener("input", () => { stop(); show(Number($("time").value)); });
   document.addEventListener("keydown", e => {
     if (e.defaultPrevented || e.target.tagName === "SELECT") return;
-    if (e.key === " " && !["INPUT", "BUTTON"].includes(e.target.tagName)) { e.preventDefault(); toggle(); }
+    if (e.key === " ") { e.preventDefault(); toggle(); } // a button is pressed with Enter
     if (e.key === "ArrowLeft") { e.preventDefault(); step(e.shiftKey ? -.5 : -.02); }
     if (e.key === "ArrowRight") { e.preventDefault(); step(e.shiftKey ? .5 : .02); }
     if (e.key === "Home") step(-end);

@@ -3,11 +3,16 @@
 (() => {
   const data = JSON.parse(document.getElementById("crashes-data").textContent);
   const PAGE = 25;
+  const STATES = ["verified", "first_event_only", "rejected", "failed", "pending"];
+  const words = (value) => (value ? data.words[value] || String(value).replaceAll("_", " ") : "–");
+  const plain = (text) => ` ${text.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, " ")} `;
   const crashes = data.key.map((key, i) => {
     const crash = { key };
     for (const [name, column] of Object.entries(data.coded)) crash[name] = column.values[column.codes[i]];
     for (const [name, column] of Object.entries(data.plain)) crash[name] = column[i];
-    crash.text = `${key} ${crash.place || ""} ${crash.state_name || ""}`.toLowerCase();
+    crash.rank = STATES.indexOf(crash.final_state);
+    // Values as they are stored and as they are called, so that both are found.
+    crash.text = plain([key, ...Object.keys(data.coded).flatMap((name) => [crash[name] ?? "", words(crash[name])])].join(" "));
     return crash;
   });
   const form = document.querySelector(".filters");
@@ -17,9 +22,8 @@
   const more = document.getElementById("more");
   let shown = PAGE;
   let picked = null; // crashes chosen on the map
-  let order = { column: "key", sign: 1 };
+  let order = { column: "final_state", sign: 1 };
 
-  const words = (value) => (value ? data.words[value] || String(value).replaceAll("_", " ") : "–");
   const classes = [...document.querySelectorAll("#crashes thead th")].map((th) => th.className);
   const cell = (row, content) => {
     const td = row.insertCell();
@@ -49,7 +53,8 @@
   }
 
   function compare(one, two) {
-    const [a, b] = [one[order.column], two[order.column]];
+    const column = order.column === "final_state" ? "rank" : order.column;
+    const [a, b] = [one[column], two[column]];
     if (a == null || b == null) return (a == null) - (b == null) || (one.key < two.key ? -1 : 1);
     return (a < b ? -1 : a > b ? 1 : one.key < two.key ? -1 : 1) * order.sign;
   }
@@ -59,11 +64,12 @@
   // The crashes that fit, whatever one field, `but`, says.
   function matches(but) {
     const wanted = selects.filter((field) => field.value && field !== but).map((field) => [field.name, field.value]);
-    const text = but === form.elements.search ? "" : form.elements.search.value.trim().toLowerCase();
+    // Words are found by their beginnings, numbers of a house, street or limit whole.
+    const text = but === form.elements.search ? [] : plain(form.elements.search.value).split(" ").filter(Boolean).map((word) => (/^\p{N}{1,3}$/u.test(word) ? ` ${word} ` : ` ${word}`));
     return crashes.filter((crash) =>
       (!picked || picked.has(crash)) &&
       wanted.every(([name, value]) => valuesOf(crash, name).includes(value)) &&
-      (!text || crash.text.includes(text)));
+      text.every((word) => crash.text.includes(word)));
   }
   // Beside each value of a filter stands how many crashes it would leave.
   function countValues() {
