@@ -55,8 +55,8 @@ def test_what_cannot_be_done_is_one_line_and_exit_code_2(tmp_path, arguments, sa
     assert done.returncode == 2, done.stderr
     assert said in done.stderr
     assert "Traceback" not in done.stderr
-    messages = [line for line in done.stderr.splitlines() if line and not line.startswith(("Usage:", "Try "))]
-    assert len(messages) == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith("trace-dag")
 
 
 def test_unusable_inputs_of_ingest_are_named(tmp_path):
@@ -80,7 +80,7 @@ def commands_with_a_root(group: click.Group) -> Iterator[tuple[list[str], click.
     for name, command in group.commands.items():
         if isinstance(command, click.Group):
             yield from (([name, *words], found) for words, found in commands_with_a_root(command))
-        elif name not in ("demo", "ingest", "map", "settings", "plugins"):
+        elif name not in ("demo", "ingest", "map", "settings", "plugins", "registers"):
             yield [name], command
 
 

@@ -34,7 +34,7 @@ from trace_dag.cli.ui import ui
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
 from trace_dag.common.errors import Failure, UserError, UserErrors
-from trace_dag.common.messages.logs import configure_logging, print_problem, writes_json
+from trace_dag.common.messages.logs import configure_logging, print_problem
 from trace_dag.common.storage.disk_errors import disk_failure
 from trace_dag.version import __version__
 
@@ -80,10 +80,9 @@ def main() -> None:
         _refuse_windows()
         sys.exit(cli.main(standalone_mode=False))
     except click.ClickException as error:
-        if writes_json():
-            print_problem(error.format_message())
-        else:
-            error.show()
+        context = getattr(error, "ctx", None)  # of usage errors alone
+        command = context.command_path if context is not None else "trace-dag"
+        print_problem(f"{command}: {_one_line(error.format_message())} See {command} --help.")
         sys.exit(EXIT_USAGE)
     except click.exceptions.Abort:
         print_problem("interrupted; what was finished is kept, run again for the rest")

@@ -51,8 +51,8 @@ def figures(**values: object) -> Mapping[str, object]:
 
 def configure_logging() -> None:
     """Set up logging of this process as the environment asks. Raises :class:`UserError` for what it cannot ask."""
-    level = os.environ.get(LEVEL_VARIABLE, "WARNING").upper()
-    style = os.environ.get(FORMAT_VARIABLE, "text").lower()
+    level = (os.environ.get(LEVEL_VARIABLE) or "WARNING").upper()
+    style = (os.environ.get(FORMAT_VARIABLE) or "text").lower()
     for variable, value, known in ((LEVEL_VARIABLE, level, _LEVELS), (FORMAT_VARIABLE, style, _FORMATS)):
         if value not in known:
             raise UserError(f"{variable}={value}: expected one of {', '.join(known)}")
@@ -76,7 +76,7 @@ def own_stderr() -> TextIO:
 
 def writes_json() -> bool:
     """Return whether standard error is to hold JSON lines and nothing else."""
-    return os.environ.get(FORMAT_VARIABLE, "text").lower() == "json"
+    return (os.environ.get(FORMAT_VARIABLE) or "text").lower() == "json"
 
 
 def print_problem(line: str, *, level: int = logging.ERROR) -> None:
