@@ -32,7 +32,7 @@ from trace_dag.roads.from_osm.left_hand import mirror_network
 from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.drives import STEP_S
-from trace_dag.scenario.traffic.sumo_network import network_xml
+from trace_dag.scenario.traffic.sumo_network import network_xml, origin_of
 
 KEY = "2023-319003"
 GPX = "{http://www.topografix.com/GPX/1/1}"
@@ -284,6 +284,9 @@ def test_in_sumo_traffic_keeps_left_where_the_map_does():
         (x0, y0), (x1, y1) = points[0], points[-1]
         left_of_street = (x1 > x0 and y0 > 0) or (x1 < x0 and y0 < 0)
         assert left_of_street if abs(y1 - y0) < 1 else (x0 > 0) == (y1 < y0)
+        road_id, lane_id = origin_of(lane)
+        there = network.nearest_lanes((x0 + x1) / 2, (y0 + y1) / 2, 1.0)[0].lane
+        assert (there.road_id, there.lane_id) == (road_id, int(lane_id))
 
 
 def test_a_trace_has_a_message_for_every_moment(home, tmp_path):

@@ -531,6 +531,12 @@ _OF_NO_SOURCE: Final = frozenset(
 )
 
 
+_FIELD_NAMES: Final = {
+    part: tuple(each.name for each in fields(part) if each.name not in _OF_NO_SOURCE)
+    for part in (CrashRecord, VehicleRecord, EventRecord, NonMotorist)
+}
+
+
 def origins(part: CrashRecord | VehicleRecord | EventRecord | NonMotorist) -> dict[str, Origin]:
     """Return the origin of each field of a crash or a part of it: its report, its other fields, or nowhere.
 
@@ -539,7 +545,7 @@ def origins(part: CrashRecord | VehicleRecord | EventRecord | NonMotorist) -> di
     """
     implied: tuple[str, ...] = getattr(part, "implied", ())
     found = {}
-    for name in (each.name for each in fields(part) if each.name not in _OF_NO_SOURCE):
+    for name in _FIELD_NAMES[type(part)]:
         missing = getattr(part, name) in _NOT_REPORTED
         found[name] = Origin.IMPLIED if name in implied else Origin.MISSING if missing else Origin.REPORTED
     return found

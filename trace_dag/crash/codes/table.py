@@ -65,6 +65,7 @@ class CodeTable:
         return "" if code is None or code in self.unknown else self.meanings.get(code, "")
 
 
+@cache
 def code_table(element: str) -> CodeTable:
     """Return the table of an element, from ``codes.csv``.
 

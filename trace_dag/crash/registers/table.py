@@ -290,8 +290,7 @@ class RowReader:
         for number, (row, unit) in enumerate(units, 1):
             kind = self._kind(row, unit)
             if kind in ("vehicle", PARKED):
-                vehicle = self._vehicle(row, unit, number, parked=kind == PARKED)
-                vehicles.append(replace(vehicle, keeps_left=keeps_left))
+                vehicles.append(self._vehicle(row, unit, number, parked=kind == PARKED, keeps_left=keeps_left))
             elif isinstance(kind, int):
                 persons.append(self._person(row, unit, number, kind))
         return vehicles, persons
@@ -310,7 +309,7 @@ class RowReader:
         kind = self._looked_up(name, row[name], column)
         return "vehicle" if kind is None else kind
 
-    def _vehicle(self, row: Row, unit: str, number: int, *, parked: bool) -> VehicleRecord:
+    def _vehicle(self, row: Row, unit: str, number: int, *, parked: bool, keeps_left: bool) -> VehicleRecord:
         columns = self.mapping.unit
         coded = self._codes_of_unit(row, unit, {*VEHICLE_FIELDS, *OCCUPANT_FIELDS})
         movement = coded.pop("P_CRASH1", None)
@@ -329,6 +328,7 @@ class RowReader:
             make_model=" ".join(filter(None, named)),
             model_year=self._year(row, unit),
             in_transport=moves,
+            keeps_left=keeps_left,
             travel_speed_mps=self._measured(row, columns.TRAV_SP, unit) if moves else 0.0,
             speed_limit_mps=self._measured(row, columns.VSPD_LIM, unit) or None,  # 0 stands for none
             movement=PreCrashMovement(movement) if isinstance(movement, int) else PreCrashMovement.UNKNOWN,
@@ -339,8 +339,8 @@ class RowReader:
             implied=(*(("vehicle_class",) if body_implied else ()), *(() if moves else ("travel_speed_mps",))),
             **_fields(VEHICLE_FIELDS, coded),
         )
-        turns = turn_of(vehicle) is not None
-        return replace(vehicle, heading=self._heading(row, unit, turns=turns) if moves else None)
+        heading = self._heading(row, unit, turns=turn_of(vehicle) is not None) if moves else None
+        return vehicle if heading is None else replace(vehicle, heading=heading)
 
     def _person(self, row: Row, unit: str, number: int, person_type: int) -> NonMotorist:
         coded = self._codes_of_unit(row, unit, PERSON_FIELDS)
