@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.motions import CAR
+from trace_dag.agents.evaluation.metrics import needed_mps2
 from trace_dag.scenario.conflicts import post_encroachment_time_s, time_to_contact_s
 from trace_dag.simulation.outlines import Outline
 from trace_dag.simulation.types import VehicleLog
@@ -40,6 +41,12 @@ def log(number: int, x_m: np.ndarray, y_m: np.ndarray, heading_rad: float, time_
     zero = np.zeros_like(time_s)
     rest = (zero,) * 11
     return VehicleLog(number, time_s, x_m, y_m, zero, zero + heading_rad, *rest, landmarks_m=np.zeros((len(zero), 0)))
+
+
+def test_the_deceleration_needed_is_that_of_the_own_vehicle_alone():
+    """Across the own way the other one's speed does not count: 30 m at 15 m/s is 15 ** 2 / (2 * 30)."""
+    assert needed_mps2(2.0, (1.0, 0.0), (15.0, 0.0), (0.0, 12.0)) == pytest.approx(3.75)
+    assert needed_mps2(2.0, (1.0, 0.0), (5.0, 0.0), (9.0, 0.0)) == 0.0  # who is caught up with cannot mend it
 
 
 def test_post_encroachment_time_is_the_gap_in_time_at_the_shared_place():

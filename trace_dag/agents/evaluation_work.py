@@ -30,7 +30,7 @@ from trace_dag.scenario.cases import Case
 from trace_dag.simulation.backends import backend, backend_factory
 from trace_dag.simulation.types import Simulation
 
-VERSION = "5"
+VERSION = "6"
 """Number of the code that evaluates, our agents' included; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _OURS_S = 120.0  # beyond making an agent and its evaluation: what a worker does itself, a new process included
 _OUR_MEMORY_MB = 4096

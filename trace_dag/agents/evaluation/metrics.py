@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -19,6 +20,7 @@ from trace_dag.simulation.outlines import Outline
 from trace_dag.simulation.types import Body, Contact, SimulationLog, VehicleLog, overturned_at
 
 _TTC_STEP_S = 0.1
+_SHORTEST_S = 1e-3
 _SMOOTHED_S = 0.2  # accelerations are means over so long
 OFF_ROAD_S = 0.5
 """A vehicle that is off the road for longer has left it."""
@@ -54,7 +56,9 @@ class Metrics:
 
     ``delta_v_mps`` is the larger one of the first contact's two bodies, ``own_delta_v_mps`` the agent's own.
     ``contact_shift_s`` and ``contact_shift_m`` say how far its first contact is from the recorded one. ``min_ttc_s``
-    takes bodies to keep their velocity; it and the post-encroachment time are 0 for those that touch. The comfort
+    takes bodies to keep their velocity; it and the post-encroachment time are 0 for those that touch.
+    ``required_deceleration_mps2`` is the most that was needed not to touch (:func:`needed_mps2`), None with a contact
+    or off a collision course. The comfort
     measures are of the time before any contact. ``serious_injury_risk`` is the larger one of the first contact's two
     (:mod:`trace_dag.agents.evaluation.injury_risk`). ``finished``: nobody touched anybody, and the agent came 50 m
     beyond the conflict, or to the end of its recorded way, within twice the recorded time; ``arrived``: past the
@@ -89,6 +93,7 @@ class Metrics:
     arrived: bool = False
     over_traffic_mps: float = 0.0
     recorded_off_road_s: float = 0.0
+    required_deceleration_mps2: float | None = None
 
 
 def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
@@ -132,7 +137,7 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
     if contact and recorded:
         shift_s = contact.time_s - recorded.time_s
         shift_m = math.hypot(contact.x_m - recorded.x_m, contact.y_m - recorded.y_m)
-    least_ttc_s, least_pet_s = (0.0, 0.0) if contact else _nearest_miss(own, others, log.bodies)
+    least_ttc_s, least_pet_s, needed = (0.0, 0.0, None) if contact else _nearest_miss(own, others, log.bodies)
     return Metrics(
         collided=contact is not None,
         overturned=overturned_at(own) is not None,
@@ -147,6 +152,7 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
         recorded_own_delta_v_mps=_own_delta_v_mps(recorded, ego),
         min_ttc_s=least_ttc_s,
         post_encroachment_time_s=least_pet_s,
+        required_deceleration_mps2=needed,
         serious_injury_risk=risk_of_contact(contact, log.bodies),
         recorded_serious_injury_risk=risk_of_contact(recorded, case.recorded.bodies),
         finished=contact is None and RecordedWay(case, ego).is_finished(own),
@@ -194,28 +200,44 @@ def _own_delta_v_mps(contact: Contact | None, ego: int) -> float:
 
 def _nearest_miss(
     own: VehicleLog, others: list[VehicleLog], bodies: dict[int, Body]
-) -> tuple[float | None, float | None]:
-    """Return the least time to contact and least post-encroachment time with anybody.
+) -> tuple[float | None, float | None, float | None]:
+    """Return the least time to contact, least post-encroachment time and most deceleration needed with anybody.
 
     None if never on a collision course, or never in a place where another was.
     """
     body = bodies[own.number]
-    times = [_min_ttc_s(own, body, other, bodies[other.number]) for other in others]
+    courses = [each for other in others for each in _collision_courses(own, body, other, bodies[other.number])]
     gaps = [post_encroachment_time_s(own, body, other, bodies[other.number]) for other in others]
     return (
-        min((time_s for time_s in times if not math.isinf(time_s)), default=None),
+        min((time_s for time_s, _ in courses), default=None),
         min((gap_s for gap_s in gaps if gap_s is not None), default=None),
+        max((needed for _, needed in courses), default=None),
     )
 
 
-def _min_ttc_s(one: VehicleLog, body_1: Body, two: VehicleLog, body_2: Body) -> float:
-    """Return the least time to contact over a run; infinity if the two are never on a collision course."""
+def _collision_courses(one: VehicleLog, body_1: Body, two: VehicleLog, body_2: Body) -> Iterator[tuple[float, float]]:
+    """Yield times to contact (s) and what deceleration of the first is needed (m/s2), while on a collision course."""
     step_s = float(one.time_s[1] - one.time_s[0]) if len(one.time_s) > 1 else _TTC_STEP_S
-    least_s = math.inf
     for k in range(0, len(one.time_s), max(1, round(_TTC_STEP_S / step_s))):
         (outline_1, velocity_1), (outline_2, velocity_2) = _at(one, body_1, k), _at(two, body_2, k)
-        least_s = min(least_s, time_to_contact_s(outline_1, velocity_1, outline_2, velocity_2))
-    return least_s
+        left_s = time_to_contact_s(outline_1, velocity_1, outline_2, velocity_2)
+        if not math.isinf(left_s):
+            yield left_s, needed_mps2(left_s, outline_1.ahead, velocity_1, velocity_2)
+
+
+def needed_mps2(
+    left_s: float, ahead: tuple[float, float], own_mps: tuple[float, float], other_mps: tuple[float, float]
+) -> float:
+    """Return the constant deceleration that is needed not to touch another in ``left_s``, both on straight ways.
+
+    It takes the closing speed along the own heading, a unit vector, to zero within the gap that closes in that time:
+    the deceleration rate to avoid a crash (Cooper and Ferguson, Traffic Engineering and Control 17, 1976).
+
+    >>> needed_mps2(2.0, (1.0, 0.0), (20.0, 0.0), (10.0, 0.0))  # 20 m behind one at 10 m/s: 10 ** 2 / (2 * 20)
+    2.5
+    """
+    closing_mps = (own_mps[0] - other_mps[0]) * ahead[0] + (own_mps[1] - other_mps[1]) * ahead[1]
+    return max(closing_mps, 0.0) / (2 * max(left_s, _SHORTEST_S))
 
 
 def _at(log: VehicleLog, body: Body, k: int) -> tuple[Outline, tuple[float, float]]:

@@ -54,6 +54,9 @@ EVALUATIONS = TableSchema(
         Column("recorded_own_delta_v_mps", _REAL, "Delta-v of the same vehicle in the recorded crash", unit="mps"),
         Column("min_ttc_s", _REAL, "Least time to collision at constant velocities; 0 for a contact", unit="s"),
         Column("post_encroachment_time_s", _REAL, "Least time between two bodies in one place", unit="s"),
+        Column(
+            "required_deceleration_mps2", _REAL, "Most deceleration that was needed not to touch anybody", unit="mps2"
+        ),
         Column("off_road_s", _REAL, "Time off the road", unit="s"),
         Column("wrong_way_s", _REAL, "Time in lanes of the other direction, outside junctions", unit="s"),
         Column("over_limit_mps", _REAL, "Most above the speed limit", unit="mps"),

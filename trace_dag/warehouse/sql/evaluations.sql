@@ -36,6 +36,7 @@ COMMENT ON COLUMN evaluations.recorded_delta_v_mps IS 'Delta-v of the recorded c
 COMMENT ON COLUMN evaluations.recorded_own_delta_v_mps IS 'Delta-v of the same vehicle in the recorded crash, m/s';
 COMMENT ON COLUMN evaluations.min_ttc_s IS 'Least time to collision at constant velocities; 0 for a contact, s';
 COMMENT ON COLUMN evaluations.post_encroachment_time_s IS 'Least time between two bodies in one place, s';
+COMMENT ON COLUMN evaluations.required_deceleration_mps2 IS 'Most deceleration that was needed not to touch anybody, m/s2';
 COMMENT ON COLUMN evaluations.off_road_s IS 'Time off the road, s';
 COMMENT ON COLUMN evaluations.wrong_way_s IS 'Time in lanes of the other direction, outside junctions, s';
 COMMENT ON COLUMN evaluations.over_limit_mps IS 'Most above the speed limit, m/s';

@@ -30,7 +30,10 @@ SELECT
     avg(recorded_serious_injury_risk - serious_injury_risk) AS risk_saved,
     sum(recorded_delta_v_mps - delta_v_mps) / sum(recorded_delta_v_mps) AS delta_v_saved_rel,
     median(max_deceleration_mps2) AS max_deceleration_median_mps2,
-    median(max_jerk_mps3) AS max_jerk_median_mps3
+    median(max_jerk_mps3) AS max_jerk_median_mps3,
+    median(min_ttc_s) AS min_ttc_median_s,
+    median(post_encroachment_time_s) AS post_encroachment_median_s,
+    median(required_deceleration_mps2) AS required_deceleration_median_mps2
 FROM evaluations, asked
 WHERE case_id = key AND role IS DISTINCT FROM 'departing'
 GROUP BY agent, asked.cases, asked.crashes_asked
@@ -60,3 +63,6 @@ COMMENT ON COLUMN leaderboard.risk_saved IS 'Risk of serious injury of the crash
 COMMENT ON COLUMN leaderboard.delta_v_saved_rel IS 'Share of the crashes'' delta-v that it saved, over all runs but faulty ones';
 COMMENT ON COLUMN leaderboard.max_deceleration_median_mps2 IS 'Hardest braking of a run, median, m/s2';
 COMMENT ON COLUMN leaderboard.max_jerk_median_mps3 IS 'Sharpest change of acceleration of a run, median, m/s3';
+COMMENT ON COLUMN leaderboard.min_ttc_median_s IS 'Least time to collision of a run, 0 for a contact, median, s';
+COMMENT ON COLUMN leaderboard.post_encroachment_median_s IS 'Post-encroachment time of a run, 0 for a contact, median, s';
+COMMENT ON COLUMN leaderboard.required_deceleration_median_mps2 IS 'Most deceleration needed in a run without a contact, median, m/s2';
