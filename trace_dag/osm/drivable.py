@@ -18,6 +18,8 @@ DRIVABLE_HIGHWAYS: Final = PUBLIC_HIGHWAYS | SERVICE_HIGHWAYS | TRACK_HIGHWAYS
 
 _VEHICLE_ACCESS_KEYS: Final = ("motorcar", "motor_vehicle", "vehicle", "access")  # the most specific first
 _FORBIDDEN: Final = frozenset({"no", "agricultural", "forestry", "military"})
+CAR_POOLS: Final = frozenset({"designated", "yes", "only"})
+"""Values of ``hov`` that open a way or a lane, closed to others, for cars with passengers."""
 
 
 def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
@@ -35,5 +37,5 @@ def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
         return False
     for key in _VEHICLE_ACCESS_KEYS:
         if key in tags:
-            return tags[key] not in _FORBIDDEN
+            return tags[key] not in _FORBIDDEN or tags.get("hov") in CAR_POOLS
     return True

@@ -19,7 +19,7 @@ import tempfile
 import time
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -46,6 +46,11 @@ from trace_dag.osm.walkways import is_walkway
 ROAD_NODE_KEYS: Final = frozenset(
     {"highway", "traffic_signals", "traffic_sign", "traffic_calming", "railway", "junction", "ele"}
 )
+RESTRICTION_KEYS: Final = tuple(
+    f"restriction{users}{hours}"
+    for users in ("", ":motorcar", ":motor_vehicle", ":vehicle")
+    for hours in ("", ":conditional")
+)
 LOCATED_TO_FILE: Final = 3
 """Size of the node locations to that of the map; 1.7 is usual for the densest kind, ``.osm.pbf``."""
 _SAID: Final = 300  # characters of what libosmium says, which quotes what it does not like
@@ -58,6 +63,8 @@ _MIN_COS_LATITUDE: Final = 1e-3
 _LOOKED_AT: Final = 100_000  # objects, after which the clock is looked at
 TOLD_EVERY_S: Final = 10.0
 MOST_THREADS: Final = 8
+_LOCATED_WAYS: Final = "LocationsOnWays"  # as osmium add-locations-to-ways writes it
+_MOST_FEATURES: Final = 8
 _MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
 
 
@@ -72,6 +79,7 @@ class FileHeader:
     timestamp: str
     sorted_by_type: bool
     attribution: str = OSM_ATTRIBUTION
+    located_ways: bool = False  # positions are in the ways, untagged nodes left out
 
 
 class Around(NamedTuple):
@@ -133,6 +141,7 @@ def read_header(path: Path) -> FileHeader:
             timestamp=timestamp,
             sorted_by_type=header.get("sorting") == "Type_then_ID",
             attribution=_attribution(path),
+            located_ways=any(header.get(f"pbf_optional_feature_{k}") == _LOCATED_WAYS for k in range(_MOST_FEATURES)),
         )
 
 
@@ -164,7 +173,7 @@ def read_around(
     with (
         as_plain_xml(path) as plain,
         reading(path),
-        _node_locations(path, settings) as located,
+        nullcontext() if header.located_ways else _node_locations(path, settings) as located,
         gc_paused(),
     ):
         finder = _Finder(
@@ -189,7 +198,7 @@ def _filters(*, surroundings: bool) -> Iterator[Any]:
     for kind, keys in (
         (way, ("highway", *(WAY_KEYS if surroundings else ()))),
         (node, {*ROAD_NODE_KEYS, *(NODE_KEYS if surroundings else ())}),
-        (relation, ("restriction",)),
+        (relation, RESTRICTION_KEYS),
     ):
         only = osmium.filter.KeyFilter(*keys)
         only.enable_for(kind)
@@ -298,7 +307,8 @@ class _Finder:
 
         processor = osmium.FileProcessor(str(path), kinds, thread_pool=_threads(os.getpid()))
         for each in (located, *_filters(surroundings=self._surroundings)):
-            processor.with_filter(each)
+            if each is not None:
+                processor.with_filter(each)
         for each in processor:
             self._take(each)
 

@@ -21,6 +21,7 @@ from trace_dag.common.settings import OsmSettings, ServiceSettings
 from trace_dag.osm.catalog import box_around, is_on_earth
 from trace_dag.osm.clip import clip_roads
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
+from trace_dag.osm.extraction import RESTRICTION_KEYS
 from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, features_of_ways, is_thing
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmWay, RawWay, Site
 from trace_dag.osm.walkways import WALKWAY_TAGS, is_walkway
@@ -198,7 +199,7 @@ def _extract_box(
         box,
         _raw_ways(data, service_roads=settings.service_roads),
         {node.id: node.tags for node in data.nodes.values() if node.tags},
-        (relation for relation in data.relations if "restriction" in relation.tags),
+        (relation for relation in data.relations if not relation.tags.keys().isdisjoint(RESTRICTION_KEYS)),
     )
     return replace(
         roads,

@@ -23,6 +23,7 @@ from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.converter import Converter, WayHints
 from trace_dag.roads.from_osm.left_hand import mirror_extract, mirror_network
 from trace_dag.roads.from_osm.tags import read_profile
+from trace_dag.roads.from_osm.turn_restrictions import unknown_kinds
 from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.gates import check_map, require
 from trace_dag.roads.gates.scope import check_in_scope, data_ends
@@ -184,6 +185,8 @@ def tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> tuple[TagNot
 
 
 def _tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> Iterator[TagNotFollowed]:
+    for way_id, what in unknown_kinds(extract):
+        yield TagNotFollowed(way_id, what)
     used = {way_id for road in network.roads for way_id in road.osm_way_ids}
     for way in extract.ways:
         if way.id in used:

@@ -12,6 +12,7 @@ from tests.roads.towns import FRAME, SETTINGS, Town
 from trace_dag.osm.types import OsmExtract, OsmMember, OsmRelation
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.from_osm.converter import WayHints
+from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.measures import find_stranded_lanes, link_gaps, one_sided_links
 from trace_dag.roads.map.model import ContactPoint, LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
@@ -174,7 +175,7 @@ def test_restrictions_for_others_than_cars_do_not_hold() -> None:
     extract = with_restriction(town.extract(), "no_left_turn", 1, town.extract().ways[0].node_ids[-1], 4)
     tags = {**extract.relations[0].tags, "except": "motorcar;bicycle"}
     extract = replace(extract, relations=(replace(extract.relations[0], tags=tags),))
-    network = convert(extract, FRAME, SETTINGS)
+    network = convert(along_traffic(extract), FRAME, SETTINGS)
     assert "North" in exits(network, at(network, -100, -1.7, 0))
 
 

@@ -27,7 +27,7 @@ from trace_dag.common.geometry import LocalFrame
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.road_classes import road_class
-from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
+from trace_dag.osm.types import OsmExtract, OsmWay
 from trace_dag.roads.from_osm.arm_cuts import end_profile
 from trace_dag.roads.from_osm.beside import add_lanes_beside
 from trace_dag.roads.from_osm.carriageways import Carriageways
@@ -42,7 +42,6 @@ from trace_dag.roads.from_osm.movements import (
     InnerWay,
     JunctionArm,
     Movement,
-    TurnRestrictions,
     find_movements,
     make_arm,
 )
@@ -52,6 +51,7 @@ from trace_dag.roads.from_osm.street_graph import Street, build_street_graph
 from trace_dag.roads.from_osm.street_roads import StreetRoads, build_street_roads, ways_between
 from trace_dag.roads.from_osm.tags import CrossSection, WayProfile, read_profile
 from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, widen_tight_bends
+from trace_dag.roads.from_osm.turn_restrictions import read_restrictions
 from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_plan
 from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork
@@ -126,7 +126,7 @@ def convert(
             built[index] = build_street_roads(
                 street, plans[index], layout.trims[index], new_id, returns=index in returning
             )
-    restrictions = _restrictions(extract, graph.aliases)
+    restrictions = read_restrictions(extract, graph.aliases)
     junctions: list[Junction] = []
     connecting: list[Road] = []
     links: dict[tuple[int, bool], str] = {}
@@ -249,35 +249,3 @@ def _inner_way(street: Street, plan: PlanView) -> InnerWay:
     nodes = (*(street.node_ids[span.first] for span in street.spans), street.node_ids[-1])
     ways = tuple(span.profile.way_id for span in street.spans)
     return InnerWay(street.spans[0].profile.oneway, ways, nodes, tuple(street.points), plan.length_m)
-
-
-def _restrictions(extract: OsmExtract, aliases: Mapping[int, int]) -> TurnRestrictions:
-    """Turn restrictions for cars; those that cannot be read or hold at certain hours only are left out."""
-    restrictions = TurnRestrictions()
-    for relation in extract.relations:
-        kind = relation.tags.get("restriction:motorcar") or relation.tags.get("restriction") or ""
-        if not kind.startswith(("no_", "only_")) or "motorcar" in relation.tags.get("except", ""):
-            continue
-        for origin, via, target in _restriction_paths(relation, aliases):
-            restrictions.add(origin, via, target, only=kind.startswith("only_"))
-    return restrictions
-
-
-def _restriction_paths(
-    relation: OsmRelation, aliases: Mapping[int, int]
-) -> list[tuple[int, int | tuple[int, ...], int]]:
-    ways: dict[str, list[int]] = {"from": [], "to": [], "via": []}
-    via_nodes: list[int] = []
-    for member in relation.members:
-        if member.type == "way" and member.role in ways:
-            ways[member.role].append(member.id)
-        elif member.type == "node" and member.role == "via":
-            via_nodes.append(aliases.get(member.id, member.id))
-    via: int | tuple[int, ...]
-    if via_nodes:
-        via = via_nodes[0]
-    elif ways["via"]:
-        via = tuple(ways["via"])
-    else:
-        return []
-    return [(origin, via, target) for origin in ways["from"] for target in ways["to"]]

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from itertools import compress
 from typing import Final, NamedTuple
 
+from trace_dag.common.messages.wording import count_of
+from trace_dag.osm.drivable import CAR_POOLS
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.from_osm.tag_values import (
     MOST_LANES,
@@ -154,7 +156,7 @@ class _Lists:
 
 def _user(entry: Tags) -> str:
     """Return the user of a lane: "car", "bus", or "" for none with a motor."""
-    if entry.get("hov") == "designated":  # often with "motor_vehicle:lanes=no" for those who are alone in theirs
+    if entry.get("hov") in CAR_POOLS:  # often with "motor_vehicle:lanes=no" for those who are alone in theirs
         return "car"
     car = next((entry[key] for key in _CAR_KEYS if entry.get(key)), "")
     bus = next((entry[key] for key in _BUS_KEYS if entry.get(key)), "")
@@ -187,7 +189,7 @@ class _Reader:
         if self._count("lanes:backward") and self._tags.get("oneway:bicycle") != "no":
             self._note("lanes:backward, on a one-way road")
         return LaneReading(
-            self._lanes(lists, count, "forward"),
+            self._lanes(lists, count, "forward", oneway=True),
             tagged=(counted or lists.count) is not None,
             not_followed=tuple(self._notes),
         )
@@ -211,12 +213,18 @@ class _Reader:
         """Return lanes of both directions, and one between them."""
         ahead = _Lists(self._tags, ":lanes:forward")
         back = _Lists(self._tags, ":lanes:backward")
-        total, centre = self._count("lanes"), self._has_centre_lane()
+        total, reversible = self._count("lanes"), self._reversible_lanes()
+        centre = self._has_centre_lane() and not reversible
         named = self._count("lanes:forward"), self._count("lanes:backward")
         listed = ahead.count, back.count
         if total is not None and all(listed) and not any(named) and sum(filter(None, listed)) + centre < total - 1:
             listed = None, None  # one of them is not complete
         forward, backward = named[0] or listed[0], named[1] or listed[1]
+        if reversible and (total or (forward and backward)):
+            others = max((total or 0) - reversible, 2)
+            backward = backward or max(others - forward if forward else others // 2, 1)
+            forward = (forward or max(others - backward, 1)) + reversible
+            self._note(f"{count_of(reversible, 'lane')} in the middle, reversible or for overtaking: which way unknown")
         silent = not (total or forward or backward)
         counts = _split(hint if silent else total, forward, backward, centre)
         if total not in (None, 1, sum(counts)):
@@ -241,6 +249,13 @@ class _Reader:
     def _count(self, key: str) -> int | None:
         return parse_integer(self._tags.get(key), 1, MOST_LANES)
 
+    def _reversible_lanes(self) -> int:
+        """Return the lanes in the middle that go either way in turn, or that either way overtakes in."""
+        tagged = self._count("lanes:reversible")
+        listed = "reversible" in self._tags.get("turn:lanes:both_ways", "")
+        overtaking = self._tags.get("overtaking:lanes:both_ways", "no") == "yes"
+        return tagged or int(listed or overtaking)
+
     def _has_centre_lane(self) -> bool:
         both = parse_integer(self._tags.get("lanes:both_ways"), 0, MOST_LANES)
         if both is not None:
@@ -248,13 +263,30 @@ class _Reader:
         turns = self._tags.get("turn:lanes:both_ways", "none")
         return self._tags.get("centre_turn_lane") == "yes" or turns not in ("none", "")
 
-    def _lanes(self, lists: _Lists, count: int, direction: str) -> tuple[TaggedLane, ...]:
+    def _lanes(self, lists: _Lists, count: int, direction: str, *, oneway: bool = False) -> tuple[TaggedLane, ...]:
         lanes = lists.lanes(count, lambda what: self._note(f"{what} lanes {direction}"))
-        keys = [f"lanes:{bus}:{direction}" for bus in _BUS_KEYS]
-        buses = next((n for key in keys if (n := parse_integer(self._tags.get(key), 1, count - 1))), 0)
-        if buses and not any(lane.bus for lane in lanes):  # nearest to the kerb
-            lanes = (*lanes[:-buses], *(lane._replace(bus=True) for lane in lanes[-buses:]))
+        turn = self._tags.get(f"turn:{direction}") or (self._tags.get("turn", "") if oneway else "")
+        if turn and "|" not in turn and count == 1 and not lanes[0].turns:
+            lanes = (lanes[0]._replace(turns=parse_turns(turn)),)
+        elif turn and not any(lane.turns for lane in lanes):
+            self._note(f"turn={turn} without a lane, for {count} lanes {direction}")
+        first, last = self._bus_lanes(count, direction, oneway=oneway)
+        if (first or last) and not any(lane.bus for lane in lanes):
+            lanes = tuple(lane._replace(bus=lane.bus or k < first or k >= count - last) for k, lane in enumerate(lanes))
         return lanes
+
+    def _bus_lanes(self, count: int, direction: str, *, oneway: bool) -> tuple[int, int]:
+        """Return the lanes for buses alone at the left and, as usual, at the right of a direction."""
+        tags = self._tags
+        for bus in _BUS_KEYS:
+            if number := parse_integer(tags.get(f"lanes:{bus}:{direction}"), 1, count - 1):
+                return 0, number
+            total = parse_integer(tags.get(f"lanes:{bus}"), 1, MOST_LANES) or 0
+            if number := total if oneway else total // 2:
+                return 0, min(number, count - 1)
+        sides = {"right" if direction == "forward" else "left", "both"}
+        kerb = any(tags.get(key) == "lane" for key in ("busway", *(f"busway:{side}" for side in sides)))
+        return int(oneway and tags.get("busway:left") == "lane" and count > 1), int(kerb and count > 1)
 
     def _note(self, sentence: str) -> None:
         self._notes.append(sentence)

@@ -302,6 +302,9 @@ def _assign_lanes(origin: JunctionArm, movements: list[Movement]) -> list[Moveme
                 chosen[index].append(lane)
     if not painted or not any(chosen):
         chosen = _customary(lanes, movements)
+    elif len(lanes) == 1:  # there is no other lane to turn from
+        movements = [m for m, c in zip(movements, chosen, strict=True) if c]
+        chosen = [c for c in chosen if c]
     for index, movement in enumerate(movements):
         if not chosen[index]:  # permitted, though no lane is painted for it
             chosen[index] = [lanes[0] if movement.angle_rad > 0 else lanes[-1]]
@@ -313,8 +316,9 @@ def _assign_lanes(origin: JunctionArm, movements: list[Movement]) -> list[Moveme
 
 
 def _continues(origin: JunctionArm, target: JunctionArm) -> bool:
-    """Return whether the same turn lanes simply go on beyond a minor junction."""
-    return [lane.turns for lane in origin.incoming] == [lane.turns for lane in target.outgoing]
+    """Return whether the same turn lanes simply go on beyond a minor junction, to which some lane leads straight on."""
+    turns = [lane.turns for lane in origin.incoming]
+    return turns == [lane.turns for lane in target.outgoing] and any(not each or "through" in each for each in turns)
 
 
 def _painted_movements(lane: ArmLane, movements: Sequence[Movement]) -> set[int]:

@@ -52,12 +52,15 @@ def parse_length_m(value: str | None) -> float | None:
 
 
 def parse_turns(entry: str) -> tuple[str, ...]:
-    """Return the turns painted on one lane.
+    """Return the turns painted on one lane; "none" or nothing beside an arrow is straight on.
 
-    >>> parse_turns("through;right"), parse_turns("none")
-    (('through', 'right'), ())
+    >>> parse_turns("through;right"), parse_turns("none"), parse_turns("none;slight_right")
+    (('through', 'right'), (), ('through', 'slight_right'))
     """
-    return tuple(turn.strip() for turn in entry.split(";") if turn.strip() not in ("", "none"))
+    turns = [turn.strip() for turn in entry.split(";")]
+    if all(turn in ("", "none") for turn in turns):
+        return ()
+    return tuple(dict.fromkeys("through" if turn in ("", "none") else turn for turn in turns))
 
 
 def parse_entries(value: str | None) -> tuple[str, ...]:

@@ -35,7 +35,19 @@ _NO_LIMITS: Final = frozenset({"none", "signals", "variable", "walk", "unposted"
 LEFT_TURNS: Final = frozenset({"left", "slight_left", "sharp_left", "reverse"})
 RIGHT_TURNS: Final = frozenset({"right", "slight_right", "sharp_right"})
 _NAME_KEYS: Final = (
-    *("name", "ref", "alt_name", "name_1", "name_2", "alt_name_1", "official_name", "short_name", "loc_name"),
+    *(
+        "name",
+        "name:left",
+        "name:right",
+        "ref",
+        "alt_name",
+        "name_1",
+        "name_2",
+        "alt_name_1",
+        "official_name",
+        "short_name",
+        "loc_name",
+    ),
     *("old_name", "reg_name", "ref_1", "old_ref", "nat_ref", "unsigned_ref", "name:en", "adot_name", "bridge:name"),
 )
 INFERRED_TAG: Final = "trace_dag:inferred"
@@ -168,7 +180,7 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
         section=section,
         lanes_from_tags=reading.tagged,
         names=_names(tags),
-        name=_plain(tags.get("name") or tags.get("ref") or ""),
+        name=_plain(tags.get("name") or tags.get("name:left") or tags.get("name:right") or tags.get("ref") or ""),
         speed_forward_mps=forward,
         speed_backward_mps=backward,
         layer=_layer(tags, bridge=bridge, tunnel=tunnel),

@@ -7,13 +7,13 @@ that comes later knows any of these values."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
 from typing import Final
 
 from trace_dag.osm.types import OsmExtract, OsmWay
+from trace_dag.roads.from_osm.conditions import restrictions_at, value_at
 
 REVERSIBLE_TAG: Final = "trace_dag:reversible"
 """On roads whose lanes go one way at a time: "by the hour" where the hour tells which way it was, else "unknown"."""
@@ -21,11 +21,12 @@ _AGAINST: Final = frozenset({"-1", "reverse"})
 _IN_TURN: Final = frozenset({"reversible", "alternating"})
 _OTHER: Final = {"forward": "backward", "backward": "forward", "left": "right", "right": "left"}
 _SIDED: Final = frozenset({"sidewalk", "cycleway", "footway", "shoulder", "parking", "busway", "verge", "kerb"})
-_CONDITION: Final = re.compile(r"([^;@\s]+)\s*@\s*(?:\(([^)]*)\)|([^;]+))")
 
 
 def along_traffic(extract: OsmExtract, when: datetime | None = None) -> OsmExtract:
     """Return the extract with every one-way road along its traffic, as it was at ``when``, local time.
+
+    Its turn restrictions are those that hold for cars then.
 
     >>> from trace_dag.osm.types import BoundingBox
     >>> way = OsmWay(7, (1, 2), {"highway": "primary", "oneway": "-1", "parking:right": "lane"})
@@ -34,7 +35,7 @@ def along_traffic(extract: OsmExtract, when: datetime | None = None) -> OsmExtra
     ((2, 1), {'highway': 'primary', 'oneway': 'yes', 'parking:left': 'lane'})
     """
     ways = tuple(_along(way, when) for way in extract.ways)
-    return extract if ways == extract.ways else replace(extract, ways=ways)
+    return replace(extract, ways=ways, relations=restrictions_at(extract.relations, when))
 
 
 def _along(way: OsmWay, when: datetime | None) -> OsmWay:
@@ -50,16 +51,8 @@ def _along(way: OsmWay, when: datetime | None) -> OsmWay:
 
 def _at_the_time(conditional: str, when: datetime | None) -> str | None:
     """Return "yes" or "-1" by the conditions that hold; None where none does or a condition cannot be read."""
-    from opening_hours import OpeningHours, validate
-
-    decided = None
-    for value, bracketed, bare in _CONDITION.findall(conditional):
-        hours = bracketed or bare.strip()
-        if when is None or not validate(hours):
-            return None
-        if OpeningHours(hours).is_open(when) and value in (*_AGAINST, "yes", "1"):
-            decided = "-1" if value in _AGAINST else "yes"  # of several that hold the last one counts
-    return decided
+    value = value_at(conditional, when)
+    return "-1" if value in _AGAINST else "yes" if value in ("yes", "1") else None
 
 
 def reverse_tags(tags: Mapping[str, str]) -> dict[str, str]:
