@@ -39,3 +39,24 @@ def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
         if key in tags:
             return tags[key] not in _FORBIDDEN or tags.get("hov") in CAR_POOLS
     return True
+
+
+_CLOSED_BARRIERS: Final = frozenset(
+    {"block", "bollard", "chain", "debris", "fence", "guard_rail", "jersey_barrier", "log", "planter", "wall"}
+)
+_PASSABLE: Final = frozenset({"yes", "permissive", "designated", "destination", "customers", "delivery", "private"})
+
+
+def blocks_cars(tags: Mapping[str, str]) -> bool:
+    """Return whether a node of a way ends it for cars.
+
+    Bollards and their like, unless their access opens them, and gates with ``access=no``; gates of private driveways
+    let those in who live there.
+
+    >>> blocks_cars({"barrier": "bollard"}), blocks_cars({"barrier": "gate"})
+    (True, False)
+    """
+    if "barrier" not in tags:
+        return False
+    access = next((tags[key] for key in _VEHICLE_ACCESS_KEYS if key in tags), "")
+    return access in _FORBIDDEN or (tags["barrier"] in _CLOSED_BARRIERS and access not in _PASSABLE)

@@ -41,10 +41,10 @@ from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, fea
 from trace_dag.osm.types import BoundingBox, OsmFeature, OsmMember, OsmRelation, RawWay
 from trace_dag.osm.walkways import is_walkway
 
-# Nodes keep their tags, all of them, if they have one of these keys: what stands on a road or lifts it. Gates,
-# addresses and trees that share a node with a way say nothing about the road.
+# Nodes keep their tags, all of them, if they have one of these keys: what stands on a road or lifts it. Addresses
+# and trees that share a node with a way say nothing about the road.
 ROAD_NODE_KEYS: Final = frozenset(
-    {"highway", "traffic_signals", "traffic_sign", "traffic_calming", "railway", "junction", "ele"}
+    {"highway", "traffic_signals", "traffic_sign", "traffic_calming", "railway", "junction", "ele", "barrier"}
 )
 RESTRICTION_KEYS: Final = tuple(
     f"restriction{users}{hours}"

@@ -7,7 +7,7 @@ from datetime import datetime
 import pytest
 
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmWay
-from trace_dag.roads.from_osm.way_direction import REVERSIBLE_TAG, along_traffic
+from trace_dag.roads.from_osm.way_direction import REVERSIBLE_TAG, TURNED_TAG, along_traffic
 
 
 def along(when: datetime | None = None, **tags: str) -> OsmWay:
@@ -38,7 +38,7 @@ def along(when: datetime | None = None, **tags: str) -> OsmWay:
 def test_a_way_against_its_traffic_is_turned_round(before: dict[str, str], after: dict[str, str]) -> None:
     way = along(oneway="-1", **before)
     assert way.node_ids == (2, 1)
-    assert way.tags == {"highway": "primary", "oneway": "yes", **after}
+    assert way.tags == {"highway": "primary", "oneway": "yes", TURNED_TAG: "yes", **after}
 
 
 def test_other_ways_stay_as_they_are() -> None:

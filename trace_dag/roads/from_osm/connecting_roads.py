@@ -15,7 +15,13 @@ from typing import Final, NamedTuple
 from trace_dag.roads.from_osm.marks import UNMARKED
 from trace_dag.roads.from_osm.movements import ArmLane, Movement
 from trace_dag.roads.from_osm.polyline_fit import fit_plan
-from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M, drivable_turn, tightest_radius_m
+from trace_dag.roads.from_osm.turn_curves import (
+    CORNER_RADIUS_M,
+    TIGHTEST_RADIUS_M,
+    drivable_turn,
+    tightest_radius_m,
+    turn_of_radius,
+)
 from trace_dag.roads.map.curves import (
     PlanPose,
     PlanView,
@@ -133,7 +139,8 @@ def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | Non
     lane_in, lane_out = pair
     start = _shifted(movement.origin.inbound, lane_in.offset_m)
     end = _shifted(movement.target.outbound, lane_out.offset_m)
-    plan = connect(start, end)
+    circle_m = movement.circle_m
+    plan = turn_of_radius(start, end, circle_m) if circle_m else connect(start, end)
     if plan is None:
         return None
     if tightest_radius_m(plan) < TIGHTEST_RADIUS_M:

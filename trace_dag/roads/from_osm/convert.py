@@ -48,10 +48,12 @@ from trace_dag.roads.from_osm.movements import (
 from trace_dag.roads.from_osm.polyline_fit import fit_plan
 from trace_dag.roads.from_osm.signs import place_signs
 from trace_dag.roads.from_osm.street_graph import Street, build_street_graph
+from trace_dag.roads.from_osm.street_objects import add_objects
 from trace_dag.roads.from_osm.street_roads import StreetRoads, build_street_roads, ways_between
 from trace_dag.roads.from_osm.tags import CrossSection, WayProfile, read_profile
 from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, widen_tight_bends
 from trace_dag.roads.from_osm.turn_restrictions import read_restrictions
+from trace_dag.roads.from_osm.turning_circles import cut_turning_circles, turning_movement
 from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_plan
 from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork
@@ -114,6 +116,7 @@ def convert(
         )
     plans = [_plan(street) for street in streets]
     layout = lay_out(streets, plans)
+    circles = cut_turning_circles(extract, graph, plans, layout)
     ids = count()
 
     def new_id() -> str:
@@ -131,10 +134,12 @@ def convert(
     connecting: list[Road] = []
     links: dict[tuple[int, bool], str] = {}
     crossings: list[tuple[JunctionArea, list[Movement]]] = []
-    for area in layout.junctions:
+    for area in (*layout.junctions, *(JunctionArea([each.node_id], [end]) for end, each in circles.items())):
         arms = _arms(area, streets, plans, layout, built)
         inner = [_inner_way(streets[i], plans[i]) for i in area.inner_streets]
         movements = find_movements(arms, inner, restrictions)
+        if len(arms) == 1 and (circle := circles.get(area.ends[0])):
+            movements = [turning_movement(arms[0], circle)]
         crossings.append((area, movements))
         junction_id = new_id()
         roads, connections = build_connections(movements, junction_id, new_id)
@@ -168,7 +173,8 @@ def convert(
     # Last, so that no lane for traffic depends on what is mapped for people.
     carriageways = Carriageways(network.roads)
     roads_out = add_lanes_beside(network.roads, extract, graph, plans, built, carriageways)
-    network = replace(network, roads=add_crosswalks(roads_out, extract, graph, plans, built))
+    roads_out = add_crosswalks(roads_out, extract, graph, plans, built)
+    network = replace(network, roads=add_objects(roads_out, extract, graph, plans, built))
     return add_lanes_through_junctions(network, carriageways, new_id)
 
 
@@ -234,12 +240,11 @@ def _arms(
         if end.at_start:
             begin_m, end_m = 0.0, trim
             rest = reverse_plan(cut_plan(plan, begin_m, end_m))
-            road, contact, lanes, node = made.roads[0], ContactPoint.START, made.start_lanes, street.start_node
+            road, contact, lanes, node = made.roads[0], ContactPoint.START, made.start_lanes, street.node_ids[0]
         else:
             begin_m, end_m = plan.length_m - trim, plan.length_m
             rest = cut_plan(plan, begin_m, end_m)
-            road, contact, lanes, node = made.roads[-1], ContactPoint.END, made.end_lanes, street.end_node
-        assert node is not None
+            road, contact, lanes, node = made.roads[-1], ContactPoint.END, made.end_lanes, street.node_ids[-1]
         profile, cut_off = end_profile(street, end.at_start), ways_between(street, plan, begin_m, end_m)
         arms.append(make_arm(road.id, contact, node, profile, plan_pose(rest, 0.0), rest, lanes, cut_off))
     return arms

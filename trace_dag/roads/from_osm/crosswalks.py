@@ -167,7 +167,7 @@ def _crosswalk(crossing: _Crossing, plan: PlanView, road: Road, begin_m: float, 
         skew = ahead / left if abs(left) > 1e-6 else math.inf
         if abs(skew) > _MOST_SKEWED:
             return None  # the way runs along this street and crosses another
-    right_edge_m, left_edge_m = _edges(road, s_m)
+    right_edge_m, left_edge_m = edges_of_carriageway(road, s_m)
     if left_edge_m - right_edge_m < _LEAST_ACROSS_M:
         return None
     tagged_m = parse_length_m(crossing.tags.get("width"))
@@ -187,7 +187,7 @@ def _crosswalk(crossing: _Crossing, plan: PlanView, road: Road, begin_m: float, 
     )
 
 
-def _edges(road: Road, s_m: float) -> tuple[float, float]:
+def edges_of_carriageway(road: Road, s_m: float) -> tuple[float, float]:
     """Return the right and left edge of what a crosswalk crosses, metres left of the reference line."""
     section = max((s for s in road.lane_sections if s.s_m <= s_m), key=lambda s: s.s_m, default=road.lane_sections[0])
     middle_m = CubicProfile.of(road.lane_offset).at(s_m)

@@ -111,6 +111,7 @@ class Movement:
     waypoints: tuple[Point, ...]
     inner_way_ids: tuple[int, ...] = ()
     lanes: tuple[tuple[ArmLane, ArmLane], ...] = ()
+    circle_m: float = 0.0  # radius of the circle at a dead end round which it leads
 
     @property
     def way_ids(self) -> tuple[int, ...]:

@@ -20,6 +20,7 @@ from trace_dag.roads.from_osm.junction_areas import JunctionArea
 from trace_dag.roads.from_osm.movements import JunctionArm, Movement
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.from_osm.tags import WayProfile
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanView, Point
 from trace_dag.roads.map.model import ContactPoint, Road, Signal
@@ -44,8 +45,62 @@ _KINDS: Final = {
     "traffic_signals": _Kind("1000001", "Signal", True, 4.6, 1.0, 0.35),
     "stop": _Kind("206", "Stop", False, 2.1, 0.75, 0.75),
     "give_way": _Kind("205", "Yield", False, 2.1, 0.8, 0.9),
+    "mini_roundabout": _Kind("205", "Yield", False, 2.1, 0.8, 0.9),
+    "blinker": _Kind("-1", "Blinker", False, 4.6, 0.35, 0.35),  # no phases, so no controller either
+    "level_crossing": _Kind("201", "RailroadCrossing", False, 2.7, 0.9, 0.9),
+    "level_crossing_lights": _Kind("-1", "RailroadLights", True, 2.1, 0.5, 0.8),
 }
+_ONE_PLACE: Final = frozenset({"level_crossing", "level_crossing_lights", "crossing_signals"})
+"""Kinds that apply where they stand, both ways, not to a junction nearby."""
+_BLINKERS: Final = frozenset({"blinker", "blink_mode", "flashing"})
+_LIT: Final = ("crossing:light", "crossing:barrier")
 _LIMIT_KIND: Final = _Kind("274", "SpeedLimit", False, 2.1, 0.75, 0.6)
+
+
+class _Control(NamedTuple):
+    """What a tagged node is: a key of :data:`_KINDS`, and the node."""
+
+    name: str
+    node: OsmNode
+
+    @property
+    def kind(self) -> _Kind:
+        """Return its looks."""
+        return _KINDS["traffic_signals" if self.name == "crossing_signals" else self.name]
+
+
+def _control_of(tags: Mapping[str, str]) -> str:
+    """Return what a node's tags make it, the empty text for nothing that controls traffic."""
+    highway, lights = tags.get("highway", ""), tags.get("traffic_signals", "")
+    if tags.get("railway") == "level_crossing":
+        lit = any(tags.get(key, "no") != "no" for key in _LIT)
+        return "level_crossing_lights" if lit else "level_crossing"
+    if highway == "traffic_signals":
+        return "stop" if lights == "stop" else "blinker" if lights in _BLINKERS else highway
+    if highway == "crossing" and (tags.get("crossing") == "traffic_signals" or tags.get("crossing:signals") == "yes"):
+        return "crossing_signals"
+    return highway if highway in _KINDS else ""
+
+
+def _controls(extract: OsmExtract, graph: StreetGraph) -> dict[int, _Control]:
+    """Return the nodes that control traffic.
+
+    Lights of a crossing for people count where no other light is near: with one for people there is one for the road
+    (MUTCD 2009, 4E.03).
+    """
+    found = {
+        graph.aliases.get(node.id, node.id): _Control(name, node)
+        for node in extract.nodes.values()
+        if (name := _control_of(node.tags))
+    }
+    places = graph.positions
+    lights = [places[i] for i, each in found.items() if each.name == "traffic_signals" and i in places]
+    return {
+        node_id: each
+        for node_id, each in found.items()
+        if each.name != "crossing_signals"
+        or (node_id in places and all(math.dist(places[node_id], light) > _APPROACH_M for light in lights))
+    }
 
 
 @dataclass(frozen=True)
@@ -73,11 +128,7 @@ def place_signs(
     ['Signal', 'SpeedLimit_25', 'SpeedLimit_30', 'SpeedLimit_35', 'Stop']
     """
     streets, positions = graph.streets, graph.positions
-    controls = {
-        graph.aliases.get(node.id, node.id): node
-        for node in extract.nodes.values()
-        if node.tags.get("highway") in _KINDS
-    }
+    controls = _controls(extract, graph)
     placed: dict[str, list[Signal]] = defaultdict(list)
     ids = count()
     served: set[tuple[str, bool, str]] = set()  # road, direction and type that have their own node
@@ -85,28 +136,34 @@ def place_signs(
     def place(post: _Post, kind: _Kind, node_id: int | None, value: float | None = None) -> None:
         placed[post.road.id].append(_signal(str(next(ids)), post, kind, node_id, value))
 
-    if controls:
-        inside = _junction_nodes(streets, crossings)
-        for index, street_roads in built.items():
-            for post, node in _approach_posts(streets[index], plans[index], street_roads, controls, inside):
-                kind = _KINDS[node.tags["highway"]]
-                key = (post.road.id, post.forward, kind.type)
-                if key not in served:
-                    served.add(key)
-                    place(post, kind, node.id)
-        roads = {road.id: road for street_roads in built.values() for road in street_roads.roads}
-        for area, movements in crossings:
-            tagged = {i: controls[i] for i in sorted(_nodes_of(area, streets) & controls.keys())}
-            for arm, node in _arm_controls(tagged, movements, positions):
-                kind = _KINDS[node.tags["highway"]]
-                forward = arm.contact == ContactPoint.END
-                key = (arm.road_id, forward, kind.type)
-                if key in served:
-                    continue
+    inside = _junction_nodes(streets, crossings) if controls else set()
+    for index, street_roads in built.items() if controls else ():
+        for post, control in _approach_posts(streets[index], plans[index], street_roads, controls, inside):
+            key = (post.road.id, post.forward, control.kind.type)
+            if key not in served or control.name in _ONE_PLACE:
                 served.add(key)
-                road = roads[arm.road_id]
-                stop_m = min(_STOP_LINE_M, road.length_m / 2)
-                place(_Post(road, road.length_m - stop_m if forward else stop_m, forward), kind, node.id)
+                place(post, control.kind, control.node.id)
+                if control.name == "level_crossing_lights":
+                    place(post, _KINDS["level_crossing"], control.node.id)
+    roads = {road.id: road for street_roads in built.values() for road in street_roads.roads}
+
+    def place_at_arm(arm: JunctionArm, kind: _Kind, node_id: int | None) -> None:
+        forward = arm.contact == ContactPoint.END
+        key = (arm.road_id, forward, kind.type)
+        if key not in served:
+            served.add(key)
+            road = roads[arm.road_id]
+            stop_m = min(_STOP_LINE_M, road.length_m / 2)
+            place(_Post(road, road.length_m - stop_m if forward else stop_m, forward), kind, node_id)
+
+    for area, movements in crossings:
+        tagged = {i: controls[i] for i in sorted(_nodes_of(area, streets) & controls.keys())}
+        for arm, control in _arm_controls(tagged, movements, positions):
+            place_at_arm(arm, control.kind, control.node.id)
+        for arm in _arms_into_roundabout(movements):
+            forward = arm.contact == ContactPoint.END
+            if not any((arm.road_id, forward, _KINDS[name].type) in served for name in ("traffic_signals", "stop")):
+                place_at_arm(arm, _KINDS["give_way"], None)
     for street_roads in built.values():
         for post, limit_mps in _limit_posts(street_roads.roads):
             place(post, _LIMIT_KIND, None, limit_mps)
@@ -126,34 +183,35 @@ def _approach_posts(
     street: Street,
     plan: PlanView,
     street_roads: StreetRoads,
-    controls: Mapping[int, OsmNode],
+    controls: Mapping[int, _Control],
     inside: set[int],
-) -> Iterator[tuple[_Post, OsmNode]]:
+) -> Iterator[tuple[_Post, _Control]]:
     """Yield posts of the tagged nodes along a street that are not part of a junction."""
     for k, node_id in enumerate(street.node_ids):
-        node = controls.get(node_id)
-        if node is None or node_id in inside:
+        control = controls.get(node_id)
+        if control is None or node_id in inside:
             continue
         s = plan.vertex_s_m[k]
         span = next(span for span in street.spans if span.first <= k <= span.last)
         to_end = plan.length_m - s if street.end_node is not None else None
         to_start = s if street.start_node is not None else None
-        for forward in _directions(node, span.profile.oneway, span.profile.against_way, to_start, to_end):
-            yield _post_at(street_roads, s, forward), node
+        for forward in _directions(control, span.profile, to_start, to_end):
+            yield _post_at(street_roads, s, forward), control
 
 
 def _directions(
-    node: OsmNode, oneway: bool, against_way: bool, to_start: float | None, to_end: float | None
+    control: _Control, profile: WayProfile, to_start: float | None, to_end: float | None
 ) -> tuple[bool, ...]:
     """Return the directions along the street to which a node applies.
 
     It is the tagged one, else towards the junction it stands at."""
-    if oneway:  # where the map ends, nothing is left that a light could control
-        return (True,) if to_end is not None else ()
-    tagged = node.tags.get("traffic_signals:direction") or node.tags.get("direction") or ""
+    if profile.oneway:  # where the map ends, nothing is left that a light could control
+        return (True,) if to_end is not None or control.name in _ONE_PLACE else ()
+    tags = control.node.tags
+    tagged = tags.get(f"{tags.get('highway', '')}:direction") or tags.get("direction") or ""
     if tagged in ("forward", "backward"):
-        return ((tagged == "forward") != against_way,)
-    if tagged == "both":
+        return ((tagged == "forward") != (profile.against_way != profile.turned),)
+    if tagged == "both" or control.name in _ONE_PLACE:
         return (True, False)
     near_end = to_end is not None and to_end <= _APPROACH_M
     near_start = to_start is not None and to_start <= _APPROACH_M
@@ -175,13 +233,13 @@ def _post_at(street_roads: StreetRoads, s_m: float, forward: bool) -> _Post:
 
 
 def _arm_controls(
-    tagged: Mapping[int, OsmNode], movements: Sequence[Movement], positions: Mapping[int, Point]
-) -> list[tuple[JunctionArm, OsmNode]]:
+    tagged: Mapping[int, _Control], movements: Sequence[Movement], positions: Mapping[int, Point]
+) -> list[tuple[JunctionArm, _Control]]:
     """Return the tagged node of each arm of a junction: of several of one kind the nearest."""
     candidates: dict[tuple[str, ContactPoint, str], tuple[JunctionArm, list[int]]] = {}
-    for node_id, node in tagged.items():
-        for arm in _controlled_arms(node, movements):
-            key = (arm.road_id, arm.contact, node.tags["highway"])
+    for node_id, control in tagged.items():
+        for arm in _controlled_arms(control, movements):
+            key = (arm.road_id, arm.contact, control.name)
             candidates.setdefault(key, (arm, []))[1].append(node_id)
     found = []
     for arm, node_ids in candidates.values():
@@ -190,11 +248,21 @@ def _arm_controls(
     return found
 
 
-def _controlled_arms(node: OsmNode, movements: Sequence[Movement]) -> list[JunctionArm]:
+def _arms_into_roundabout(movements: Sequence[Movement]) -> list[JunctionArm]:
+    """Return the arms by which traffic enters a roundabout, where it gives way (MUTCD 2009, 2B.10)."""
+    arms = {(m.origin.road_id, m.origin.contact): m.origin for m in movements}
+    if not any(arm.profile.roundabout for arm in arms.values()):
+        return []
+    return [arm for arm in arms.values() if not arm.profile.roundabout]
+
+
+def _controlled_arms(control: _Control, movements: Sequence[Movement]) -> list[JunctionArm]:
     """Return arms of a junction to which a node on the junction itself applies."""
     arms = {(m.origin.road_id, m.origin.contact): m.origin for m in movements}
     everyone = list(arms.values())
-    if node.tags["highway"] == "traffic_signals" or node.tags.get("stop") == "all":
+    if control.name not in ("stop", "give_way") or control.node.tags.get("stop") == "all":
+        return everyone
+    if control.node.tags.get("highway") == "traffic_signals":  # a light that stops all
         return everyone
     ranks = {key: arm.profile.rank for key, arm in arms.items()}
     major = min(ranks.values(), default=0)
@@ -204,7 +272,7 @@ def _controlled_arms(node: OsmNode, movements: Sequence[Movement]) -> list[Junct
     # All arms of one class: the stem of a T, from which nothing goes straight on, gives way.
     straight = {(m.origin.road_id, m.origin.contact) for m in movements if m.turn == "straight"}
     stems = [arm for key, arm in arms.items() if key not in straight]
-    return stems or everyone
+    return stems or ([] if control.node.tags.get("stop") == "minor" else everyone)
 
 
 def _limit_posts(roads: Sequence[Road]) -> Iterator[tuple[_Post, float]]:

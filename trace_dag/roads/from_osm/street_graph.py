@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.common.geometry import LocalFrame
-from trace_dag.osm.drivable import is_drivable
+from trace_dag.osm.drivable import blocks_cars, is_drivable
 from trace_dag.osm.types import OsmExtract, OsmWay
 from trace_dag.roads.from_osm.tags import WayProfile
 from trace_dag.roads.map.curves import Point
@@ -28,6 +28,7 @@ _FARTHEST_M: Final = 1e5  # from the crash; beyond it coordinates are wrong
 _CLIPPED_M: Final = 12.0  # least length of a road from its junction to the border of the box
 STUB_M: Final = 3.0
 """Dead ends shorter than this are errors of drawing or cutting."""
+_BEHIND: Final = -(10**12)  # ids of nodes behind barriers lie below all others
 _HOOK_RAD: Final = math.radians(5)
 _SAME_ROAD_RAD: Final = math.radians(100)  # a way that turns more sharply at its end is not continued by the next
 
@@ -89,6 +90,8 @@ def build_street_graph(
     for edge in ways:
         edge.node_ids = _without_repeats([_canonical(node, aliases) for node in edge.node_ids])
     pieces = _without_overlaps(ways)
+    blocked = {_canonical(node.id, aliases) for node in extract.nodes.values() if blocks_cars(node.tags)}
+    pieces = _cut_at_barriers(pieces, blocked, positions)
     arms = _count_arms(pieces)
     clipped = {_canonical(node.id, aliases) for node in extract.nodes.values() if node.clipped}
     for piece in pieces:
@@ -155,6 +158,27 @@ def _without_overlaps(ways: list[_Edge]) -> list[_Edge]:
         if len(run) > 1:
             pieces.append(_Edge(way.profile, run))
     return pieces
+
+
+def _cut_at_barriers(pieces: list[_Edge], blocked: set[int], positions: dict[int, Point]) -> list[_Edge]:
+    """Return ways cut at barriers between two of their ends: what lies behind one begins at a node of its own."""
+    arms = _count_arms(pieces)
+    cut: list[_Edge] = []
+    met: set[int] = set()
+    for piece in pieces:
+        nodes = piece.node_ids
+        inner = [k for k in range(1, len(nodes) - 1) if nodes[k] in blocked and arms[nodes[k]] == 2]
+        for first, last in pairwise([0, *inner, len(nodes) - 1]):
+            part = nodes[first : last + 1]
+            for end in (0, -1):
+                node = part[end]
+                if node in blocked and arms[node] == 2:
+                    if node in met:
+                        part[end] = _BEHIND - node
+                        positions[part[end]] = positions[node]
+                    met.add(node)
+            cut.append(_Edge(piece.profile, part))
+    return cut
 
 
 def _count_arms(pieces: list[_Edge]) -> dict[int, int]:

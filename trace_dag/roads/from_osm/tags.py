@@ -20,7 +20,7 @@ from trace_dag.osm.types import OsmWay
 from trace_dag.roads.from_osm.beside_tags import read_beside
 from trace_dag.roads.from_osm.lane_tags import LaneReading, TaggedLane, read_lanes
 from trace_dag.roads.from_osm.tag_values import MOST_LANES, parse_integer, parse_length_m, parse_speed_mps
-from trace_dag.roads.from_osm.way_direction import REVERSIBLE_TAG
+from trace_dag.roads.from_osm.way_direction import REVERSIBLE_TAG, TURNED_TAG
 from trace_dag.roads.map.model import LaneType
 
 _SINGLE_TRACK_WIDTH_M: Final = 2.25  # each half of a two-way way with lanes=1
@@ -115,7 +115,8 @@ class WayProfile:
     bridge: bool = False
     tunnel: bool = False
     roundabout: bool = False
-    against_way: bool = False  # seen against the direction of the OSM way
+    against_way: bool = False  # seen against the direction of the way
+    turned: bool = False  # the way is OpenStreetMap's reversed
     inferred: str = ""  # why the way was drawn, if it is not OpenStreetMap's
     reversible: str = ""
     not_followed: tuple[str, ...] = ()
@@ -189,6 +190,7 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
         roundabout=tags.get("junction") in ("roundabout", "circular"),
         inferred=tags.get(INFERRED_TAG, ""),
         reversible=tags.get(REVERSIBLE_TAG, ""),
+        turned=TURNED_TAG in tags,
         not_followed=tuple(notes),
     )
 

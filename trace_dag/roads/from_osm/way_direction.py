@@ -17,6 +17,8 @@ from trace_dag.roads.from_osm.conditions import restrictions_at, value_at
 
 REVERSIBLE_TAG: Final = "trace_dag:reversible"
 """On roads whose lanes go one way at a time: "by the hour" where the hour tells which way it was, else "unknown"."""
+TURNED_TAG: Final = "trace_dag:turned"
+"""On ways that were reversed: ``direction`` of their nodes is that of the way as OpenStreetMap has it."""
 _AGAINST: Final = frozenset({"-1", "reverse"})
 _IN_TURN: Final = frozenset({"reversible", "alternating"})
 _OTHER: Final = {"forward": "backward", "backward": "forward", "left": "right", "right": "left"}
@@ -32,7 +34,7 @@ def along_traffic(extract: OsmExtract, when: datetime | None = None) -> OsmExtra
     >>> way = OsmWay(7, (1, 2), {"highway": "primary", "oneway": "-1", "parking:right": "lane"})
     >>> turned = along_traffic(OsmExtract(BoundingBox(0.0, 0.0, 1.0, 1.0), {}, (way,))).ways[0]
     >>> turned.node_ids, turned.tags
-    ((2, 1), {'highway': 'primary', 'oneway': 'yes', 'parking:left': 'lane'})
+    ((2, 1), {'highway': 'primary', 'oneway': 'yes', 'parking:left': 'lane', 'trace_dag:turned': 'yes'})
     """
     ways = tuple(_along(way, when) for way in extract.ways)
     return replace(extract, ways=ways, relations=restrictions_at(extract.relations, when))
@@ -45,7 +47,7 @@ def _along(way: OsmWay, when: datetime | None) -> OsmWay:
         tags = {**way.tags, "oneway": decided or "yes", REVERSIBLE_TAG: "by the hour" if decided else "unknown"}
         return _along(way._replace(tags=tags), when)
     if oneway in _AGAINST:
-        return OsmWay(way.id, way.node_ids[::-1], {**reverse_tags(way.tags), "oneway": "yes"})
+        return OsmWay(way.id, way.node_ids[::-1], {**reverse_tags(way.tags), "oneway": "yes", TURNED_TAG: "yes"})
     return way
 
 

@@ -119,7 +119,7 @@ class MapComparison:
         return {
             node_id: junction.id
             for junction in self.network.junctions
-            if all(arms[node_id] <= 2 for node_id in junction.osm_node_ids)
+            if all(arms[node_id] == 2 for node_id in junction.osm_node_ids)
             for node_id in junction.osm_node_ids
         }
 

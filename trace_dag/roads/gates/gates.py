@@ -249,8 +249,11 @@ def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
         yield MapGate(name, steepest.grade, limit, "rise over run", passed, detail, steep)
     found = measures.crossings(stored)
     separated = [crossing for crossing in found if crossing.separated]
-    level = (
-        f"{len(found) - len(separated)} at one level without a junction in OSM" if len(found) > len(separated) else ""
+    level = "; ".join(
+        f"roads {' and '.join(each.road_ids)} cross at one level without a junction in OSM, at "
+        f"({each.x_m:.0f}, {each.y_m:.0f})"
+        for each in found
+        if not each.separated
     )
     if not separated:
         yield MapGate("clearance", None, limits.clearance_m, "m", True, level or "no road passes over another")

@@ -170,6 +170,22 @@ class Crosswalk:
 
 
 @dataclass(frozen=True)
+class RoadObject:
+    """A thing on the road: a closed outline of corners, metres ahead and left of the reference line at ``s_m``.
+
+    ``type`` is OpenDRIVE's ``e_objectType``: "trafficIsland"; "patch" for the ground of a track or a turning circle.
+    """
+
+    id: str
+    type: str
+    name: str
+    s_m: float
+    outline_m: tuple[tuple[float, float], ...]
+    height_m: float = 0.0
+    osm_node_id: int | None = None
+
+
+@dataclass(frozen=True)
 class Road:
     """A stretch of road between junctions, or a connecting road inside one (``junction_id`` set).
 
@@ -189,6 +205,7 @@ class Road:
     successor: RoadLink | None = None
     signals: tuple[Signal, ...] = ()
     crosswalks: tuple[Crosswalk, ...] = ()
+    objects: tuple[RoadObject, ...] = ()
     highway: str = ""
     names: tuple[str, ...] = ()
     osm_way_ids: tuple[int, ...] = ()

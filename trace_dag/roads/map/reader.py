@@ -2,8 +2,8 @@
 
 Reads versions 1.4 to 1.8 as far as the road model goes: plan view (line, arc, ``paramPoly3``; spirals as arcs,
 ``poly3`` as ``paramPoly3``), elevation, lane offset, lane sections with widths or borders, road marks, speeds, signals
-and their controllers, links, junctions, and crosswalks among the objects. Superelevation, other objects and railways
-are left aside. XML is parsed without entities or network access.
+and their controllers, links, junctions, and of the objects crosswalks, traffic islands and patches. Superelevation,
+other objects and railways are left aside. XML is parsed without entities or network access.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from trace_dag.roads.map.model import (
     Road,
     RoadLink,
     RoadMark,
+    RoadObject,
     Signal,
 )
 from trace_dag.roads.map.network import RoadNetwork
@@ -57,6 +58,7 @@ _OTHER_LANE_TYPES: Final = {
     "walking": LaneType.SIDEWALK,
 }
 _LANE_TYPES: Final = {**_OTHER_LANE_TYPES, **{lane_type.value: lane_type for lane_type in LaneType}}
+_READ_OBJECTS: Final = frozenset({"trafficIsland", "patch"})
 _LONGEST_ROAD_M: Final = 1e6  # a longer one is an error, and sampling it would fill the memory
 _MOST_TURN_RAD: Final = 100.0  # of a piece of road: 16 full circles
 
@@ -154,6 +156,11 @@ class _Reader(ValueReader):
                 self._crosswalk(child)
                 for child in parts.get("objects", ())
                 if child.tag == "object" and child.get("type") == "crosswalk" and _corners(child)
+            ),
+            objects=tuple(
+                self._object(child)
+                for child in parts.get("objects", ())
+                if child.tag == "object" and child.get("type") in _READ_OBJECTS and _corners(child)
             ),
             highway=first_note(notes, "highway"),
             names=tuple(notes.get("altName", ())),
@@ -257,8 +264,8 @@ class _Reader(ValueReader):
             osm_node_id=next(iter(self.note_integers(element, notes_of(element), "osmNode")), None),
         )
 
-    def _crosswalk(self, element: etree._Element) -> Crosswalk:
-        """Return corners of the object's own frame turned into the road's.
+    def _outline(self, element: etree._Element) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return where an object is, and the corners of its own frame turned into the road's.
 
         Those given by s and t as if it were straight.
         """
@@ -271,11 +278,28 @@ class _Reader(ValueReader):
             else:
                 u, v = self.number(corner, "u"), self.number(corner, "v")
                 outline.append((u * cosine - v * sine, t_m + u * sine + v * cosine))
+        return s_m, tuple(outline)
+
+    def _object(self, element: etree._Element) -> RoadObject:
+        s_m, outline = self._outline(element)
+        node_ids = self.note_integers(element, notes_of(element), "osmNode")
+        return RoadObject(
+            id=self.text(element, "id"),
+            type=element.get("type", ""),
+            name=element.get("name", ""),
+            s_m=s_m,
+            outline_m=outline,
+            height_m=self.number(element, "height", 0.0),
+            osm_node_id=next(iter(node_ids), None),
+        )
+
+    def _crosswalk(self, element: etree._Element) -> Crosswalk:
+        s_m, outline = self._outline(element)
         notes = notes_of(element)
         return Crosswalk(
             id=self.text(element, "id"),
             s_m=s_m,
-            outline_m=tuple(outline),
+            outline_m=outline,
             marked=first_note(notes, "marked") != "false",
             signals=first_note(notes, "signals") == "true",
             osm_node_id=next(iter(self.note_integers(element, notes, "osmNode")), None),

@@ -26,6 +26,7 @@ from trace_dag.roads.map.model import (
     Road,
     RoadLink,
     RoadMark,
+    RoadObject,
     Signal,
 )
 from trace_dag.roads.map.network import RoadNetwork
@@ -126,6 +127,7 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
         _write_section(out, section, _last_start(section.s_m, road.length_m), marks)
     out.append("</lanes>\n<objects>\n")
     out.extend(map(_crosswalk, road.crosswalks))
+    out.extend(map(_object, road.objects))
     out.append("</objects>\n<signals>\n")
     out.extend(_signal(road, signal) for signal in road.signals)
     out.append("</signals>\n")
@@ -249,25 +251,32 @@ def _signal(road: Road, signal: Signal) -> str:
 
 
 def _crosswalk(crosswalk: Crosswalk) -> str:
-    """Write a crosswalk as an object with its outline inside it.
-
-    CARLA does not look into ``<outlines>``, and 1.7 allows both.
-    """
-    ahead, left = zip(*crosswalk.outline_m, strict=True)
-    corners = "".join(
-        f'<cornerLocal u="{_number(u)}" v="{_number(v)}" z="0" height="0" id="{number}"/>'
-        for number, (u, v) in enumerate(crosswalk.outline_m)
-    )
     notes = (
         ("marked", "" if crosswalk.marked else "false"),
         ("signals", "true" if crosswalk.signals else ""),
         ("osmNode", crosswalk.osm_node_id),
     )
+    described = RoadObject(crosswalk.id, "crosswalk", "crosswalk", crosswalk.s_m, crosswalk.outline_m)
+    return _object(described, "".join(_user_data(code, value) for code, value in notes))
+
+
+def _object(thing: RoadObject, notes: str | None = None) -> str:
+    """Write an object with its outline inside it.
+
+    CARLA does not look into ``<outlines>``, and 1.7 allows both.
+    """
+    ahead, left = zip(*thing.outline_m, strict=True)
+    height = _number(thing.height_m)
+    corners = "".join(
+        f'<cornerLocal u="{_number(u)}" v="{_number(v)}" z="0" height="{height}" id="{number}"/>'
+        for number, (u, v) in enumerate(thing.outline_m)
+    )
     return (
-        f'<object type="crosswalk" id="{crosswalk.id}" name="crosswalk" s="{_number(crosswalk.s_m)}" t="0" zOffset="0" '
-        f'orientation="none" hdg="0" pitch="0" roll="0" height="0" length="{_number(max(ahead) - min(ahead))}" '
+        f'<object type="{thing.type}" id="{thing.id}" name="{_text(thing.name)}" s="{_number(thing.s_m)}" t="0" '
+        f'zOffset="0" orientation="none" hdg="0" pitch="0" roll="0" height="{height}" '
+        f'length="{_number(max(ahead) - min(ahead))}" '
         f'width="{_number(max(left) - min(left))}">\n<outline id="0" closed="true" outer="true">'
-        f"{corners}</outline>\n{''.join(_user_data(code, value) for code, value in notes)}</object>\n"
+        f"{corners}</outline>\n{_user_data('osmNode', thing.osm_node_id) if notes is None else notes}</object>\n"
     )
 
 
