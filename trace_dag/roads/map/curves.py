@@ -20,8 +20,8 @@ _FLAT_RAD: Final = 5e-4
 _SAME_DIRECTION_RAD: Final = 1e-6
 LARGEST_RADIUS_M: Final = 5000.0  # readers that use single precision, such as CARLA, lose arcs that are much flatter
 _MIN_LENGTH_M: Final = 1e-6
-SHORTEST_ELEMENT_M: Final = 0.01
-_AROUND_SLIVER_M: Final = 0.5
+SHORTEST_ELEMENT_M: Final = 0.1
+_AROUND_SLIVER_M: Final = 1.0
 _DETOUR_M: Final = 2.0
 
 

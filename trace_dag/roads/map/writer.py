@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final, Literal
 
 from trace_dag.common.units import mps_to_mph
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.model import (
+    ContactPoint,
     Controller,
     Crosswalk,
     Cubic,
@@ -34,6 +35,8 @@ from trace_dag.roads.map.network import RoadNetwork
 _MARK_WIDTH_M: Final = "0.12"
 _SPECIAL: Final = re.compile("[&<>\"'\t\n\r]|[^\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ENTITIES: Final = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&apos;"}
+_LIGHT: Final = "1000001"
+_GIVE_WAY: Final = frozenset({"205", "206"})
 _CENTRE: Final = Lane(0, LaneType.NONE, ())
 
 Marks = Literal["reconstruction", "legal"]
@@ -48,10 +51,10 @@ def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") ->
     out = ['<?xml version="1.0" encoding="UTF-8"?>\n<OpenDRIVE>\n']
     _write_header(out, network)
     for road in network.roads:
-        _write_road(out, road, marks)
+        _write_road(out, road, marks, _lights_of(network, road))
     out.extend(map(_controller, network.controllers))
     for junction in network.junctions:
-        _write_junction(out, junction)
+        _write_junction(out, junction, _priorities(network, junction))
     out.append("</OpenDRIVE>\n")
     return "".join(out).encode()
 
@@ -105,7 +108,33 @@ def _write_header(out: list[str], network: RoadNetwork) -> None:
     )
 
 
-def _write_road(out: list[str], road: Road, marks: Marks) -> None:
+def _signals_before(network: RoadNetwork, road: Road) -> list[Signal]:
+    """Return the signals that traffic passes on the way to a connecting road."""
+    link = road.predecessor
+    origin = None if link is None else network.road_by_id.get(link.element_id)
+    if origin is None or link is None or road.junction_id is None:
+        return []
+    towards = "+" if link.contact_point is ContactPoint.END else "-"
+    return [signal for signal in origin.signals if signal.orientation == towards]
+
+
+def _lights_of(network: RoadNetwork, road: Road) -> list[Signal]:
+    """Return the lights that a connecting road refers to: without, readers take its junction for one without lights."""
+    return [signal for signal in _signals_before(network, road) if signal.type == _LIGHT]
+
+
+def _priorities(network: RoadNetwork, junction: Junction) -> list[tuple[str, str]]:
+    """Return pairs of connecting roads of which traffic on the first has the right of way, by stop and yield signs."""
+    roads = [network.road_by_id[each.connecting_road] for each in junction.connections]
+    types = {road.id: {signal.type for signal in _signals_before(network, road)} for road in roads}
+    if any(_LIGHT in each for each in types.values()):
+        return []
+    low = [road_id for road_id, each in types.items() if each & _GIVE_WAY]
+    high = [road_id for road_id, each in types.items() if not each & _GIVE_WAY]
+    return [(major, minor) for major in high for minor in low]
+
+
+def _write_road(out: list[str], road: Road, marks: Marks, lights: Iterable[Signal]) -> None:
     junction = "-1" if road.junction_id is None else road.junction_id
     out.append(
         f'<road name="{_text(road.name)}" length="{_number(road.length_m)}" id="{road.id}" junction="{junction}" '
@@ -128,8 +157,15 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
     out.append("</lanes>\n<objects>\n")
     out.extend(map(_crosswalk, road.crosswalks))
     out.extend(map(_object, road.objects))
+    length = _number(road.length_m)
+    if road.tunnel:
+        out.append(f'<tunnel id="tunnel{road.id}" s="0" length="{length}" type="standard"/>\n')
+    if road.bridge:
+        out.append(f'<bridge id="bridge{road.id}" s="0" length="{length}" type="concrete"/>\n')
     out.append("</objects>\n<signals>\n")
     out.extend(_signal(road, signal) for signal in road.signals)
+    lanes = [lane.id for lane in road.lane_sections[0].lanes if lane.id and lane.type.drivable]
+    out.extend(_signal_reference(lanes, signal) for signal in lights if lanes)
     out.append("</signals>\n")
     out.append(_user_data("highway", road.highway))
     out.extend(_user_data("altName", name) for name in road.names)
@@ -138,6 +174,8 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
     for code, flag in (("bridge", road.bridge), ("tunnel", road.tunnel), ("lanesFromTags", road.lanes_from_tags)):
         if flag:
             out.append(_user_data(code, "true"))
+    if road.speed_mps is None:
+        out.append(_user_data("assumedSpeedMph", _mph(road_class(road.highway).speed_mps)))
     out.append(_user_data("turn", road.turn))
     out.append(_user_data("inferred", road.inferred))
     out.append(_user_data("reversible", road.reversible))
@@ -250,6 +288,14 @@ def _signal(road: Road, signal: Signal) -> str:
     )
 
 
+def _signal_reference(lanes: Sequence[int], signal: Signal) -> str:
+    """Write that a light on the way to a connecting road is for the lanes of that."""
+    return (
+        f'<signalReference s="0" t="0" id="{signal.id}" orientation="+">\n'
+        f'<validity fromLane="{min(lanes)}" toLane="{max(lanes)}"/>\n</signalReference>\n'
+    )
+
+
 def _crosswalk(crosswalk: Crosswalk) -> str:
     notes = (
         ("marked", "" if crosswalk.marked else "false"),
@@ -288,7 +334,7 @@ def _controller(controller: Controller) -> str:
     )
 
 
-def _write_junction(out: list[str], junction: Junction) -> None:
+def _write_junction(out: list[str], junction: Junction, priorities: Iterable[tuple[str, str]]) -> None:
     out.append(f'<junction name="{_text(junction.name)}" id="{junction.id}" type="default">\n')
     for connection in junction.connections:
         links = "".join(f'<laneLink from="{origin}" to="{target}"/>' for origin, target in connection.lane_links)
@@ -297,6 +343,7 @@ def _write_junction(out: list[str], junction: Junction) -> None:
             f'connectingRoad="{connection.connecting_road}" contactPoint="{connection.contact_point.value}">'
             f"{links}</connection>\n"
         )
+    out.extend(f'<priority high="{high}" low="{low}"/>\n' for high, low in priorities)
     for sequence, controller_id in enumerate(junction.controller_ids):
         out.append(f'<controller id="{controller_id}" sequence="{sequence}"/>\n')
     out.append(_user_data("osmNodes", " ".join(map(str, junction.osm_node_ids))))
