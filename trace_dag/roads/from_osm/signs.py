@@ -58,7 +58,7 @@ _LIMIT_KIND: Final = _Kind("274", "SpeedLimit", False, 2.1, 0.75, 0.6)
 
 
 class _Control(NamedTuple):
-    """What a tagged node is: a key of :data:`_KINDS`, and the node."""
+    """Control of traffic by a tagged node: a key of :data:`_KINDS`, and the node."""
 
     name: str
     node: OsmNode
