@@ -4,8 +4,8 @@
 
 Around the middle of the roads of each extract every converter gets the same data. Printed is one table: how many maps
 were made, how far the ways lie from the axes of their roads outside junctions, roads with the lanes that are tagged,
-errors that ASAM's checker finds at version 1.7, how many maps CARLA's library and netconvert read, and the time of a
-map with its process. CommonRoad's designer makes lanelets: its ways are measured to the nearest border or middle of
+errors that ASAM's checker finds at version 1.7, how many maps CARLA's library and netconvert read, and the CPU time of
+a map with its process. CommonRoad's designer makes lanelets: its ways are measured to the nearest border or middle of
 one, a way farther than 5 m from all counts as missing, and OpenDRIVE's checker and readers do not apply.
 """
 
@@ -14,10 +14,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
+import resource
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,6 +80,12 @@ class Row:
         self.lanes = self.lanes[0] + compared, self.lanes[1] + len(differing)
 
 
+def _cpu_s() -> float:
+    """Return the CPU time of this process and of those that it has waited for: load beside it does not count."""
+    used = [resource.getrusage(of) for of in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return math.fsum(each.ru_utime + each.ru_stime for each in used)
+
+
 def places(folder: Path, radius_m: float) -> Iterator[tuple[str, OsmExtract, LocalFrame]]:
     """Yield an extract around the node that is in the middle of the public roads of each file."""
     for path in sorted(folder.glob("*.pbf")):
@@ -129,11 +136,11 @@ def lanelets(row: Row, extract: OsmExtract, frame: LocalFrame, folder: Path) -> 
     source = folder / "designer.osm"
     source.write_bytes(write_osm(extract))
     command = ["uv", "run", "--quiet", "--isolated", "--no-project", "--python", sys.executable, "--with", _DESIGNER]
-    start = time.perf_counter()
+    start = _cpu_s()
     done = subprocess.run(
         [*command, "python", "-c", _LANELETS, source], capture_output=True, text=True, check=True, timeout=_TIME_LIMIT_S
     )
-    row.times_s.append(time.perf_counter() - start)
+    row.times_s.append(_cpu_s() - start)
     lines = json.loads(done.stdout.partition("LANELETS")[2])
     to_degrees = Transformer.from_crs(3857, 4326, always_xy=True)
     local = []
@@ -167,9 +174,9 @@ def convert(row: Row, name: str, place: str, extract: OsmExtract, frame: LocalFr
         if name == "CommonRoad designer":
             lanelets(row, extract, frame, folder)
             return
-        start = time.perf_counter()
+        start = _cpu_s()
         xodr = CONVERTERS[name](extract, frame, folder)
-        row.times_s.append(time.perf_counter() - start)
+        row.times_s.append(_cpu_s() - start)
         network = read_opendrive(xodr, name=name)
         row.measure(network if name == "trace-dag" else add_way_tags(network, extract), extract)
     except _TROUBLE as error:
@@ -202,9 +209,8 @@ def main() -> int:
     parser.add_argument("--radius", type=float, default=400.0, help="around each place, metres (default 400)")
     options = parser.parse_args()
     rows = {name: Row() for name in (*CONVERTERS, "CommonRoad designer")}
-    print(
-        "| converter | maps | ways, mean m | worst m | missing | lanes tagged | ASAM errors | carla | netconvert | s |"
-    )
+    names = ("converter", "maps", "ways, mean m", "worst m", "missing", "lanes tagged", "ASAM errors")
+    print(f"| {' | '.join((*names, 'carla', 'netconvert', 'CPU s'))} |")
     print("|---|---|---:|---:|---:|---|---:|---|---|---:|", flush=True)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -217,7 +223,7 @@ def main() -> int:
             errors, carla, sumo = read_by(row, folder)
             compared, differing = row.lanes
             lanes = f"{compared - differing} of {compared}" if compared else ""
-            seconds = f"{np.median(row.times_s):.1f}" if row.times_s else ""
+            seconds = f"{np.median(row.times_s):.2f}" if row.times_s else ""
             missing = str(row.missing) if row.times_s else ""
             cells = (name, f"{len(row.times_s)} of {row.tried}", f"{mean_m:.3f}", f"{row.worst_m:.2f}", missing, lanes)
             print(f"| {' | '.join((*cells, errors, carla, sumo, seconds))} |", flush=True)

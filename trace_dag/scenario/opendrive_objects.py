@@ -38,7 +38,8 @@ def add_objects(xodr: bytes, objects: Sequence[PlacedObject]) -> bytes:
     for number, placed in enumerate(objects, first):
         element = deepcopy(placed.element)
         element.set("id", str(number))  # readers such as CommonRoad's take whole numbers only
-        _objects_of(roads[placed.road_id]).append(element)
+        beside = _objects_of(roads[placed.road_id])
+        beside.insert(len(beside.findall("object")), element)  # bridges and tunnels come after all objects
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
 
 

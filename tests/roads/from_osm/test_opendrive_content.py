@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from itertools import product
 
+from lxml import etree
 from roads.towns import Town
+
+from trace_dag.roads.map.rules import find_violations
+from trace_dag.scenario.opendrive_objects import PlacedObject, add_objects, new_object
 
 
 def _tee() -> Town:
@@ -77,3 +81,15 @@ def test_no_piece_of_a_road_is_shorter_than_ten_centimetres() -> None:
     town.street([(40, -60), (40, 25), (40, 90)], name="Cross")
     lengths = [float(piece.get("length")) for piece in town.xodr().iter("geometry")]
     assert min(lengths) >= 0.1 - 1e-3
+
+
+def test_things_of_a_scenario_come_before_bridges_and_have_numbers_of_their_own() -> None:
+    town = Town()
+    town.street([(-150, 0), (0, 0), (150, 0)], name="River", bridge="yes")
+    town.sign(0, 0, **{"highway": "crossing", "crossing:island": "yes"})
+    placed = PlacedObject("0", new_object("pole", "mast", (12.0, -4.5, 0.0), {"height": 8.0, "radius": 0.1}))
+    xodr = add_objects(town.made().stored.xodr, [placed])
+    assert find_violations(xodr) == []
+    objects = etree.fromstring(xodr).find("road/objects")
+    assert [each.tag for each in objects] == ["object", "object", "object", "bridge"]
+    assert sorted(int(each.get("id")) for each in objects.findall("object")) == [0, 1, 2]

@@ -37,7 +37,7 @@ def add_objects(
     """
     by_id = {road.id: road for road in roads}
     made: dict[str, list[RoadObject]] = defaultdict(list)
-    ids = count()
+    ids = count(sum(len(road.crosswalks) for road in roads))  # after those of the crosswalks
     tagged = {graph.aliases.get(node.id, node.id): node for node in extract.nodes.values() if node.tags}
     for index, of_street in built.items():
         for number, node_id in enumerate(graph.streets[index].node_ids):
@@ -50,8 +50,9 @@ def add_objects(
             place_m = min(max(at_m, 0.0), road.length_m)  # a road that a junction cuts back ends before its node
             for kind, name, outline, height_m in _things(tagged[node_id].tags, road, place_m):
                 moved = tuple((u + at_m - place_m, v) for u, v in outline)
-                thing_id = f"thing{next(ids)}"
-                made[road.id].append(RoadObject(thing_id, kind, name, place_m, moved, height_m, tagged[node_id].id))
+                made[road.id].append(
+                    RoadObject(str(next(ids)), kind, name, place_m, moved, height_m, tagged[node_id].id)
+                )
     return tuple(replace(road, objects=tuple(made[road.id])) if road.id in made else road for road in roads)
 
 

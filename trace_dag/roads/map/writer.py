@@ -159,9 +159,9 @@ def _write_road(out: list[str], road: Road, marks: Marks, lights: Iterable[Signa
     out.extend(map(_object, road.objects))
     length = _number(road.length_m)
     if road.tunnel:
-        out.append(f'<tunnel id="tunnel{road.id}" s="0" length="{length}" type="standard"/>\n')
+        out.append(f'<tunnel id="{road.id}" s="0" length="{length}" type="standard"/>\n')
     if road.bridge:
-        out.append(f'<bridge id="bridge{road.id}" s="0" length="{length}" type="concrete"/>\n')
+        out.append(f'<bridge id="{road.id}" s="0" length="{length}" type="concrete"/>\n')
     out.append("</objects>\n<signals>\n")
     out.extend(_signal(road, signal) for signal in road.signals)
     lanes = [lane.id for lane in road.lane_sections[0].lanes if lane.id and lane.type.drivable]
