@@ -7,7 +7,9 @@ from collections import Counter
 
 import pytest
 from lxml import etree
-from roads.towns import Town
+from roads.towns import FRAME, SETTINGS, Town
+
+from trace_dag.roads.build import build_plain_map
 
 
 def _crossing(**streets: str) -> Town:
@@ -195,3 +197,21 @@ def test_roads_that_cross_without_a_node_are_said() -> None:
     town.street([(0, -200), (0, 200)], name="Elm")
     gate = next(gate for gate in town.made().gates if gate.name == "clearance")
     assert gate.detail == "roads 0 and 1 cross at one level without a junction in OSM, at (0, 0)"
+
+
+def _island_m(parked: str, *, left_hand: bool) -> list[float]:
+    """Return the corners of an island on a one-way street with cars parked on one side, metres left of the road."""
+    town = Town()
+    tags = {"oneway": "yes", "lanes": "3", f"parking__{parked}": "lane"}
+    town.street([(-150, 0), (0, 0), (150, 0)], name="School", **tags)
+    town.sign(0, 0, **{"highway": "crossing", "crossing:island": "yes"})
+    made = build_plain_map(town.extract(), FRAME, SETTINGS, name="town", left_hand=left_hand)
+    (island,) = etree.fromstring(made.stored.xodr).findall(".//object[@type='trafficIsland']")
+    return sorted(float(corner.get("v")) for corner in island.iter("cornerLocal"))
+
+
+def test_an_island_is_mirrored_with_its_street() -> None:
+    right = _island_m("left", left_hand=False)
+    mirrored = [-each for each in right[::-1]]
+    assert right != pytest.approx(mirrored)  # the parked cars move the middle of the carriageway
+    assert _island_m("right", left_hand=True) == pytest.approx(mirrored)

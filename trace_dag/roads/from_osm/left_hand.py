@@ -15,6 +15,7 @@ from typing import Final
 from trace_dag.common.geometry import LocalFrame
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode
 from trace_dag.roads.from_osm.tag_values import MOST_LANES, parse_integer
+from trace_dag.roads.map.curves import Point
 from trace_dag.roads.map.model import Cubic, Junction, Lane, LaneSection, PlanElement, Road, RoadMark
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -90,13 +91,15 @@ def _road(road: Road) -> Road:
         lane_sections=tuple(LaneSection(each.s_m, tuple(map(_lane, each.lanes[::-1]))) for each in road.lane_sections),
         lane_offset=tuple(Cubic(each.s_m, -each.a, -each.b, -each.c, -each.d) for each in road.lane_offset),
         signals=tuple(replace(signal, t_m=-signal.t_m) for signal in road.signals),
-        crosswalks=tuple(
-            replace(each, outline_m=tuple((ahead, -left) for ahead, left in each.outline_m[::-1]))
-            for each in road.crosswalks
-        ),
+        crosswalks=tuple(replace(each, outline_m=_outline(each.outline_m)) for each in road.crosswalks),
+        objects=tuple(replace(each, outline_m=_outline(each.outline_m)) for each in road.objects),
         turn=None if road.turn is None else _swapped(road.turn),
         left_hand=True,
     )
+
+
+def _outline(corners_m: tuple[Point, ...]) -> tuple[Point, ...]:
+    return tuple((ahead, -left) for ahead, left in corners_m[::-1])
 
 
 def _element(piece: PlanElement) -> PlanElement:
