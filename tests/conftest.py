@@ -18,13 +18,16 @@ from trace_dag.flow.executors import available_cores
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-# How fast the machine is, or what else it does, fails no test.
-hypothesis.settings.register_profile(
-    "any machine",
-    deadline=None,
-    suppress_health_check=[hypothesis.HealthCheck.too_slow, hypothesis.HealthCheck.data_too_large],
-)
-hypothesis.settings.load_profile("any machine")
+# How fast the machine is, or what else it does, fails no test, and neither does an example that another machine has
+# not seen: pytest --hypothesis-profile="new examples" looks for those.
+for _profile, _the_same in (("same examples", True), ("new examples", False)):
+    hypothesis.settings.register_profile(
+        _profile,
+        deadline=None,
+        derandomize=_the_same,
+        suppress_health_check=[hypothesis.HealthCheck.too_slow, hypothesis.HealthCheck.data_too_large],
+    )
+hypothesis.settings.load_profile("same examples")
 
 # One thread for each process: the tests run on all cores already. Read when numpy is first imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
