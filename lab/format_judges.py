@@ -44,7 +44,7 @@ def commonroad(folder: Path) -> Iterator[Verdict]:
         limit_of = TrafficSignInterpreter(SupportedTrafficSignCountry.ZAMUNDA, network).speed_limit
         limits += sum(limit_of(frozenset([each.lanelet_id])) is not None for each in network.lanelets)
         found = list(planning.planning_problem_dict.values())
-        problems, read = problems + len(found), read + (len(found) == 1)
+        problems, read = problems + len(found), read + (len(found) == (not file.stem.endswith("_all")))
         on_a_lanelet += all(network.find_lanelet_by_position([each.initial_state.position])[0] for each in found)
     who = f"commonroad-io {version('commonroad-io')}"
     says = (
