@@ -6,6 +6,7 @@ import fcntl
 import json
 import logging
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -133,6 +134,15 @@ def finished(keys: tuple[str, ...] = KEYS) -> Path:
             assert done.returncode == 0, done.stderr
             made.write_text(str(folder / "root"))
     return Path(made.read_text())
+
+
+def copy_finished(target: Path, keys: tuple[str, ...] = KEYS) -> Path:
+    """A copy of the finished root, for tests that write.
+
+    What SQLite keeps beside a database that another test has open may be gone before it is copied, and is in the
+    database then.
+    """
+    return Path(shutil.copytree(finished(keys), target, ignore=shutil.ignore_patterns("*.db-wal", "*.db-shm")))
 
 
 def ingest(root: Path, folder: Path) -> subprocess.CompletedProcess[str]:

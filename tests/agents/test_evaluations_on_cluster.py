@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sample_runs import finished
+import sample_runs
 
 from trace_dag.agents.evaluation.agent_main import AgentLimits
 from trace_dag.agents.evaluation.evaluate import Conditions
@@ -59,7 +58,7 @@ def evaluated(root: Path, agents: tuple[str, ...], **execution: object) -> list[
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(finished(), tmp_path / "root"))
+    return sample_runs.copy_finished(tmp_path / "root")
 
 
 def test_a_cluster_gives_the_rows_of_this_machine(cluster: str, root: Path) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import sample_runs
 from dagster import AssetKey, DagsterInstance, DagsterRunStatus, build_run_status_sensor_context, materialize
-from sample_runs import finished
 
 from tests.roads import judges
 from trace_dag.assets.after_runs import summary_after_runs
@@ -23,7 +22,7 @@ COHORT = "sample"
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     root = tmp_path_factory.mktemp("studies") / "root"
-    return Workspace.open(str(shutil.copytree(finished(), root)), overrides={"execution": {"workers": 1}})
+    return Workspace.open(str(sample_runs.copy_finished(root)), overrides={"execution": {"workers": 1}})
 
 
 @pytest.fixture

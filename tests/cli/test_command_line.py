@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import shutil
 import socket
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from pathlib import Path
 import click
 import pandas as pd
 import pytest
+import sample_runs
 from sample_runs import KEYS, SAMPLE, ingest, reports_of, study, trace_dag
 
 from trace_dag.cli.main import cli
@@ -278,9 +278,9 @@ def test_a_question_without_end_or_bounds_is_ended_in_a_line(finished_root, quer
     assert said in done.stderr
 
 
-def test_a_warehouse_that_is_damaged_is_said_to_be_by_the_process_that_answers(finished_root, tmp_path):
+def test_a_warehouse_that_is_damaged_is_said_to_be_by_the_process_that_answers(tmp_path):
     damaged = tmp_path / "root"
-    shutil.copytree(finished_root, damaged)
+    sample_runs.copy_finished(damaged)
     with (damaged / "warehouse.duckdb").open("r+b") as file:
         file.truncate(5000)
     done = trace_dag(damaged, "sql", "FROM crashes")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
+import sample_runs
 from click.testing import CliRunner
 from sample_runs import asked, trace_dag
 
@@ -37,9 +37,9 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def root(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A root of their own with a family of each crash: these commands write."""
-    root = Path(shutil.copytree(finished_root, tmp_path_factory.mktemp("driving") / "root"))
+    root = sample_runs.copy_finished(tmp_path_factory.mktemp("driving") / "root")
     packages = root.parent / "packages"
     assert [(each["key"], each["kept"]) for each in vary(root, "--output", str(packages))] == [
         (key, COUNT) for key in CRASHES
@@ -53,16 +53,16 @@ def test_variations_enter_the_warehouse_and_have_packages(root: Path) -> None:
     assert set(files(root.parent / "packages")) == {f"{name}.zip" for name in found}
 
 
-def test_the_same_families_whatever_the_number_of_workers(root: Path, finished_root: Path, tmp_path: Path) -> None:
-    other = Path(shutil.copytree(finished_root, tmp_path / "root"))
+def test_the_same_families_whatever_the_number_of_workers(root: Path, tmp_path: Path) -> None:
+    other = sample_runs.copy_finished(tmp_path / "root")
     vary(other, workers=2)
     assert files(other / "variations") == files(root / "variations")
 
 
 def test_traffic_enters_the_warehouse_replays_and_packages_and_is_the_same_again(
-    finished_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    root = Path(shutil.copytree(finished_root, tmp_path / "root"))
+    root = sample_runs.copy_finished(tmp_path / "root")
     monkeypatch.setenv("SUMO_HOME", str(judges.sumo_home()))
     asked_for = ["traffic", "--only", CRASHES[0], "--factor", "2", "--seed", "5", "--json"]
     done = trace_dag(root, *asked_for)
@@ -136,8 +136,8 @@ def test_persistent_traffic_meets_who_is_slow_in_every_case_and_its_replay(
     assert f", in {case_id}" in page.read_text()
 
 
-def test_an_agent_that_was_only_tried_leaves_tables_and_site(finished_root: Path, tmp_path: Path) -> None:
-    root = Path(shutil.copytree(finished_root, tmp_path / "root"))
+def test_an_agent_that_was_only_tried_leaves_tables_and_site(tmp_path: Path) -> None:
+    root = sample_runs.copy_finished(tmp_path / "root")
     evaluate(root, "--agent", "replay", "brake", "--ego", "first", "--only", CRASHES[0])
     assert trace_dag(root, "evaluate", "--remove", "brake").stdout.startswith("1 evaluations of brake removed")
     assert asked(root, "SELECT agent FROM leaderboard") == [{"agent": "replay"}]

@@ -6,7 +6,6 @@ import hashlib
 import html
 import json
 import re
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sample_runs
 from sample_runs import trace_dag
 
 from tests.roads.judges import official_check
@@ -43,9 +43,9 @@ EVERY_PACKAGE = {
 
 
 @pytest.fixture(scope="module")
-def root(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A root of their own: these commands write."""
-    return Path(shutil.copytree(finished_root, tmp_path_factory.mktemp("exporting") / "root"))
+    return sample_runs.copy_finished(tmp_path_factory.mktemp("exporting") / "root")
 
 
 @pytest.fixture(scope="module")

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
+import sample_runs
 from sample_runs import asked, study, trace_dag
 
 VERIFIED = "SELECT key FROM verdicts WHERE label = 'verified' ORDER BY key"
 
 
 @pytest.fixture(scope="module")
-def root(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A root of their own: these commands write."""
-    return Path(shutil.copytree(finished_root, tmp_path_factory.mktemp("judging") / "root"))
+    return sample_runs.copy_finished(tmp_path_factory.mktemp("judging") / "root")
 
 
 @pytest.fixture(scope="module")

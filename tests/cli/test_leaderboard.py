@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import sample_runs
 from sample_runs import trace_dag
 
 from trace_dag.common.storage.checksums import add_checksum, check_document
@@ -18,10 +18,10 @@ NAME = "trace_dag.agents.evaluation.baselines.BrakeOnTimeToCollision"
 
 
 @pytest.fixture(scope="module")
-def elsewhere(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The results of an agent, evaluated in another root of the same crashes."""
     folder = tmp_path_factory.mktemp("elsewhere")
-    root = Path(shutil.copytree(finished_root, folder / "root"))
+    root = sample_runs.copy_finished(folder / "root")
     file = folder / "results.json"
     done = trace_dag(root, "evaluate", "--agent", AGENT, "--split", "train", "--results", str(file))
     assert done.returncode == 0, done.stderr
@@ -29,8 +29,8 @@ def elsewhere(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 @pytest.fixture(scope="module")
-def here(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return Path(shutil.copytree(finished_root, tmp_path_factory.mktemp("here") / "root"))
+def here(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return sample_runs.copy_finished(tmp_path_factory.mktemp("here") / "root")
 
 
 def changed(file: Path, target: Path, change: Callable[[dict[str, Any]], object]) -> Path:
@@ -82,10 +82,8 @@ def test_a_changed_file_and_one_that_is_none_are_refused(elsewhere: Path, here: 
         assert (done.returncode, why in done.stderr) == (2, True), done.stderr
 
 
-def test_results_from_elsewhere_stand_on_the_leaderboard_once(
-    elsewhere: Path, finished_root: Path, tmp_path: Path
-) -> None:
-    root = Path(shutil.copytree(finished_root, tmp_path / "root"))
+def test_results_from_elsewhere_stand_on_the_leaderboard_once(elsewhere: Path, tmp_path: Path) -> None:
+    root = sample_runs.copy_finished(tmp_path / "root")
     runs = json.loads(elsewhere.read_bytes())["runs"]
     done = trace_dag(root, "leaderboard", "add", str(elsewhere))
     assert done.returncode == 0, done.stderr

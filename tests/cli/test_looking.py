@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 import zipfile
 from pathlib import Path
 
 import click
 import pytest
+import sample_runs
 from sample_runs import KEYS, finished, ingest, reports_of, trace_dag
 
 from trace_dag.cli.printing import print_table
@@ -129,7 +129,7 @@ def test_rows_wider_than_the_terminal_are_printed_as_a_block_each(monkeypatch, c
 
 @pytest.fixture
 def own_root(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(finished(), tmp_path / "root"))
+    return sample_runs.copy_finished(tmp_path / "root")
 
 
 def test_rerun_of_named_crashes_runs_all_their_stages_and_no_other_crash(own_root):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+import sample_runs
 from sample_runs import trace_dag
 
 from trace_dag.common.errors import UserError
@@ -21,9 +22,9 @@ from trace_dag.flow.workspace import Workspace
 
 
 @pytest.fixture(scope="module")
-def root(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A root of their own: these commands write."""
-    return Path(shutil.copytree(finished_root, tmp_path_factory.mktemp("releasing") / "root"))
+    return sample_runs.copy_finished(tmp_path_factory.mktemp("releasing") / "root")
 
 
 @pytest.fixture(scope="module")

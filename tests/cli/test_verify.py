@@ -8,14 +8,15 @@ from pathlib import Path
 
 import duckdb
 import pytest
-from sample_runs import SAMPLE, finished, reports_of, trace_dag
+import sample_runs
+from sample_runs import SAMPLE, reports_of, trace_dag
 
 VERIFIED = "2023-319003"
 
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    shutil.copytree(finished(), tmp_path / "root")
+    sample_runs.copy_finished(tmp_path / "root")
     return tmp_path / "root"
 
 

@@ -11,7 +11,6 @@ import csv
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -73,7 +72,7 @@ SHELL = ("sh", "console")
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Where a reader of the pages would stand: reports, maps, an agent, and a root with some of the sample run."""
-    shutil.copytree(sample_runs.finished(KNOWN), tmp_path / "trace_dag_home")
+    sample_runs.copy_finished(tmp_path / "trace_dag_home", KNOWN)
     sample_runs.reports_of(tmp_path / "reports", ARRIVING)
     sample_runs.reports_of(tmp_path / "inbox", ("2023-319005",))
     for maps in ("maps", "more-maps"):

@@ -1,11 +1,10 @@
 """The storage root with fake crashes that the flow's tests use, and one of the sample."""
 
-import shutil
 from pathlib import Path
 
 import pytest
+import sample_runs
 from flow.conftest import make_workspace
-from sample_runs import finished
 
 __all__ = ["make_workspace"]
 
@@ -13,4 +12,4 @@ __all__ = ["make_workspace"]
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
     """A root of its own, in which crashes of the sample have been run."""
-    return Path(shutil.copytree(finished(), tmp_path / "root"))
+    return sample_runs.copy_finished(tmp_path / "root")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -19,7 +18,7 @@ from trace_dag.warehouse.query import open_warehouse, query, stray_log
 
 @pytest.fixture
 def warehouse(tmp_path: Path) -> Path:
-    shutil.copytree(sample_runs.finished(), tmp_path / "root")
+    sample_runs.copy_finished(tmp_path / "root")
     return tmp_path / "root" / "warehouse.duckdb"
 
 

@@ -49,7 +49,7 @@ def test_runs_from_the_first_cell_to_the_last(path, tmp_path, monkeypatch):
 
 
 def test_one_crash_shows_a_person_who_was_struck(tmp_path, monkeypatch):
-    root, key = Path(shutil.copytree(sample_runs.finished(), tmp_path / "root")), "2023-319081"
+    root, key = sample_runs.copy_finished(tmp_path / "root"), "2023-319081"
     reports = tmp_path / "reports"
     reports.mkdir()
     shutil.copy(sample_runs.SAMPLE / "people" / "reports" / "crash_319081.xml", reports)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -38,7 +37,7 @@ def package() -> Path:
 def released(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a release as a folder and as a tar."""
     base = tmp_path_factory.mktemp("released")
-    root = Path(shutil.copytree(sample_runs.finished(), base / "root"))
+    root = sample_runs.copy_finished(base / "root")
     done = sample_runs.trace_dag(root, "release", "--version", "1.0", "--output", str(base), "--archive", "tar")
     assert done.returncode == 0, done.stderr
     return base

@@ -58,7 +58,7 @@ def pages() -> dict[str, Path]:
     """Every kind of page, by its name, in a copy of the root that all tests look at."""
     copy = Path(tempfile.mkdtemp(prefix="trace-dag-tests-"))
     atexit.register(shutil.rmtree, copy, ignore_errors=True)
-    folder = shutil.copytree(sample_runs.finished(), copy / "root") / "benchmark"
+    folder = sample_runs.copy_finished(copy / "root") / "benchmark"
     row = COUNTS | {
         "delta_v_saved_rel": 0.4,
         "off_road": 0,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -36,7 +35,7 @@ CONTRACT = {
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Part of the sample, run, and one crash registered that has not been."""
     root = tmp_path_factory.mktemp("warehouse") / "root"
-    shutil.copytree(sample_runs.finished(), root)
+    sample_runs.copy_finished(root)
     Registry(Storage(root)).register("more", {"2023-319099": ReportSource("file", "/not/run", "0")})
     build_warehouse(Storage(root), root)
     return root

@@ -96,7 +96,7 @@ def hour_of(record: CrashRecord) -> Hour:
     """Return the hour of a crash; where its report does not have them, an urban area, a weekday, noon.
 
     >>> hour_of(record)
-    Hour(rural=False, weekend=False, hour=21)
+    Hour(rural=False, weekend=True, hour=21)
     """
     known = record.year and record.month and record.day
     weekend = bool(known) and date(record.year or 1, record.month or 1, record.day or 1).weekday() >= 5
