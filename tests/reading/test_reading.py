@@ -196,6 +196,16 @@ def test_pictures_and_replays_are_made_from_a_package(package, tmp_path):
     assert moving.n_frames > 10
 
 
+def test_a_notebook_shows_roots_crashes_and_logs_in_few_words(home, package):
+    key = next(key for key in home if home[key].has("verdict"))
+    for crashes in (home, trace_dag.open(package)):
+        assert crashes._repr_html_().startswith(f"<p>&lt;{type(crashes).__name__} ")
+        assert "<th>kind</th>" in crashes._repr_html_()
+    assert home[key]._repr_html_().startswith(f"<p><b>{key}</b>, ")
+    assert len(repr(home[key].log)) < 500
+    assert len(repr(home[key].replay())) < 200
+
+
 def test_what_a_crash_did_not_get_as_far_as_is_said(home):
     crash = home[REJECTED_EARLY]
     assert not crash.has("verdict")

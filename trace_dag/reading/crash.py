@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -44,7 +44,7 @@ T = TypeVar("T")
 class CrashReplay:
     """A crash to watch. A notebook shows it; ``save`` writes it to a file."""
 
-    content: bytes
+    content: bytes = field(repr=False)
     format: ReplayFormat
     title: str
 
@@ -325,6 +325,14 @@ class Crash:
 
     def __repr__(self) -> str:
         return f"<Crash {self.key}>"
+
+    def _repr_html_(self) -> str:
+        from trace_dag.crash.summary import in_one_sentence
+        from trace_dag.verdict.in_words import label_in_words
+
+        said = in_one_sentence(self.record) if self.has("record") else ""
+        label = label_in_words(self.verdict) if self.has("verdict") else "no verdict"
+        return f"<p><b>{escape(self.key)}</b>, {escape(label)}. {escape(said)}</p>"
 
     def _load(self, artefact: Artefact[T], part: str) -> T:
         if not self._stored.has(artefact):

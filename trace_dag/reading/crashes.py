@@ -5,12 +5,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
+from html import escape
 from typing import TYPE_CHECKING
 from weakref import WeakSet
 
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.wording import count_of
 from trace_dag.reading.crash import Crash
+
+_SHOWN = ("final_state", "grade", "kind", "place", "trafficway_1", "trafficway_2")  # by a notebook, as they are there
 
 if TYPE_CHECKING:
     import duckdb
@@ -120,6 +123,10 @@ class Crashes(Mapping[str, Crash], ABC):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.place}: {count_of(len(self), 'crash', 'crashes')}>"
+
+    def _repr_html_(self) -> str:
+        columns = [name for name in _SHOWN if name in self.crashes.columns]
+        return f"<p>{escape(repr(self))}</p>{self.crashes[columns].to_html(max_rows=10)}"
 
 
 class Home(Crashes):

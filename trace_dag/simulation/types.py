@@ -256,9 +256,9 @@ class SimulationLog:
     backend: str
     backend_version: str
     step_s: float
-    vehicles: tuple[VehicleLog, ...]
-    contacts: tuple[Contact, ...]
-    bodies: dict[int, Body]
+    vehicles: tuple[VehicleLog, ...] = field(repr=False)
+    contacts: tuple[Contact, ...] = field(repr=False)
+    bodies: dict[int, Body] = field(repr=False)
     termination: Termination
     reason: str
     duration_s: float  # simulated time
