@@ -93,7 +93,7 @@ def _said(workspace: Workspace, crash: CrashStatus, records: Records) -> dict[st
 def _judged(stored: CrashFiles) -> tuple[list[str], list[str]]:
     """Return the figures of a crash that was judged, and what speaks against it."""
     from trace_dag.flow.artefacts import MAP_REPORT, RECORD, VERDICT
-    from trace_dag.verdict.in_words import events_in_words, numbers_of
+    from trace_dag.verdict.in_words import events_in_words, numbers_of, sight_in_words
 
     if not (stored.has(VERDICT) and stored.has(RECORD)):
         return [], []
@@ -101,7 +101,7 @@ def _judged(stored: CrashFiles) -> tuple[list[str], list[str]]:
     placement = stored.load(MAP_REPORT).placement if stored.has(MAP_REPORT) else None
     figures = [f"{value} {what}" for value, what in numbers_of(verdict, stored.load(RECORD), placement)]
     if verdict.accepted:
-        happened = [line for line in (events_in_words(verdict), verdict.alternatives) if line]
+        happened = [line for line in (events_in_words(verdict), verdict.alternatives, sight_in_words(verdict)) if line]
         figures[_FIRST - 1 : _FIRST - 1] = happened
     return figures, [each.detail for each in verdict.reservations]
 

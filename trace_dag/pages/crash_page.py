@@ -33,6 +33,7 @@ from trace_dag.verdict.in_words import (
     label_in_words,
     length_in_words,
     numbers_of,
+    sight_in_words,
 )
 from trace_dag.verdict.types import Agreement, Criterion, EventResult, Fact, Grade, Label, Verdict
 from trace_dag.version import __version__
@@ -90,6 +91,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         outcomes={each.event_number: words(each.outcome) for each in page.verdict.events} if page.verdict else {},
         events=events_in_words(accepted) if accepted else "",
         alternatives=accepted.alternatives if accepted else "",
+        sight=sight_in_words(accepted) if accepted else "",
         clocks=_clocks(page.verdict, page.record) if page.verdict and page.record else [],
         hours=[(hour, *_on_dial(hour, _HOURS_RADIUS)) for hour in (3, 6, 9, 12)],
         reasons=_reasons(page),

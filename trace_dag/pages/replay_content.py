@@ -134,6 +134,9 @@ def replay_content(
         **_ghost(drive, log),
         "courses": [] if sampled is None or drive is not None else _courses(sampled),
         "events": [] if verdict is None or drive is not None else _events(verdict),
+        "sight": []
+        if verdict is None or drive is not None
+        else [{"parties": [each.driver, each.other], "hidden": each.hidden_s} for each in verdict.sight_lines],
         "traffic": [] if traffic is None else list(_traffic(traffic, map_window)),
         "map": [round(value, 2) for value in map_window],
         "key": record.key,

@@ -82,8 +82,8 @@ def surrounding_objects(
         (feature, shape, kind)
         for feature in features
         if feature.id not in without
-        for shape in _parts(feature, network.frame)
-        if (kind := _kind(feature, shape))
+        for shape in local_shapes(feature, network.frame)
+        if (kind := usual_kind(feature, shape))
     ]
     if not wanted:
         return []
@@ -142,7 +142,7 @@ def _line(network: RoadNetwork, road_id: str, length_m: float) -> shapely.LineSt
     return shapely.LineString(network.road_geometry(road_id).line.sample(along)[:, :2])
 
 
-def _parts(feature: OsmFeature, frame: LocalFrame) -> Iterator[BaseGeometry]:
+def local_shapes(feature: OsmFeature, frame: LocalFrame) -> Iterator[BaseGeometry]:
     """Yield the shapes of a feature in the local frame (m)."""
 
     def to_local(places: FloatArray) -> FloatArray:
@@ -151,7 +151,7 @@ def _parts(feature: OsmFeature, frame: LocalFrame) -> Iterator[BaseGeometry]:
     yield from shapely.get_parts(shapely.transform(feature.geometry, to_local))
 
 
-def _kind(feature: OsmFeature, shape: BaseGeometry) -> _Kind | None:
+def usual_kind(feature: OsmFeature, shape: BaseGeometry) -> _Kind | None:
     table = {"Polygon": _AREAS, "LineString": _LINES, "Point": _POINTS}.get(shape.geom_type, {})
     for (key, value), kind in table.items():
         if key in feature.tags and value in ("", feature.tags[key]):
@@ -160,7 +160,7 @@ def _kind(feature: OsmFeature, shape: BaseGeometry) -> _Kind | None:
 
 
 def _object(feature: OsmFeature, shape: BaseGeometry, kind: _Kind, place: _Place) -> etree._Element:
-    told_m = _told_height_m(feature)
+    told_m = told_height_m(feature)
     size_m = {"height": kind.height_m if told_m is None else told_m}
     name = feature.tags.get("name") or kind.category
     if kind.radius_m:
@@ -184,7 +184,7 @@ def _corners(shape: BaseGeometry) -> FloatArray:
     return shapely.get_coordinates(shape.simplify(_SIMPLIFIED_BY_M))
 
 
-def _told_height_m(feature: OsmFeature) -> float | None:
+def told_height_m(feature: OsmFeature) -> float | None:
     """Return the height by OpenStreetMap, tagged or from the number of storeys."""
     height_m = parse_length_m(feature.tags.get("height"))
     if height_m is None and (storeys := parse_length_m(feature.tags.get("building:levels"))):

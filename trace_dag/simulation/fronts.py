@@ -23,6 +23,8 @@ _SHELL_M = 0.30  # thickness of the boxes the outer faces are made of: nothing g
 _INSIDE_M = 0.06  # the core's faces lie so far behind the outer ones, beyond what bodies press in
 _WHEELS_ABOVE_M = 0.35  # vehicles whose body is so high off the road show their wheels to who lies on it
 _TYRE_M = 0.5
+_EYES_OF_STATURE = 0.936
+_HIGHEST_EYES_M = 2.33
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,28 @@ def profile(body: Body) -> list[tuple[float, float]]:
         (cowl_at_m, cowl_m),
         (roof_at_m, roof_m),
     ]
+
+
+def driver_eye_m(body: Body) -> tuple[float, float, float]:
+    """Return where the driver's eyes are: ahead and left of the body's middle, and above the road (m).
+
+    They are behind the windscreen and below the roof, but no higher than the 2.33 m of truck drivers (AASHTO, Green
+    Book, 2018, section 3.2.6; its 1.08 m of cars is what comes out for a car). A person's are at 0.936 of the stature
+    (Drillis and Contini, Body Segment Parameters, 1966).
+
+    >>> from trace_dag.simulation.types import BodyKind
+    >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
+    >>> round(driver_eye_m(car)[2], 2)
+    1.11
+    """
+    if body.is_figure:
+        return 0.0, 0.0, _EYES_OF_STATURE * body.height_m
+    if body.vehicle_class is VehicleClass.MOTORCYCLE:
+        return 0.05 * body.length_m, 0.0, 0.69 * body.length_m
+    (nose_m, _), *_, (roof_at_m, roof_m) = profile(body)
+    forward_m = 0.35 if front_shape(body).hood_m < 0.2 else -0.5
+    ahead_m = max(min(roof_at_m + forward_m, nose_m - 0.6), -body.length_m / 2 + 0.5)
+    return ahead_m, 0.18 * body.width_m, min(roof_m - 0.34, _HIGHEST_EYES_M)
 
 
 def shell(body: Body) -> list[ShellBox]:

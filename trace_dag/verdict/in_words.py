@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from trace_dag.common.units import METRES_PER_FOOT, mps_to_mph
+from trace_dag.crash.parties import party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.report import CrashPlacement
-from trace_dag.verdict.types import EventResult, Verdict
+from trace_dag.verdict.types import EventResult, SightLine, Verdict
 
 _MOVED_M = 0.05  # a point moved by less prints as not moved
 
@@ -108,3 +109,23 @@ def events_in_words(verdict: Verdict) -> str:
     reported = len(verdict.events)
     said = f"{happened} of {reported} reported event{'s' if reported > 1 else ''} happen{'s' if reported == 1 else ''}"
     return f"{said} ({beyond} cannot be simulated)" if beyond else said
+
+
+def sight_in_words(verdict: Verdict) -> str:
+    """Return for how long before the contact each could see the other; empty where that is not known.
+
+    >>> from dataclasses import replace
+    >>> seen, late = SightLine(1, 2, 5.9, 0.0), SightLine(2, 1, 1.8, 0.64, ((0.0, 4.1),), "building", "way/12")
+    >>> sight_in_words(replace(verdict, sight_lines=(late,)))
+    'vehicle 1 could be seen from vehicle 2 for 1.8 s before the contact, hidden until then (building)'
+    >>> sight_in_words(replace(verdict, sight_lines=(seen,)))
+    'vehicle 2 could be seen from vehicle 1 all the time'
+    """
+    return "; ".join(map(_line_in_words, verdict.sight_lines))
+
+
+def _line_in_words(line: SightLine) -> str:
+    seen = f"{party_in_words(line.other)} could be seen from {party_in_words(line.driver)}"
+    if not line.hidden_s:
+        return f"{seen} all the time"
+    return f"{seen} for {line.seen_for_s:.1f} s before the contact, hidden until then ({line.hidden_by})"

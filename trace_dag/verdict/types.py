@@ -170,6 +170,24 @@ class Reservation:
 
 
 @dataclass(frozen=True)
+class SightLine:
+    """The view that one of two parties had of the other until they met.
+
+    The other can be seen for the last ``seen_for_s`` before the contact without a break. ``hidden_s`` are the times of
+    the simulation (s) between which it is hidden, ``hidden_share`` their part of the last seconds; the thing that hides
+    it longest is ``hidden_by``, with its element in OpenStreetMap ("way/12") if it is from there.
+    """
+
+    driver: int
+    other: int
+    seen_for_s: float
+    hidden_share: float
+    hidden_s: tuple[tuple[float, float], ...] = ()
+    hidden_by: str = ""
+    osm_id: str = ""
+
+
+@dataclass(frozen=True)
 class Verdict:
     """The judgement of one crash.
 
@@ -179,7 +197,8 @@ class Verdict:
     ``label`` answers what happens, ``grade`` how well it is supported (None for a rejected crash), ``direction_open``
     how open it is: the sides that the report leaves open, empty where one is likely. ``support`` is None where no
     simulation came to a contact, and where one simulation is compared with many reports. ``events`` are the harmful
-    events of the report in order, ``reservations`` the doubts about an accepted crash.
+    events of the report in order, ``reservations`` the doubts about an accepted crash, ``sight_lines`` those of the two
+    that met first.
     """
 
     key: str
@@ -196,6 +215,7 @@ class Verdict:
     reservations: tuple[Reservation, ...] = ()
     alternatives: str = ""  # other likely courses, in words; "" where no other side has a quarter
     direction_open: tuple[Approached, ...] = ()
+    sight_lines: tuple[SightLine, ...] = ()
 
     @property
     def accepted(self) -> bool:

@@ -40,6 +40,7 @@ TABLES: Final[Mapping[str, Rows]] = {
     "pedestrians": Rows.OF_ALL,
     "support": Rows.OF_ONE,
     "reservations": Rows.OF_ONE,
+    "sight_lines": Rows.OF_ONE,
     "verdict_changes": Rows.OF_ALL,
     "fatality_plausibility": Rows.OF_ALL,
     "doubtful_places": Rows.OF_ALL,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.parties import party_in_words
 from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.scenario.sight_lines import sight_lines
 from trace_dag.verdict.json_io import verdict_to_json
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Label
@@ -14,6 +16,7 @@ from trace_dag.verdict.types import Label
 if TYPE_CHECKING:
     from trace_dag.common.settings import VerdictSettings
     from trace_dag.crash.record import CrashRecord
+    from trace_dag.osm.types import OsmExtract
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport
     from trace_dag.simulation.states import StateEstimate
@@ -26,10 +29,13 @@ def verdict(
     map_report: MapReport,
     estimate: StateEstimate,
     logs: tuple[SimulationLog, ...],
+    extract: OsmExtract,
     settings: VerdictSettings,
 ) -> StageProduct:
-    """Return every criterion with its value and threshold, and whether they hold together."""
+    """Return every criterion with its value and threshold, whether they hold together, and who could see whom."""
     found = judge(record, road_map, map_report, estimate, logs, settings)
+    seen = sight_lines(logs[found.hypothesis], extract.surroundings, road_map.frame)
+    found = replace(found, sight_lines=seen)
     figures: dict[str, Figure] = {
         "rule_set": found.rule_set,
         "hypothesis": found.hypothesis,

@@ -14,6 +14,7 @@ import numpy as np
 from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.shapes import Mesh, across, ball, bar, box, cylinder, join_shapes
 from trace_dag.pages.solid.vehicle_shapes import TYRE, Parts, VehicleShape, Wheel
+from trace_dag.simulation.fronts import driver_eye_m
 from trace_dag.simulation.types import Body
 
 _DRAWN_M: Final = 2.2  # length of the motorcycle as it is drawn; others are as much larger or smaller
@@ -54,8 +55,8 @@ def motorcycle_shape(body: Body, colour: str) -> VehicleShape:
     ]
     wheels = [Wheel((s * hub * size, 0.0, radius * size), radius * size, 0.13 * size, s > 0) for s in (1.0, -1.0)]
     brake = box((-0.88, -0.08, 0.68), (-0.84, 0.08, 0.78))
-    eye = (0.12 * size, 0.0, 1.52 * size)
-    return VehicleShape([(each, _sized(mesh, size)) for each, mesh in parts], _sized(brake, size), tuple(wheels), eye)
+    sized = [(each, _sized(mesh, size)) for each, mesh in parts]
+    return VehicleShape(sized, _sized(brake, size), tuple(wheels), driver_eye_m(body))
 
 
 def _sized(mesh: Mesh, size: float) -> Mesh:

@@ -17,7 +17,7 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.record import VehicleClass
 from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.shapes import Mesh, across, box, cylinder, join_shapes, loft
-from trace_dag.simulation.fronts import front_shape, profile
+from trace_dag.simulation.fronts import driver_eye_m, profile
 from trace_dag.simulation.types import Body
 
 GLASS: Final = Material("#20262C", roughness=0.25)
@@ -122,10 +122,7 @@ def vehicle_shape(body: Body, colour: str) -> VehicleShape:
         box((tail - 0.02, s * 0.80 * half - 0.13, 0.70 * deck), (tail + 0.03, s * 0.80 * half + 0.13, 0.84 * deck))
         for s in (-1, 1)
     )
-    # A driver sits behind the screen, left of the middle, the eyes below the roof.
-    forward = 0.35 if front_shape(body).hood_m < 0.2 else -0.5
-    eye = (max(min(roof_at + forward, nose - 0.6), tail + 0.5), 0.36 * half, roof - 0.34)
-    return VehicleShape(parts, brake, _wheels(body, plan), eye)
+    return VehicleShape(parts, brake, _wheels(body, plan), driver_eye_m(body))
 
 
 def _trailer_shape(body: Body, colour: str) -> VehicleShape:

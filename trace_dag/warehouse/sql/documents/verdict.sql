@@ -11,6 +11,10 @@ SELECT
         "direction_open": [{"party": "INTEGER", "side": "VARCHAR", "share": "DOUBLE"}],
         "events": [{"event_number": "INTEGER", "code": "INTEGER", "outcome": "VARCHAR", "why": "VARCHAR"}],
         "reservations": [{"doubt": "VARCHAR", "detail": "VARCHAR"}],
+        "sight_lines": [{
+            "driver": "INTEGER", "other": "INTEGER", "seen_for_s": "DOUBLE", "hidden_share": "DOUBLE",
+            "hidden_by": "VARCHAR", "osm_id": "VARCHAR"
+        }],
         "support": {
             "total": "DOUBLE", "independent_facts": "INTEGER", "detail": "VARCHAR",
             "facts": [{
