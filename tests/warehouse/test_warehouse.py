@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections import Counter
 from pathlib import Path
 
+import duckdb
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import sample_runs
 
 from trace_dag.common.schemas import table_from_parquet
+from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.flow.cohorts.registry import Registry, ReportSource
 from trace_dag.warehouse.build import build_warehouse, table_documentation
+from trace_dag.warehouse.documents import DocumentTables
 from trace_dag.warehouse.query import open_warehouse, rows
+from trace_dag.warehouse.snapshot import CrashSnapshot
 from trace_dag.warehouse.tables import TABLES
 
 UNKNOWN = {"MAN_COLL": {98, 99}, "TYP_INT": {98, 99}, "HARM_EV": {98, 99}, "REL_ROAD": {98, 99}}
@@ -260,3 +267,26 @@ def test_sql_files_hold_what_their_names_say():
     for path in folder.glob("*.sql"):
         made = re.findall(r"CREATE (?:TABLE|VIEW) (\w+)", path.read_text())
         assert made == [path.stem]
+
+
+def test_records_of_an_older_version_lack_columns_of_their_vehicles_too():
+    new = table_from_parquet((sample_runs.finished() / "crash_record/2023-319003.parquet").read_bytes())
+    vehicles = [
+        [{name: value for name, value in vehicle.items() if name != "keeps_left"} for vehicle in row]
+        for row in new["vehicles"].to_pylist()
+    ]
+    kind = new.schema.field("vehicles").type.value_type
+    older = pa.list_(pa.field("item", pa.struct([each for each in kind if each.name != "keeps_left"]), nullable=False))
+    place = new.schema.get_field_index("vehicles")
+    old = new.set_column(place, pa.field("vehicles", older), pa.array(vehicles, older))
+    documents = [{(Stage.CRASH_RECORD, "parquet"): to_parquet(each)} for each in (old, new)]
+    with duckdb.connect() as connection:
+        tables = DocumentTables(connection)
+        tables.add([CrashSnapshot(str(number), {}, {}, each) for number, each in enumerate(documents)])
+        assert connection.sql("SELECT count(*) FROM crash_record").fetchall() == [(2,)]
+
+
+def to_parquet(table: pa.Table) -> bytes:
+    file = io.BytesIO()
+    pq.write_table(table, file)
+    return file.getvalue()

@@ -43,7 +43,8 @@ class DocumentTables:
         import pyarrow as pa
 
         records = [table_from_parquet(crash.documents[_RECORD]) for crash in crashes if _RECORD in crash.documents]
-        columns = CRASH_RECORD.arrow().empty_table()  # records of an older version may lack some
+        # Records of an older version may lack columns, in their vehicles and persons too.
+        columns = pa.schema([_optional(field) for field in CRASH_RECORD.arrow()]).empty_table()
         self._take("crash_record", pa.concat_tables([columns, *records], promote_options="permissive"))
         for name, document in _JSON.items():
             found = [(crash.key, crash.documents[document]) for crash in crashes if document in crash.documents]
@@ -57,6 +58,18 @@ class DocumentTables:
         self._connection.register("document", documents)
         execute_sql(self._connection, f"documents/{name}", prefix=into)
         self._connection.unregister("document")
+
+
+def _optional(field: pa.Field) -> pa.Field:
+    """Return a field that may be null, as may all within it."""
+    import pyarrow as pa
+
+    kind = field.type
+    if pa.types.is_list(kind):
+        kind = pa.list_(_optional(kind.value_field))
+    elif pa.types.is_struct(kind):
+        kind = pa.struct([_optional(each) for each in kind])
+    return pa.field(field.name, kind)
 
 
 def local_files(storage: Storage, names: Sequence[str], folder: Path) -> list[str]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
+from tests.roads.networks import crossroads
 from tests.roads.towns import FRAME, SETTINGS, Town
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.from_osm.left_hand import mirror_extract, mirror_network, mirror_tags
+from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.rules import find_violations
@@ -76,3 +79,13 @@ def test_lights_stand_on_the_left_of_their_traffic(network: RoadNetwork) -> None
 def test_tags_in_a_mirror(before: dict[str, str], after: dict[str, str]) -> None:
     assert mirror_tags(before) == after
     assert mirror_tags(after) == before
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_borders_are_on_the_left_and_right_of_who_drives(mirrored: bool) -> None:
+    network = crossroads()
+    for shape in lane_shapes(mirror_network(network) if mirrored else network, drivable_only=True):
+        (along_x, along_y), middle = np.diff(shape.centre_m[:2, :2], axis=0)[0], shape.centre_m[0, :2]
+        for border, side in ((shape.left_m, 1), (shape.right_m, -1)):
+            across_x, across_y = border[0, :2] - middle
+            assert np.sign(along_x * across_y - along_y * across_x) == side

@@ -47,7 +47,7 @@ class SectionLine(NamedTuple):
 class LaneSamples(NamedTuple):
     """A lane along its section every :data:`LANE_STEP_M`, in the direction of the reference line.
 
-    ``s_m``, (n,), its centre, and its borders next to that line and away from it, shape (n, 3) each, x, y, z.
+    ``s_m``, (n,), its centre, and its borders left and right of who drives in it, shape (n, 3) each, x, y, z.
     """
 
     stations_m: FloatArray
@@ -206,7 +206,7 @@ class LaneGeometry:
 
     def borders(self) -> tuple[FloatArray, FloatArray]:
         """Return the left and right border as seen in the direction of travel, shape (n, 3) each, in that direction."""
-        _, _, left, right = self.samples  # traffic keeps to the right: a reference line is to the left of its lanes
+        _, _, left, right = self.samples
         return (left, right) if self.direction > 0 else (left[::-1], right[::-1])
 
     @property
