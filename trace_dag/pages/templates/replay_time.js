@@ -46,7 +46,7 @@ function timeline(end, draw, impact, events = []) {
     let least = 0, most = width;
     for (const each of marks) least = apart + (each.at = Math.max(least, each.time === null ? width : width * each.time / (end || 1)));
     for (const each of marks.toReversed()) most = (each.at = Math.min(most, each.at)) - apart;
-    for (const { mark, at } of marks) mark.style.left = `${at}px`;
+    for (const { mark, at } of marks) mark.style.left = `${100 * at / (width || 1)}%`; // right at once in another width
   }
   new ResizeObserver(place).observe($("events"));
   $("time").addEventListener("input", () => { stop(); show(Number($("time").value)); });

@@ -44,6 +44,7 @@ from trace_dag.scenario.traffic.volumes import Hour, TrafficClass, hourly_volume
 from trace_dag.simulation.states import Trajectory
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog
 
+_PARSER: Final = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
 _FILLING_S: Final = 240.0  # before the crash begins
 _MEASURED_S: Final = 60.0  # the last of them
 _FILLING_STEP_S: Final = 0.5
@@ -97,7 +98,7 @@ def surround(
     Raises :class:`UserError` without SUMO, and :class:`Failure` if SUMO fails.
     """
     net = network_xml(sumo_program("netconvert"), key, network, xodr)
-    streets = Streets(etree.fromstring(net), network)
+    streets = Streets(etree.fromstring(net, _PARSER), network)
     trips = streets.trips(at, from_s=-_FILLING_S, until_s=log.duration_s, factor=request.factor, seed=request.seed)
     parties = {each.number: Party(log.bodies[each.number], each) for each in log.vehicles}
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
@@ -136,7 +137,7 @@ class _Run:
         done = subprocess.run(command, cwd=self._folder, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode:
             raise Failure(f"{self._key}: SUMO failed: {' '.join(done.stderr.split())[-300:]}")
-        found = etree.parse(self._folder / "fcd.xml").getroot()
+        found = etree.parse(self._folder / "fcd.xml", _PARSER).getroot()
         moments = [each for each in found if float(each.get("time", "0")) >= until_s - _MEASURED_S]
         return tuple(_measured(streets, moments, at, factor))
 
