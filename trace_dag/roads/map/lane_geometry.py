@@ -47,7 +47,7 @@ class SectionLine(NamedTuple):
 class LaneSamples(NamedTuple):
     """A lane along its section every :data:`LANE_STEP_M`, in the direction of the reference line.
 
-    ``s_m``, (n,), its centre, and its borders left and right of who drives in it, shape (n, 3) each, x, y, z.
+    ``s_m``, (n,), its centre, and its borders next to that line and away from it, shape (n, 3) each, x, y, z.
     """
 
     stations_m: FloatArray
@@ -206,7 +206,8 @@ class LaneGeometry:
 
     def borders(self) -> tuple[FloatArray, FloatArray]:
         """Return the left and right border as seen in the direction of travel, shape (n, 3) each, in that direction."""
-        _, _, left, right = self.samples
+        _, _, inner, outer = self.samples  # where traffic keeps to the right, the reference line is left of its lanes
+        left, right = (outer, inner) if self.road.road.left_hand else (inner, outer)
         return (left, right) if self.direction > 0 else (left[::-1], right[::-1])
 
     @property
@@ -276,7 +277,7 @@ def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
     stations = Stations(together.stations_m, owner, np.cumsum(counts) - counts)
     centre_m = sample_profiles([lane.centre for lane in wanted], stations)
     half_m = sample_profiles([lane.width for lane in wanted], stations) / 2
-    outward_m = np.array([-lane.direction for lane in wanted])[owner] * half_m
+    outward_m = np.sign([lane.lane.id for lane in wanted])[owner] * half_m
     points = together.beside(centre_m), together.beside(centre_m - outward_m), together.beside(centre_m + outward_m)
     for lane, line, where in zip(wanted, lines, stations.slices, strict=True):
         lane.keep_samples(LaneSamples(line.stations_m, *(each[where] for each in points)))
