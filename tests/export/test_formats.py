@@ -270,7 +270,7 @@ def test_in_sumo_the_higher_road_has_priority_and_a_lane_without_limit_its_class
 
 
 def test_in_sumo_traffic_keeps_left_where_the_map_does():
-    """Of a street to the east the eastbound lane lies north of it, the side street's southbound one east."""
+    """The eastbound lane lies north of a street to the east, the side street's southbound one east of it."""
     town = Town()
     town.street([(-200, 0), (0, 0), (200, 0)], highway="primary", lanes="2", maxspeed="45 mph")
     town.street([(0, -200), (0, 0)], highway="residential", lanes="2", maxspeed="25 mph")

@@ -18,7 +18,7 @@ UNSAID = {
     "penndot-2022990003": "where person 2 was",
     "maryland-NW3": "where person 2 was",
 }
-"""What the table cannot tell, of those that are rejected for it."""
+"""Facts that a table cannot tell, by the crash that is rejected for it."""
 
 
 def test_every_layout_comes_to_its_verdicts(tmp_path):

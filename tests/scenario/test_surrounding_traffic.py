@@ -104,7 +104,7 @@ def test_the_same_request_gives_the_same_traffic(network, crash, sumo) -> None:
 
 
 def test_traffic_stops_behind_a_party_that_stands_in_its_lane(network, sumo) -> None:
-    """Who comes from the west at 45 mph has 150 m to see the car that stands 50 m before the crossing."""
+    """A driver from the west at 45 mph has 150 m to see the car that stands 50 m before the crossing."""
     stands, far_off = straight(-50.0, -LANE_M, 0.0, 0.0), straight(250.0, LANE_M, math.pi, 5.0)
     log = simulated(network, participant(1, stands), participant(2, far_off))
     found = around(network, log, 3.0)

@@ -31,7 +31,7 @@ from trace_dag.common.units import mps_to_kmh
 from trace_dag.crash.record import VehicleClass
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.traffic.demand import Streets, Trip, routes_xml, types_xml
-from trace_dag.scenario.traffic.sumo_network import network_xml, sumo_homes, sumo_program
+from trace_dag.scenario.traffic.sumo_network import SUMO_PARSER, network_xml, sumo_homes, sumo_program
 from trace_dag.scenario.traffic.surrounding import (
     STEP_S,
     Measured,
@@ -44,7 +44,6 @@ from trace_dag.scenario.traffic.volumes import Hour, TrafficClass, hourly_volume
 from trace_dag.simulation.states import Trajectory
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog
 
-_PARSER: Final = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
 _FILLING_S: Final = 240.0  # before the crash begins
 _MEASURED_S: Final = 60.0  # the last of them
 _FILLING_STEP_S: Final = 0.5
@@ -98,7 +97,7 @@ def surround(
     Raises :class:`UserError` without SUMO, and :class:`Failure` if SUMO fails.
     """
     net = network_xml(sumo_program("netconvert"), key, network, xodr)
-    streets = Streets(etree.fromstring(net, _PARSER), network)
+    streets = Streets(etree.fromstring(net, SUMO_PARSER), network)
     trips = streets.trips(at, from_s=-_FILLING_S, until_s=log.duration_s, factor=request.factor, seed=request.seed)
     parties = {each.number: Party(log.bodies[each.number], each) for each in log.vehicles}
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
@@ -137,7 +136,7 @@ class _Run:
         done = subprocess.run(command, cwd=self._folder, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode:
             raise Failure(f"{self._key}: SUMO failed: {' '.join(done.stderr.split())[-300:]}")
-        found = etree.parse(self._folder / "fcd.xml", _PARSER).getroot()
+        found = etree.parse(self._folder / "fcd.xml", SUMO_PARSER).getroot()
         moments = [each for each in found if float(each.get("time", "0")) >= until_s - _MEASURED_S]
         return tuple(_measured(streets, moments, at, factor))
 

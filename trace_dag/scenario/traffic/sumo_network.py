@@ -19,6 +19,8 @@ from trace_dag.roads.map.network import RoadNetwork
 
 _LANE: Final = re.compile(r"_(-?\d+)(?= |$)")  # of an origId
 _TIME_LIMIT_S: Final = 300.0
+SUMO_PARSER: Final = etree.XMLParser(remove_comments=True, resolve_entities=False, no_network=True, huge_tree=True)
+"""Parser of SUMO's files, which fetches nothing."""
 _YIELDING: Final = ("205", "206")  # signs of the map: yield, stop
 _LOWEST_RANK: Final = max(each.rank for each in ROAD_CLASSES.values())
 
@@ -110,8 +112,7 @@ def _converted(program: str, key: str, folder: str, *options: str) -> etree._Ele
         raise Failure(f"{key}: netconvert took longer than {_TIME_LIMIT_S:g} s") from error
     if done.returncode or not made.exists():
         raise Failure(f"{key}: netconvert made no network: {' '.join(done.stderr.split())[-300:]}")
-    parser = etree.XMLParser(remove_comments=True, resolve_entities=False, no_network=True, huge_tree=True)
-    root = etree.fromstring(made.read_bytes(), parser)
+    root = etree.fromstring(made.read_bytes(), SUMO_PARSER)
     if "--lefthand" in options:
         for name in root.iterfind(".//param[@key='origId']"):
             name.set("value", _LANE.sub(lambda lane: f"_{-int(lane[1])}", name.get("value", "")))
