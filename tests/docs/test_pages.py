@@ -165,3 +165,11 @@ def test_tables_and_lists_are_shown_as_such(path: Path):
     html = markdown.markdown(path.read_text(), extensions=["tables", "pymdownx.superfences", "md_in_html"])
     paragraphs = re.findall(r"<p>(.*?)</p>", html, re.DOTALL)
     assert [each[:80] for each in paragraphs if re.search(r"^(\||[-*] |\d+\. )", each, re.MULTILINE)] == []
+
+
+EXPLANATIONS = sorted((REPOSITORY / "docs" / "explanation").glob("*.md"))
+
+
+@pytest.mark.parametrize("path", EXPLANATIONS, ids=lambda path: path.stem)
+def test_explanations_have_at_most_900_words(path: Path):
+    assert len(path.read_text().split()) <= 900, "move tables and measurements to docs/reference"
