@@ -64,7 +64,7 @@ def test_the_database_is_reached_with_the_driver_that_is_installed(values: dict[
     assert url.get_driver_name() == "psycopg2"
 
 
-def test_what_is_registered_becomes_known_to_dagster(settings: Settings) -> None:
+def test_registered_crashes_become_partitions(settings: Settings) -> None:
     # A command on another machine cannot tell the cluster's Dagster; a schedule of the root does.
     assert [schedule.cohort for schedule in settings.automation.schedules] == [None]
 

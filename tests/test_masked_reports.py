@@ -65,7 +65,7 @@ def model(case: Case, monkeypatch: pytest.MonkeyPatch) -> Iterator[Loopback]:
         yield server
 
 
-def test_what_is_hidden_is_said_nowhere_in_the_record(case: Case) -> None:
+def test_a_masked_fact_is_nowhere_in_the_record(case: Case) -> None:
     first = case.record.vehicles[0]
     assert first.impact is not None
     hidden = without_area(case.record, first.number)
@@ -81,7 +81,7 @@ def test_what_is_hidden_is_said_nowhere_in_the_record(case: Case) -> None:
     assert nothing_of_lanes == {(None, None, None, None, None, PreCrashMovement.UNKNOWN)}
 
 
-def test_a_report_that_says_it_twice_gives_it_back(root: str) -> None:
+def test_a_report_that_states_it_twice_gives_it_back(root: str) -> None:
     """A car turns left across a motorcycle: its crash type says so when its movement is hidden."""
     rows = list(movement_rows(list(collisions(root, 4, "analytic")), with_types=False))
     assert rows == [("left", "left"), ("along", "along")]
@@ -101,7 +101,7 @@ def test_a_language_model_is_asked_about_the_same_hidden_things_and_has_a_column
     assert len({json.dumps(each) for each in said}) == len(said)  # each hides something else
 
 
-def test_what_a_model_cannot_answer_is_not_recovered(root: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fields_that_a_model_cannot_answer_are_not_recovered(root: str, monkeypatch: pytest.MonkeyPatch) -> None:
     with serving(lambda request, _: READY if is_trial(request) else completion("I do not know.")) as server:
         monkeypatch.setenv("OPENAI_API_KEY", KEY)
         monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
@@ -110,7 +110,7 @@ def test_what_a_model_cannot_answer_is_not_recovered(root: str, monkeypatch: pyt
     assert [same for same, _ in rows] == [False, False]
 
 
-def test_motions_of_one_lane_are_told_from_those_beside_it(root: str) -> None:
+def test_motions_of_one_lane_differ_from_those_beside_it(root: str) -> None:
     (crash,) = collisions(root, 0, "analytic")
     assert crash.whole is not None
     party = crash.whole[0].best.participants[0]

@@ -57,7 +57,7 @@ def test_the_licence_of_all_that_is_installed_is_one_of_the_list(arguments: list
         assert '"mujoco"' in done.stdout
 
 
-def test_what_the_program_imports_is_what_it_depends_on() -> None:
+def test_imports_are_declared_dependencies() -> None:
     """Imports within functions too: those of what only developers install break on a user's machine."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = {name: each for name, each in project["optional-dependencies"].items() if name not in ("dev", "docs")}

@@ -12,17 +12,17 @@ from trace_dag.common.plugins import PluginKind, list_plugins, load
 
 
 @pytest.mark.parametrize("kind", PluginKind)
-def test_what_is_ours_is_registered_like_what_is_not(kind: PluginKind) -> None:
+def test_built_in_plugins_are_registered_like_others(kind: PluginKind) -> None:
     assert {each.package for each in list_plugins(kind).values() if each.is_ours} <= {"trace-dag"}
     assert all(callable(load(kind, name)) for name in list_plugins(kind))
 
 
-def test_a_name_nobody_offers_is_said_with_those_there_are() -> None:
+def test_an_unknown_name_is_reported_with_the_known_ones() -> None:
     with pytest.raises(UserError, match="no backend 'beamng' is installed; expected one of carla, embedded"):
         load(PluginKind.BACKEND, "beamng")
 
 
-def test_an_installation_from_before_a_kind_of_plugins_says_to_install_again(monkeypatch) -> None:
+def test_an_installation_older_than_a_kind_of_plugins_asks_to_install_again(monkeypatch) -> None:
     list_plugins.cache_clear()
     monkeypatch.setattr("trace_dag.common.plugins.metadata.entry_points", lambda group: ())
     try:

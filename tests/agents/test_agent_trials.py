@@ -33,7 +33,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
 
 
-def test_what_has_the_methods_of_an_agent_is_one_wherever_they_come_from():
+def test_any_object_with_the_methods_of_an_agent_is_one():
     assert try_agents(["my_agents:Driver"], AgentLimits()) is None  # it raises for what is none
 
 

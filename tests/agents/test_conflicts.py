@@ -23,7 +23,7 @@ def test_time_to_contact_of_two_in_line_is_gap_over_closing_speed():
     assert time_to_contact_s(car(0, 0), (10, 0), car(24, 0), (-10, 0)) == pytest.approx(1.0)
 
 
-def test_who_passes_beside_or_drives_away_never_touches():
+def test_passing_and_departing_vehicles_never_touch():
     assert math.isinf(time_to_contact_s(car(0, 0), (10, 0), car(24, 2.1), (0, 0)))
     assert math.isinf(time_to_contact_s(car(0, 0), (10, 0), car(24, 0), (12, 0)))
 

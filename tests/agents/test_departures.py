@@ -44,7 +44,7 @@ def leaving(*, skids_from_s: float = math.inf) -> Case:
 
 
 @pytest.mark.parametrize("skids_from_s", [math.inf, 2.0])
-def test_who_drives_as_recorded_leaves_the_road_as_recorded(skids_from_s: float) -> None:
+def test_the_recorded_drive_leaves_the_road_as_recorded(skids_from_s: float) -> None:
     result = drive(leaving(skids_from_s=skids_from_s), Replay())
     assert (result.role, result.outcome) == ("departing", DriveOutcome.UNCHANGED)
     assert result.metrics is not None
@@ -52,7 +52,7 @@ def test_who_drives_as_recorded_leaves_the_road_as_recorded(skids_from_s: float)
 
 
 @pytest.mark.parametrize("skids_from_s", [math.inf, 2.0])
-def test_who_keeps_the_lane_avoids_the_departure(skids_from_s: float) -> None:
+def test_an_agent_keeping_the_lane_avoids_the_departure(skids_from_s: float) -> None:
     result = drive(leaving(skids_from_s=skids_from_s), IdmLaneKeeper())
     assert result.outcome in AVOIDED
     assert result.metrics is not None

@@ -52,7 +52,7 @@ def test_no_more_courses_than_asked_for() -> None:
     assert sum(weight for _, weight in found) == pytest.approx(1.0)
 
 
-def test_where_no_draw_agrees_there_are_no_courses() -> None:
+def test_no_courses_without_a_draw_that_agrees() -> None:
     assert likely_draws(weighed()) == []
 
 

@@ -25,7 +25,7 @@ def test_no_perturbation_is_the_recorded_motion():
         assert np.interp(t.time_s, u.time_s, u.y_m) == pytest.approx(t.y_m)
 
 
-def test_each_perturbation_does_what_it_says():
+def test_each_perturbation_does_what_it_states():
     of = crossing(15.0)
     faster, late = VehiclePerturbation(1, 1.1, 0.0, 0.3, 0.0), VehiclePerturbation(2, 1.0, 0.2, 0.0, 0.0)
     (one, two), impact_s = perturb_motion(of.participants, Perturbation((faster, late), 1.0), of.impact_time_s)
@@ -36,7 +36,7 @@ def test_each_perturbation_does_what_it_says():
     assert np.interp(impact_s, two.trajectory.time_s, two.trajectory.y_m) == pytest.approx(-1.75 - 0.2 * 15.0, abs=0.01)
 
 
-def test_who_reacts_brakes_at_five_metres_per_second_squared():
+def test_a_reacting_driver_brakes_at_five_metres_per_second_squared():
     of = rear_end(20.0)
     brakes = VehiclePerturbation(1, 1.0, 0.0, 0.0, 1.0), NOTHING[1]
     (one, _), impact_s = perturb_motion(of.participants, Perturbation(brakes, 1.0), of.impact_time_s)

@@ -68,7 +68,7 @@ def driven(name: str, around: Isolation | None = None, **arguments: str) -> Eval
         ("Unshowable", "Shy: cannot be shown, SystemExit"),
     ],
 )
-def test_what_no_agent_should_do_is_its_fault_in_a_line(name: str, said: str) -> None:
+def test_misbehaviour_is_the_agents_fault_in_a_line(name: str, said: str) -> None:
     found = driven(name)
     assert found.outcome is DriveOutcome.FAULTY
     assert said in found.fault
@@ -99,7 +99,7 @@ def test_an_answer_that_is_none_is_named(answer: str, said: str) -> None:
     assert said in found.fault
 
 
-def test_who_patches_what_measures_changes_nothing_but_itself() -> None:
+def test_an_agent_patching_the_measures_changes_only_its_own_process() -> None:
     assert driven("Patching").outcome is driven("Harmless").outcome is DriveOutcome.UNCHANGED
 
 
@@ -190,7 +190,7 @@ def test_isolated_agents_end_as_others_do(around: Isolation) -> None:
     assert "that are allowed" in driven("Bomb", around).fault
 
 
-def test_a_system_without_namespaces_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_system_without_namespaces_is_reported_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
     with pytest.raises(UserError, match=r"--isolate needs unshare and mount .* of util-linux"):
         isolation("another")

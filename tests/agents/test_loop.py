@@ -80,7 +80,7 @@ def test_the_example_agent_avoids_a_rear_end_crash():
         (Motion(path_m=np.zeros((4, 2))), "two points or more"),
     ],
 )
-def test_a_faulty_answer_is_a_result_that_says_what_was_wrong(answer, said):
+def test_a_faulty_answer_is_a_result_that_names_what_was_wrong(answer, said):
     found = drive(rear_end(), Answers(answer))
     assert found.outcome is DriveOutcome.FAULTY
     assert said in found.fault
@@ -170,6 +170,6 @@ def test_an_agent_is_made_with_its_arguments():
 
 
 @pytest.mark.parametrize("reference", ["math:pi", "math:no_such_thing", "json:JSONDecoder"])
-def test_what_is_no_agent_is_a_fault(reference):
+def test_an_object_that_is_no_agent_is_a_fault(reference):
     with pytest.raises(AgentFault):
         make_agent(reference)

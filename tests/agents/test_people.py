@@ -71,7 +71,7 @@ def test_a_vehicle_hides_a_person_and_a_person_nobody() -> None:
 
 
 @pytest.mark.parametrize("of", [walked_into, ridden_into])
-def test_who_drives_as_recorded_strikes_the_person_again(of) -> None:
+def test_the_recorded_drive_strikes_the_person_again(of) -> None:
     crash = of()
     assert crash.contact is not None
     found = drive(crash, Replay())
@@ -88,5 +88,5 @@ def test_the_baselines_react_to_people(of, agent) -> None:
     assert found.outcome in AVOIDED | {DriveOutcome.MITIGATED}
 
 
-def test_of_a_crash_with_a_person_the_agent_takes_the_vehicle() -> None:
+def test_the_agent_drives_the_vehicle_of_a_crash_with_a_person() -> None:
     assert {number_of(walked_into(), role) for role in AgentRole} == {1}

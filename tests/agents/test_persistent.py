@@ -66,7 +66,7 @@ def slow_leader() -> Case:
 
 @pytest.mark.parametrize("of", [rear_end, slow_leader, crossing, followed, walker])
 @pytest.mark.parametrize("pace", [0.6, 0.8, 1.0, 1.2])
-def test_who_never_reacts_collides_at_any_pace(of, pace: float) -> None:
+def test_an_agent_that_never_reacts_collides_at_any_pace(of, pace: float) -> None:
     found = drive(of(), Replay(str(pace)), 1, PERSISTENT)
     assert found.metrics.collided
     if pace == 1.0:
@@ -106,7 +106,7 @@ def test_a_person_slows_down_for_who_eases_off_and_does_not_start_and_stop() -> 
     assert speed_mps.min() < 1.4 < speed_mps.max(), "it was slower than recorded for a while"
 
 
-def test_who_meets_arrives_with_the_agent_and_at_its_recorded_pace() -> None:
+def test_an_oncoming_party_arrives_with_the_agent_at_its_recorded_pace() -> None:
     """Five seconds left at the recorded pace, seven for the agent: a straight line from the pace to 1 covers them."""
     first = pace_to_meet(5.0, 7.0, 0.2)
     times = np.linspace(0.0, 7.0, 701)

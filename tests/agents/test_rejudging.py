@@ -26,7 +26,7 @@ class Creeps:
 
 @pytest.mark.parametrize("of", [rear_end, crossing])
 @pytest.mark.parametrize("agent", [Replay, BrakeOnTimeToCollision, IdmLaneKeeper, CautiousLaneKeeper, Creeps])
-def test_what_was_driven_is_what_is_said(of, agent):
+def test_the_reported_drive_is_the_driven_one(of, agent):
     found = drive(of(), agent(), 1)
     assert problem_of_drive(of(), 1, found.metrics, Traffic.RECORDED, found.drive) == ""
     places = json.loads(found.drive)
@@ -35,7 +35,7 @@ def test_what_was_driven_is_what_is_said(of, agent):
     assert ended_s is None or len(places["1"]) == int(ended_s * RATE_HZ) + 1
 
 
-def test_what_was_not_driven_is_found():
+def test_drives_that_were_not_driven_are_found():
     crash = crossing()
     avoided = drive(crash, CautiousLaneKeeper(), 1)
     replayed, crept = drive(crash, Replay(), 1), drive(crash, Creeps(), 1)

@@ -15,7 +15,7 @@ def test_both_drivers_of_a_crash_count_once() -> None:
 
 
 @pytest.mark.parametrize("holds", [True, False])
-def test_what_holds_always_or_never_is_not_certain(holds: bool) -> None:
+def test_frequencies_of_0_and_1_are_not_certain(holds: bool) -> None:
     found = clustered_share((f"2023-{n // 2}", holds) for n in range(20))
     assert (found.low, found.high) == wilson_interval(10 * holds, 10)
 

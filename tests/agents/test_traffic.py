@@ -25,7 +25,7 @@ class BrakesAtOnce:
 
 @pytest.mark.parametrize("ego", [1, 2])
 @pytest.mark.parametrize("of", [rear_end, crossing, followed])
-def test_who_drives_as_recorded_has_the_recorded_crash(of, ego) -> None:
+def test_the_recorded_drive_has_the_recorded_crash(of, ego) -> None:
     found = drive(of(), Replay(), ego, REACTIVE)
     assert found == drive(of(), Replay(), ego)
     assert found.outcome is DriveOutcome.UNCHANGED

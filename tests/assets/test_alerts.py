@@ -36,7 +36,7 @@ class Inbox:
         return [(said["kind"], [crash["key"] for crash in said["crashes"]]) for said in map(json.loads, lines)]
 
 
-def test_crashes_that_fail_and_that_are_verified_no_more_are_told_once(campaign, tmp_path):
+def test_crashes_that_fail_and_that_are_verified_no_more_are_reported_once(campaign, tmp_path):
     inbox = Inbox(tmp_path)
     made = campaign(dict(zip(KEYS, ["", "", "fail:simulation_log"], strict=True)))
     workspace = made.workspace.with_settings(inbox.settings)
@@ -54,7 +54,7 @@ def test_crashes_that_fail_and_that_are_verified_no_more_are_told_once(campaign,
     assert summarised() == [("no_longer_verified", [KEYS[1]])]
 
 
-def test_a_crash_that_the_budget_stopped_is_told_as_such(campaign, tmp_path):
+def test_a_crash_that_the_budget_stopped_is_reported_as_such(campaign, tmp_path):
     inbox = Inbox(tmp_path)
     made = campaign({KEYS[0]: "", KEYS[1]: "broke:state_estimate", KEYS[2]: "fail:state_estimate"})
     made.run()

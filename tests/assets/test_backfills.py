@@ -83,7 +83,7 @@ def test_one_crash_can_be_materialized_alone(made, ui):
     assert {key for _, key in fake_flow.calls(Path(made.workspace.root))} == {KEYS[0]}
 
 
-def test_what_is_up_to_date_is_said_to_be_and_can_be_forced(made, ui):
+def test_current_crashes_are_named_and_can_be_forced(made, ui):
     one = {stage.value: KEYS[:1] for stage in Stage}
     ui.materialize(one)
     before = fake_flow.calls(Path(made.workspace.root))
@@ -111,7 +111,7 @@ def test_all_is_materialized_though_studies_lack_their_input(campaign, monkeypat
     assert all(said.values())
 
 
-def test_what_is_made_of_all_crashes_is_made_once(made, ui):
+def test_outputs_of_all_crashes_are_made_once(made, ui):
     first = ui.materialize(WHOLE_GRAPH)
     (failed,) = ui.runs_of(first)
     assert not assets_of(failed) & SUMMARY, "downstream of a failure"

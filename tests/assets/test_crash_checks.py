@@ -50,7 +50,7 @@ def test_a_run_does_not_miss_the_checks_it_has_evaluated(campaign):
     assert not [line for line in said if "did not yield" in line]
 
 
-def test_what_does_not_hold_warns_with_reason_and_sentence(campaign):
+def test_a_failed_check_warns_with_reason_and_sentence(campaign):
     made = campaign({KEYS[0]: "reject:verdict"})
     made.run()
     (record,) = made.instance.event_log_storage.get_asset_check_execution_history(CRITERIA, limit=1)

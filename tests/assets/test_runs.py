@@ -88,7 +88,7 @@ def test_verdict_of_every_crash_names_its_page_and_of_a_simulated_one_the_comman
     assert "replay" not in shown[KEYS[1]]
 
 
-def test_an_estimate_says_who_made_it_with_what_at_what_cost_and_in_whose_place(campaign):
+def test_an_estimate_names_its_estimator_inputs_cost_and_fallback(campaign):
     made = campaign({KEYS[0]: ""})
     made.run()
     ((_, metadata),) = materializations(made, Stage.STATE_ESTIMATE)
@@ -130,7 +130,7 @@ def test_rejected_crashes_are_examined_again_only_when_asked_for(campaign):
     assert {where for where in after if after[where] != before.get(where)} == {("road_map", KEYS[0])}
 
 
-def test_work_done_but_never_told_to_dagster_is_told_without_being_done_again(campaign):
+def test_unreported_results_reach_dagster_without_being_done_again(campaign):
     made = campaign({KEYS[0]: "", KEYS[1]: ""})
     list(run_stages(made.workspace, KEYS[:2], run_id="killed before it could say so"))
     before = fake_flow.calls(Path(made.workspace.storage.root))

@@ -115,7 +115,7 @@ def test_cohorts_that_do_not_follow_the_service_are_left_alone(tmp_path, service
     following.instance.dispose()
 
 
-def test_hours_that_cron_does_not_know_and_names_given_twice_are_said():
+def test_invalid_cron_hours_and_duplicate_names_are_reported():
     nightly = Schedule(name="nightly", cron="0 2 * * *")
     with pytest.raises(UserError, match="nightly is taken"):
         schedules(AutomationSettings(schedules=(nightly, nightly)))

@@ -69,7 +69,7 @@ def watched(tmp_path, monkeypatch):
     made.instance.dispose()
 
 
-def test_what_arrives_is_registered_and_run_and_only_once(watched):
+def test_arrivals_are_registered_and_run_once(watched):
     assert watched.look() == []
     watched.arrive(CASES[0])
     watched.arrive(CASES[1])
@@ -105,7 +105,7 @@ def test_files_still_written_to_wait_for_the_next_look(watched):
     assert len(watched.look()) == 1
 
 
-def test_what_is_no_report_and_a_folder_that_is_gone_stop_nothing(watched):
+def test_invalid_reports_and_missing_folders_stop_nothing(watched):
     watched.arrive("notes", content=b"not a report")
     for _ in range(2):
         assert watched.look() == []
@@ -121,7 +121,7 @@ def test_what_is_no_report_and_a_folder_that_is_gone_stop_nothing(watched):
     assert watched.partitions() == [f"2023-{CASES[0]}"]
 
 
-def test_without_a_watched_folder_it_says_how_to_get_one(tmp_path, monkeypatch):
+def test_without_a_watched_folder_it_states_how_to_get_one(tmp_path, monkeypatch):
     for name in ("DAGSTER_HOME", "TRACE_DAG_ROOT"):
         monkeypatch.setenv(name, "to be replaced")
     workspace = Workspace.open(str(tmp_path / "root"), fake_flow.FLOW)
@@ -173,7 +173,7 @@ def elsewhere(tmp_path):
 FIRST, SECOND, THIRD = "2023-510010", "2023-510011", "2023-510012"
 
 
-def test_dagster_is_told_of_what_another_machine_registers_and_runs_nothing_unless_asked_to(elsewhere):
+def test_dagster_learns_of_crashes_registered_elsewhere_and_runs_only_on_request(elsewhere):
     assert elsewhere.look(run=False) == []
     elsewhere.register(FIRST)
     assert elsewhere.look(run=False) == []
@@ -192,7 +192,7 @@ def test_registered_crashes_are_run_once_where_the_settings_say_so(elsewhere):
     assert elsewhere.look(run=True) == [[THIRD]]
 
 
-def test_what_a_run_is_under_way_for_is_not_asked_for_again(elsewhere):
+def test_crashes_of_a_run_under_way_are_not_requested_again(elsewhere):
     elsewhere.register(FIRST, SECOND)
     elsewhere.look(run=False)
     tags = range_tags(PlannedBatch((FIRST, SECOND), tuple(Stage)))

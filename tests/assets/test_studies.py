@@ -80,7 +80,7 @@ def test_a_study_is_stored_and_shown(
         ("evaluations", {"agents": ["brake"], "traffic": "heavy"}, "'heavy' is none of recorded, reactive, persistent"),
     ],
 )
-def test_what_cannot_be_asked_is_the_runs_failure_in_a_line(
+def test_impossible_requests_fail_the_run_in_a_line(
     workspace: Workspace, instance: DagsterInstance, name: str, config: dict, said: str
 ) -> None:
     result = run(name, workspace, instance, config, fine=False)

@@ -33,13 +33,13 @@ def found_of(found):
     return {(each.kind, each.key, each.stage) for each in found}
 
 
-def test_after_a_run_dagster_says_what_is_stored(campaign):
+def test_after_a_run_dagster_names_what_is_stored(campaign):
     made = campaign(BEHAVIOURS)
     made.run()
     assert look(made)[1] == []
 
 
-def test_results_of_a_run_that_could_not_log_them_are_told_with_their_outcome(campaign):
+def test_results_of_a_run_that_could_not_log_them_are_reported_with_their_outcome(campaign):
     made = campaign({GOOD: "", REJECTED: "reject:road_map"})
     list(run_stages(made.workspace, [GOOD, REJECTED], run_id="killed before it said anything"))
     expected = {(DisagreementKind.NOT_LOGGED, key, stage) for key in (GOOD, REJECTED) for stage in Stage}

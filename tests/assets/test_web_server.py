@@ -133,7 +133,7 @@ def test_the_page_of_a_crash_shows_its_replay_in_a_frame(server: Server, root: P
         assert [error for error in page.errors if "replay.html" in error] == []
 
 
-def test_what_there_is_not_of_a_run_is_not_found(server: Server):
+def test_absent_records_of_a_run_are_not_found(server: Server):
     assert server.ask("GET", "/download_debug/x")[0] == 404
     assert server.ask("GET", "/logs/x/y/z")[0] == 404
 
@@ -189,7 +189,7 @@ FOREIGN = {"Origin": "http://evil.example.org", "Sec_Fetch_Site": "cross-site"}
         ("GET", "/server_info", "", FOREIGN),
     ],
 )
-def test_what_a_page_elsewhere_makes_a_browser_ask_is_refused(
+def test_requests_from_another_site_are_refused(
     server: Server, method: str, path: str, body: str, headers: dict[str, str]
 ):
     status, said = server.ask(method, path, body, **headers)

@@ -89,7 +89,7 @@ def test_cohorts_are_made_extended_listed_shown_and_removed(tmp_path, monkeypatc
         (["cohort", "remove", "nowhere"], "'nowhere' is not registered"),
     ],
 )
-def test_what_cannot_be_done_is_refused_in_one_line(tmp_path, arguments, said):
+def test_impossible_requests_are_refused_in_one_line(tmp_path, arguments, said):
     """In this process: that both kinds of exception end the command with one line and code 2 is tested elsewhere."""
     with pytest.raises((UserError, click.ClickException)) as caught:
         cli.main(["--root", str(tmp_path), *arguments], standalone_mode=False)

@@ -46,7 +46,7 @@ from trace_dag.cli.main import cli
         (["release", "--version", "new"], "expected a version"),
     ],
 )
-def test_what_cannot_be_done_is_one_line_and_exit_code_2(tmp_path, arguments, said):
+def test_impossible_commands_give_one_line_and_exit_code_2(tmp_path, arguments, said):
     (tmp_path / "root").mkdir()
     done = trace_dag(tmp_path / "root", *arguments)
     if arguments == ["status"]:
@@ -85,7 +85,7 @@ def commands_with_a_root(group: click.Group) -> Iterator[tuple[list[str], click.
 
 
 @pytest.mark.parametrize(("words", "command"), list(commands_with_a_root(cli)), ids=str)
-def test_a_root_that_is_not_there_is_said_and_not_made(tmp_path, words, command):
+def test_a_missing_root_is_named_and_not_made(tmp_path, words, command):
     options = {"release": ["--version", "1"], "rerun": ["--failed"], "osmium": ["--output", str(tmp_path / "x.json")]}
     values = ["2023-319003" for each in command.params if isinstance(each, click.Argument) and each.required]
     if words[-1] == "add":
@@ -133,7 +133,7 @@ def test_wrong_setting_is_one_line(tmp_path):
     assert "sim.friction" in done.stderr
 
 
-def test_ingest_is_idempotent_and_says_what_it_left_aside(tmp_path):
+def test_ingest_is_idempotent_and_names_what_it_left_aside(tmp_path):
     reports = reports_of(tmp_path / "reports")
     (reports / "copy.xml").write_bytes((reports / "crash_319003.xml").read_bytes())
     (reports / "notes.txt").write_text("not a report")
@@ -154,7 +154,7 @@ def test_several_values_of_one_option_can_follow_each_other(tmp_path):
     assert f"{len(maps)} map files" in done.stdout
 
 
-def test_run_prints_the_funnel_and_every_crash_is_where_its_truth_says(finished_root):
+def test_run_prints_the_funnel_and_every_crash_is_where_its_truth_states(finished_root):
     status = json.loads(trace_dag(finished_root, "status", "--json").stdout)
     assert sum(status["final_states"].values()) == len(KEYS) == len(status["crashes"])
     expected = {
@@ -169,7 +169,7 @@ def test_run_prints_the_funnel_and_every_crash_is_where_its_truth_says(finished_
     assert found == expected
 
 
-def test_artefacts_lie_where_they_are_said_to(finished_root):
+def test_artefacts_lie_at_their_listed_paths(finished_root):
     key = KEYS[0]
     for name in (
         f"raw_report/{key}.xml",
@@ -214,7 +214,7 @@ def test_estimators_that_cannot_be_compared_are_one_line(finished_root):
     assert "'breakfast' is not an estimator" in done.stderr
 
 
-def test_without_the_key_of_a_model_what_can_be_compared_all_the_same_is_said(finished_root, monkeypatch):
+def test_without_the_key_of_a_model_the_possible_comparisons_are_named(finished_root, monkeypatch):
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
     done = study(finished_root, "compare_estimators", "--estimators", "analytic,llm@openai/gpt-4o")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
@@ -278,7 +278,7 @@ def test_a_question_without_end_or_bounds_is_ended_in_a_line(finished_root, quer
     assert said in done.stderr
 
 
-def test_a_warehouse_that_is_damaged_is_said_to_be_by_the_process_that_answers(tmp_path):
+def test_a_damaged_warehouse_is_reported_by_the_process_that_answers(tmp_path):
     damaged = tmp_path / "root"
     sample_runs.copy_finished(damaged)
     with (damaged / "warehouse.duckdb").open("r+b") as file:

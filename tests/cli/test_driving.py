@@ -185,7 +185,9 @@ def test_a_bound_that_cannot_be_is_named_with_what_can(bound: str, value: str, t
         (["vary", "--only", REJECTED], "is verified"),
     ],
 )
-def test_what_cannot_be_done_is_one_line_and_exit_code_2(finished_root: Path, arguments: list[str], said: str) -> None:
+def test_impossible_commands_give_one_line_and_exit_code_2(
+    finished_root: Path, arguments: list[str], said: str
+) -> None:
     done = trace_dag(finished_root, *arguments)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert said in done.stderr

@@ -88,7 +88,7 @@ def test_a_package_explains_itself(packages: dict[str, Path]) -> None:
         assert {each["licence"] for each in stated.values()} == {"CC0-1.0"}
 
 
-def test_a_package_says_nothing_of_the_machine(packages: dict[str, Path], root: Path) -> None:
+def test_a_package_states_nothing_of_the_machine(packages: dict[str, Path], root: Path) -> None:
     """No path of this machine, absolute or of the user, and nothing that looks like a key."""
     told = re.compile(
         rb"(?<![\w.:/-])/(?:home|root|tmp|work|Users|usr|var)/|[A-Z]:\\\\|api[_-]?key|token=|sk-[A-Za-z0-9]{16}"
@@ -161,7 +161,7 @@ def test_another_process_makes_the_same_bytes(root: Path, packages: dict[str, Pa
     assert made == (root / "benchmark" / "packages" / f"{key}.zip").read_bytes()
 
 
-def test_what_is_exported_already_is_left_alone(root: Path, packages: dict[str, Path], tmp_path: Path) -> None:
+def test_existing_exports_are_kept(root: Path, packages: dict[str, Path], tmp_path: Path) -> None:
     workspace, key = Workspace.open(str(root), FLOW), next(iter(packages))
     heard: list[str] = []
     written = export(workspace, [key], tmp_path, "openlabel", told=heard.append)

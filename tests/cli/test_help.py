@@ -28,7 +28,7 @@ COMMANDS = {" ".join(path): command for path, command in commands()}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_says_what_the_command_does_and_what_each_option_means(name):
+def test_help_names_what_the_command_does_and_what_each_option_means(name):
     command = COMMANDS[name]
     assert command.help
     for parameter in command.params:

@@ -44,7 +44,7 @@ def test_a_simulated_crash_can_be_watched(
         (("export", "--output", "/dev/full/crash"), "output /dev/full/crash: cannot read and write there"),
     ],
 )
-def test_what_cannot_be_written_is_said_before_the_work(root: Path, command: tuple[str, ...], said: str) -> None:
+def test_unwritable_outputs_are_named_before_the_work(root: Path, command: tuple[str, ...], said: str) -> None:
     done = trace_dag(root, *(word.format(root=root) for word in command))
     assert done.returncode == 2, done.stderr
     assert said in done.stderr
@@ -74,7 +74,7 @@ def test_controls_enter_the_warehouse(root: Path, verified: list[str]) -> None:
     assert found["other_report"]["rate"] < found["true"]["rate"]
 
 
-def test_of_a_large_cohort_so_many_meet_each_other(root: Path) -> None:
+def test_a_large_cohort_is_compared_in_a_sample_of_pairs(root: Path) -> None:
     drawn = []
     for _ in range(2):
         done = trace_dag(root, "controls", "--most", "2", "--json")
@@ -143,7 +143,7 @@ def test_changed_reports_go_through_all_stages_again(root: Path, verified: list[
     assert count["n"] == len(found)
 
 
-def test_a_changed_report_that_says_too_little_is_refused(root: Path, verified: list[str]) -> None:
+def test_a_changed_report_that_states_too_little_is_refused(root: Path, verified: list[str]) -> None:
     kinds = ("blank", "tree_event_code", "type_single")
     done = study(root, "perturbed", "--only", *verified, "--json", "--kinds", *kinds)
     assert done.returncode == 0, done.stderr
@@ -154,7 +154,7 @@ def test_a_changed_report_that_says_too_little_is_refused(root: Path, verified: 
     }
 
 
-def test_a_perturbation_there_is_not_is_said(root: Path) -> None:
+def test_an_unknown_perturbation_is_named(root: Path) -> None:
     done = study(root, "perturbed", "--kinds", "clock_5h")
     assert done.returncode == 2
     assert "clock_6h" in done.stderr

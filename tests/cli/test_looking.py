@@ -22,7 +22,7 @@ def ending(state: str) -> str:
     return next(row["key"] for row in rows(finished() / "warehouse.duckdb", "crashes") if row["final_state"] == state)
 
 
-def test_show_says_what_happened_and_where_the_files_are():
+def test_show_names_events_and_files():
     key = ending("verified")
     done = trace_dag(finished(), "show", key)
     assert done.returncode == 0, done.stderr
@@ -33,7 +33,7 @@ def test_show_says_what_happened_and_where_the_files_are():
     assert {Path(file).name for file in files} >= {f"{key}.xodr", f"{key}.html", f"{key}.zip"}
 
 
-def test_show_says_why_a_crash_is_rejected_and_what_can_be_done():
+def test_show_names_the_reason_of_a_rejection_and_the_remedy():
     key = ending("rejected")
     said = json.loads(trace_dag(finished(), "show", key, "--json").stdout)
     row = next(row for row in rows(finished() / "warehouse.duckdb", "crashes") if row["key"] == key)
@@ -61,7 +61,7 @@ def test_open_opens_the_page_and_prints_where_it_is(monkeypatch, tmp_path):
     assert "trace-dag run makes it" in done.stderr
 
 
-def test_of_many_crashes_a_run_makes_no_pages_and_open_makes_them(monkeypatch, tmp_path):
+def test_a_run_of_many_crashes_leaves_pages_to_open(monkeypatch, tmp_path):
     opened = []
     monkeypatch.setattr(click, "launch", opened.append)
     root, key = tmp_path / "root", KEYS[0]
@@ -219,7 +219,7 @@ def test_a_file_knows_its_form_by_its_name(tmp_path):
     assert "<cols>" in sheet
 
 
-def test_the_ui_tells_hours_that_cron_does_not_know_in_one_line(tmp_path):
+def test_the_ui_names_invalid_cron_hours_in_one_line(tmp_path):
     (tmp_path / "settings.toml").write_text('[[automation.schedules]]\nname = "nightly"\ncron = "0 25 * * *"\n')
     done = trace_dag(tmp_path, "ui", "--port", "0")
     assert done.returncode == 2

@@ -76,14 +76,14 @@ def test_it_is_noted_until_the_benchmark_lists_it(workspace: Workspace) -> None:
     assert read_notes(workspace.storage) == {}
 
 
-def test_what_is_there_already_is_left_to_who_builds_the_benchmark(workspace: Workspace) -> None:
+def test_existing_pages_are_left_to_the_benchmark(workspace: Workspace) -> None:
     workspace.storage.write(replay_name(VERIFIED), b"as an earlier run made it")
     assert run(workspace).keys() == {REJECTED}
     assert workspace.storage.read(replay_name(VERIFIED)) == b"as an earlier run made it"
     assert run(workspace) == {}  # nothing was computed
 
 
-def test_what_is_there_costs_an_object_store_a_listing_of_each_kind_and_nothing_for_each_crash() -> None:
+def test_a_status_costs_an_object_store_one_listing_of_each_kind() -> None:
     TroubledStore.reset()
     make_at_once(Storage("troubled://bucket/root"), [f"2023-51{number:04}" for number in range(100)])
     assert TroubledStore.requests == {"list": 3}, "of replays, packages and thumbnails"

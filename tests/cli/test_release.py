@@ -67,7 +67,7 @@ def test_a_release_is_whole(released: Path, verified: list[str]) -> None:
         assert row["contact_distance_m"] < 5.0
 
 
-def test_search_engines_and_archives_are_told_what_it_is(released: Path, verified: list[str]) -> None:
+def test_search_engines_and_archives_get_a_description(released: Path, verified: list[str]) -> None:
     croissant = json.loads((released / "croissant.json").read_bytes())
     index = pq.read_table(released / "index.parquet")
     fields = croissant["recordSet"][0]["field"]
@@ -185,7 +185,7 @@ def test_a_definition_is_made_again_to_the_same_bytes_on_another_day(
     assert (again / "SHA256SUMS").read_bytes() == (released / "SHA256SUMS").read_bytes()
 
 
-def test_a_definition_says_which_input_is_another(
+def test_a_definition_states_which_input_is_another(
     root: Path, released: Path, verified: list[str], tmp_path: Path
 ) -> None:
     given = json.loads((released / "trace-bench.json").read_bytes())

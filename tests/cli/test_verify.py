@@ -83,7 +83,7 @@ def test_a_folder_in_a_files_place_is_put_aside_and_the_file_made_again(root):
     assert aside >= {Path(name).name for name in names}
 
 
-def test_of_several_cohorts_one_that_is_gone_with_its_copy_is_missed_and_its_crashes_keep_their_pages(root, tmp_path):
+def test_a_cohort_lost_with_its_copy_is_missed_and_its_crashes_keep_their_pages(root, tmp_path):
     trace_dag(root, "cohort", "remove", "sample", "--only", VERIFIED)
     again = ("--reports", str(reports_of(tmp_path / "reports", [VERIFIED])), "--maps", str(SAMPLE / "osm"))
     assert trace_dag(root, "ingest", *again, "--cohort", "other").returncode == 0

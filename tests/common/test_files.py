@@ -29,7 +29,7 @@ def storage(request, tmp_path: Path) -> Storage:
     return Storage.open("memory://bucket/root")
 
 
-def test_what_is_written_is_read_back_and_described(storage):
+def test_written_values_are_read_back_and_described(storage):
     stored = storage.write("road_map/2023-1.xodr", b"<OpenDRIVE/>")
     assert storage.read(stored.name) == b"<OpenDRIVE/>"
     assert (stored.size, stored.sha256) == (12, hashlib.sha256(b"<OpenDRIVE/>").hexdigest())
@@ -37,7 +37,7 @@ def test_what_is_written_is_read_back_and_described(storage):
     assert storage.exists(stored.name)
 
 
-def test_listing_tells_replaced_files_from_unchanged_ones(storage):
+def test_listing_distinguishes_replaced_files_from_unchanged_ones(storage):
     storage.write("verdict/a.json", b"1")
     storage.write("verdict/b.json", b"22")
     before = storage.list("verdict")
@@ -103,7 +103,7 @@ def test_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["b.txt"]
 
 
-def test_what_a_killed_writer_left_is_told_from_what_is_being_written(tmp_path):
+def test_leftovers_of_a_killed_writer_differ_from_files_being_written(tmp_path):
     storage = Storage.open(tmp_path)
     storage.write("a/b.txt", b"x")
     writes = "import os, sys; from trace_dag.common.storage import files; files.os.fdopen = lambda *_: os._exit(1)"

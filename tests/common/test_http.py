@@ -35,14 +35,14 @@ def test_a_right_answer_is_given_once_asked() -> None:
 
 
 @pytest.mark.parametrize("status", [408, 429, 500, 502, 503, 504])
-def test_what_may_pass_is_asked_again(status: int) -> None:
+def test_transient_errors_are_retried(status: int) -> None:
     with serving(lambda _, before: Answer(status=status) if before < 2 else Answer(b"ok")) as server:
         assert HttpClient(QUICK, sleep=Naps()).get(server.url) == b"ok"
     assert len(server.requests) == 3
 
 
 @pytest.mark.parametrize("status", [400, 401, 403, 404, 410])
-def test_what_is_refused_for_good_is_not_asked_again(status: int) -> None:
+def test_permanent_refusals_are_not_retried(status: int) -> None:
     with serving(lambda *_: Answer(status=status)) as server, pytest.raises(Failure, match=str(status)) as caught:
         HttpClient(QUICK).get(server.url)
     assert not isinstance(caught.value, TransientFailure)
@@ -191,7 +191,7 @@ def test_cache_only_sends_nothing(tmp_path: Path) -> None:
     "broken",
     [socket.gaierror(socket.EAI_NONAME, "Name or service not known"), OSError(errno.ENETUNREACH, "unreachable")],
 )
-def test_without_a_network_one_look_is_enough_and_what_helps_is_said(
+def test_without_a_network_one_look_is_enough_and_what_helps_is_reported(
     monkeypatch: pytest.MonkeyPatch, broken: OSError
 ) -> None:
     looks: list[object] = []

@@ -48,7 +48,7 @@ def test_text_names_the_crash_at_work_and_the_level_can_be_chosen():
 
 
 @pytest.mark.parametrize("variable", ["TRACE_DAG_LOG", "TRACE_DAG_LOG_FORMAT"])
-def test_what_cannot_be_asked_is_refused_in_words(variable):
+def test_impossible_requests_are_refused_with_a_reason(variable):
     done = subprocess.run(
         [sys.executable, "-m", "trace_dag.cli", "status"],
         capture_output=True,
@@ -81,7 +81,7 @@ def test_json_lines_are_all_that_goes_to_standard_error():
     assert said[-1]["message"] == "failed: 2023-510179 in road_map"
 
 
-def test_as_text_progress_and_problems_are_as_people_read_them():
+def test_text_logs_show_progress_and_problems_for_readers():
     said = lines(LIBRARIES, TRACE_DAG_LOG="INFO")
     assert said[-1] == "failed: 2023-510179 in road_map"
     assert any("2023-510179" in line and "1/1" in line for line in said)

@@ -79,7 +79,7 @@ def test_every_code_by_which_nhtsa_types_persons_is_held(shared_data: Path) -> N
     assert [table.element for table, code, label in listed if "Not a" in label and table.known(code) is not None] == []
 
 
-def test_every_known_code_is_said_in_words() -> None:
+def test_every_known_code_is_reported_in_words() -> None:
     silent = [
         (table.element, code)
         for table in TABLES.values()

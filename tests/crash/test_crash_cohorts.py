@@ -73,7 +73,7 @@ def test_filters(wanted: CohortFilter, admitted: bool) -> None:
     assert wanted.admits(listing) is admitted
 
 
-def test_what_a_source_does_not_say_is_not_chosen() -> None:
+def test_a_source_without_the_fact_is_not_chosen() -> None:
     bare = crash(510001)
     assert CohortFilter().admits(bare)
     for wanted in (

@@ -26,7 +26,7 @@ def test_every_mapped_report_is_complete(
         assert shortcomings(record, (*filters_of(settings), *RULES)) == []
 
 
-def test_every_real_report_tells_of_a_crash_that_can_be_simulated(
+def test_every_real_report_has_a_crash_that_can_be_simulated(
     real_reports: dict[str, bytes], settings: CrashSettings
 ) -> None:
     """Of 2023-510130, too: a motorcycle overturns, and what it sets in motion strikes a car, which is not modelled."""
@@ -61,7 +61,7 @@ TREE = {"SOE": 42, "VNUMBER2": 9999, "AOI2": 77}
         ({"HARM_EV": 12}, [{"VNUMBER2": 7}, {"EVENTNUM": 2}], None),  # there is only one other vehicle
     ],
 )
-def test_a_crash_begins_with_an_event_that_the_report_tells(
+def test_a_crash_begins_with_an_event_that_the_report_gives(
     crash: dict[str, object], events: list[dict[str, object]], reason: Reason | None, settings: CrashSettings
 ) -> None:
     record = read_report(report(crash, events=events), name="report.xml", settings=settings)
@@ -77,7 +77,7 @@ def test_any_number_of_vehicles_if_the_cohort_does_not_ask(settings: CrashSettin
         check(single, CrashSettings(vehicles=2))
 
 
-def test_what_is_stated_counts_even_if_a_vehicle_is_not_listed(settings: CrashSettings) -> None:
+def test_stated_facts_count_even_if_a_vehicle_is_not_listed(settings: CrashSettings) -> None:
     record = read_report(report({"VE_FORMS": 3}), name="report.xml", settings=settings)
     with pytest.raises(Rejection, match="3 motor vehicles in transport"):
         check(record, CrashSettings(vehicles=2))
@@ -120,7 +120,7 @@ def test_incomplete(
         ({"MAN_COLL": 0}, {"P_CRASH1": 1}, {"TRAV_SP": 0}, [{}]),
     ],
 )
-def test_any_field_that_tells_the_trajectory_will_do(
+def test_any_field_that_gives_the_trajectory_will_do(
     crash: dict[str, object],
     first: dict[str, object],
     second: dict[str, object],

@@ -68,7 +68,7 @@ def test_listings_agree_with_the_accident_table(national: Path) -> None:
         )  # fmt: skip
 
 
-def test_two_vehicle_crashes_are_rejected_only_where_no_table_tells_enough(
+def test_two_vehicle_crashes_are_rejected_only_where_no_table_gives_enough(
     national: Path, settings: CrashSettings, capsys: pytest.CaptureFixture[str]
 ) -> None:
     two = [
@@ -228,7 +228,7 @@ def test_a_crash_in_two_releases_is_read_once(well_formed: dict[str, bytes], tmp
         ({"FARS.zip": "no zip"}, "is not a readable zip"),
     ],
 )
-def test_what_is_no_release_says_why(files: dict[str, str], says: str, tmp_path: Path) -> None:
+def test_a_folder_that_is_no_release_gives_the_reason(files: dict[str, str], says: str, tmp_path: Path) -> None:
     for name, content in files.items():
         (tmp_path / name).write_text(content)
     with pytest.raises(UserError, match=says) as caught:

@@ -155,7 +155,7 @@ def lacks(record: CrashRecord) -> list[str]:
 
 
 @pytest.mark.parametrize("own", [{"TRAV_SP": 0}, {"IMPACT1": 6}])
-def test_who_stood_or_was_struck_from_behind_needs_no_course(own: dict[str, int]) -> None:
+def test_standing_and_rear_struck_vehicles_need_no_course(own: dict[str, int]) -> None:
     crash = {"HARM_EV": 42, "MAN_COLL": 0}
     silent = SILENT | {"VEH_NO": 2}
     events = [{"AOI2": own.get("IMPACT1", 3)}]
@@ -163,7 +163,7 @@ def test_who_stood_or_was_struck_from_behind_needs_no_course(own: dict[str, int]
     assert lacks(read(report(crash, [{"ACC_TYPE": 98}, silent | {"IMPACT1": 3}], [{}]))) != []
 
 
-def test_what_a_crash_with_a_person_needs() -> None:
+def test_fields_needed_by_a_crash_with_a_person() -> None:
     def of(vehicle: dict[str, object], person: dict[str, object], zone: int = 1) -> list[str]:
         data = report(ONE | {"REL_ROAD": zone}, [vehicle], [STRUCK], {"NPersons": [("Person", PERSON | person)]})
         return lacks(read(data))

@@ -305,7 +305,7 @@ def test_vehicle_class(elements: dict[str, int | None], expected: VehicleClass, 
      ({"BODY_TYP": 63, "TOW_VEH": 1, "TRLR1GVWR": 12}, 6.5, 17.15, 3402),  # three quarters of 10,000 lb
      ({"BODY_TYP": 4, "TOW_VEH": 5}, 4.85, None, 1600), ({"BODY_TYP": 66, "TOW_VEH": 0}, None, None, None)],
 )  # fmt: skip
-def test_what_a_vehicle_pulls(
+def test_trailers_of_a_vehicle(
     elements: dict[str, int | None],
     length_m: float | None,
     whole_m: float | None,
@@ -421,7 +421,7 @@ def test_a_consistent_report_contradicts_nothing(settings: CrashSettings) -> Non
         (report({"State": 6}), Reason.MALFORMED_REPORT, "does not agree with ST_CASE"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_read_says_why(data: bytes, reason: Reason, says: str, settings: CrashSettings) -> None:
+def test_unreadable_files_give_the_reason(data: bytes, reason: Reason, says: str, settings: CrashSettings) -> None:
     with pytest.raises(Rejection, match=says) as caught:
         read(data, settings)
     assert caught.value.reason is reason
@@ -466,7 +466,7 @@ def test_namespaces_do_not_matter(settings: CrashSettings) -> None:
     assert read(data, settings).key == "2023-519001"
 
 
-def test_the_summary_tells_the_crash(settings: CrashSettings) -> None:
+def test_the_summary_gives_the_crash(settings: CrashSettings) -> None:
     summary = read(report(), settings).summary
     for words in (
         "two motor vehicles in transport on January 5, 2023 at 14:40",

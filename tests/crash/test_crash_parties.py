@@ -91,7 +91,7 @@ def test_the_four_of_virginia(real_reports: dict[str, bytes]) -> None:
         assert {event.party_2 for event in strikes} == {1001}
 
 
-def test_str_veh_tells_persons_apart() -> None:
+def test_str_veh_distinguishes_persons() -> None:
     record = read([strike(1, vehicle=2), strike(2)], person(1), person(2, struck_by=2), vehicles=2)
     assert parties(record) == [(8, 2, 1002), (8, 1, 1001)]
     assert record.ambiguities == ()
@@ -102,7 +102,7 @@ def test_kinds_tell_persons_apart() -> None:
     assert parties(record) == [(15, 1, 1002), (8, 1, 1003), (9, 1, 1001)]
 
 
-def test_as_many_strikes_as_persons_are_taken_in_order_and_said_so() -> None:
+def test_strikes_of_as_many_persons_are_taken_in_order_and_marked() -> None:
     record = read([strike(1), strike(2)], person(1), person(2))
     assert parties(record) == [(8, 1, 1001), (8, 1, 1002)]
     assert "order_of_strikes" in record.implied
@@ -122,7 +122,7 @@ def test_one_strike_of_two_persons_names_nobody() -> None:
     assert record.first_contact is None
 
 
-def test_a_person_of_whom_no_table_tells() -> None:
+def test_a_person_missing_in_every_table() -> None:
     record = read([strike(1)])
     assert parties(record) == [(8, 1, None)]
     assert record.ambiguities == (
@@ -212,7 +212,7 @@ def test_parked_and_working_vehicles_of_national_files_are_parties(tmp_path: Pat
         ),
     ],
 )
-def test_what_cannot_be_is_said(
+def test_impossible_values_are_named(
     persons: list[tuple[str, dict[str, object]]], lists: dict[str, list[tuple[str, dict[str, object]]]], says: str
 ) -> None:
     record = read([strike(1)], *persons, vehicles=2, **lists)

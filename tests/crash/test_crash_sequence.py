@@ -58,7 +58,7 @@ def test_in_a_queue_each_ran_into_its_neighbour(settings: CrashSettings) -> None
     assert parties(record) == [(12, 1, 2), (12, 2, 3), (12, 3, 4), (12, 4, 5)]
 
 
-def test_the_manner_tells_the_first_contact_where_crash_types_do_not(settings: CrashSettings) -> None:
+def test_the_manner_gives_the_first_contact_where_crash_types_do_not(settings: CrashSettings) -> None:
     record = read(
         {"MAN_COLL": 1},
         {"ACC_TYPE": 98, "Vsoes": own_events((12, 6))},
@@ -69,7 +69,7 @@ def test_the_manner_tells_the_first_contact_where_crash_types_do_not(settings: C
     assert parties(record) == [(12, 2, 3), (12, 1, 2)]
 
 
-def test_an_order_that_nothing_tells_is_marked(settings: CrashSettings) -> None:
+def test_an_order_that_nothing_gives_is_marked(settings: CrashSettings) -> None:
     record = read(
         {"MAN_COLL": 99},
         *({"ACC_TYPE": 98, "Vsoes": own_events(*rows)} for rows in ([(12, 98)], [(12, 98), (12, 98)], [(12, 98)])),
@@ -79,7 +79,7 @@ def test_an_order_that_nothing_tells_is_marked(settings: CrashSettings) -> None:
     assert record.implied == ("events", "order_of_contacts")
 
 
-def test_parties_that_nothing_tells_stay_unknown(settings: CrashSettings) -> None:
+def test_parties_that_nothing_gives_stay_unknown(settings: CrashSettings) -> None:
     """1-2 and 3-4, 1-3 and 2-4, or 1-4 and 2-3."""
     record = read(
         {"MAN_COLL": 99}, *({"ACC_TYPE": 98, "Vsoes": own_events((12, 98))} for _ in range(4)), settings=settings
@@ -89,7 +89,7 @@ def test_parties_that_nothing_tells_stay_unknown(settings: CrashSettings) -> Non
     assert "collided with a motor vehicle in transport that is not named" in record.summary
 
 
-def test_of_two_vehicles_the_partner_is_certain_even_without_its_row(settings: CrashSettings) -> None:
+def test_the_partner_of_two_vehicles_is_certain_even_without_its_row(settings: CrashSettings) -> None:
     record = read({}, {"Vsoes": own_events((12, 12), (12, 3))}, {"Vsoes": own_events((12, 9))}, settings=settings)
     assert parties(record) == [(12, 1, 2), (12, 1, 2)]
 
@@ -168,7 +168,7 @@ def test_a_blank_event_of_either_of_two_stays_unknown(settings: CrashSettings) -
     assert [event.code for event in record.events] == [99, 99]
 
 
-def test_a_report_without_events_has_the_contact_its_first_harmful_event_says(settings: CrashSettings) -> None:
+def test_a_report_without_events_has_the_contact_its_first_harmful_event_states(settings: CrashSettings) -> None:
     record = read({"HARM_EV": 12}, {}, {}, settings=settings)
     assert parties(record) == [(12, 1, 2)]
     assert record.implied == ("events",)
@@ -236,7 +236,7 @@ def test_a_contact_of_a_vehicles_own_sequence_that_the_crashs_lacks(settings: Cr
     )
 
 
-def test_who_was_pushed_into_another_parked_vehicle_is_the_one_struck_before(settings: CrashSettings) -> None:
+def test_the_vehicle_pushed_into_another_parked_one_was_struck_before(settings: CrashSettings) -> None:
     """As national events have it (2016-10381: 14 1 12 2 2, then 14 1 19 3 2). A parked vehicle has no events itself."""
     standing = [{"VEH_NO": number, "PTYPE": 1, "PBODYTYP": 4} for number in (2, 3, 4)]
     rows = [

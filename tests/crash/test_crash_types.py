@@ -66,7 +66,7 @@ def test_partners_agree(first, second):
     + [(code, Turn.RIGHT) for code in RIGHT_TURNS]
     + [(code, None) for code in NO_TURNS],
 )
-def test_who_turns(code, turn):
+def test_the_turning_vehicle(code, turn):
     assert CRASH_TYPES[code].turn is turn
 
 
@@ -132,7 +132,7 @@ def test_categories_are_the_manuals():
     assert trajectories_disagree([68, 51])
 
 
-def test_what_a_diagram_shows_of_movement_and_impact():
+def test_movement_and_impact_in_a_diagram():
     assert CRASH_TYPES[22].movement is PreCrashMovement.STOPPED  # it was going to turn left
     assert CRASH_TYPES[26].movement is PreCrashMovement.TURNING_LEFT
     assert CRASH_TYPES[29].movement is PreCrashMovement.DECELERATING

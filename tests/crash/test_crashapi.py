@@ -138,7 +138,7 @@ def test_no_such_service_is_not_asked_again() -> None:
         b'{"Results": [[null]]}',
     ],
 )
-def test_what_is_no_list_of_the_states_cases_is_recognised(body: bytes) -> None:
+def test_an_answer_that_is_no_list_of_cases_is_recognised(body: bytes) -> None:
     with serving(lambda *_: Answer(body)) as server, pytest.raises(TransientFailure, match="wrong answer"):
         client(server).list_cases([51], [2023])
 

@@ -73,7 +73,7 @@ def test_every_harmful_event_counts_in_its_order() -> None:
     assert rejection(record, CrashSettings()) is None
 
 
-def test_what_follows_at_once_between_the_same_two_goes_on_with_it() -> None:
+def test_events_in_succession_between_the_same_two_are_one() -> None:
     third = {"VNUMBER1": 1, "VNUMBER2": 3, "AOI1": 12, "AOI2": 3}
     events = numbered(FIRST, FIRST | {"AOI1": 99, "AOI2": 99}, third, FIRST)
     sequence = sequence_of(read(report(THREE, VEHICLES, events)))
@@ -92,7 +92,7 @@ def test_running_over_whom_one_has_struck_is_the_same_event() -> None:
 
 
 @pytest.mark.parametrize(("people", "parties"), [(2, [1001, 1002]), (1, [1001]), (None, [1001])])
-def test_of_people_who_are_not_listed_each_event_has_its_own_where_the_report_counts_so_many(
+def test_each_event_has_its_own_unlisted_person_where_the_report_counts_so_many(
     people: int | None, parties: list[int]
 ) -> None:
     events = numbered(PERSON_STRUCK, PERSON_STRUCK)
@@ -148,7 +148,7 @@ def test_kinds_of_events_are_mixed_as_the_report_has_them() -> None:
         _ = sequence.events[2].person
 
 
-def test_who_strikes_an_animal_and_then_a_person_and_a_tree_strikes_all_three() -> None:
+def test_a_vehicle_strikes_an_animal_a_person_and_a_tree_in_turn() -> None:
     record = of_one(ANIMAL_STRUCK, PERSON_STRUCK, TREE, harm=11)
     sequence = sequence_of(record)
     assert [event.pair for event in sequence.events] == [(1, 2001), (1, 1001), (1, 2003)]
@@ -179,7 +179,7 @@ def test_a_parked_vehicle_may_be_struck_after_two_in_transport_collide() -> None
     assert [(event.pair, event.parked is None) for event in sequence.events] == [((1, 2), True), ((1, 3), False)]
 
 
-def test_an_order_that_nothing_tells_is_not_known() -> None:
+def test_an_order_that_nothing_gives_is_not_known() -> None:
     record = read(report(THREE, VEHICLES, [FIRST, SECOND]))
     for implied in ("order_of_contacts", "order_of_strikes"):
         assert not sequence_of(replace(record, implied=(implied,))).order_known
@@ -196,20 +196,20 @@ def test_an_order_that_nothing_tells_is_not_known() -> None:
         (1, EventKind.OVERTURN, 1),
     ],
 )
-def test_the_first_harmful_event_tells_what_the_only_vehicle_struck(harm: int, kind: EventKind, party: int) -> None:
+def test_the_first_harmful_event_names_the_object_of_the_only_vehicle(harm: int, kind: EventKind, party: int) -> None:
     sequence = sequence_of(of_one(harm=harm, vehicle={"IMPACT1": 1}))
     assert told(sequence) == [(1, kind, (1, party))]
     assert clocks(sequence.first) == [None if kind is EventKind.OVERTURN else 1]
 
 
 @pytest.mark.parametrize("person_type", [6, 19])
-def test_the_only_person_is_who_was_struck_even_where_nothing_tells_the_kind(person_type: int) -> None:
+def test_the_only_person_was_struck_even_without_a_kind(person_type: int) -> None:
     """Of an older release without events: HARM_EV 9 is a cyclist, PER_TYP 19 a non-motorist of unknown kind."""
     first = sequence_of(of_one(harm=9, NPersons=[PERSON | {"PER_TYP": person_type}])).first
     assert (first.pair, first.person.kind, first.person.age_years) == ((1, 1001), PartyKind.CYCLIST, 40)
 
 
-def test_a_parked_vehicle_may_be_told_of_by_a_count_alone() -> None:
+def test_a_parked_vehicle_may_be_reported_by_a_count_alone() -> None:
     """No table lists it: VE_TOTAL is one more than VE_FORMS, and the first harmful event was with a parked one."""
     first = sequence_of(read(report(PARKED, [{"IMPACT1": 12, "ACC_TYPE": 11}], []))).first
     assert (first.pair, clocks(first)) == ((1, 2), [12, None])
@@ -234,9 +234,7 @@ def test_a_parked_vehicle_may_be_told_of_by_a_count_alone() -> None:
         ({"HARM_EV": 42}, VEHICLES[:2], "nothing tells which of 2 vehicles in transport struck a tree"),
     ],
 )
-def test_what_a_report_without_events_leaves_open_is_not_guessed(
-    crash: Children, vehicles: list[Children], says: str
-) -> None:
+def test_gaps_of_a_report_without_events_are_not_guessed(crash: Children, vehicles: list[Children], says: str) -> None:
     found = missing(read(report(crash, vehicles, [])))
     assert found.reason is Reason.INCOMPLETE_SEQUENCE
     assert found.sentence.startswith(says)
@@ -253,7 +251,7 @@ def test_what_a_report_without_events_leaves_open_is_not_guessed(
         ({}, [TREE | {"VNUMBER1": 7}], "event 1 (SOE 42) does not say of which vehicle it is"),
     ],
 )
-def test_what_is_open_of_who_took_part_is_said(crash: Children, events: list[Children], says: str) -> None:
+def test_unknown_parties_are_named(crash: Children, events: list[Children], says: str) -> None:
     harm = events[0].get("SOE", 12)
     found = missing(read(report(THREE | {"HARM_EV": harm} | crash, VEHICLES, events)))
     assert found == Missing(Reason.INCOMPLETE_SEQUENCE, says)
@@ -264,7 +262,7 @@ def test_one_that_only_overturned_has_its_part() -> None:
     assert [event.pair for event in sequence_of(read(report(THREE, VEHICLES, events))).events] == [(1, 2), (3, 3)]
 
 
-def test_which_of_several_persons_was_struck_has_to_be_told() -> None:
+def test_the_struck_one_of_several_persons_has_to_be_reported() -> None:
     """Three strikes of two pedestrians, of whom nothing says which vehicle struck them."""
     persons = [("Person", PERSON | {"PER_NO": number, "STR_VEH": None}) for number in (1, 2)]
     strikes = numbered(*(PERSON_STRUCK | {"VNUMBER1": number} for number in (1, 2, 3)))
@@ -321,7 +319,7 @@ def test_a_side_is_that_of_the_vehicles_last_departure(
     assert (first.side, first.departure) == (side, departure)
 
 
-def test_another_vehicles_departure_tells_no_side() -> None:
+def test_another_vehicles_departure_gives_no_side() -> None:
     events = numbered(OFF_RIGHT | {"VNUMBER1": 2}, TREE)
     assert sequence_of(read(report({"HARM_EV": 42}, events=events))).first.side is None
 
@@ -339,7 +337,7 @@ def test_another_vehicles_departure_tells_no_side() -> None:
         (98, None, DepartureManner.DRIFT),
     ],
 )
-def test_a_report_without_departures_tells_the_side_by_the_crash_type(
+def test_a_report_without_departures_gives_the_side_by_the_crash_type(
     crash_type: int, side: DepartureSide | None, manner: DepartureManner
 ) -> None:
     """FARS/CRSS Coding and Validation Manual, crash types A (right), B (left) and C (forward)."""
@@ -357,7 +355,7 @@ def test_objects_of_a_departure_end_where_something_else_happens() -> None:
 
 
 @pytest.mark.parametrize(("zone", "side"), [(1, None), (4, DepartureSide.RIGHT)])
-def test_who_overturns_on_the_roadway_leaves_it_to_no_side(zone: int, side: DepartureSide | None) -> None:
+def test_an_overturn_on_the_roadway_has_no_side(zone: int, side: DepartureSide | None) -> None:
     record = read(report(ONE | {"HARM_EV": 1, "REL_ROAD": zone}, [{}], numbered(OFF_RIGHT, OVERTURN)))
     departure = departure_of(record, sequence_of(record))
     assert (departure.side, departure.objects) == (side, ())

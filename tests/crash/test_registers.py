@@ -89,7 +89,7 @@ def test_rows_of_montgomery_with_one_id_are_a_crash(tmp_path):
     assert record.city_name == ""  # N/A is a word for not known
 
 
-def test_a_driver_alone_tells_that_another_is_missing(tmp_path):
+def test_a_driver_alone_shows_that_another_is_missing(tmp_path):
     (record,) = table(tmp_path, "montgomery", MONTGOMERY).records()
     assert record.moving_vehicles == 2
     assert origins(record)["vehicles_in_transport"] is Origin.IMPLIED
@@ -103,7 +103,7 @@ def test_a_driver_alone_tells_that_another_is_missing(tmp_path):
         ("Driver", "Properly Parked", CrashKind.PARKED, 14),
     ],
 )
-def test_what_a_second_unit_is_decides_the_first_event(tmp_path, unit, action, kind, code):
+def test_the_second_unit_decides_the_first_event(tmp_path, unit, action, kind, code):
     row = {**TEMPE, "Collisionmanner": "Other", "Unittype_Two": unit, "Unitaction_Two": action}
     (record,) = table(tmp_path, "tempe", row).records()
     assert record.kind is kind
@@ -376,7 +376,7 @@ def test_elements_without_a_table_of_codes_are_taken_as_they_stand(tmp_path):
         ("[crash]", "[crash", "cannot be read as TOML"),
     ],
 )
-def test_what_is_wrong_in_a_mapping_is_said(tmp_path, old, new, said):
+def test_errors_of_a_mapping_are_named(tmp_path, old, new, said):
     path = tmp_path / "mine.toml"
     path.write_text(MINE.replace(old, new, 1))
     with pytest.raises(UserError, match=said):

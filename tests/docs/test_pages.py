@@ -88,9 +88,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(REPOSITORY)) for path in PAGES])
-def test_what_a_page_says_to_type_works_from_its_first_line_to_its_last(
-    path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_commands_of_a_page_work_from_the_first_to_the_last(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch):
     with ExitStack() as running:
         if path.name == "narratives.md":  # a model that has read them
             server = running.enter_context(serving(narrating()))
@@ -135,7 +133,7 @@ def assert_looks_as_shown(block: Block, printed: str) -> None:
     [block for found in BLOCKS.values() for block in found if block.language in SHELL and block.not_run],
     ids=lambda block: f"{block.page}:{block.line}",
 )
-def test_what_cannot_be_run_here_is_at_least_taken(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_commands_that_cannot_run_here_are_valid(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     checked = subprocess.run(["bash", "-n"], input=block.commands, capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stderr
     monkeypatch.chdir(tmp_path)

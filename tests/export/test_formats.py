@@ -171,7 +171,7 @@ def test_lanelets_have_the_limits_signs_and_lights_of_the_map(commonroad, home):
     assert referred == {each.get("id") for name in ("Sign", "Light") for each in root.iterfind(f"traffic{name}")}
 
 
-def test_who_passes_a_light_or_a_stop_sign_has_a_line_across_the_lane_to_stop_at(commonroad):
+def test_lights_and_stop_signs_have_a_stop_line_across_the_lane(commonroad):
     root = commonroad[f"{KEY}_V1"]
     stops = {each.get("id") for each in root.iterfind("trafficSign") if each.findtext(".//trafficSignID") == "206"}
     lines = 0
@@ -208,7 +208,7 @@ def test_a_scenario_description_has_everybody_and_the_lanes_they_drive_on(home, 
             assert np.hypot(*(lanes[after]["polyline"][0] - lane["polyline"][-1])[:2]) < 0.6
 
 
-def test_who_met_nobody_is_the_ego_of_the_description(home, monkeypatch):
+def test_a_lone_vehicle_is_the_ego_of_the_description(home, monkeypatch):
     stored = home[KEY].stored
     case = scenarionet.as_driven(stored)
     alone = replace(case, participants=case.participants[1:], recorded=replace(case.recorded, contacts=()))
@@ -344,7 +344,7 @@ def test_a_trace_has_the_lights_signs_lines_and_conditions_of_map_and_report(hom
     assert told.sun.elevation < 0.0
 
 
-def test_tags_say_what_the_report_says(home, tmp_path):
+def test_tags_agree_with_the_report(home, tmp_path):
     assert export(home.workspace, [KEY], tmp_path, "openlabel") == 1
     document = json.loads((tmp_path / f"{KEY}.json").read_text())["openlabel"]
     tags = {tag["type"]: tag for tag in document["tags"].values()}
@@ -372,6 +372,6 @@ def test_points_lie_where_the_reports_say(home, tmp_path):
         assert float(point.get("lat")) == pytest.approx(record.latitude_deg, abs=1e-7)
 
 
-def test_a_format_that_nobody_offers_is_said(home, tmp_path):
+def test_an_unknown_format_is_named(home, tmp_path):
     with pytest.raises(UserError, match="no exporter 'nonsense' is installed; expected one of commonroad"):
         export(home.workspace, [KEY], tmp_path, "nonsense")

@@ -55,7 +55,7 @@ def test_the_disk_is_found_behind_what_it_caused() -> None:
 
 
 # --- commands ---------------------------------------------------------------------------------------------------------
-def test_a_replay_that_does_not_fit_is_said_in_a_line(root: Path) -> None:
+def test_a_replay_that_does_not_fit_is_reported_in_a_line(root: Path) -> None:
     assert f"/dev/full: No space left on device; {SPACE}" in said(
         root, "replay", KEY, "--format", "html", "--output", "/dev/full"
     )

@@ -174,7 +174,7 @@ def write_ahead(path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [flip, truncate, overwrite, change_rows, write_ahead])
-def test_a_warehouse_that_is_not_as_it_was_built_says_nothing_and_is_built_again(root: Path, damage: Damage) -> None:
+def test_a_changed_warehouse_is_built_again(root: Path, damage: Damage) -> None:
     warehouse, storage = root / "warehouse.duckdb", Storage(root)
     sql = "SELECT key, final_state, latitude_deg FROM crashes ORDER BY 1"
     before = query(warehouse, sql)
@@ -283,7 +283,7 @@ def test_crashes_whose_cohorts_are_lost_with_their_copies_are_registered_from_th
 
 
 @pytest.mark.parametrize("damage", [flip, Path.unlink])
-def test_a_lost_cohort_is_said_in_one_line_and_comes_back_from_its_copy(root: Path, damage: Damage) -> None:
+def test_a_lost_cohort_is_reported_in_one_line_and_comes_back_from_its_copy(root: Path, damage: Damage) -> None:
     cohort = root / "cohorts/sample.json"
     whole = cohort.read_bytes()
     damage(cohort)

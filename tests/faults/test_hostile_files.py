@@ -155,7 +155,7 @@ def read_only(monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("command", [("run",), ("verify", "--repair"), ("ui",)])
-def test_what_writes_says_in_a_line_that_a_root_can_only_be_read(read_only: Path, command: tuple[str, ...]):
+def test_writing_commands_refuse_a_read_only_root_in_a_line(read_only: Path, command: tuple[str, ...]):
     done = trace_dag(read_only, *command)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
@@ -170,7 +170,7 @@ def test_what_writes_says_in_a_line_that_a_root_can_only_be_read(read_only: Path
         ("verify",),
     ],
 )
-def test_what_only_reads_works_on_a_root_that_can_only_be_read(read_only: Path, command: tuple[str, ...]):
+def test_reading_commands_work_on_a_read_only_root(read_only: Path, command: tuple[str, ...]):
     done = trace_dag(read_only, *command)
     assert done.returncode == 0, done.stderr
     assert done.stdout

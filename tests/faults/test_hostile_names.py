@@ -85,7 +85,7 @@ def test_pages_of_the_site_hold_names_as_text(root: Path):
         assert "<script>alert" not in page.read_text(), page
 
 
-def test_what_a_replay_of_the_site_shows_is_data_alone(root: Path):
+def test_a_replay_of_the_site_loads_data_alone(root: Path):
     """One call with base64, which has no meaning for JavaScript, whatever the report holds."""
     script = (root / f"benchmark/replays/{KEY}.js").read_text(encoding="ascii")
     assert re.fullmatch(r'replay\(\{("\w+":"[A-Za-z0-9+/=]+",?)+\}\)\n', script)

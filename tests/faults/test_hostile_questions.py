@@ -86,7 +86,7 @@ def test_two_may_read_at_once(warehouse: Path):
             assert each.execute("SELECT count(*) FROM crashes").fetchone() == (len(sample_runs.KEYS),)
 
 
-def test_what_takes_longer_than_duckdb_waits_with_its_progress_bar_is_answered(warehouse: Path):
+def test_long_queries_are_answered(warehouse: Path):
     """Four seconds of two cores; the bar comes after two."""
     asked = "SELECT sum(sqrt(a.range) * sqrt(b.range)) > 0 AS found FROM range(30000) a, range(30000) b"
     assert ask(warehouse, asked, WarehouseSettings(), query) == (["found"], [(True,)])

@@ -133,7 +133,7 @@ def test_changed_setting_recomputes_from_its_stage_on(make_workspace, tmp_path: 
     assert {where for where in now if now[where] != before.get(where)} == {("simulation_log", GOOD)}
 
 
-def test_setting_that_only_says_how_a_service_is_reached_changes_nothing(make_workspace):
+def test_setting_that_only_states_how_a_service_is_reached_changes_nothing(make_workspace):
     run(make_workspace({GOOD: ""}))
     assert first_stale(make_workspace(sim={"carla_port": 2002}, states={"llm_timeout_s": 1.0}), [GOOD]) == {}
 

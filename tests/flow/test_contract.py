@@ -38,7 +38,7 @@ def made(storage: Storage, content: bytes) -> OutcomeRecord:
     )
 
 
-def test_what_a_stage_has_read_back_itself_is_not_read_again(crash, storage):
+def test_a_file_read_back_by_its_stage_is_not_read_again(crash, storage):
     crash.accept(made(storage, b"map"), {NAME: b"map"}, {NAME: "as read back"})
     assert crash.load(MAP) == "as read back"
 

@@ -63,7 +63,7 @@ def test_a_later_stage_built_on_something_replaced_does_not_count(make_workspace
     assert (crash.final_state, crash.stage_reached) == (FinalState.PENDING, Stage.CRASH_RECORD)
 
 
-def test_verified_crashes_of_registers_without_areas_of_impact_are_told_apart(make_workspace):
+def test_verified_crashes_of_registers_without_areas_of_impact_are_distinguished(make_workspace):
     workspace = make_workspace({"2023-510010": "", "2023-510011": "reject:verdict"})
     list(run_stages(workspace, ["2023-510010", "2023-510011"], run_id="x"))
     for key, records in read_records(workspace.storage, workspace.registry.keys()).items():

@@ -105,7 +105,7 @@ def estimate_bytes(workspace: Workspace) -> list[bytes]:
     return [workspace.storage.read(f"{Stage.STATE_ESTIMATE}/{key}.json") for key in CRASHES]
 
 
-def test_a_run_is_verified_says_what_it_took_and_costs_nothing_again(root, served, model):
+def test_a_run_is_verified_names_its_cost_and_costs_nothing_again(root, served, model):
     server = served(model)
     workspace = opened(root, estimator="llm")
     records = run(workspace, "first")
@@ -156,7 +156,7 @@ def test_a_provider_that_is_down_does_not_hold_a_run_up(root, served):
 
 
 @pytest.mark.parametrize("fallback", ["analytic", "reject"])
-def test_unusable_answers_end_as_the_setting_says_and_are_kept(root, served, fallback):
+def test_unusable_answers_end_as_the_setting_states_and_are_kept(root, served, fallback):
     served(lambda *_: completion("I cannot tell."))
     workspace = opened(root, estimator="llm", llm_max_attempts=2, llm_fallback=fallback)
     record = run(workspace, "vague")[CRASHES[0]]
@@ -205,7 +205,7 @@ def test_the_command_leaves_no_key_anywhere(root, served, model):
     assert KEY not in done.stdout + done.stderr
 
 
-def test_estimates_that_are_not_the_models_are_told_apart_everywhere(root, served, model):
+def test_estimates_that_are_not_the_models_are_distinguished_everywhere(root, served, model):
     vague = CRASHES[0]
     served(lambda request, before: completion("?") if asked_about(request) == vague else model(request, before))
     environment = {"TRACE_DAG_STATES__LLM_MODEL": MODEL, "TRACE_DAG_STATES__LLM_MAX_ATTEMPTS": "1"}
@@ -306,7 +306,7 @@ def test_estimators_are_set_side_by_side(root, served, model):
     assert Storage(root / ANSWERS).list("") == {}  # answers lie in subfolders
 
 
-def test_what_an_estimators_name_stands_for(root):
+def test_names_of_estimators(root):
     states = opened(root).settings.states
     chosen = settings_of("llm:coordinates-v1@ollama_chat/qwen3:8b", states)
     assert (chosen.estimator, chosen.llm_prompt, chosen.llm_model) == (

@@ -48,7 +48,7 @@ def test_every_step_is_answered_whatever_others_do():
     }
 
 
-def test_what_cannot_be_prepared_is_our_failure():
+def test_a_failed_preparation_is_a_failure():
     pool: Pool[str, str, str] = Pool(Work(), workers=1, step_limit_s=3.0, memory_mb=512)
     (answer,) = pool.run([Task("broken", ("x",))])
     assert isinstance(answer.result, Failure)

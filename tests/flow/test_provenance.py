@@ -42,7 +42,7 @@ def test_record_survives_storage():
     assert record_from_json(record_to_json(RECORD), name=RECORD.name) == RECORD
 
 
-def test_half_a_record_is_said_to_be_none():
+def test_half_a_record_is_none():
     with pytest.raises(Failure, match=r"road_map/x\.outcome\.json: damaged: not a JSON object"):
         record_from_json(record_to_json(RECORD)[:40], name="road_map/x.outcome.json")
 

@@ -45,7 +45,7 @@ def test_files_are_found_under_the_names_that_browsers_and_dates_give_them(tmp_p
     assert map_of(54).found([second]) is None
 
 
-def test_what_is_missing_is_named_with_where_it_is_published(tmp_path, monkeypatch):
+def test_missing_files_are_named_with_their_source(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path))
     said = sample_runs.trace_dag(tmp_path / "root", "ingest", "--cases", "2023-510179")

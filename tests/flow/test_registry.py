@@ -41,7 +41,7 @@ def test_registering_again_changes_nothing_and_more_extends(registry):
     assert [file.location for file in sources["2023-510002"].maps] == ["/m1.osm"]
 
 
-def test_what_another_process_registers_and_removes_is_seen(registry, tmp_path):
+def test_changes_by_another_process_are_seen(registry, tmp_path):
     another = Registry(Storage.open(tmp_path / "root"))
     registry.register("va", {"2023-510001": source("a")})
     assert another.keys() == ["2023-510001"]
@@ -69,7 +69,7 @@ def test_maps_can_be_added_later_and_change_what_extracts_depend_on(registry):
 
 
 @pytest.mark.parametrize("key", ["2023-51", "../2023-510001", "2023-510001.xml", "", "510001"])
-def test_what_is_no_key_is_refused(registry, key):
+def test_invalid_keys_are_refused(registry, key):
     with pytest.raises(UserError):
         registry.sources([key])
 

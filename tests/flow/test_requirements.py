@@ -80,14 +80,14 @@ def test_without_its_key_a_model_is_not_asked_and_no_run_begins(tmp_path, monkey
     check_requirements(opened(tmp_path, states={"llm_model": MODEL}), Stage)
 
 
-def test_a_prompt_there_is_not_is_said_before_the_model_is_asked(tmp_path, monkeypatch):
+def test_an_unknown_prompt_is_named_before_the_model_is_asked(tmp_path, monkeypatch):
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     workspace = opened(tmp_path, states={"estimator": "llm", "llm_prompt": "best-v9"})
     with pytest.raises(UserError, match="no prompt is called 'best-v9'"):
         check_requirements(workspace, [Stage.STATE_ESTIMATE])
 
 
-def test_a_model_server_that_is_not_there_is_said_before_a_run(tmp_path, monkeypatch, silent_port):
+def test_a_model_server_that_is_not_there_is_reported_before_a_run(tmp_path, monkeypatch, silent_port):
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     monkeypatch.setenv("OPENAI_API_BASE", f"http://127.0.0.1:{silent_port}/v1")
     states = {"estimator": "llm", "llm_model": MODEL, "llm_provider_attempts": 1}
@@ -101,7 +101,7 @@ def test_a_converter_that_is_not_installed_is_named_with_its_extra(tmp_path, mon
         check_requirements(opened(tmp_path, roads={"converter": "osm2odr"}), [Stage.ROAD_MAP])
 
 
-def test_the_command_says_it_in_one_line_and_leaves_nothing_behind(tmp_path, silent_port):
+def test_the_command_reports_in_one_line_and_leaves_nothing_behind(tmp_path, silent_port):
     pytest.importorskip("carla", reason="the carla extra is not installed")
     root = tmp_path / "root"
     ingest(root, reports_of(tmp_path / "reports", KEYS[:1]))

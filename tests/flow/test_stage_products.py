@@ -21,7 +21,7 @@ from trace_dag.simulation.log_io import logs_from_files
 
 
 @pytest.mark.parametrize("name", REPORTS)
-def test_what_is_handed_on_is_what_the_files_say(name: str, tmp_path: Path) -> None:
+def test_values_passed_on_are_those_of_the_files(name: str, tmp_path: Path) -> None:
     made, record = made_of(name), record_of(name)
     services = Services(Storage.open(str(tmp_path)), SETTINGS.services, "")
     estimated = state_estimate(record, made.network, made.map_report, SETTINGS.states, services)

@@ -35,7 +35,7 @@ def stale(workspace):
     return {(each.key, each.stage): each.changed for each in found}
 
 
-def test_what_failed_or_never_ran_is_work_and_not_stale(workspace):
+def test_failed_and_unrun_crashes_are_work_and_not_stale(workspace):
     assert stale(workspace) == {}
     assert first_stale(workspace, list(BEHAVIOURS)) == {"2023-510012": Stage.VERDICT, LAST: Stage.RAW_REPORT}
 

@@ -41,7 +41,7 @@ def kinds(report: StorageReport) -> list[tuple[DisagreementKind, str | None, Sta
     return [(each.kind, each.key, each.stage) for each in report.disagreements]
 
 
-def test_what_a_run_leaves_behind_agrees(workspace):
+def test_the_files_of_a_run_agree(workspace):
     report = look(workspace, contents=True)
     assert report.disagreements == ()
     assert {key: len(of_crash) for key, of_crash in report.records.items()} == {GOOD: 7, OTHER: 4}
@@ -99,7 +99,7 @@ def test_sizes_alone_do_not_show_what_only_the_contents_do(workspace):
     assert look(workspace).disagreements == ()
 
 
-def test_what_no_record_lists_is_put_aside(workspace):
+def test_unlisted_files_are_put_aside(workspace):
     workspace.storage.write(f"verdict/{OTHER}.txt", b"of a run that was killed before it wrote its record")
     report = look(workspace)
     assert kinds(report) == [(DisagreementKind.UNLISTED_FILE, OTHER, Stage.VERDICT)]

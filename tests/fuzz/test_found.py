@@ -36,7 +36,7 @@ def test_an_answer_nested_without_end_is_no_answer(text: str) -> None:
         parse(text, SegmentsAnswer)
 
 
-def test_an_agent_that_fails_and_says_nothing_is_said_to_have_failed() -> None:
+def test_an_agent_that_fails_in_silence_is_reported_as_failed() -> None:
     with pytest.raises(AgentFault, match="did not say why"):
         answer_from_bytes(b'{"fault": {"what": ""}}')
 
@@ -87,7 +87,7 @@ def test_a_table_with_a_column_twice_is_no_table(tmp_path: Path) -> None:
         FarsCsvSource.open(tmp_path).listings()
 
 
-def test_a_carriage_return_within_the_first_line_of_a_table_is_said(tmp_path: Path) -> None:
+def test_a_carriage_return_within_the_first_line_of_a_table_is_reported(tmp_path: Path) -> None:
     (tmp_path / "accident.csv").write_bytes(b"ST_CASE,STA\rTE,YEAR\n510001,51,2023\n")
     with pytest.raises(
         UserError, match=r"accident.csv is not a readable CSV table: its first line: new-line character"

@@ -36,7 +36,7 @@ def test_damaged_input_is_read_or_refused_and_nothing_else(name: str, package: P
     assert sum(found.values()) >= INPUTS
 
 
-def test_what_is_not_damaged_is_read(package: Path, tmp_path: Path) -> None:
+def test_undamaged_files_are_read(package: Path, tmp_path: Path) -> None:
     for name, target in targets(package).items():
         for data in target.seeds:
             folder = tmp_path / name

@@ -119,7 +119,7 @@ def test_a_manoeuvre_that_there_is_not_is_refused(home, action):
         env.unwrapped.step(action)
 
 
-def test_a_copy_of_an_environment_says_what_to_do_in_its_place(home):
+def test_a_copy_of_an_environment_names_the_alternative(home):
     with pytest.raises(UserError, match="an environment cannot be copied"):
         copy.deepcopy(make(home, actions="discrete"))
 
@@ -147,7 +147,7 @@ def braked_log(home):
     return env.unwrapped._episode.log
 
 
-def test_who_stands_still_in_time_has_stopped_and_gets_nothing_for_the_way(home):
+def test_an_agent_standing_in_time_has_stopped_without_progress(home):
     *steps, (_, reward, terminated, truncated, info) = driven(make(home, actions="discrete"), BRAKE_HARD, seed=1)
     assert (terminated, truncated, info["outcome"]) == (False, True, "did_not_arrive")
     assert not info["metrics"]["finished"]
@@ -181,7 +181,7 @@ def test_environments_run_in_processes_of_their_own():
         apart.close()
 
 
-def test_what_is_seen_is_in_the_vehicles_own_axes(home):
+def test_observations_are_in_the_axes_of_the_vehicle(home):
     env = make(home)
     seen, about = env.reset(seed=1)
     episode = env.unwrapped._episode

@@ -47,7 +47,7 @@ def test_agreement_is_with_the_reference(analytic):
     assert same[1].impact_apart_m == 0
 
 
-def test_what_came_of_no_estimate_is_a_row_too(analytic):
+def test_a_crash_without_estimate_has_a_row(analytic):
     refused = EstimatorAttempt(None, RUN, "no usable answer in 3 attempts")
     broken = EstimatorAttempt(None, detail="the provider is down", failed=True)
     rows = compared(refused, broken)
@@ -84,7 +84,7 @@ def test_the_summary_adds_up(analytic):
     assert two.approach_correct is None
 
 
-def test_what_another_estimated_in_its_place_is_counted_apart(analytic):
+def test_estimates_by_a_fallback_are_counted_apart(analytic):
     stepped_in = dataclasses.replace(
         RUN, estimator="analytic", fallback_from="llm", fallback_reason="m gave no usable answer"
     )

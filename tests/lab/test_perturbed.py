@@ -141,7 +141,7 @@ def differences(before: bytes, after: bytes) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("name", CHANGED)
-def test_a_perturbation_changes_what_it_says_and_nothing_else(name: str) -> None:
+def test_a_perturbation_changes_what_it_states_and_nothing_else(name: str) -> None:
     changed = perturb(KINDS[name], REPORT, scene())
     assert changed is not None
     assert list(differences(REPORT, changed.xml)) == CHANGED[name]
@@ -162,7 +162,7 @@ def test_a_perturbation_changes_elements_of_its_subject_alone(name: str) -> None
 @pytest.mark.parametrize(
     ("name", "subject"), [("clocks_random", AREAS - {"AOI1"}), ("vehicles_random", ELEMENTS_OF["vehicles"])]
 )
-def test_what_is_drawn_at_random_is_drawn_for_every_element_of_its_subject(name: str, subject: set[str]) -> None:
+def test_random_changes_are_drawn_for_every_element(name: str, subject: set[str]) -> None:
     """Of twenty draws one at least differs in each; areas lie in five elements."""
     names: set[str] = set()
     for seed in range(20):
@@ -180,14 +180,14 @@ def test_so_it_is_with_reports_of_people(name: str) -> None:
     read_report(changed.xml, name=name, settings=SETTINGS.crash)
 
 
-def test_who_is_typed_as_going_along_the_road_comes_from_no_side() -> None:
+def test_a_person_typed_along_the_road_comes_from_no_side() -> None:
     changed = perturb(KINDS["person_along"], STRUCK, scene(STRUCK))
     assert changed is not None
     (person,) = read_report(changed.xml, name="report", settings=SETTINGS.crash).non_motorists
     assert (person.pedestrian_type_code, person.pedestrian_group_code, person.scenario) == (410, 400, "")
 
 
-def test_what_is_of_two_vehicles_is_not_changed_in_reports_of_people_nor_the_other_way_round() -> None:
+def test_changes_apply_to_reports_of_their_own_kind() -> None:
     assert perturb(KINDS["clocks_swapped"], STRUCK, scene(STRUCK)) is None
     assert perturb(KINDS["person_mirrored"], REPORT, scene()) is None
 
@@ -217,7 +217,7 @@ def test_areas_turn_on_the_clock(area: int, hours: int, expected: int) -> None:
     assert turned(area, hours) == expected
 
 
-def test_what_does_not_apply_gives_no_report() -> None:
+def test_a_change_that_does_not_apply_gives_no_report() -> None:
     already = REPORT.replace(b"<ACC_TYPE>68<", b"<ACC_TYPE>50<").replace(b"<ACC_TYPE>69<", b"<ACC_TYPE>51<")
     assert perturb(KINDS["type_head_on"], already, scene(already)) is None
     slow = re.sub(rb"<TRAV_SP>\d+<", b"<TRAV_SP>998<", REPORT)
@@ -236,7 +236,7 @@ def test_a_made_up_street_is_no_street() -> None:
     assert not is_same_street((record.trafficway_1, record.trafficway_2), ("Oak Street", "Elm Street", "Main Street"))
 
 
-def test_a_moved_report_is_as_far_away_as_it_says() -> None:
+def test_a_moved_report_is_as_far_away_as_it_states() -> None:
     # A degree of latitude at 37.5 degrees north is 110.99 km, of longitude 88.42 km (WGS84).
     for kind, expected in (
         ("moved_1000m_n", (37.5 + 1 / 110.99, -77.5)),
@@ -248,7 +248,7 @@ def test_a_moved_report_is_as_far_away_as_it_says() -> None:
         assert (record.latitude_deg, record.longitude_deg) == pytest.approx(expected, abs=2e-6)
 
 
-def test_a_foreign_report_keeps_its_own_streets_unless_told_otherwise() -> None:
+def test_a_foreign_report_keeps_its_own_streets_by_default() -> None:
     foreign = REPORT.replace(b"OAK ST", b"BAY AVE").replace(b"37.5<", b"38.5<")
     for kind, street in (("foreign_site", "BAY AVE"), ("foreign_site_named_here", "OAK ST")):
         changed = perturb(KINDS[kind], foreign, scene())
@@ -257,7 +257,7 @@ def test_a_foreign_report_keeps_its_own_streets_unless_told_otherwise() -> None:
         assert (record.latitude_deg, record.longitude_deg, record.trafficway_1) == (37.5, -77.5, street)
 
 
-def test_a_blank_report_says_nothing_of_the_vehicles() -> None:
+def test_a_blank_report_states_nothing_of_the_vehicles() -> None:
     changed = perturb(KINDS["blank_head_on"], REPORT, scene())
     assert changed is not None
     record = read_report(changed.xml, name="report", settings=SETTINGS.crash)

@@ -83,7 +83,7 @@ def test_a_crash_of_two_recorders_is_compared_in_both_vehicles(tmp_path: Path) -
     assert one["reason"] is None
 
 
-def test_where_the_lateral_part_was_not_recorded_the_part_along_the_vehicle_is_compared(tmp_path: Path) -> None:
+def test_longitudinal_part_is_compared_without_a_recorded_lateral_one(tmp_path: Path) -> None:
     _, two = rows_of(tmp_path, changed(edr=[{"no": 1, "cdcev": 1, "dvl": -22.54, "dvla": 997.0}]))
     assert two["measured_delta_v_kmh"] == pytest.approx(22.54)
     whole = rows_of(tmp_path, CASE)[1]
@@ -127,7 +127,7 @@ def test_the_speed_of_who_had_no_recorder_is_fitted_to_the_reconstructed_delta_v
         ({**CASE, "ev": None}, "no recorder has a delta-v of an event of two"),
     ],
 )
-def test_a_case_that_cannot_be_set_up_says_why(tmp_path: Path, case: dict[str, Any], said: str) -> None:
+def test_a_case_that_cannot_be_set_up_gives_the_reason(tmp_path: Path, case: dict[str, Any], said: str) -> None:
     rows = rows_of(tmp_path, case)
     assert [row["vehicle"] for row in rows] == [1, 2]
     assert all(said in row["reason"] for row in rows)
@@ -144,7 +144,7 @@ def test_a_case_that_cannot_be_set_up_says_why(tmp_path: Path, case: dict[str, A
         (None, "#1", "not a case: it has nothing"),
     ],
 )
-def test_what_is_no_case_is_listed_among_cases(tmp_path: Path, case: object, named: str, said: str) -> None:
+def test_crashes_without_a_case_are_listed_among_cases(tmp_path: Path, case: object, named: str, said: str) -> None:
     _, crash = read_recorded_crashes(write(tmp_path, CASE, case))
     (row,) = (row.published() for row in compare_crash(crash, SimSettings()))
     assert (row["case"], row["vehicle"], row["reason"]) == (named, None, said)
@@ -251,7 +251,7 @@ def rear_end(speeds_of_2: list[list[float]]) -> dict[str, Any]:
         ([[0.0, 1.0]], False),
     ],
 )
-def test_whose_brake_was_on_goes_on_braking_during_the_pulse(tmp_path: Path, switch: object, braked: bool) -> None:
+def test_a_braking_vehicle_goes_on_braking_during_the_pulse(tmp_path: Path, switch: object, braked: bool) -> None:
     """By hand: twice as many wheels hold, with 0.375 g more; in 0.1 to 0.15 s that is 1.3 to 2 km/h. Both vehicles are
     one while they press each other, so that the first is slowed by its share of the mass of it: by 0.4."""
     case = rear_end([[0.0, 20.0]])
@@ -287,7 +287,7 @@ def test_cargo_that_is_known_is_carried(tmp_path: Path) -> None:
     )
 
 
-def test_where_the_part_along_the_vehicle_was_not_recorded_the_part_across_it_is_compared(tmp_path: Path) -> None:
+def test_lateral_part_is_compared_without_a_recorded_longitudinal_one(tmp_path: Path) -> None:
     _, two = rows_of(tmp_path, changed(edr=[{"no": 1, "cdcev": 1, "dvl": 997.0, "dvla": 22.54}]))
     assert two["measured_delta_v_kmh"] == pytest.approx(22.54)
     # By hand: the relative velocity (mass share 1255 of 2863) across vehicle 2, which heads 110 degrees off the first.

@@ -97,7 +97,7 @@ def test_the_wrong_side_of_the_road_is_named_as_such(monkeypatch, case):
         (completion("", finish="content_filter"), "refused"),
     ],
 )
-def test_what_is_no_answer_is_an_attempt_and_then_the_fallback(monkeypatch, case, answer, complaint):
+def test_an_invalid_answer_is_an_attempt_and_then_the_fallback(monkeypatch, case, answer, complaint):
     asked = asking(monkeypatch, case, in_turn(answer), llm_max_attempts=2)
     assert len(asked.server.requests) == 2
     assert complaint in asked.question(1)

@@ -56,7 +56,7 @@ def test_requests_keep_the_rate_over_all_processes(files):
     assert time.slept == pytest.approx([2.0, 2.0, 2.0])
 
 
-def test_who_has_waited_longer_comes_first(files):
+def test_the_longest_waiting_vehicle_goes_first(files):
     time = Time()
     (two,) = ledgers(files, 1, time, requests_per_minute=60.0)
     waiting = Page("another process", waiting_since_s=time.now_s - 0.5)  # it is about to take its turn

@@ -124,7 +124,7 @@ def test_an_answer_is_not_taken_for_that_of_another_endpoint(monkeypatch):
 
 
 @pytest.mark.parametrize("status", [400, 401, 402, 403, 404])
-def test_what_will_never_be_answered_is_a_failure_and_shows_no_key(monkeypatch, case, caplog, status):
+def test_unanswerable_requests_fail_and_show_no_key(monkeypatch, case, caplog, status):
     caplog.set_level(logging.DEBUG)
     with pytest.raises(Failure, match=r"llm_model") as caught:
         asking(monkeypatch, case, in_turn(failing(status)))
@@ -177,7 +177,7 @@ def test_a_model_nobody_serves_is_a_failure(monkeypatch, case):
         asking(monkeypatch, case, in_turn(completion("")), llm_model="nobody/nothing")
 
 
-def test_what_was_asked_once_costs_nothing_again(monkeypatch, case, tmp_path):
+def test_repeated_questions_cost_nothing(monkeypatch, case, tmp_path):
     good = right_answer(case)
     files = Storage(tmp_path)
     respond = in_turn(completion("nonsense"), completion(good))
@@ -212,7 +212,7 @@ def test_no_key_in_logs_artefacts_or_stored_answers(monkeypatch, case, tmp_path,
         assert KEY not in text
 
 
-def test_a_budget_for_a_model_without_a_price_is_said_not_to_hold(monkeypatch, case, caplog):
+def test_a_budget_for_a_model_without_a_price_is_reported_not_to_hold(monkeypatch, case, caplog):
     answer = completion(right_answer(case))
     unpriced = dataclasses.replace(answer, body=answer.body.replace(b"gpt-4o", b"our-own-model"))
     asked = asking(monkeypatch, case, in_turn(unpriced), llm_model="openai/our-own-model", llm_budget_usd=1.0)

@@ -75,7 +75,7 @@ def only(source: NarrativeFolder) -> CrashRecord:
     return record
 
 
-def test_a_record_has_what_is_said_and_the_words_for_it(tmp_path):
+def test_a_record_has_the_stated_facts_and_their_words(tmp_path):
     north = (1, "direction of travel before any turn", "north", "was northbound")
     street = (0, "road of the crash", "Birch Street", "on Birch Street")
     said = answer(CAR, SPEED, north, street, events=[TREE])
@@ -117,7 +117,7 @@ def test_an_answer_that_is_put_right_is_taken_whole(tmp_path):
     assert record.ambiguities == ()
 
 
-def test_what_its_words_do_not_say_on_a_second_look_is_not_taken(tmp_path):
+def test_facts_absent_on_a_second_reading_are_not_taken(tmp_path):
     guessed = (1, "movement", "going straight", "was northbound")
     record = only(read(tmp_path, Says([answer(CAR, guessed)], ["unit 1: movement: going straight"])))
     assert record.vehicles[0].movement is PreCrashMovement.UNKNOWN
@@ -156,7 +156,7 @@ def test_a_narrative_that_no_answer_can_be_had_for_is_left_out(tmp_path):
     assert "left out: one: no usable answer: The answer was not valid JSON" in source.notes()[1]
 
 
-def test_where_nothing_can_be_registered_it_is_said_why(tmp_path):
+def test_an_empty_registration_gives_the_reason(tmp_path):
     folder = tmp_path / "narratives"
     folder.mkdir()
     (folder / "2023-319003.txt").write_text((NARRATIVES / "2023-319003.txt").read_text())
@@ -178,7 +178,7 @@ def test_a_unit_of_which_nothing_is_left_is_none(tmp_path):
     assert [vehicle.number for vehicle in record.vehicles] == [1, 2]
 
 
-def test_what_only_people_have_is_not_read_of_a_vehicle(tmp_path):
+def test_fields_of_people_are_not_read_of_a_vehicle(tmp_path):
     jogging = (1, "action of a person on foot or cycle", "jogging or running", "was northbound")
     record = only(read(tmp_path, Says([answer(CAR, jogging)])))
     assert "actions" not in {each.field for each in record.quotations}
@@ -192,7 +192,7 @@ def test_text_in_a_narrative_cannot_close_its_fence(tmp_path):
     assert "<b>" not in question
 
 
-def test_a_time_is_as_exact_as_it_is_said(tmp_path):
+def test_a_time_is_as_exact_as_it_is_reported(tmp_path):
     record = only(read(tmp_path, Says([answer(CAR)]), header=HEADER.replace("2023-01-13 17:42", "2023")))
     assert (record.case_year, record.year, record.month, record.hour) == (2023, 2023, None, None)
 
@@ -204,7 +204,7 @@ def apart_m(place: Place, latitude_deg: float, longitude_deg: float) -> float:
     return (north_m**2 + east_m**2) ** 0.5
 
 
-def test_a_crash_is_as_far_from_a_crossing_as_its_narrative_says(tmp_path):
+def test_a_crash_is_as_far_from_a_crossing_as_its_narrative_states(tmp_path):
     text = "On Main Street, 66 ft west of Cedar Street, V1 struck a tree."
     said = answer(
         (0, "road of the crash", "Main Street", "On Main Street"),

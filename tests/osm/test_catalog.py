@@ -64,7 +64,7 @@ def convert(source: Path, target: Path) -> Path:
 
 
 @pytest.mark.parametrize(("suffix", "opener"), [(".osm", open), (".osm.gz", gzip.open), (".osm.bz2", bz2.open)])
-def test_what_a_file_says_of_its_rights_is_kept(tmp_path: Path, suffix: str, opener: Callable[..., Any]) -> None:
+def test_the_rights_named_in_a_file_are_kept(tmp_path: Path, suffix: str, opener: Callable[..., Any]) -> None:
     said = document(*CROSSROADS).replace(b"<osm ", b'<osm copyright="Town of Merrow" license="CC BY 4.0" ')
     with opener(tmp_path / f"town{suffix}", "wb") as stream:
         stream.write(said)
@@ -73,7 +73,7 @@ def test_what_a_file_says_of_its_rights_is_kept(tmp_path: Path, suffix: str, ope
     assert read_osm(write_osm(cut), name="stored").attribution == cut.attribution
 
 
-def test_a_file_that_says_nothing_of_its_rights_is_openstreetmap(tmp_path: Path) -> None:
+def test_a_file_that_states_nothing_of_its_rights_is_openstreetmap(tmp_path: Path) -> None:
     assert "OpenStreetMap" in found(extract(save(tmp_path / "town.osm", *CROSSROADS))).attribution
 
 
@@ -200,7 +200,7 @@ def test_each_crash_gets_the_file_that_covers_it(tmp_path: Path) -> None:
     assert "19.8 km" in missing.detail or "19.9 km" in missing.detail
 
 
-def test_of_two_files_the_one_with_more_road_around_the_crash_is_taken(tmp_path: Path) -> None:
+def test_the_file_with_more_road_around_the_crash_is_taken(tmp_path: Path) -> None:
     save(tmp_path / "edge.osm", node(1, 100, 0), node(2, 300, 0), way(10, [1, 2]))
     save(tmp_path / "middle.osm", *CROSSROADS)
     assert found(extract(tmp_path)).source == "middle.osm"
@@ -231,7 +231,7 @@ def test_an_empty_map_is_no_coverage(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content", [b"", b"hello", b"<html><body>404</body></html>", b'<osm version="0.5"/>', b"\x00\x01\x02\x03" * 20]
 )
-def test_what_is_no_osm_is_named(tmp_path: Path, suffix: str, content: bytes) -> None:
+def test_a_file_that_is_no_osm_is_named(tmp_path: Path, suffix: str, content: bytes) -> None:
     file = tmp_path / f"broken{suffix}"
     file.write_bytes(content)
     with pytest.raises(UserError, match=f"broken{suffix}"):
@@ -278,7 +278,7 @@ LEVELS += [way(1_000 + k, [k, k + 400], layer=str(k)) for k in range(1, 401)]
     ],
     ids=["spiral", "grid", "levels", "star", "zigzag", "id beyond 64 bits", "long name"],
 )
-def test_what_no_map_is_like_fails_with_its_remedy(tmp_path: Path, elements: list[str], said: str) -> None:
+def test_maps_beyond_the_limits_fail_with_a_remedy(tmp_path: Path, elements: list[str], said: str) -> None:
     file = save(tmp_path / "town.osm", *elements)
     failure = MapCatalog.of_registered([file]).extract([SITE], OsmSettings())[SITE.key]
     assert isinstance(failure, Failure)
@@ -295,7 +295,7 @@ def test_ids_below_0_as_editors_give_them_are_read(tmp_path: Path) -> None:
     assert len(found(extract(save(tmp_path / "new.osm", *alone))).ways) == 2
 
 
-def test_what_an_editor_has_deleted_is_not_on_the_map(tmp_path: Path) -> None:
+def test_objects_deleted_by_an_editor_are_not_on_the_map(tmp_path: Path) -> None:
     deleted = way(-3, [1, 4], name="Removed Road").replace("<way ", '<way action="delete" visible="true" ')
     moved = node(5, 0, 120).replace("<node ", '<node action="modify" visible="true" ')
     cut = found(extract(save(tmp_path / "josm.osm", *CROSSROADS[:4], moved, *CROSSROADS[5:], deleted)))
@@ -304,7 +304,7 @@ def test_what_an_editor_has_deleted_is_not_on_the_map(tmp_path: Path) -> None:
     assert len(cut.relations) == 1
 
 
-def test_of_a_history_the_newest_version_counts_where_it_is_visible(tmp_path: Path) -> None:
+def test_the_newest_version_of_a_history_counts_where_it_is_visible(tmp_path: Path) -> None:
     def version(element: str, number: int, visible: str) -> str:
         return element.replace('version="1"', f'version="{number}" visible="{visible}"')
 

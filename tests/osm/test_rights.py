@@ -27,7 +27,7 @@ from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights, read_attribution
         ),
     ],
 )
-def test_a_map_is_attributed_as_it_says(root: dict[str, str], attribution: str) -> None:
+def test_a_map_is_attributed_as_it_states(root: dict[str, str], attribution: str) -> None:
     assert read_attribution(root) == attribution
 
 

@@ -25,7 +25,7 @@ STREETS = OsmExtract(
 
 
 @given(extracts())
-def test_what_is_written_is_read_back(extract: OsmExtract) -> None:
+def test_written_values_are_read_back(extract: OsmExtract) -> None:
     assert read_extract(*write_extract(extract), name="round trip") == extract
 
 
@@ -58,7 +58,7 @@ def test_osmium_reads_the_streets(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("pbf", [b"", b"no PBF at all", write_extract(STREETS)[0][:-20]])
-def test_damage_is_said_in_one_line(pbf: bytes) -> None:
+def test_damage_is_reported_in_one_line(pbf: bytes) -> None:
     _, geojson = write_extract(STREETS)
     with pytest.raises(UserError, match=r"^a: cannot be read as OSM PBF \(.*\)$"):
         read_extract(pbf, geojson, name="a")

@@ -46,14 +46,14 @@ def test_a_wall_is_a_line_and_a_house_an_area(tmp_path: Path) -> None:
     assert isinstance(found["way/41"].geometry, LineString)
 
 
-def test_what_is_larger_than_the_box_is_cut_at_it(tmp_path: Path) -> None:
+def test_shapes_larger_than_the_box_are_cut_at_it(tmp_path: Path) -> None:
     wood = thing(50, [20, 21, 22, 23, 20], natural="wood")
     geometry = surroundings(tmp_path, *WOOD, wood)["way/50"].geometry
     west, _, east, _ = geometry.bounds
     assert (east - west) / LONGITUDE_PER_M == pytest.approx(150 - 50, abs=0.1)  # the box reaches 150 m
 
 
-def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+def test_written_values_are_read_back(tmp_path: Path) -> None:
     features = tuple(surroundings(tmp_path, *HOUSE, node(3, 5, 8, natural="tree", name='"Old\\" oak')).values())
     extract = OsmExtract(BoundingBox(0, 0, 1, 1), {}, (), surroundings=features, attribution="(c) somebody")
     pbf, geojson = write_extract(extract)
@@ -62,7 +62,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"[]", b'{"features": [{}]}', document()])
-def test_what_is_no_such_file_is_said(data: bytes) -> None:
+def test_missing_files_are_named(data: bytes) -> None:
     pbf, _ = write_extract(OsmExtract(BoundingBox(0, 0, 1, 1), {}, ()))
     with pytest.raises(UserError, match="a: not the GeoJSON"):
         read_extract(pbf, data, name="a")

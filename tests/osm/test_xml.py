@@ -43,7 +43,7 @@ def extracts(draw: st.DrawFn) -> OsmExtract:
 
 
 @given(extracts())
-def test_what_is_written_is_read_back(extract: OsmExtract) -> None:
+def test_written_values_are_read_back(extract: OsmExtract) -> None:
     assert read_osm(write_osm(extract), name="round trip") == extract
 
 
@@ -119,7 +119,7 @@ def test_references_to_nowhere_and_deleted_objects_are_left_out() -> None:
         (b'<!DOCTYPE osm [<!ENTITY x SYSTEM "file:///etc/passwd">]><osm source="&x;"/>', ""),
     ],
 )
-def test_what_is_no_osm_is_said_in_one_line(data: bytes, said: str) -> None:
+def test_a_file_that_is_no_osm_is_reported_in_one_line(data: bytes, said: str) -> None:
     try:
         extract = read_osm(data, name="street.osm")
     except UserError as error:
@@ -138,7 +138,7 @@ def test_garbage_never_escapes_as_anything_else(data: bytes) -> None:
         read_osm(data, name="garbage")
 
 
-def test_of_a_history_the_newest_version_counts_if_it_exists() -> None:
+def test_the_newest_version_of_a_history_counts_if_it_exists() -> None:
     """Also where versions are not in order, and where Overpass repeats a way without its tags."""
     data = b"""<osm><node id="1" lat="1" lon="2"/><node id="2" lat="1" lon="3"/>
       <way id="7" version="2"><nd ref="1"/><nd ref="2"/><tag k="lanes" v="4"/></way>

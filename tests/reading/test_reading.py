@@ -117,7 +117,7 @@ def test_a_graph_of_lanes_has_an_edge_for_each_way_on(home):
             assert ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0) == (kind == "left")
 
 
-def test_without_networkx_the_graph_says_what_to_install(home, monkeypatch):
+def test_without_networkx_the_graph_names_what_to_install(home, monkeypatch):
     monkeypatch.setitem(sys.modules, "networkx", None)
     with pytest.raises(UserError, match=r"trace-dag\[graph\]"):
         home[VERIFIED].lane_graph()
@@ -206,7 +206,7 @@ def test_a_notebook_shows_roots_crashes_and_logs_in_few_words(home, package):
     assert len(repr(home[key].replay())) < 200
 
 
-def test_what_a_crash_did_not_get_as_far_as_is_said(home):
+def test_stages_that_a_crash_did_not_reach_are_named(home):
     crash = home[REJECTED_EARLY]
     assert not crash.has("verdict")
     with pytest.raises(UserError, match=f"{REJECTED_EARLY} has no verdict"):
@@ -228,7 +228,7 @@ def test_a_damaged_file_of_a_package_is_found_when_it_is_read_and_not_before(pac
         _ = crash.estimate
 
 
-def test_what_is_no_root_package_or_release_is_said(tmp_path):
+def test_a_path_that_is_no_root_package_or_release_is_named(tmp_path):
     (tmp_path / "notes.txt").write_text("no archive")
     (tmp_path / "empty").mkdir()
     with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:

@@ -36,7 +36,7 @@ def test_a_map_reaches_as_far_as_asked_and_holds_every_gate(made: MadeMap) -> No
     assert (made.network.frame.latitude_deg, made.network.frame.longitude_deg) == MIDDLE
 
 
-def test_what_is_saved_is_the_map_its_report_and_a_picture(made: MadeMap, tmp_path: Path) -> None:
+def test_map_report_and_picture_are_saved(made: MadeMap, tmp_path: Path) -> None:
     written = made.save(tmp_path / "town", ["geojson", "geoparquet", "commonroad", "scenarionet", "glb"])
     assert {str(path.relative_to(tmp_path / "town")) for path in written} == {
         "map.xodr",
@@ -59,7 +59,7 @@ def test_what_is_saved_is_the_map_its_report_and_a_picture(made: MadeMap, tmp_pa
     assert min(shapely.geometry.shape(lane["geometry"]).distance(middle) for lane in lanes) < 0.003  # 300 m in degrees
 
 
-def test_where_traffic_keeps_left_roads_say_so() -> None:
+def test_left_hand_roads_have_the_rule() -> None:
     made = trace_dag.road_map(TOWN, at=MIDDLE, radius_m=200.0, left_hand=True)
     assert all(road.left_hand for road in made.network.roads)
     assert b'rule="LHT"' in made.xodr
@@ -83,7 +83,7 @@ def test_a_box_and_a_whole_file_are_maps_too() -> None:
         (["--at", "41.8,-101.5", "--box=-101.6,41.8,-101.5,41.9"], "not both"),
     ],
 )
-def test_what_cannot_be_made_is_said(arguments: list[str], said: str, tmp_path: Path) -> None:
+def test_files_that_cannot_be_made_are_named(arguments: list[str], said: str, tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, ["map", "--osm", str(TOWN), *arguments, "-o", str(tmp_path / "out")])
     assert result.exit_code
     assert said in (result.output if isinstance(result.exception, SystemExit) else str(result.exception))
@@ -103,7 +103,7 @@ def test_the_command_offers_every_form() -> None:
     assert tuple(option.type.choices) == MAP_FORMS
 
 
-def test_the_command_says_what_it_made(tmp_path: Path) -> None:
+def test_the_command_names_what_it_made(tmp_path: Path) -> None:
     given = ["map", "--osm", str(TOWN), "--at", "41.8290,-101.5400", "--radius", "200", "-o", str(tmp_path / "town")]
     result = CliRunner().invoke(cli, given, catch_exceptions=False)
     assert result.exit_code == 0

@@ -202,7 +202,7 @@ vehicles = st.tuples(
     (28, PreCrashMovement.NO_DRIVER, None, 3.0, (VehicleClass.MOTORCYCLE, 2.2, 0.8), 10, None),
     0,
 )
-def test_whatever_the_record_says_the_motion_holds_or_the_crash_is_rejected(one, two, place):
+def test_the_motion_of_any_record_holds_or_the_crash_is_rejected(one, two, place):
     case = sample_cases()[place]
     changed = []
     for vehicle, (code, movement, area, speed, body, event, avoidance) in zip(

@@ -70,7 +70,7 @@ def test_a_four_way_crossing_lets_one_go_straight_and_turn_from_where_lanes_allo
             assert change > 0 if approach.turn is Turn.LEFT else change < 0
 
 
-def test_who_strikes_a_person_turns_on_lanes_that_turn_and_backs_up_along_the_road():
+def test_vehicles_striking_a_person_turn_on_turning_lanes_and_back_along_the_road():
     found = scene(sample_case(FOUR_WAY))
     along = {approach.name for approach in found.on_road(found.through)}
     who = party(found.record, found.record.vehicles[0])
@@ -205,7 +205,7 @@ def test_two_vehicles_on_a_reversible_road_meet_head_on_only_if_one_goes_the_wro
     assert all(one.other_way == two.other_way or one.wrong_way or two.wrong_way for one, two in sides)
 
 
-def test_where_traffic_keeps_left_everything_is_as_in_a_mirror():
+def test_left_hand_traffic_mirrors_everything():
     case = sample_case(FOUR_WAY)
     placement = replace(case.report.placement, x_m=-case.report.placement.x_m)
     mirrored = build_scene(

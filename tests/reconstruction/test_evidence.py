@@ -96,7 +96,7 @@ def test_a_reported_direction_is_wrong_as_often_as_two_in_a_rear_end_are_reporte
         (Moment.UNKNOWN, {Octant.EAST, Octant.NORTH_EAST, Octant.NORTH}),
     ],
 )
-def test_of_one_that_turns_left_off_an_eastbound_street_the_moment_says_which_directions_fit(moment, fits):
+def test_directions_before_and_after_a_left_turn_off_an_eastbound_street(moment, fits):
     found = {octant: heading_log_likelihood(Heading(octant, moment), 0.0, math.pi / 2) for octant in Octant}
     assert {octant for octant, value in found.items() if value > -1.5} == fits
     assert all(found[octant] < -4.0 for octant in (Octant.WEST, Octant.SOUTH, Octant.SOUTH_WEST))
@@ -110,7 +110,7 @@ def test_octants_are_headings_counter_clockwise_from_east():
     }  # fmt: skip
 
 
-def test_who_is_struck_from_behind_by_a_crossing_was_on_the_way_to_it():
+def test_a_vehicle_struck_from_behind_near_a_crossing_was_approaching_it():
     """A rear end 20 m west of a crossing, related to it (RELJCT2 3): eastbound lanes alone lead there."""
     case = sample_case("2023-319004")
     scene = build_scene(case.record, case.network, case.report, lead_time_s=5.0)
@@ -125,7 +125,7 @@ def test_who_is_struck_from_behind_by_a_crossing_was_on_the_way_to_it():
     assert not any(crossing_ahead_terms(at_crossing, Relation.SAME_LANE, approach) for approach in along)
 
 
-def test_who_keeps_on_went_along_the_street_that_the_report_names_first():
+def test_the_vehicle_going_straight_drove_on_the_first_named_street():
     """A crossing of two named streets: a leader and its follower are both on the first, of two that cross one is, and
     of one that turns before another that other; around a roundabout traffic of both streets goes."""
     case = sample_case("2023-319001")

@@ -38,14 +38,14 @@ BEGINS_OFF = np.where(TIME_S < 1.95, STREET_M, 0.0)
 ENDS_OFF = np.where(TIME_S > 3.95, STREET_M, 0.0)
 
 
-def test_who_begins_where_no_road_is_mapped_is_astray_until_it_reaches_one() -> None:
+def test_a_vehicle_beginning_off_the_map_is_astray_until_it_reaches_a_road() -> None:
     assert found(way(0.0 * TIME_S)) == ()
     (stray,) = found(way(BEGINS_OFF))
     assert stray.until_s == pytest.approx(2.0)
     assert stray.off_m > 100.0
 
 
-def test_who_leaves_the_road_is_astray_unless_the_report_says_so() -> None:
+def test_a_departing_vehicle_is_astray_unless_reported() -> None:
     (stray,) = found(way(ENDS_OFF))
     assert stray.until_s is None
     assert "vehicle 2 is up to" in str(stray)

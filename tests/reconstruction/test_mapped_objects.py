@@ -54,7 +54,7 @@ def test_a_crash_into_a_tree_of_the_map_is_verified() -> None:
     assert [each.placed_by for each in logs[verdict.hypothesis].objects] == [PlacedBy.OPENSTREETMAP]
 
 
-def test_what_stands_to_the_right_of_the_other_direction_is_met_by_who_goes_there() -> None:
+def test_objects_right_of_the_other_direction_are_met_in_that_direction() -> None:
     (x_m, y_m), (_, other_side_y_m) = sides()
     tree = MappedThing("node/7", "natural=tree", ((x_m, other_side_y_m),))
     report = replace(PLACE, things=(tree,))
@@ -82,7 +82,7 @@ def test_a_guardrail_of_the_map_is_struck_on_its_line() -> None:
     assert abs(found.pose.y_m) > abs(ours.pose.y_m)
 
 
-def test_what_stands_near_the_crash_is_in_metres_from_it() -> None:
+def test_objects_near_the_crash_are_in_metres_from_it() -> None:
     frame = LocalFrame(37.0, -77.0)
     north_m = 20.0
     latitude_deg = 37.0 + north_m / 110_962.0  # a degree of the meridian at 37 degrees (WGS84)

@@ -75,7 +75,7 @@ def test_objects_stand_behind_the_shoulder_and_on_a_bridge_at_its_edge():
     assert on_free_ground(tree, (0.0, -EDGE_M - 1.3), shouldered(bridge=False), relation=2) is tree
 
 
-def test_of_one_rail_that_is_struck_twice_each_has_its_part():
+def test_each_strike_of_one_rail_has_its_part():
     first = replace(item(CURB, 0.0, -BESIDE_M), length_m=40.0)
     second = replace(item(CURB, 10.0, -BESIDE_M), length_m=40.0, number=2009)
     struck = [(first, (-4.0, -EDGE_M)), (second, (12.0, -EDGE_M))]

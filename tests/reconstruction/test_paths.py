@@ -90,7 +90,7 @@ def test_smoothing_leaves_straight_lines_alone():
     assert path.length_m == pytest.approx(math.hypot(100, 50), abs=1e-6)
 
 
-def test_smoothing_moves_an_arc_inward_by_no_more_than_it_says():
+def test_smoothing_moves_an_arc_inward_by_no_more_than_it_states():
     path = through_points(arc(40, 1.5), sigma_m=3)
     radius = np.hypot(path.x_m, path.y_m - 40)
     middle = radius[len(radius) // 4 : -len(radius) // 4]

@@ -104,7 +104,7 @@ def test_courses_are_those_of_the_typing_manual(person: NonMotorist, turn: Turn 
     assert reported_directions(person, turn) == courses
 
 
-def test_what_is_open_is_shared_out() -> None:
+def test_open_shares_are_distributed() -> None:
     """Without any typing every course stays, and the shares add up to one; the sides by 524 to 463 of the typing."""
     shares = {reading.course: math.exp(reading.log_prior) for reading in readings(walker(), None, None)}
     assert set(shares) == set(Course)
@@ -125,7 +125,7 @@ def test_what_is_open_is_shared_out() -> None:
         (rider(cyclist_type_code=250), 9, 180.0),
     ],
 )
-def test_the_person_comes_from_where_the_report_says(person: NonMotorist, code: int, expected_deg: float) -> None:
+def test_the_person_comes_from_where_the_report_states(person: NonMotorist, code: int, expected_deg: float) -> None:
     found = estimated(struck(person, code=code))
     assert abs(math.remainder(relative_deg(found) - expected_deg, 360.0)) < 1.0
     assert math.hypot(*found.best.impact_point_xy_m) < 5.0
@@ -148,7 +148,7 @@ def test_speeds_are_those_of_the_sources() -> None:
         assert state.impact_speed_mps == pytest.approx(speed_mps)
 
 
-def test_who_dashes_out_stands_beside_the_road_before() -> None:
+def test_a_person_dashing_out_stands_beside_the_road_before() -> None:
     state = estimated(struck(walker(scenario="1b", pedestrian_type_code=741))).best.participants[1]
     assert state.initial_speed_mps == 0.0
     assert abs(state.initial_pose.y_m) > 3.5  # the carriageway is 7 m wide
@@ -162,7 +162,7 @@ def test_both_sides_are_hypotheses_where_the_report_leaves_it_open() -> None:
 
 
 @pytest.mark.parametrize(("location", "expected_m"), [(10, 4.5), (11, 0.0)])  # in a marked crosswalk, outside one
-def test_who_was_in_a_crosswalk_is_struck_in_that_of_the_map(location: int, expected_m: float) -> None:
+def test_a_person_in_a_crosswalk_is_struck_in_that_of_the_map(location: int, expected_m: float) -> None:
     """Lines 3 m wide, from 4 m to 7 m east of the reported point, along which the strike may be a stride aside."""
     outline = ((-1.5, -4.0), (1.5, -4.0), (1.5, 4.0), (-1.5, 4.0))
     (road,) = STREET.roads
@@ -179,7 +179,7 @@ def test_the_vehicle_leaves_the_carriageway_for_whom_it_struck_on_the_shoulder()
     assert abs(person.impact_pose.y_m) > 3.5
 
 
-def test_a_language_model_is_not_asked_and_the_estimate_says_so() -> None:
+def test_a_language_model_is_not_asked_and_the_estimate_has_a_note() -> None:
     made = estimate(struck(walker()), STREET, PLACE, StateSettings(estimator="llm"))
     assert (made.run.estimator, made.run.fallback_from, made.run.attempts) == ("analytic", "llm", 0)
     assert "two vehicles only" in made.run.fallback_reason
@@ -206,7 +206,7 @@ def test_an_animal_comes_from_either_side_with_equal_share() -> None:
 
 
 @pytest.mark.parametrize(("animal", "mass_kg"), [("deer", 68.0), ("elk", 250.0), ("cattle", 610.0)])
-def test_what_animal_it_was_is_a_setting(animal: str, mass_kg: float) -> None:
+def test_the_species_of_an_animal_is_a_setting(animal: str, mass_kg: float) -> None:
     settings = StateSettings.model_validate({"animal": animal, "animal_pace": "walking"})
     found = estimate(with_animal(), STREET, PLACE, settings).best
     (mover,) = (state for state in found.participants if state.kind is PartyKind.ANIMAL)
@@ -225,7 +225,7 @@ def test_an_animal_is_struck_in_the_reported_area(clock_h: int, left_m: float) -
     assert abs(left) >= abs(left_m) - 0.1
 
 
-def test_who_backs_into_a_person_backs_along_a_street_whatever_turn_is_reported() -> None:
+def test_a_vehicle_backing_into_a_person_backs_along_a_street() -> None:
     backing = replace(struck(walker(), clock_h=6), vehicles=(vehicle(1, 6, 13, movement=PreCrashMovement.BACKING),))
     found = estimate(backing, STREET, PLACE, StateSettings())
     for hypothesis in found.hypotheses:

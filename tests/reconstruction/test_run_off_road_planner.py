@@ -121,7 +121,7 @@ def test_guardrails_are_struck_as_hard_as_real_ones(speed_mps: float) -> None:
     assert shown["angle_to_road"] == pytest.approx(math.degrees(math.atan2(across_mps, along_mps)), abs=1.0)
 
 
-def test_what_stands_behind_a_curb_is_struck_after_it() -> None:
+def test_objects_behind_a_curb_are_struck_after_it() -> None:
     made, logs, verdict = reconstructed(left_road(CURB, POLE))
     assert verdict.accepted, verdict.detail
     log = logs[verdict.hypothesis]
@@ -174,7 +174,7 @@ def test_a_report_of_another_object_does_not_pass_for_the_own_one() -> None:
 
 
 @pytest.mark.parametrize("to", [RIGHT, LEFT])
-def test_a_coded_point_beside_the_road_says_to_which_side_and_how_far_off(to: int) -> None:
+def test_a_coded_point_beside_the_road_states_to_which_side_and_how_far_off(to: int) -> None:
     """The street runs along y = 12 m, its edge is at 8.5: the point is south of it, 8.5 m off."""
     street = RoadNetwork(STREET.frame, (two_way("1", -300.0, 12.0, 0.0, 600.0),))
     place = replace(PLACE, placement=CrashPlacement(0.0, 10.25, 0.0, "1", 10.25, "nearest road"))

@@ -54,7 +54,7 @@ def test_the_tables_name_every_feature_class_and_role_at_every_level() -> None:
         assert list(values) == sorted(values)
 
 
-def test_who_goes_along_goes_about_the_limit_and_who_speeds_goes_faster() -> None:
+def test_through_traffic_drives_about_the_limit_and_speeders_faster() -> None:
     along = distribution(unreported())
     assert along.median == pytest.approx(mph_to_mps(45), abs=mph_to_mps(5))
     assert along.at(0.1) < along.median < along.at(0.9)
@@ -66,14 +66,14 @@ def changed(vehicle: VehicleRecord, **changes: object) -> VehicleRecord:
     return dataclasses.replace(vehicle, **changes)
 
 
-def test_who_stood_stands() -> None:
+def test_a_standing_vehicle_stands() -> None:
     own = unreported()
     stood = party(sample_case(KEY).record, changed(own.vehicle, movement=PreCrashMovement.STOPPED))
     assert distribution(stood).at(0.9) == 0.0
     assert speed_kept_distribution(stood).at(0.1) == 1.0
 
 
-def test_braking_takes_speed_unless_the_report_says_that_nothing_was_done() -> None:
+def test_braking_takes_speed_unless_the_report_states_that_nothing_was_done() -> None:
     own = unreported()
     kept = speed_kept_distribution(own)
     assert 0.0 < kept.at(0.1) < kept.median <= 1.0

@@ -59,7 +59,7 @@ def test_a_reported_speed_is_the_initial_speed_exactly(speed):
         assert profile_of(vehicle, speed).initial_mps == speed
 
 
-def test_constant_unless_the_record_says_otherwise():
+def test_constant_unless_the_record_states_otherwise():
     assert profile_of(car(movement=PreCrashMovement.TURNING_LEFT), 15.0) == SpeedProfile(15.0, 15.0)
     assert profile_of(car(avoidance_code=6), 15.0) == SpeedProfile(15.0, 15.0)
 
@@ -70,7 +70,7 @@ def test_braking_reported_is_braking_done(avoidance):
     assert profile.impact_mps < 25
 
 
-def test_where_nothing_is_reported_vehicles_lose_what_those_of_their_role_lost():
+def test_vehicles_without_reported_braking_lose_speed_by_their_role():
     """ACC_TYPE 20 runs into one that stands, 86 crosses; recorders have the shares. Of many crashes as many brake, and
     half keep no more than half of the recorders; each has the same draw every time."""
     for crash_type, role in ((20, "behind"), (86, "crossing"), (1, "alone")):

@@ -37,7 +37,7 @@ def town_with_a_bridge() -> Town:
     return town
 
 
-def test_what_the_report_fills_is_on_the_map_and_said_so() -> None:
+def test_values_filled_from_the_report_are_marked_on_the_map() -> None:
     town = Town()
     town.street([(-200, 0), (200, 0)], highway="secondary", name="Main Street")
     car = vehicle(lanes=4, trafficway=1, limit_mph=45)
@@ -54,7 +54,7 @@ def test_what_the_report_fills_is_on_the_map_and_said_so() -> None:
 
 
 @pytest.mark.parametrize("marks", ["reconstruction", "legal"])
-def test_the_stages_after_are_handed_what_the_written_file_says(marks: Marks) -> None:
+def test_the_stages_after_are_handed_what_the_written_file_states(marks: Marks) -> None:
     road_map = build_road_map(town_with_a_bridge().extract(), report(street="MAIN ST"), RoadSettings(marks=marks))
     assert road_map.stored.network == read_opendrive(road_map.stored.xodr, name="map")
 

@@ -89,7 +89,7 @@ def test_planned_events_are_the_reported_contacts(found: dict[str, Case], estima
         assert len(estimates[key].best.participants) == len(case.record.vehicles)
 
 
-def test_a_report_that_says_too_little_is_refused(
+def test_a_report_that_states_too_little_is_refused(
     truth: SampleTruth, refused: Callable[[str, Mapping[str, str]], dict[str, str]]
 ) -> None:
     kinds = {crash.key: crash.kind for crash in truth.crashes}

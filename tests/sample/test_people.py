@@ -30,7 +30,7 @@ def test_every_way_a_person_can_go_occurs(people: PeopleTruth) -> None:
     assert {crash.kind for crash in people.crashes} == {"pedestrian", "cyclist", "animal"}
 
 
-def test_side_and_place_are_right_where_the_report_tells(people: PeopleTruth, found: list[Case]) -> None:
+def test_side_and_place_are_right_where_reported(people: PeopleTruth, found: list[Case]) -> None:
     made = {case.key: estimate(case.record, case.network, case.report, SETTINGS.states) for case in found}
     rows = score_people(people, made)
     assert all(row.course_correct is not None for row in rows)

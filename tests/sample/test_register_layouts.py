@@ -43,7 +43,7 @@ def test_every_layout_comes_to_its_verdicts(tmp_path):
 
 
 @pytest.mark.parametrize("name", list_shipped_mappings())
-def test_a_shipped_mapping_says_what_it_was_made_from_and_what_its_table_lacks(name):
+def test_a_shipped_mapping_names_what_it_was_made_from_and_what_its_table_lacks(name):
     mapping = read_mapping(name)
     assert mapping.documented
     assert mapping.lacks_in_words

@@ -100,7 +100,7 @@ def test_sides_are_read_from_the_events(truth: SampleTruth, found: dict[str, Cas
     }
 
 
-def test_a_report_that_tells_no_side_is_refused(sample: Path) -> None:
+def test_a_report_that_gives_no_side_is_refused(sample: Path) -> None:
     path = sample / "roadside" / "reports" / f"crash_{UNTOLD[-6:]}.xml"
     record = read_report(path.read_bytes(), name=path.name, settings=SETTINGS.crash)
     with pytest.raises(Rejection) as caught:
@@ -108,7 +108,7 @@ def test_a_report_that_tells_no_side_is_refused(sample: Path) -> None:
     assert caught.value.reason is Reason.INCOMPLETE_TRAJECTORY
 
 
-def test_who_drives_off_a_dead_end_came_along_it(found: dict[str, Case], truth: SampleTruth) -> None:
+def test_a_vehicle_leaving_a_dead_end_came_along_it(found: dict[str, Case], truth: SampleTruth) -> None:
     """The road begins where it ends for the other direction: nobody came from there."""
     case = found["2023-319122"]
     (known,) = next(crash for crash in truth.crashes if crash.key == case.key).vehicles

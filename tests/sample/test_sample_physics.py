@@ -98,7 +98,7 @@ def test_lateral_acceleration_stays_within_what_tyres_hold(row: dict[str, Any]) 
             assert speed**2 * curvature < 0.7 * 9.81, row["title"]
 
 
-def test_traffic_keeps_to_the_right_unless_the_story_says_otherwise() -> None:
+def test_traffic_keeps_to_the_right_unless_the_story_states_otherwise() -> None:
     """On two-way roads the initial place is right of the carriageway's middle, but for the shared centre lane."""
     checked = 0
     for row in ROWS:

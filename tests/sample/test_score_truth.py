@@ -161,7 +161,7 @@ def test_outcomes_are_set_beside_the_expected_ones(truth: SampleTruth) -> None:
     assert {row.key for row in changed.outcomes if not row.as_expected} == {STRAIGHT, BACKING}
 
 
-def test_what_is_no_truth_file_is_one_line(tmp_path: Path) -> None:
+def test_a_file_without_truth_is_reported_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"truth\.json: cannot be read"):
         load_truth(tmp_path / "truth.json")
     (tmp_path / "truth.json").write_text('{"crashes": [{"key": "2023-319001"}]}')

@@ -51,7 +51,7 @@ def test_rings_of_one_look_are_one_path_all_one_way_round(canvas):
     assert len({area > 0.0 for area in areas}) == 1
 
 
-def test_what_lies_outside_the_window_is_not_drawn(canvas):
+def test_shapes_outside_the_window_are_not_drawn(canvas):
     canvas.polygons([SQUARE + 100.0], Ink("red"), 1.0)
     canvas.polygons([SQUARE + 100.0, SQUARE], Ink("blue"), 1.0)
     assert [len(corners(path.get("d"))) for path in paths(canvas) if path.get("d")] == [1]
@@ -65,7 +65,7 @@ def test_strokes_have_their_width_in_points_and_lose_needless_points(canvas):
     assert [len(each) for each in corners(path.get("d"))] == [2]
 
 
-def test_what_leaves_the_window_ends_at_its_edge(canvas):
+def test_shapes_that_leave_the_window_end_at_its_edge(canvas):
     canvas.polygons([SQUARE * 100.0], Ink("red"), 1.0)  # from the middle far beyond the corner
     canvas.lines([np.array([(-500.0, 0.0), (500.0, 0.0)])], Ink(stroke="black", width_pt=1.0), 2.0)
     area, line = (np.concatenate(corners(path.get("d"))) for path in paths(canvas))

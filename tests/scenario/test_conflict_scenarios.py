@@ -119,7 +119,7 @@ def test_whoever_stands_goes_by_the_clock() -> None:
     assert written(log, KEPT).find(".//SynchronizeAction") is None
 
 
-def test_who_drives_ahead_arrives_at_the_recorded_share_of_the_free_vehicles_speed() -> None:
+def test_a_vehicle_ahead_arrives_at_the_recorded_share_of_the_free_speed() -> None:
     final = written(following(), KEPT).find(".//FinalSpeed/RelativeSpeedToMaster")
     assert final.get("speedTargetValueType") == "factor"
     assert float(final.get("value")) == pytest.approx(5.0 / 15.0, abs=0.01)

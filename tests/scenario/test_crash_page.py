@@ -143,14 +143,14 @@ def test_a_standing_vehicle_has_no_speed_in_the_sentence():
         assert words in in_one_sentence(replace(crashed, vehicles=(first, crashed.vehicles[1])))
 
 
-def test_who_struck_a_person_is_left_open_where_no_event_tells():
+def test_the_striking_vehicle_is_left_open_without_an_event():
     assert in_one_sentence(on_main_street(events=(), first_harmful_event_code=8)) == (
         "On January 15, 2023 on MAIN ST, Virginia, two motor vehicles crashed (one of them struck a pedestrian)."
     )
     assert in_one_sentence(on_main_street(events=(), first_harmful_event_code=12)).endswith("collided.")
 
 
-def test_what_did_not_happen_is_not_said_as_if_it_had():
+def test_events_that_did_not_happen_are_not_shown_as_if_they_had():
     stays = Criterion("overturn", 0.0, 1.0, "", False, Reason.NO_OVERTURN, "vehicle 1 does not overturn", 1, 2)
     verdict = replace(VERDICT, label=Label.REJECTED, criteria=(stays,), reason=Reason.NO_OVERTURN)
     row = crash(0) | {"final_state": "rejected", "detail": stays.detail}
@@ -159,7 +159,7 @@ def test_what_did_not_happen_is_not_said_as_if_it_had():
     assert "Vehicle 1 overturned" not in page
 
 
-def test_what_was_not_reported_of_a_vehicle_is_marked_and_an_unknown_make_is_no_name():
+def test_unreported_values_of_a_vehicle_are_marked_and_an_unknown_make_is_no_name():
     seen_once = replace(
         vehicle(1, 12), make_model="Unknown Make Unknown (as to automobile, ...)", implied=("vehicle_class", "movement")
     )
@@ -174,7 +174,7 @@ def test_what_was_not_reported_of_a_vehicle_is_marked_and_an_unknown_make_is_no_
     assert seen(event).startswith("1 collided with a motor vehicle in transport 12")
 
 
-def test_the_time_is_said_to_the_minute_and_persons_are_not_called_vehicles():
+def test_the_time_is_reported_to_the_minute_and_persons_are_not_called_vehicles():
     facts = (
         Fact("course of the person", ComparedWith.COURSE, Agreement.AGREES, "left", "0 deg off", False, 1001, 0.8),
     )
@@ -186,7 +186,7 @@ def test_the_time_is_said_to_the_minute_and_persons_are_not_called_vehicles():
     assert ", 19 h local time" in seen(shown(CrashPage(row | {"minute": None}, (), RIGHTS)))
 
 
-def test_what_happened_and_how_surely_come_first_then_replay_numbers_reasons_and_the_rest_is_folded():
+def test_result_and_certainty_come_first_then_replay_numbers_and_reasons():
     page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=VERDICT, replay="../replay.html?1"))
     main = page.get_element_by_id("main")
     text = html.tostring(main, encoding="unicode")
@@ -205,7 +205,7 @@ def test_what_happened_and_how_surely_come_first_then_replay_numbers_reasons_and
     assert "verified, corroborated" in seen(page)
 
 
-def test_numbers_and_reasons_are_said_in_words():
+def test_numbers_and_reasons_are_reported_in_words():
     page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(contradictions=("a, not b",)), verdict=VERDICT))
     glance = seen(page.find_class("glance")[0])
     assert "60.8 ft (18.5 m) from the reported point to the first contact" in glance
@@ -245,7 +245,7 @@ def test_no_error_is_counted_from_an_impact_that_nobody_reported():
         assert ("between reported and simulated impact" in glance) is said
 
 
-def test_doubts_and_events_that_do_not_happen_are_said_without_unfolding():
+def test_doubts_and_events_that_do_not_happen_are_reported_without_unfolding():
     doubts = tuple(Reservation(Doubt.EVENT_MISSED, f"event {number}: does not happen") for number in range(2, 10))
     events = (
         EventOutcome(1, 12, EventResult.HAPPENED),

@@ -26,7 +26,7 @@ from trace_dag.simulation.types import moment_of
 CRASH = record(vehicle(1, 12), vehicle(1, 12))
 
 
-def test_an_object_says_that_the_program_placed_it() -> None:
+def test_an_object_states_that_the_program_placed_it() -> None:
     tree = item(TREE, 6.0, 0.0)
     assert describe_object(tree) == f"tree ({OBJECT_NOTE})"
     assert object_category(tree) == "tree"

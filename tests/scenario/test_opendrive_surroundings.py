@@ -78,5 +78,5 @@ def test_left_out(shape, tags):
     assert objects(feature(shape, **tags)) == []
 
 
-def test_what_is_there_already_is_not_there_twice():
+def test_existing_objects_are_not_added_twice():
     assert objects(feature(shapely.Point(-50.0, 12.0), natural="tree"), without={"way/1"}) == []

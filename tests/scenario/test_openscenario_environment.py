@@ -78,7 +78,7 @@ def test_scenario_runner_finds_every_part_and_no_snow(log):
     assert found.find("TimeOfDay") is not None
 
 
-def test_what_is_not_reported_is_not_said(log):
+def test_unreported_facts_are_left_out(log):
     silent = replace(RECORD, hour=None, light_code=None, weather_code=None)
     assert environment_of(silent, log) is None
     assert environment_of(silent, log, Flavour(carla=True)) is None

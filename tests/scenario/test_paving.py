@@ -47,7 +47,7 @@ def test_the_corners_between_the_arms_stay_ground() -> None:
         assert not shapely.Polygon(gap.outline_m).intersects(shapely.box(8, 8, 12, 12))
 
 
-def test_what_lies_outside_the_junctions_is_not_paved() -> None:
+def test_ground_outside_the_junctions_is_not_paved() -> None:
     assert list(find_paved_gaps(_crossing(2.0), [])) == []
 
 

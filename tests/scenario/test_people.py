@@ -58,7 +58,7 @@ def entity(xml: bytes, name: str) -> ElementTree.Element:
 
 @pytest.mark.parametrize("flavour", [Flavour(), CARLA], ids=["1.2", "carla"])
 @pytest.mark.parametrize("name", PEOPLE)
-def test_who_is_struck_is_struck_when_it_was(name: str, flavour: Flavour) -> None:
+def test_a_struck_vehicle_is_struck_at_the_logged_time(name: str, flavour: Flavour) -> None:
     contact = simulated(name).contacts[0]
     for player in (Scenario, esmini.FilteredScenario):
         for step_s in (0.001, 0.02):
@@ -134,7 +134,7 @@ def test_the_official_checker_finds_nothing(tmp_path: Path) -> None:
         assert [issue for issue in verdict["issues"] if " WARNING" not in issue] == [], verdict["file"]
 
 
-def test_a_strike_says_trigger_path_and_point() -> None:
+def test_a_strike_states_trigger_path_and_point() -> None:
     """A car at 15 m/s, its front at x = 0 after 2 s; somebody walks up the y axis at 1.4 m/s from the start."""
     log = simulated("adult before a car")
     (strike,) = strikes(log)

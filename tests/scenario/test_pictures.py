@@ -46,7 +46,7 @@ def test_the_bodies_meet_in_the_middle_of_the_close_up(crash) -> None:
         assert np.abs(place - middle).max() < 5 * metre
 
 
-def test_what_is_not_known_is_not_drawn() -> None:
+def test_unknown_values_are_not_drawn() -> None:
     picture = drawn(draw_crash(RECORD, STREET, REPORT))
     for colour in VEHICLE_COLOURS[:2]:
         assert not len(of_colour(picture, colour))

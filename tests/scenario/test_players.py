@@ -76,7 +76,7 @@ def test_a_crash_is_seen_when_and_where_it_was(player: type[Scenario], name: str
 
 
 @pytest.mark.parametrize("name", MEETINGS)
-def test_what_is_left_out_for_filters_is_not_missed_by_others(name: str) -> None:
+def test_crashes_left_out_by_filters_are_not_missed_by_others(name: str) -> None:
     log, scenario = simulated(name), Scenario(written(name, Flavour()))
     for logged in log.vehicles:
         x, y, heading = scenario.centres(party_label(logged.number), logged.time_s).T

@@ -50,7 +50,7 @@ def test_two_streets_that_are_nearest_at_one_place_are_written_apart() -> None:
     assert abs(written["Elm Street"] - written["Oak Street"]) > 7.5 * 200 / 458 * 100
 
 
-def test_the_page_says_which_streets_are_around_and_which_is_reported(two_streets) -> None:
+def test_the_page_states_which_streets_are_around_and_which_is_reported(two_streets) -> None:
     _, rejected = two_streets
     row = crash(1, final_state="rejected", reason=str(rejected.reason), detail=rejected.detail)
     page = shown(CrashPage(row, [], RIGHTS, record=RECORD, rejected_map=rejected.report, picture="../pictures/x.png"))

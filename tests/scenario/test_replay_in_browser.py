@@ -166,7 +166,7 @@ def test_the_page_makes_the_same_glb_again_as_is_exported(tmp_path, replay):
         assert bytes(page.run("window.made")) == exported
 
 
-def test_without_webgl_the_plan_is_shown_and_says_so(tmp_path, replay):
+def test_without_webgl_the_plan_is_shown_with_a_note(tmp_path, replay):
     with Page(tmp_path / "profile", webgl=False) as page:
         watch(page, f"{replay}#t=1.25&pane=solid")
         page.wait(f"{REFUSED} !== ''")
@@ -177,7 +177,7 @@ def test_without_webgl_the_plan_is_shown_and_says_so(tmp_path, replay):
         assert page.errors == []
 
 
-def test_a_replay_that_is_not_there_says_so(tmp_path, replay):
+def test_a_missing_replay_is_named(tmp_path, replay):
     with Page(tmp_path / "profile") as page:
         for asked in ("2023-999999", "../secrets", ""):
             page.open(f"{replay.partition('?')[0]}?{asked}")

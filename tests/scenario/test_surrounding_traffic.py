@@ -136,7 +136,7 @@ def test_forms_that_write_a_log_have_the_vehicles_while_they_are_there(network, 
     assert {"V1", "V2"} < entities < {"V1", "V2", *(party_label(each.number) for each in found.vehicles)}
 
 
-def test_as_many_come_as_the_tables_say(network, sumo) -> None:
+def test_crashes_and_persons_number_as_in_the_tables(network, sumo) -> None:
     """1,899,000 vehicles a year and lane are 5,203 a day, on weekdays 0.762365 * 7 / 5 times that, 7.743 % at 17 h.
 
     That is 430 an hour; of a residential street 191 / 1899 of it, 43. Poisson: within four standard deviations.

@@ -54,7 +54,7 @@ def test_an_animal_stands_on_the_road_and_is_as_high_as_said(species: Species) -
 
 
 @pytest.mark.parametrize("species", Species)
-def test_what_the_vehicle_loses_the_animal_gains(species: Species) -> None:
+def test_the_momentum_lost_by_the_vehicle_is_gained_by_the_animal(species: Species) -> None:
     log = struck(species, CAR, 20.0)
     contact = log.contacts[0]
     lost_ns, gained_ns = CAR.mass_kg * contact.delta_v_1_mps[0], SIZES[species].mass_kg * contact.delta_v_2_mps[0]

@@ -272,7 +272,7 @@ def test_settings_of_before_are_the_settings_after() -> None:
     assert module.world.settings.fixed_delta_seconds == pytest.approx(0.1)
 
 
-def test_a_vehicle_that_is_gone_is_said_to_be() -> None:
+def test_a_vehicle_that_is_gone_is_reported() -> None:
     module = StandIn()
     simulation = CarlaBackend(SETTINGS, module).load(NETWORK, XODR, friction=0.75)
     tick = module.world.tick
@@ -396,7 +396,7 @@ def test_one_connection_serves_a_batch() -> None:
     assert len(module.named("Client")) == 1
 
 
-def test_without_the_package_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_package_the_message_names_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "carla", None)
     with pytest.raises(UserError, match=r"trace-dag\[carla\]"):
         CarlaBackend(SETTINGS).load(NETWORK, XODR, friction=0.75)

@@ -41,7 +41,7 @@ def slid_m(log: SimulationLog, vehicle: int) -> float:
     return math.hypot(logged.x_m[-1] - pose.x_m, logged.y_m[-1] - pose.y_m)
 
 
-def test_who_is_grazed_keeps_the_lane_and_brakes_after_a_reaction() -> None:
+def test_a_grazed_vehicle_keeps_the_lane_and_brakes_after_a_reaction() -> None:
     log = graze()
     contact = log.contacts[0]
     assert math.hypot(*contact.delta_v_2_mps) < kmh_to_mps(8.0)
@@ -54,7 +54,7 @@ def test_who_is_grazed_keeps_the_lane_and_brakes_after_a_reaction() -> None:
     assert slid_m(log, 1) == pytest.approx(expected_m, rel=0.1)
 
 
-def test_who_left_by_the_report_drives_on() -> None:
+def test_a_driver_reported_to_have_left_drives_on() -> None:
     log = graze(after_striking=AfterStriking(math.inf, 0.0))
     assert slid_m(log, 0) > 1.5 * slid_m(log, 1)
 
@@ -78,7 +78,7 @@ def test_after_a_crash_nobody_drives() -> None:
     assert slid_m(log, 0) == pytest.approx(after_mps**2 / (2 * 0.375 * GRAVITY_MPS2), rel=0.25)
 
 
-def test_who_stands_and_is_nudged_stays_on_the_brakes() -> None:
+def test_a_nudged_standing_vehicle_stays_on_the_brakes() -> None:
     log = run(participant(1, straight(-8.0, 0.0, 0.0, 2.0)), participant(2, straight(0.0, 0.0, 0.0, 0.0)))
     contact = log.contacts[0]
     pushed_mps = contact.delta_v_2_mps[0]

@@ -114,7 +114,7 @@ def test_oblique_impacts_conserve_momentum_and_never_gain_energy(
 
 @given(oblique)
 @settings(max_examples=25)
-def test_what_a_contact_records_is_what_the_bodies_did(case: tuple[float, float, float, float, float, float]) -> None:
+def test_a_contact_records_the_motion_of_the_bodies(case: tuple[float, float, float, float, float, float]) -> None:
     angle, speed_1, speed_2, offset, restitution, friction = case
     log = log_of(
         meeting(angle, speed_1, speed_2, offset),

@@ -60,7 +60,7 @@ def test_files_give_back_the_logs() -> None:
                 assert np.array_equal(getattr(a, column.name), getattr(b, column.name))
 
 
-def test_the_parquet_file_says_what_its_columns_are(tmp_path: Path) -> None:
+def test_the_parquet_file_names_what_its_columns_are(tmp_path: Path) -> None:
     (tmp_path / "log.parquet").write_bytes(logs_to_files(two_logs())[0])
     table = pq.read_table(tmp_path / "log.parquet")
     assert table.schema.field("speed_mps").metadata[b"unit"] == b"mps"

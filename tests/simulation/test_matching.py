@@ -62,9 +62,7 @@ STRUCK, LATER_POLE, LATER_OVERTURN = Expected((1, 2)), Expected(POLE, required=F
         ([], [None, None, None], []),
     ],
 )
-def test_what_is_required_comes_in_its_turn(
-    happened: list[Pair], matched: list[int | None], strange: list[int]
-) -> None:
+def test_required_events_come_in_order(happened: list[Pair], matched: list[int | None], strange: list[int]) -> None:
     found = match(happenings(contacts(*happened)), CHAIN)
     assert seconds(found.matched) == matched
     assert seconds(found.strange) == strange
@@ -96,7 +94,7 @@ def test_overturns_are_matched_in_their_turn_and_are_never_strange() -> None:
     assert match(seen, [STRUCK, LATER_POLE]).strange == ()
 
 
-def test_what_happens_is_put_in_the_order_of_time() -> None:
+def test_events_are_in_the_order_of_time() -> None:
     found = match(happenings(contacts((1, 2), (2, 3), (3, 4))[::-1]), CHAIN)
     assert seconds(found.matched) == [1, 2, 3]
 
@@ -107,7 +105,7 @@ def test_a_pair_that_is_to_meet_twice_has_to() -> None:
     assert match(happenings(contacts((1, 2), (1, 3), (1, 2))), twice).happened == 3
 
 
-def test_where_no_order_is_told_any_will_do() -> None:
+def test_any_order_holds_without_a_reported_one() -> None:
     found = match(happenings(contacts((3, 4), (1, 2), (2, 3))), CHAIN, order_known=False)
     assert seconds(found.matched) == [2, 3, 1]
     assert found.strange == ()

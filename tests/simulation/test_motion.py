@@ -150,7 +150,7 @@ def test_vehicles_that_miss_end_with_how_near_they_came() -> None:
     assert log.duration_s < 12.0
 
 
-def test_vehicles_that_overlap_at_the_start_are_said_to() -> None:
+def test_vehicles_that_overlap_at_the_start_are_reported() -> None:
     log = run(participant(1, straight(0.0, 0.0, 0.0, 10.0)), participant(2, straight(3.0, 0.0, 0.0, 0.0)))
     assert log.termination is Termination.STARTED_IN_CONTACT
     assert log.duration_s == 0.0

@@ -72,7 +72,7 @@ def test_a_person_walks_the_plan_until_touched_and_is_thrown() -> None:
 
 
 @pytest.mark.parametrize("speed", [8.0, 10.0])
-def test_who_has_come_to_rest_holds_no_limb_up(speed: float) -> None:
+def test_a_person_at_rest_holds_no_limb_up(speed: float) -> None:
     log = run(*crossing(CAR, CHILD, speed))
     upward = log.vehicle_log(1001).landmarks_m.reshape(-1, len(LANDMARKS), 3)[:, :, 2]
     assert log.termination is Termination.AT_REST
@@ -81,7 +81,7 @@ def test_who_has_come_to_rest_holds_no_limb_up(speed: float) -> None:
 
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
 @pytest.mark.parametrize("vehicle", [CAR, TRUCK], ids=["car", "truck"])
-def test_what_the_person_gains_the_vehicle_loses(vehicle: Body, speed: float) -> None:
+def test_the_momentum_gained_by_the_person_is_lost_by_the_vehicle(vehicle: Body, speed: float) -> None:
     """On ice nothing but the contact changes the momentum of the two, whatever the figure's limbs do meanwhile."""
     ice = SimSettings(friction=1e-6, person_friction=1e-6, time_limit_s=2.0, log_step_s=0.005)
     log = run(*crossing(vehicle, ADULT, speed, brakes_mps2=0.0), settings=ice)
@@ -151,7 +151,7 @@ def test_throws_lie_between_searles_bounds(vehicle: Body) -> None:
 
 @pytest.mark.parametrize("speed", [4.0, 12.0, 22.0])
 @pytest.mark.parametrize("vehicle", [CAR, VAN, TRUCK], ids=["car", "van", "truck"])
-def test_who_does_not_brake_carries_nobody_for_longer_than_two_seconds(vehicle: Body, speed: float) -> None:
+def test_a_vehicle_without_brakes_carries_nobody_for_longer_than_two_seconds(vehicle: Body, speed: float) -> None:
     """Let go by then, people lie no farther than what was driven until then and a throw at that speed (Searle)."""
     driver, person = crossing(vehicle, ADULT, speed)
     log = run(replace(driver, after_striking=AfterStriking(math.inf, 0.0)), person)
@@ -290,7 +290,7 @@ def test_two_vehicles_strike_one_person_in_order() -> None:
 
 @pytest.mark.parametrize("speed", [7.0, 18.0])
 @pytest.mark.parametrize("vehicle", [CAR, TRUCK], ids=["car", "truck"])
-def test_who_lies_on_the_road_is_driven_over_and_not_thrown_up(vehicle: Body, speed: float) -> None:
+def test_a_person_lying_on_the_road_is_driven_over_and_not_thrown_up(vehicle: Body, speed: float) -> None:
     """The vehicle loses no more than what takes the person along to its own speed, and the road's friction under a
     wheel's load for as long as a contact is counted."""
     one, person = crossing(CAR, ADULT, 12.0)
@@ -399,7 +399,7 @@ def test_people_have_no_pedals() -> None:
         simulation.run(crossing(CAR, ADULT, 12.0), time_limit_s=5.0, drivers={1001: _Pedals()})
 
 
-def test_who_waits_is_later_at_every_place_by_as_much() -> None:
+def test_a_waiting_vehicle_is_later_everywhere_by_as_much() -> None:
     simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75)
     person = crossing(CAR, ADULT, 12.0)[1]
     as_planned, late = (

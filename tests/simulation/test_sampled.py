@@ -87,7 +87,7 @@ def test_the_course_of_the_draw_that_is_the_plan_is_the_one_of_the_plan(simulate
             assert found[near] == pytest.approx(wanted, abs=1.0)
 
 
-def test_who_brakes_in_a_draw_came_faster(simulated: Simulated) -> None:
+def test_a_braking_vehicle_of_a_draw_came_faster(simulated: Simulated) -> None:
     time_s, still = np.linspace(0.0, 10.0, 101), np.zeros(101)
     straight = Trajectory(time_s, 20.0 * time_s, still, still, still, still + 20.0)
     state = dataclasses.replace(simulated[1].best.participants[0], trajectory=straight, impact_speed_mps=20.0)
@@ -110,7 +110,7 @@ def test_courses_are_kept_to_five_centimetres_without_drift() -> None:
     assert np.abs(poses[:, 2] - np.linspace(0.0, 1.0, 91)).max() <= 0.0101
 
 
-def test_what_fits_the_report_worse_weighs_less(simulated: Simulated) -> None:
+def test_a_worse_fit_to_the_report_weighs_less(simulated: Simulated) -> None:
     _, states, _ = simulated
     found = run(simulated, (as_planned(states), as_planned(states, ahead_m=6.0)))
     weights = [each.weight for each in found.contacts]
@@ -130,6 +130,6 @@ def test_intervals_are_ordered_and_the_same_every_time(simulated: Simulated) -> 
     assert all(each.low <= each.middle <= each.high for each in found.intervals)
 
 
-def test_what_is_no_document_of_draws_is_named() -> None:
+def test_a_file_that_is_no_document_of_draws_is_named() -> None:
     with pytest.raises(Failure, match="simulate again"):
         samples_from_json(b"{}")

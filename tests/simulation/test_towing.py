@@ -51,7 +51,7 @@ def hitch_of(log: SimulationLog) -> tuple[tuple[FloatArray, FloatArray], tuple[F
 
 
 @pytest.mark.parametrize(("radius_m", "speed_mps"), [(20.0, 2.5), (40.0, 4.0)])
-def test_the_trailer_cuts_the_corner_as_far_as_geometry_says(radius_m: float, speed_mps: float) -> None:
+def test_the_trailer_cuts_the_corner_as_far_as_geometry_states(radius_m: float, speed_mps: float) -> None:
     """In a steady turn at low speed no axle slides sideways, so that hitch, axle and centre make a right angle: the
     trailer's axle runs at the root of the hitch's radius squared less the drawbar squared (WHI formula, SAE J695)."""
     turn = driven(
@@ -166,7 +166,7 @@ def test_it_folds_no_farther_than_cab_and_trailer_meet() -> None:
 
 
 @pytest.mark.parametrize(("x_m", "clock_h"), [(0.0, 6.0), (-14.0, 4.1)])
-def test_who_strikes_the_trailer_strikes_the_vehicle(x_m: float, clock_h: float) -> None:
+def test_a_strike_of_the_trailer_is_one_of_the_vehicle(x_m: float, clock_h: float) -> None:
     """Into its rear: 6 o'clock of the combination. Into its right side 14 m behind the middle of the tractor, which is
     6.93 m behind the middle of the 21.14 m of both: half a width aside and 0.328 lengths back, 123 degrees or 4.1 h."""
     rig = combination(TRACTOR_OF_TRAILER, Trajectory(*(np.zeros(1) for _ in range(6))))

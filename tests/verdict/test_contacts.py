@@ -91,7 +91,7 @@ def test_a_contact_that_does_not_come_about_is_missed() -> None:
     assert verdict.detail == "vehicle 2 and vehicle 3 do not touch after what came before it, which event 2 says"
 
 
-def test_the_order_need_not_be_told() -> None:
+def test_the_order_need_not_be_reported() -> None:
     events = (contact(1, 2, 12, 3, 6), contact(2, 1, 12, 2, 6))
     verdict = judged(replace(queue_report(*events), implied=("order_of_contacts",)))
     assert verdict.accepted, verdict.detail
@@ -147,7 +147,7 @@ def test_one_contact_dropped_and_two_swapped_are_refused() -> None:
     assert [(row.kind, row.verified) for row in rows] == [("dropped", False), ("dropped", False), ("swapped", False)]
 
 
-def test_what_is_dropped_and_swapped() -> None:
+def test_dropped_and_swapped_strikes() -> None:
     def pairs(changed: Iterable[EventSequence]) -> list[list[tuple[int, int]]]:
         return [[event.pair for event in sequence.events] for sequence in changed]
 
@@ -162,7 +162,7 @@ def test_what_is_dropped_and_swapped() -> None:
     assert pairs(drop_contact(again)) == [[(1, 2), (1, 2), (1, 3)], [(1, 2), (2, 3), (1, 2)]]
 
 
-def test_another_report_is_refused_where_it_says_something_else() -> None:
+def test_another_report_is_refused_where_it_states_something_else() -> None:
     alike = queue_report(key="2023-2")
     star = queue_report(contact(1, 1, 12, 2, 6), contact(2, 1, 12, 3, 6), key="2023-3")
     struck_in_front = queue_report(contact(1, 1, 12, 2, 12), contact(2, 2, 12, 3, 6), key="2023-4")

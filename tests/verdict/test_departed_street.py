@@ -55,7 +55,7 @@ def test_a_crash_on_another_street_than_the_reported_one_is_elsewhere() -> None:
 @pytest.mark.parametrize(
     ("zone", "why"), [(1, "the first harmful event was on the roadway"), (4, "the report does not say to which side")]
 )
-def test_where_no_side_is_told_none_is_judged_and_that_is_why(zone: int, why: str) -> None:
+def test_no_side_is_judged_without_a_reported_one(zone: int, why: str) -> None:
     crash = judged_crash(left_road(TREE))
     (car,) = crash.record.vehicles
     told = replace(

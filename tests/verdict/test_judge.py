@@ -120,7 +120,7 @@ def test_a_side_impact_as_reported_is_accepted() -> None:
         ),
     ],
 )
-def test_what_differs_from_the_report_is_rejected_for_it(trajectories, network, reported, reason) -> None:
+def test_a_difference_from_the_report_is_rejected_with_its_reason(trajectories, network, reported, reason) -> None:
     assert verdict_of(trajectories, reported, network).reason is reason
 
 

@@ -86,7 +86,7 @@ def test_an_object_stands_on_the_reported_side_and_is_struck_after_the_contact(t
     assert [each.outcome for each in verdict.events if each.code < 60] == [EventResult.HAPPENED] * 2
 
 
-def test_what_comes_after_a_contact_leaves_the_contact_as_it_is() -> None:
+def test_later_events_leave_the_contact_as_it_is() -> None:
     _, log, _ = followed(rear_ended(event(2, RIGHT, 2), event(3, TREE, 2, 12)))
     _, alone, _ = followed(rear_ended())
     with_tree, without = log.meetings[0], alone.meetings[0]
@@ -127,7 +127,7 @@ def test_an_overturn_that_does_not_happen_is_missed() -> None:
     assert "vehicle 2 stays on its wheels" in verdict.events[-1].why
 
 
-def test_who_strikes_an_animal_leaves_the_road_afterwards_and_strikes_the_reported_object() -> None:
+def test_a_vehicle_leaves_the_road_after_an_animal_and_strikes_the_reported_object() -> None:
     animal = with_animal()
     crash = replace(animal, events=(*animal.events, event(2, RIGHT, 1), event(3, TREE, 1, 12)))
     made = estimate_by_record(crash, STREET, PLACE, StateSettings())

@@ -101,7 +101,7 @@ def test_a_report_without_events_has_the_one_that_its_first_harmful_event_implie
     assert [(each.event_number, each.code) for each in outcomes(silent, seen)] == [(1, tree.code)]
 
 
-def test_what_came_before_the_first_harmful_event_is_missed():
+def test_contacts_before_the_first_harmful_event_are_missed():
     tree = EventRecord(1, 42, 1, None, 2001, None)
     record = replace(RECORD, first_harmful_event_code=12, events=(tree, replace(RECORD.events[0], number=2)))
     before, first = outcomes(record, observed())

@@ -136,7 +136,7 @@ def test_other_parties_than_the_reported_ones_are_named() -> None:
     )
 
 
-def test_one_unknown_impact_is_not_evaluated_and_said_so() -> None:
+def test_one_unknown_impact_is_not_evaluated_and_reported() -> None:
     accepted, _, detail = judged(seen(), report=reported(vehicle(1, None, 50)))
     assert accepted
     assert "clock error of vehicle 1 in event 1" in detail

@@ -41,7 +41,7 @@ def other(person_fields: dict[str, object], key: str = "2023-2") -> JudgedCrash:
         ({"age_years": 70}, False),
     ],
 )
-def test_another_persons_report_is_refused_where_it_says_something_else(
+def test_another_persons_report_is_refused_where_it_states_something_else(
     fields: dict[str, object], differ: bool
 ) -> None:
     (row,) = changed_reports(judged(), [other(fields)], SETTINGS)
@@ -90,14 +90,14 @@ def test_a_person_two_seconds_late_is_not_struck_there() -> None:
     assert (row.verified, row.shift_s) == (False, 2.0)
 
 
-def test_who_goes_along_the_road_comes_so_late_that_the_place_is_another() -> None:
+def test_a_person_along_the_road_comes_so_late_that_the_place_differs() -> None:
     row = late(planned(struck(walker(pedestrian_type_code=440))))
     assert row.verified is False
     assert row.shift_s is not None
     assert row.shift_s * 1.57 > 10.0
 
 
-def test_who_stands_cannot_be_late() -> None:
+def test_a_standing_party_cannot_be_late() -> None:
     assert late_person(planned(struck(walker(pedestrian_type_code=610)))) is None
 
 

@@ -82,7 +82,7 @@ def facts_by(crash: CrashRecord, network: RoadNetwork = STREET) -> dict[str, Agr
     return {fact.name: fact.agreement for fact in verdict.support.facts}
 
 
-def test_what_the_report_says_of_a_strike_is_weighed_as_facts() -> None:
+def test_reported_strikes_are_weighed_as_facts() -> None:
     agrees = dict.fromkeys(
         (
             "striking vehicle",
@@ -119,7 +119,7 @@ def test_a_reported_crosswalk_is_looked_for_where_the_map_has_any() -> None:
         (replace(struck(FROM_RIGHT), vehicles=(vehicle(1, 6, 13, speed_mps=15.0),)), None),
     ],
 )
-def test_another_report_is_refused_for_what_it_says(crash: CrashRecord, reason: Reason | None) -> None:
+def test_another_report_is_refused_for_what_it_states(crash: CrashRecord, reason: Reason | None) -> None:
     verdict = judged_by(crash)
     if reason is None:  # the event's area counts, not the vehicle's
         assert verdict.accepted
@@ -154,7 +154,7 @@ def test_another_vehicle_than_reported_is_refused() -> None:
     assert verdict.reason is Reason.WRONG_PARTY
 
 
-def test_vehicles_that_collide_afterwards_though_no_event_says_so_are_refused() -> None:
+def test_vehicles_that_collide_afterwards_though_no_event_states_so_are_refused() -> None:
     """11 km/h to one of them is a crash an event data recorder records; 4 km/h is a bump that no report need tell."""
     crash, hypothesis, log = crossing()
     crash = replace(crash, vehicles=(*crash.vehicles, vehicle(2, 6, 13, speed_mps=15.0)))
@@ -277,7 +277,7 @@ def test_an_animal_beside_the_road_is_not_one_on_it() -> None:
     assert judge_hypothesis(told, STREET, hypothesis, log, VerdictSettings()).reason is Reason.WRONG_ZONE
 
 
-def test_what_comes_after_an_animal_is_shown_and_judges_nothing() -> None:
+def test_events_after_an_animal_are_shown_and_judge_nothing() -> None:
     crash, hypothesis, log = animal_crash()
     told = replace(
         crash, events=(*crash.events, EventRecord(2, 1, 1, None, None, None), EventRecord(3, 42, 1, None, 2003, None))
@@ -292,7 +292,7 @@ def test_what_comes_after_an_animal_is_shown_and_judges_nothing() -> None:
     ]
 
 
-def test_a_place_off_the_named_road_is_said_with_the_rejection() -> None:
+def test_a_place_off_the_named_road_is_reported_with_the_rejection() -> None:
     crash, hypothesis, log = animal_crash()
     x, y = log.contacts[0].x_m, log.contacts[0].y_m
     far = replace(log, contacts=(replace(log.contacts[0], x_m=x + 20.0), *log.contacts[1:]))

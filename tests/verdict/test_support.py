@@ -120,7 +120,7 @@ def test_another_kind_of_intersection_on_the_map_forbids_it_a_kindred_one_does_n
     assert not any(fact.refutes for fact in kindred.support.facts)
 
 
-def test_what_only_the_report_says_is_no_fact() -> None:
+def test_values_of_the_report_alone_are_no_facts() -> None:
     verdict = graded(AS_REPORTED, Comparison("lanes", "2", None, "not comparable", filled_from_report=True))
     assert verdict.support is not None
     assert "lanes" not in {fact.name for fact in verdict.support.facts}

@@ -51,7 +51,7 @@ def test_a_turn_is_as_wide_as_the_junction_makes_it(
     assert turn_error_deg(measured, allowed, offered) == pytest.approx(error)
 
 
-def test_who_is_said_to_back_must_go_backward() -> None:
+def test_a_vehicle_reported_backing_must_go_backward() -> None:
     assert turn_error(head_on()[0], vehicle(1, 6, 92, PreCrashMovement.BACKING), MIDBLOCK) == 180.0
 
 
@@ -63,13 +63,13 @@ def test_a_bend_is_no_turn_but_at_an_l_reports_call_it_one() -> None:
     assert apart(turning, other, RoadTopology.L) is None
 
 
-def test_crossing_streets_need_not_be_square_where_the_report_says_so() -> None:
+def test_crossing_streets_need_not_be_square_where_the_report_has_another_angle() -> None:
     crossing = vehicle(1, 12, 86), vehicle(2, 12, 87)
     assert apart(*crossing, RoadTopology.FOUR_WAY) == pytest.approx(90.0, abs=5.0)
     assert apart(*crossing, RoadTopology.Y) is None
 
 
-def test_who_is_touched_as_the_log_begins_has_the_direction_of_its_start() -> None:
+def test_a_contact_at_the_first_step_has_the_direction_of_the_start() -> None:
     _, log = simulated(*HEAD_ON)
     (driven, _), plan = log.vehicles, HEAD_ON[0]
     start = Pose(float(driven.x_m[0]), float(driven.y_m[0]), float(driven.heading_rad[0]), float(driven.z_m[0]))

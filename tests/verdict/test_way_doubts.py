@@ -96,7 +96,7 @@ def test_a_spin_before_the_first_event_is_doubted_unless_a_sideways_skid_is_repo
     )
 
 
-def test_who_crosses_and_begins_in_a_lane_is_doubted():
+def test_a_crossing_person_beginning_in_a_lane_is_doubted():
     assert of_person() == set()
     (state,) = (each for each in PERSON.state_estimate.hypotheses[0].participants if each.vehicle_number > 1000)
     within = replace(state.initial_pose, x_m=state.impact_pose.x_m, y_m=state.impact_pose.y_m)

@@ -37,7 +37,7 @@ def _columns(vehicle: VehicleLog) -> tuple[FloatArray, ...]:
 
 
 @pytest.mark.parametrize("key", ["2023-319024", "2023-319025"], ids=["divided parkway", "one-way street"])
-def test_who_drives_the_wrong_way_drives_against_the_lane_and_is_accepted(key: str) -> None:
+def test_a_wrong_way_driver_drives_against_the_lane_and_is_accepted(key: str) -> None:
     case = sample_case(key)
     found = estimate(case.record, case.network, case.report, SETTINGS.states)
     logs = simulate(EmbeddedBackend(SETTINGS.sim), case.network, case.xodr, found, SETTINGS.sim, record=case.record)

@@ -137,7 +137,7 @@ def test_usable_information_is_of_the_kinds_that_are_judged(root: Path, expected
     assert usable + Counter(dict(unusable)) == Counter(judged)
 
 
-def test_what_to_run_next_is_of_kinds_that_are_judged(root: Path, expected: dict[str, str]) -> None:
+def test_suggested_runs_are_of_kinds_that_are_judged(root: Path, expected: dict[str, str]) -> None:
     path = root / "warehouse.duckdb"
     judged = {row["kind"] for row in rows(path, "crash_kinds") if row["judged"]}
     assert judged == JUDGED

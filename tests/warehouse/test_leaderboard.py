@@ -48,7 +48,7 @@ def test_agents_are_compared_by_their_margins_too(connection):
     assert connection.sql(f"SELECT DISTINCT {columns} FROM leaderboard").fetchall() == [(1.0, 2.0, 3.0)]
 
 
-def test_who_left_the_road_by_itself_is_no_case(connection):
+def test_a_lone_departure_is_no_case(connection):
     connection.execute(
         "INSERT INTO evaluations SELECT * REPLACE ('2023-9' AS key, '2023-9' AS case_id, 'departing' AS role)"
         " FROM evaluations"

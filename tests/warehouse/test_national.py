@@ -32,7 +32,7 @@ def test_kinds_are_counted_in_a_table_and_in_an_archive_of_it(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("content", ["", "A,B\n1,2\n", "VE_FORMS,HARM_EV\nx,y\n"])
-def test_what_is_no_accident_table_is_named(tmp_path: Path, content: str) -> None:
+def test_a_file_that_is_no_accident_table_is_named(tmp_path: Path, content: str) -> None:
     file = tmp_path / "other.csv"
     file.write_text(content)
     with pytest.raises(UserError, match=r"other\.csv.*HARM_EV"):

@@ -144,7 +144,7 @@ def test_vehicles_and_classes_equal_the_records(root):
         assert classes[row["key"]] == row["collision_type"]
 
 
-def test_what_is_not_known_is_null_and_never_an_empty_text(root):
+def test_unknown_values_are_null_and_never_empty_text(root):
     with open_warehouse(root / "warehouse.duckdb") as connection:
         texts = connection.execute(
             "SELECT table_name, column_name FROM duckdb_columns() WHERE data_type = 'VARCHAR' AND NOT internal"

@@ -86,7 +86,7 @@ def test_a_street_with_a_typing_error_is_found_unless_another_is_spelled_so() ->
     ]
 
 
-def test_why_a_place_is_not_known_is_said() -> None:
+def test_the_reason_for_an_unknown_place_is_given() -> None:
     here, there = FromCrossing("A", "B"), FromCrossing("A", "C")
     wanted = {"1": here, "2": there, "3": None, "4": FromCrossing("A", "D")}
     places, unknown = look_up(wanted, lambda asked: {here: [Place(1.0, 2.0)], there: [Place(1.0, 2.0)] * 2})

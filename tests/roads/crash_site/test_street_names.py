@@ -61,7 +61,7 @@ def test_names_of_one_street_are_found_alike(reported: str, mapped: str) -> None
 
 
 @pytest.mark.parametrize(("reported", "mapped"), OTHER)
-def test_names_of_two_streets_are_told_apart(reported: str, mapped: str) -> None:
+def test_names_of_two_streets_are_distinguished(reported: str, mapped: str) -> None:
     value = similarity(reported, [mapped])
     assert value is not None
     assert value < 0.4

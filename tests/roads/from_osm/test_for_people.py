@@ -113,7 +113,7 @@ def test_sidewalks_that_run_along_no_street_are_left_out(path: list[tuple[float,
     assert _sidewalks_at(network, network.roads[0].id, 100.0) == (None, None)
 
 
-def test_where_another_carriageway_lies_there_is_no_sidewalk() -> None:
+def test_no_sidewalk_lies_on_another_carriageway() -> None:
     """The carriageways of a divided road, 8 m apart: the left sidewalk of either would be the other's left lane."""
     town = Town()
     town.street([(-100, -4), (100, -4)], oneway="yes", lanes="2", sidewalk="both")
@@ -182,7 +182,7 @@ def test_a_crossing_is_a_crosswalk_from_edge_to_edge() -> None:
         ({"crossing:markings": "no", "crossing:signals": "yes"}, False, True),
     ],
 )
-def test_what_is_said_of_a_crossing_is_kept(tags: dict[str, str], marked: bool, signals: bool) -> None:
+def test_the_tags_of_a_crossing_are_kept(tags: dict[str, str], marked: bool, signals: bool) -> None:
     (place,) = crosswalks(_crossed(**tags).network())
     assert (place.crosswalk.marked, place.crosswalk.signals) == (marked, signals)
 

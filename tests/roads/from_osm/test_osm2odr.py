@@ -106,7 +106,7 @@ def test_a_crash_gets_its_road_map_by_it() -> None:
     assert sorted(lanes) == [-2, -1, 1, 2]
 
 
-def test_without_carla_it_says_what_to_install(
+def test_without_carla_it_names_what_to_install(
     site: tuple[OsmExtract, LocalFrame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(osm2odr.importlib.util, "find_spec", lambda name: None)

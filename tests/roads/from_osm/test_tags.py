@@ -89,7 +89,7 @@ def test_a_hint_fills_a_gap_and_overrules_no_tag() -> None:
         ({"lanes": "4", "placement__forward": "left_of:1"}, 7.0, 7.0),
     ],
 )
-def test_the_carriageway_lies_about_the_way_as_osm_says(tags: dict[str, str], left_m: float, right_m: float) -> None:
+def test_the_carriageway_lies_about_the_way_as_osm_states(tags: dict[str, str], left_m: float, right_m: float) -> None:
     section = profile(**tags).section
     left = section.offset_m + sum(lane.width_m for lane in section.left)
     right = -section.offset_m + sum(lane.width_m for lane in section.forward)
@@ -259,7 +259,7 @@ def test_each_lane_has_its_own_limit() -> None:
         ({"lanes": "many"}, "lanes=many"),
     ],
 )
-def test_what_is_not_followed_is_said(tags: dict[str, str], what: str) -> None:
+def test_tags_that_are_not_followed_are_reported(tags: dict[str, str], what: str) -> None:
     (sentence,) = profile(**tags).not_followed
     assert sentence.startswith(what)
 
@@ -267,5 +267,5 @@ def test_what_is_not_followed_is_said(tags: dict[str, str], what: str) -> None:
 @pytest.mark.parametrize(
     "tags", [{}, {"lanes": "2", "maxspeed": "35 mph"}, {"maxspeed": "signals"}, {"lanes": "5", "lanes__forward": "2"}]
 )
-def test_nothing_is_said_where_nothing_contradicts(tags: dict[str, str]) -> None:
+def test_nothing_is_reported_where_nothing_contradicts(tags: dict[str, str]) -> None:
     assert profile(**tags).not_followed == ()

@@ -191,7 +191,7 @@ def test_cars_turn_round_at_the_end_of_a_cul_de_sac(tags: dict[str, str], radius
     assert bool(root.findall(".//object[@name='turning circle']")) == (tags["highway"] == "turning_circle")
 
 
-def test_roads_that_cross_without_a_node_are_said() -> None:
+def test_roads_that_cross_without_a_node_are_reported() -> None:
     town = Town()
     town.street([(-200, 0), (200, 0)], name="Main")
     town.street([(0, -200), (0, 200)], name="Elm")

@@ -85,7 +85,7 @@ def test_across_no_median_there_is_a_u_turn_where_the_crossing_has_room() -> Non
     assert _u_turns(_divided(0.0, "2").network())
 
 
-def test_where_a_street_divides_nobody_turns_round_the_tip_of_the_median() -> None:
+def test_nobody_turns_round_the_tip_of_a_median() -> None:
     network = _fork(0.0).network()
     assert not _u_turns(network)
     assert network.junctions, "the street still divides"

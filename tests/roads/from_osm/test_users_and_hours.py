@@ -74,7 +74,7 @@ def test_restrictions_hold_at_their_hours(tags: dict[str, str]) -> None:
     assert restrictions_at([relation], friday.replace(hour=21)) == ()
 
 
-def test_an_unknown_restriction_forbids_nothing_and_is_said() -> None:
+def test_an_unknown_restriction_forbids_nothing_and_is_reported() -> None:
     town, west, north = _crossing()
     town.restriction(west, (0, 0), north, restriction="no_parking")
     made = town.made()
@@ -139,7 +139,7 @@ def test_counted_bus_lanes_are_at_the_kerb(tags: dict[str, str], buses: set[str]
         {"lanes": "5", "lanes__both_ways": "1", "overtaking__lanes__both_ways": "yes"},
     ],
 )
-def test_a_reversible_middle_lane_is_no_turn_lane_and_is_said(tags: dict[str, str]) -> None:
+def test_a_reversible_middle_lane_is_no_turn_lane_and_is_reported(tags: dict[str, str]) -> None:
     town = Town()
     town.street([(-150, 0), (150, 0)], highway="primary", **tags)
     made = town.made()

@@ -42,7 +42,7 @@ def _checked(town: Town, settings: RoadSettings = SETTINGS, record: CrashRecord 
     )
 
 
-def test_a_bad_road_far_away_is_left_out_and_said() -> None:
+def test_a_bad_road_far_away_is_left_out_and_reported() -> None:
     checked = _checked(_town(400.0))
     require(checked.gates)
     assert {road.name for road in checked.left_out} == {"High Street"}

@@ -41,7 +41,7 @@ def test_the_area_of_a_crossing_has_no_holes_between_lanes() -> None:
         (330.0, 43.5, 50.0),  # beyond the street's end: 30 and 40 m away
     ],
 )
-def test_how_far_a_point_is_beyond_the_edge(x_m: float, y_m: float, beyond_m: float) -> None:
+def test_distance_of_a_point_beyond_the_edge(x_m: float, y_m: float, beyond_m: float) -> None:
     area = street().drivable_area
     assert area.beyond_m(np.array([x_m]), np.array([y_m])) == pytest.approx([beyond_m])
     assert area.has(x_m, y_m) == (beyond_m < 0)

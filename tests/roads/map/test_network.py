@@ -125,7 +125,7 @@ def _surface(network: RoadNetwork, ref: LaneRef) -> shapely.Polygon:
     return shapely.Polygon(np.concatenate([left, right[::-1]]))
 
 
-def test_height_tells_lanes_above_each_other_apart() -> None:
+def test_height_distinguishes_lanes_above_each_other() -> None:
     low = Road("low", 100.0, (PlanElement(0, -50, 0, 0, 100.0),), one_road_sections())
     high = Road(
         "high", 100.0, (PlanElement(0, 0, -50, math.pi / 2, 100.0),), one_road_sections(), elevation=(Cubic(0, 6.0),)
@@ -207,7 +207,7 @@ def test_tracing_gives_every_way_on() -> None:
     assert paths[0].points[-1, :2] == pytest.approx((here.x_m + 100.0, here.y_m), abs=0.05)
 
 
-def test_following_goes_where_it_is_told_and_stops_where_it_is_told() -> None:
+def test_following_starts_and_stops_at_the_given_places() -> None:
     network = crossroads()
 
     def to_the_north(lanes: tuple[LaneRef, ...], following: Sequence[LaneRef]) -> Sequence[LaneRef]:
@@ -222,7 +222,7 @@ def test_following_goes_where_it_is_told_and_stops_where_it_is_told() -> None:
     assert back == (way[-1], WEST_IN)
 
 
-def test_tracing_beyond_the_map_says_so() -> None:
+def test_tracing_beyond_the_map_is_reported() -> None:
     network = crossroads()
     paths = trace_forward(network, WEST_IN, 10.0, 500.0)
     assert len(paths) == 3

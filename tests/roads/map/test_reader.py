@@ -140,7 +140,7 @@ def _assert_fields(found: object, expected: object, where: str) -> None:
 
 @given(networks(), st.sampled_from(["reconstruction", "legal"]))
 @settings(max_examples=60)
-def test_what_is_written_is_read_back(network: RoadNetwork, marks: str) -> None:
+def test_written_values_are_read_back(network: RoadNetwork, marks: str) -> None:
     data = write_opendrive(network, marks=marks)  # type: ignore[arg-type]
     found = read_opendrive(data, name="written.xodr")
     _assert_same(found, network, "network")
@@ -148,7 +148,7 @@ def test_what_is_written_is_read_back(network: RoadNetwork, marks: str) -> None:
 
 @given(networks())
 @settings(max_examples=30)
-def test_what_is_written_keeps_the_rules(network: RoadNetwork) -> None:
+def test_written_maps_keep_the_rules(network: RoadNetwork) -> None:
     assert find_violations(write_opendrive(network)) == []
 
 
@@ -224,7 +224,7 @@ def test_lanes_given_by_borders_have_the_widths_between_them() -> None:
         (_document(_LINE, _ONE_LANE).replace(b"laneSection", b"section"), "without a lane section"),
     ],
 )
-def test_what_cannot_be_read_is_named(data: bytes, words: str) -> None:
+def test_unreadable_files_are_named(data: bytes, words: str) -> None:
     with pytest.raises(UserError, match=words) as caught:
         read_opendrive(data, name="broken.xodr")
     assert "broken.xodr" in str(caught.value)

@@ -106,7 +106,7 @@ def test_a_person_moves_as_the_logs_landmarks(name: str) -> None:
         assert np.abs(glb.at("P1 bicycle", "translation", person.time_s) - hubs).max() < 0.005
 
 
-def test_who_has_no_landmarks_walks_upright(log) -> None:
+def test_a_person_without_landmarks_walks_upright(log) -> None:
     struck = person_struck("adult before a car")
     vehicles = [replace(v, landmarks_m=np.zeros((len(v.time_s), 0))) for v in struck.vehicles]
     glb = Glb(crash_glb("2023-1", STREET, replace(struck, vehicles=tuple(vehicles))))
@@ -120,7 +120,7 @@ def test_who_has_no_landmarks_walks_upright(log) -> None:
     assert np.ptp(apart) > 0.1, "legs swing"
 
 
-def test_who_overturns_lies_on_the_side_or_the_roof(log) -> None:
+def test_an_overturned_vehicle_lies_on_the_side_or_the_roof(log) -> None:
     first = log.vehicles[0]
     roll = np.linspace(0.0, math.pi, len(first.time_s))
     body = log.bodies[first.number]
@@ -145,7 +145,7 @@ def test_wheels_roll_as_far_as_the_vehicle_drives(log) -> None:
     assert angles.sum() * radius_m == pytest.approx(20.0, rel=0.02), "20 m/s for a second"
 
 
-def test_a_body_is_dented_as_deep_as_the_log_says(log) -> None:
+def test_a_body_is_dented_as_deep_as_the_log_states(log) -> None:
     contact = log.first_contact
     glb = Glb(crash_glb("2023-1", STREET, log))
     before, after = contact.time_s - 0.01, contact.time_s + max(contact.duration_s, 0.05) + 0.01
