@@ -59,6 +59,45 @@ def commonroad(folder: Path) -> Iterator[Verdict]:
     yield Verdict(f"{who}, schema 2020a", len(files), valid)
 
 
+def lanelet2(folder: Path) -> Iterator[Verdict]:
+    """Yield the loader of Lanelet2, and its graph: where one lanelet ends and another begins, the way leads on."""
+    from xml.etree import ElementTree
+
+    from lanelet2 import io, projection, routing, traffic_rules
+
+    rules = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.Vehicle)  # it has no other
+    files = sorted(folder.glob("*.osm"))
+    clean = linked = lanelets = ways_on = elements = limits = 0
+    for file in files:
+        node = next(ElementTree.parse(file).iter("node"))
+        origin = io.Origin(float(node.get("lat", "")), float(node.get("lon", "")))
+        network, errors = io.loadRobust(str(file), projection.LocalCartesianProjector(origin))
+        graph = routing.RoutingGraph(network, rules)
+        clean += not len(errors) and not len(graph.checkValidity(False))
+        open_to_all = [each for each in network.laneletLayer if rules.canPass(each)]
+        begins: dict[tuple[float, ...], list[int]] = {}
+        for each in open_to_all:
+            begins.setdefault(_corners(each, 0), []).append(each.id)
+        pairs = {(each.id, after) for each in open_to_all for after in begins.get(_corners(each, 1), ())}
+        linked += pairs == {(each.id, after.id) for each in open_to_all for after in graph.following(each)}
+        lanelets, ways_on = lanelets + len(network.laneletLayer), ways_on + len(pairs)
+        elements += len(network.regulatoryElementLayer)
+        limited = [each for each in open_to_all if "speed_limit" in each.attributes]
+        limits += sum(
+            abs(rules.speedLimit(each).speedLimit - float(each.attributes["speed_limit"])) < 0.1 for each in limited
+        )
+    who = f"lanelet2 {version('lanelet2')}"
+    says = f"{lanelets} lanelets, {limits} of them with a limit; {elements} regulatory elements"
+    yield Verdict(f"{who}, loader", len(files), clean, says)
+    yield Verdict(f"{who}, routing graph", len(files), linked, f"{ways_on} ways on from lanelet to lanelet")
+
+
+def _corners(lanelet: Any, end: int) -> tuple[float, ...]:
+    """Return the places of both borders at the begin (0) or the end (1) of a lanelet, to the millimetre."""
+    points = [border[end * (len(border) - 1)] for border in (lanelet.leftBound, lanelet.rightBound)]
+    return tuple(round(value, 3) for point in points for value in (point.x, point.y))
+
+
 def scenarionet(folder: Path) -> Iterator[Verdict]:
     """Yield MetaDrive's check, and its engine replaying everybody."""
     import logging
@@ -245,7 +284,7 @@ def points(folder: Path) -> Iterator[Verdict]:
 
 def main() -> None:
     """Print what the judges of one form say of a folder."""
-    all_judges = (commonroad, scenarionet, sumo, osi, omega, openlabel, points, designer)
+    all_judges = (commonroad, lanelet2, scenarionet, sumo, osi, omega, openlabel, points, designer)
     judges: dict[str, Any] = {each.__name__: each for each in all_judges}
     for verdict in judges[sys.argv[1]](Path(sys.argv[2])):
         print(json.dumps(verdict._asdict()), flush=True)

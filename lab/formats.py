@@ -22,6 +22,7 @@ import trace_dag
 
 READERS = {
     "commonroad": {"commonroad": ("commonroad-io==2026.1",)},
+    "lanelet2": {"lanelet2": ("lanelet2==1.2.3",)},
     "scenarionet": {"scenarionet": ("metadrive-simulator==0.4.3",)},
     "sumo": {"sumo": ("eclipse-sumo==1.28.0", "sumolib==1.28.0", "xmlschema==4.3.2")},
     "osi": {

@@ -37,7 +37,7 @@ def test_a_map_reaches_as_far_as_asked_and_holds_every_gate(made: MadeMap) -> No
 
 
 def test_map_report_and_picture_are_saved(made: MadeMap, tmp_path: Path) -> None:
-    written = made.save(tmp_path / "town", ["geojson", "geoparquet", "commonroad", "scenarionet", "glb"])
+    written = made.save(tmp_path / "town", ["geojson", "geoparquet", "commonroad", "lanelet2", "scenarionet", "glb"])
     assert {str(path.relative_to(tmp_path / "town")) for path in written} == {
         "map.xodr",
         "map.json",
@@ -45,6 +45,7 @@ def test_map_report_and_picture_are_saved(made: MadeMap, tmp_path: Path) -> None
         "lanes.geojson",
         "lanes.parquet",
         "map.commonroad.xml",
+        "map.lanelet2.osm",
         f"scenarionet/sd_trace-dag_{trace_dag.__version__}_map.pkl",
         "scenarionet/dataset_mapping.pkl",
         "scenarionet/dataset_summary.pkl",

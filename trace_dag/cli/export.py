@@ -26,8 +26,8 @@ from trace_dag.common.messages.wording import count_of
     metavar="NAME",
     default="packages",
     show_default=True,
-    help="packages (a folder per crash), commonroad, glb (glTF), scenarionet (MetaDrive), sumo, osi, openlabel (tags), "
-    "points (GeoParquet and GPX), or what another package offers: "
+    help="packages (a folder per crash), commonroad, lanelet2, glb (glTF), scenarionet (MetaDrive), sumo, osi, "
+    "openlabel (tags), points (GeoParquet and GPX), or what another package offers: "
     "trace-dag plugins.",
 )
 @click.option("--cohort", help="Only crashes of this cohort.")

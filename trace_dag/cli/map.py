@@ -52,8 +52,8 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
     "forms",
     multiple=True,
     type=click.Choice(MAP_FORMS),
-    help="Also the lanes for geographic tools, or the map for CommonRoad, ScenarioNet and MetaDrive, SUMO (the extra "
-    "sumo) or viewers of glTF.",
+    help="Also the lanes for geographic tools, or the map for CommonRoad, Lanelet2, ScenarioNet and MetaDrive, SUMO "
+    "(the extra sumo) or viewers of glTF.",
 )
 @click.option(
     "--traffic",

@@ -6,5 +6,5 @@ where (:mod:`trace_dag.export.export`); what a scenario package looks like (:mod
 
 from typing import Final
 
-MAP_FORMS: Final = ("geojson", "geoparquet", "commonroad", "scenarionet", "sumo", "glb")
+MAP_FORMS: Final = ("geojson", "geoparquet", "commonroad", "lanelet2", "scenarionet", "sumo", "glb")
 """Forms that a road map by itself is written in; here, so that a command names them without what writes them."""

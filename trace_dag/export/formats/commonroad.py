@@ -17,14 +17,12 @@ documentation of the XML format 2020a.
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import date
 from itertools import count
-from typing import Final, NamedTuple
+from typing import Final
 
-import numpy as np
 from lxml import etree
 
 from trace_dag.common.errors import UserError
@@ -32,11 +30,11 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_of_body
 from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.export.formats.exporter import as_driven
+from trace_dag.export.formats.lane_rules import LIGHT, LIMIT, STOP, LaneRules, place_of, turn_of
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.reconstruction.scene.approach_finder import TURN_RAD
-from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
-from trace_dag.roads.map.model import LaneRef, Road, Signal
+from trace_dag.roads.map.lane_shapes import LaneShape
+from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.drives import (
     GOAL_HEADING_RAD,
@@ -65,7 +63,6 @@ _FIGURES: Final = {
     BodyKind.ANIMAL: "unknown",  # the format has no animals
 }
 _COUNTRY: Final = "ZAM"
-_LIGHT, _YIELD, _STOP, _LIMIT = "1000001", "205", "206", "274"  # types of signals of the map, and the format's signs
 _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoNames entry
 
 
@@ -111,32 +108,14 @@ def road_scenario(network: RoadNetwork) -> bytes:
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
-class _Post(NamedTuple):
-    """A sign or light, and the lanes whose traffic passes it."""
-
-    signal: Signal
-    lanes: tuple[LaneRef, ...]
-
-
-class _Limit(NamedTuple):
-    """A limit, and the lanes of a road where it holds; ``sign`` is None where none stands there."""
-
-    speed_mps: float
-    lanes: tuple[LaneRef, ...]
-    sign: Signal | None
-
-
 class _Lanelets:
     """The drivable lanes as lanelets, and the signs, limits and lights of their roads; ids from 1 on."""
 
     def __init__(self, network: RoadNetwork) -> None:
-        self._network = network
-        self._shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
+        self._network, self._rules = network, LaneRules(network)
+        self._shapes, self._limits = self._rules.shapes, self._rules.limits
+        self._signs, self._lights = self._rules.signs, self._rules.lights
         self._ids = {shape.ref: number for number, shape in enumerate(self._shapes, 1)}
-        posts = [post for road in network.roads for post in self._posts(road)]
-        self._limits = self._limits_of({post.lanes: post.signal for post in posts if post.signal.type == _LIMIT})
-        self._signs = [post for post in posts if post.signal.type in (_YIELD, _STOP)]
-        self._lights = [post for post in posts if post.signal.type == _LIGHT]
         self._signs_of: dict[LaneRef, list[int]] = defaultdict(list)
         self._lights_of: dict[LaneRef, list[int]] = defaultdict(list)
         numbers = count(len(self._shapes) + 1)
@@ -147,34 +126,8 @@ class _Lanelets:
             for lanes, number in zip(rows, numbers, strict=False):
                 for ref in lanes:
                     ids_of[ref].append(number)
-        stops = [post for post in (*self._lights, *self._signs) if post.signal.type in (_LIGHT, _STOP)]
+        stops = [post for post in (*self._lights, *self._signs) if post.signal.type in (LIGHT, STOP)]
         self._stops_at = {ref: post.signal.s_m for post in stops for ref in post.lanes}
-
-    def _posts(self, road: Road) -> Iterator[_Post]:
-        lanes = [ref for ref in self._network.drivable_lanes_of(road) if ref in self._ids]
-        for signal in road.signals:
-            direction = -1 if signal.orientation == "-" else 1
-            passed = [
-                ref
-                for ref in lanes
-                for begin_m, end_m in [self._network.lane_span(ref)]
-                if self._network.direction(ref) == direction and begin_m <= signal.s_m <= end_m
-            ]
-            if passed:
-                yield _Post(signal, tuple(passed))
-
-    def _limits_of(self, signs: Mapping[tuple[LaneRef, ...], Signal]) -> list[_Limit]:
-        """Return the limits of each road and direction; a sign that stands on the road is the one that says so."""
-        by_limit: dict[tuple[str, int, float], list[LaneRef]] = defaultdict(list)
-        for shape in self._shapes:
-            if shape.speed_mps is not None:
-                key = (shape.ref.road_id, self._network.direction(shape.ref), shape.speed_mps)
-                by_limit[key].append(shape.ref)
-        sign_of = {ref: signal for lanes, signal in signs.items() for ref in lanes}
-        return [
-            _Limit(speed_mps, tuple(refs), next((sign_of[ref] for ref in refs if ref in sign_of), None))
-            for (_, _, speed_mps), refs in by_limit.items()
-        ]
 
     def write_into(self, root: etree._Element, tag: str) -> int:
         """Add the tags, and an element for each lanelet, sign, light and intersection; return the next free id."""
@@ -186,13 +139,13 @@ class _Lanelets:
             self._write(root, shape)
         numbers = count(len(self._shapes) + 1)
         for limit in self._limits:
-            place = self._place(limit.lanes[0].road_id, limit.sign) if limit.sign is not None else None
-            _add_sign(root, next(numbers), _LIMIT, place, _number(limit.speed_mps))
+            place = place_of(self._network, limit.lanes[0].road_id, limit.sign) if limit.sign is not None else None
+            _add_sign(root, next(numbers), LIMIT, place, _number(limit.speed_mps))
         for sign in self._signs:
-            place = self._place(sign.lanes[0].road_id, sign.signal)
+            place = place_of(self._network, sign.lanes[0].road_id, sign.signal)
             _add_sign(root, next(numbers), sign.signal.type, place)
         for light in self._lights:
-            _add_light(root, next(numbers), self._place(light.lanes[0].road_id, light.signal))
+            _add_light(root, next(numbers), place_of(self._network, light.lanes[0].road_id, light.signal))
         for roads in incomings.values():
             intersection = etree.SubElement(root, "intersection", id=str(next(numbers)))
             for lanes in roads.values():
@@ -211,12 +164,8 @@ class _Lanelets:
                 continue
             lanes = found[shape.junction_id][before[0].road_id]
             lanes["incomingLanelet"] = sorted({*lanes["incomingLanelet"], *self._known(before)})
-            lanes[f"successors{_turn_of(shape)}"].append(self._ids[shape.ref])
+            lanes[f"successors{turn_of(shape)}"].append(self._ids[shape.ref])
         return found
-
-    def _place(self, road_id: str, signal: Signal) -> FloatArray:
-        x, y, heading, _ = self._network.road_geometry(road_id).line.at(signal.s_m)
-        return np.array([x - signal.t_m * math.sin(heading), y + signal.t_m * math.cos(heading)])
 
     def _write(self, root: etree._Element, shape: LaneShape) -> None:
         lanelet = etree.SubElement(root, "lanelet", id=str(self._ids[shape.ref]))
@@ -243,23 +192,13 @@ class _Lanelets:
             etree.SubElement(lanelet, "trafficLightRef", ref=str(light))
 
     def _add_stop_line(self, lanelet: etree._Element, ref: LaneRef) -> None:
-        s_m, half_m = self._stops_at[ref], self._network.width_m(ref, self._stops_at[ref]) / 2
         line = etree.SubElement(lanelet, "stopLine")
-        for offset_m in (half_m, -half_m):
-            pose = self._network.pose(ref, s_m, offset_m)
-            _add_point(line, np.array([pose.x_m, pose.y_m]))
+        for point in self._rules.stop_line(ref, self._stops_at[ref]):
+            _add_point(line, point)
         _add(line, "lineMarking", "solid")
 
     def _known(self, refs: Iterable[LaneRef]) -> list[int]:
         return [self._ids[ref] for ref in refs if ref in self._ids]
-
-
-def _turn_of(shape: LaneShape) -> str:
-    """Return the turn of a connecting lane by the headings of its ends, as the format calls it."""
-    steps = np.diff(shape.centre_m[:, :2], axis=0)
-    (x, y), (end_x, end_y) = steps[0], steps[-1]
-    turn_rad = math.atan2(x * end_y - y * end_x, x * end_x + y * end_y)
-    return "Straight" if abs(turn_rad) < TURN_RAD else "Left" if turn_rad > 0 else "Right"
 
 
 def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | None, value: str = "") -> None:

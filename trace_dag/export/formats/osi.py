@@ -21,6 +21,7 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.parties import SURROUNDING
 from trace_dag.crash.record import CrashRecord, VehicleClass
+from trace_dag.export.formats.lane_rules import mark_of, place_of
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.roads.map.lane_shapes import lane_shapes
@@ -61,7 +62,7 @@ _OBJECTS: Final = {  # SOE
 
 _LIGHT: Final = "1000001"
 _SIGNS: Final = {"205": "TYPE_GIVE_WAY", "206": "TYPE_STOP", "274": "TYPE_SPEED_LIMIT_BEGIN"}
-_LINES: Final = {"none": "TYPE_NO_LINE", "solid": "TYPE_SOLID_LINE", "broken": "TYPE_DASHED_LINE"}
+_LINES: Final = {"solid": "TYPE_SOLID_LINE", "broken": "TYPE_DASHED_LINE"}
 _COLOURS: Final = {"yellow": "COLOR_YELLOW"}
 # By LGT_COND, the level of OSI that has the light of the day (above 1,000 lx), of dawn and dusk (20 to 400 lx), of lit
 # streets (3 to 10 lx) and of none.
@@ -194,8 +195,8 @@ def _add_road(message: GroundTruth, network: RoadNetwork) -> None:
             if after is not None:
                 pairing.successor_lane_id.value = after
         for border, beside, name, mark in (
-            (shape.left_m, shape.left, "left_lane_boundary_id", _mark(network, shape.ref, left=True)),
-            (shape.right_m, shape.right, "right_lane_boundary_id", _mark(network, shape.ref, left=False)),
+            (shape.left_m, shape.left, "left_lane_boundary_id", mark_of(network, shape.ref, left=True)),
+            (shape.right_m, shape.right, "right_lane_boundary_id", mark_of(network, shape.ref, left=False)),
         ):
             boundary = message.lane_boundary.add()
             boundary.id.value = next(free)
@@ -217,24 +218,6 @@ def _add_road(message: GroundTruth, network: RoadNetwork) -> None:
                 _add_crosswalk(message, network, road, crosswalk, next(free))
 
 
-def _mark(network: RoadNetwork, ref: LaneRef, *, left: bool) -> tuple[str, str] | None:
-    """Return the kind and colour of the line on the lane's own side of one of its borders, as the law paints it.
-
-    None where there is none.
-    """
-    road = network.road_by_id[ref.road_id]
-    outer = left == road.left_hand
-    outward = 1 if ref.lane_id > 0 else -1
-    number = ref.lane_id if outer else ref.lane_id - outward
-    lane = next((each for each in road.lane_sections[ref.section].lanes if each.id == number), None)
-    mark = None if lane is None else lane.legal_mark or lane.mark
-    if mark is None:
-        return None
-    first = outer or (number == 0 and ref.lane_id > 0)  # parts: from the inner lane out, of the centre from the left
-    part = mark.type.split(" ")[0 if first else -1]
-    return (part, mark.colour) if part in _LINES and part != "none" else None
-
-
 def _add_signal(
     message: GroundTruth, network: RoadNetwork, road: Road, signal: Signal, ids: Mapping[LaneRef, int], number: int
 ) -> None:
@@ -250,12 +233,7 @@ def _add_signal(
     if not lanes or signal.type not in (_LIGHT, *_SIGNS):
         return
     pose = network.pose(lanes[0], signal.s_m)
-    x, y, heading, _ = network.road_geometry(road.id).line.at(signal.s_m)
-    place = {
-        "x": x - signal.t_m * math.sin(heading),
-        "y": y + signal.t_m * math.cos(heading),
-        "z": pose.z_m + signal.z_offset_m + signal.height_m / 2,
-    }
+    x, y, z = place_of(network, road.id, signal)
     if signal.type == _LIGHT:
         added = message.traffic_light.add()
         base, about = added.base, added.classification
@@ -269,7 +247,7 @@ def _add_signal(
             about.value.value = signal.value
             about.value.value_unit = TrafficSignValue.UNIT_MILE_PER_HOUR
     added.id.value = number
-    _set(base.position, **place)
+    _set(base.position, x=x, y=y, z=z + signal.height_m / 2)
     _set(base.orientation, yaw=wrap_angle(pose.heading_rad + math.pi))  # it looks at who comes
     _set(base.dimension, length=0.0, width=signal.width_m, height=signal.height_m)
     for ref in lanes:

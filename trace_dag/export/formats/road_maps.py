@@ -1,6 +1,6 @@
 """Road maps by themselves in the forms of other tools.
 
-Lanes as GeoJSON and GeoParquet, CommonRoad, ScenarioNet, SUMO, glTF.
+Lanes as GeoJSON and GeoParquet, CommonRoad, Lanelet2, ScenarioNet, SUMO, glTF.
 
 Lanes for geographic tools are in WGS84, longitude first; all else is in the map's local frame, as in its OpenDRIVE.
 The modules of a form are loaded when it is asked for: most maps are wanted as OpenDRIVE alone."""
@@ -109,6 +109,10 @@ def form_of_map(
         from trace_dag.export.formats.commonroad import road_scenario
 
         return {"map.commonroad.xml": road_scenario(network)}
+    if form == "lanelet2":
+        from trace_dag.export.formats.lanelet2 import lanelets
+
+        return {"map.lanelet2.osm": lanelets(network)}
     if form == "scenarionet":
         from trace_dag.export.formats.scenarionet import road_description
 
