@@ -37,10 +37,22 @@ FRAME = LocalFrame(37.0, -77.0)
 
 def two_way(road_id: str, x_m: float, y_m: float, heading_rad: float, length_m: float) -> Road:
     """A straight two-lane road: lane -1 along its reference line, lane 1 against it."""
-    lanes = tuple(Lane(i, LaneType.DRIVING, (Cubic(0.0, LANE_WIDTH_M),)) for i in (1, -1))
-    middle = Lane(0, LaneType.NONE, ())
-    section = LaneSection(0.0, (lanes[0], middle, lanes[1]))
-    return Road(road_id, length_m, (PlanElement(0.0, x_m, y_m, heading_rad, length_m),), (section,))
+    return _straight_road((1, 0, -1), road_id, x_m, y_m, heading_rad, length_m)
+
+
+def one_way(road_id: str, x_m: float, y_m: float, heading_rad: float, length_m: float) -> Road:
+    """A straight road of one lane, right of its reference line and along it."""
+    return _straight_road((0, -1), road_id, x_m, y_m, heading_rad, length_m)
+
+
+def _straight_road(
+    lane_ids: tuple[int, ...], road_id: str, x_m: float, y_m: float, heading_rad: float, length_m: float
+) -> Road:
+    lanes = tuple(
+        Lane(i, LaneType.DRIVING, (Cubic(0.0, LANE_WIDTH_M),)) if i else Lane(0, LaneType.NONE, ()) for i in lane_ids
+    )
+    line = (PlanElement(0.0, x_m, y_m, heading_rad, length_m),)
+    return Road(road_id, length_m, line, (LaneSection(0.0, lanes),))
 
 
 STREET = RoadNetwork(FRAME, (two_way("1", -300.0, 0.0, 0.0, 600.0),))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from tests.simulation.motions import straight
-from tests.verdict.crashes import CROSSROADS, STREET, simulated, vehicle
+from tests.verdict.crashes import CROSSROADS, STREET, one_way, simulated, vehicle
 from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HALF, HEAD_ON, HEAD_ON_RECORD, REPORT
 from trace_dag.common.errors import Reason
 from trace_dag.common.settings import VerdictSettings
@@ -25,6 +25,7 @@ from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt
 
 CENTRELINE, MEDIAN, RIGHT, BACK, AIRBORNE = 68, 65, 63, 69, 67
+DIVIDED = RoadNetwork(STREET.frame, (one_way("1", -300.0, 0.0, 0.0, 600.0), one_way("2", 300.0, 16.0, math.pi, 600.0)))
 # As HEAD_ON, with vehicle 2 in its own lane and vehicle 1 over the centreline: y is 0 on it, positive in the lane of 2.
 OVER_THE_LINE = (
     straight(-HALF - 60.0, 1.5, 0.0, 20.0, until_s=8.0),
@@ -67,6 +68,16 @@ def test_departures_returns_and_flights_that_do_not_happen_are_doubts_with_their
         Doubt.RETURN_MISSED,
     ]
     assert "vehicle 1 does not leave the road" in found[Doubt.DEPARTURE_MISSED]
+
+
+@pytest.mark.parametrize(
+    ("y_m", "doubts"), [(-1.75, [Doubt.MEDIAN_NOT_CROSSED]), (8.0, [Doubt.MEDIAN_NOT_CROSSED]), (17.75, [])]
+)
+def test_a_median_is_crossed_on_the_lanes_of_the_other_carriageway(y_m: float, doubts: list[Doubt]) -> None:
+    """Eastbound lanes end at y = 0, westbound ones begin at y = 16; a car in the median between has only entered it."""
+    met = (straight(-HALF - 60.0, y_m, 0.0, 20.0, until_s=8.0), straight(HALF + 45.0, y_m, math.pi, 15.0, until_s=8.0))
+    report = with_events_before(HEAD_ON_RECORD, MEDIAN, of=1)
+    assert [each.doubt for each in course_doubts(beside(met, report, DIVIDED))] == doubts
 
 
 def test_a_vehicle_off_the_road_before_the_contact_has_left_it() -> None:

@@ -22,7 +22,7 @@ from trace_dag.crash.departure_side import SIDE_OF_EVENT, DepartureSide
 from trace_dag.crash.record import EventRecord, VehicleClass
 from trace_dag.crash.summary import event_in_words
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.map.roadside import RoadZone, roadside_at
+from trace_dag.roads.map.roadside import RoadZone
 from trace_dag.simulation.leaving_road import find_departure
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog, overturned_at
 from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone
@@ -139,20 +139,20 @@ def _pose(driven: VehicleLog, k: int) -> Pose:
 def _crosses(
     network: RoadNetwork, driven: VehicleLog, body: Body, begin_s: float, end_s: float, *, median: bool
 ) -> bool:
-    """Return whether a corner of the body is on a lane of oncoming traffic, or its centre in a ``median``."""
+    """Return whether a corner of the body is on a lane of oncoming traffic.
+
+    Beyond a ``median`` that lane is outside junctions: a turning vehicle drives over lanes of oncoming traffic there, and
+    over no median. One that only enters the median ran off the road.
+    """
     for k in _steps(driven, begin_s, end_s):
         pose = _pose(driven, k)
         course_rad = math.atan2(float(driven.velocity_y_mps[k]), float(driven.velocity_x_mps[k]))
         for x_m, y_m in rectangle_corners(pose, body.length_m, body.width_m).tolist():
             for lane in network.nearest_lanes(x_m, y_m, 0.0, z_m=pose.z_m):
                 if median and network.road_by_id[lane.lane.road_id].junction_id is not None:
-                    continue  # who turns drives over lanes of oncoming traffic there, and over no median
+                    continue
                 if math.cos(network.pose(lane.lane, lane.s_m).heading_rad - course_rad) <= _OPPOSED:
                     return True
-        if median:
-            place = roadside_at(network, pose.x_m, pose.y_m, z_m=pose.z_m)
-            if place is not None and place.zone is RoadZone.MEDIAN:
-                return True
     return False
 
 
