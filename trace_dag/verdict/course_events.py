@@ -141,8 +141,8 @@ def _crosses(
 ) -> bool:
     """Return whether a corner of the body is on a lane of oncoming traffic.
 
-    Beyond a ``median`` that lane is outside junctions: a turning vehicle drives over lanes of oncoming traffic there, and
-    over no median. One that only enters the median ran off the road.
+    Beyond a ``median`` that lane is outside junctions: a turning vehicle drives over lanes of oncoming traffic there,
+    and over no median. One that only enters the median ran off the road.
     """
     for k in _steps(driven, begin_s, end_s):
         pose = _pose(driven, k)
