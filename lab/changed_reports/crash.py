@@ -8,14 +8,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from lxml import etree
 
-from lab.changed_reports.report import ChangedReport, add, code_in, keep, put
+from lab.changed_reports.report import ChangedReport, code_in, keep, put
 from lab.changed_reports.scene import PerturbedScene
 from trace_dag.common.geometry import LocalFrame
 from trace_dag.common.messages.wording import count_of
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, NO_SECOND_VEHICLE
+from trace_dag.crash.fields import Row
 
 TREE: Final = 42
 _NO_MOTOR_VEHICLE_AREA: Final = 77
@@ -65,7 +65,7 @@ def set_down(report: ChangedReport, scene: PerturbedScene, *, named_here: bool) 
     """Return another crash's report at the place of this one, with its own street names or (``named_here``) this one's.
 
     >>> report = ChangedReport(report_xml)
-    >>> set_down(report, perturbed_scene, named_here=True), report.crash.findtext("TWAY_ID2")
+    >>> set_down(report, perturbed_scene, named_here=True), report.crash["TWAY_ID2"]
     ('at 41.830333, -101.536875', 'ELDER ST')
     """
     record = scene.record
@@ -73,7 +73,7 @@ def set_down(report: ChangedReport, scene: PerturbedScene, *, named_here: bool) 
     if named_here:
         for name, street in (("TWAY_ID", record.trafficway_1), ("TWAY_ID2", record.trafficway_2)):
             if not put(report.crash, name, street):
-                add(report.crash, name, street)
+                report.crash[name] = street
     return where
 
 
@@ -95,7 +95,7 @@ def name_street(report: ChangedReport, scene: PerturbedScene, *, name: str) -> s
     """Return ``TWAY_ID``.
 
     >>> report = ChangedReport(report_xml)
-    >>> name_street(report, perturbed_scene, name="I-999"), report.crash.findtext("TWAY_ID")
+    >>> name_street(report, perturbed_scene, name="I-999"), report.crash["TWAY_ID"]
     ('I-999', 'I-999')
     """
     return name if scene.record.trafficway_1 and put(report.crash, "TWAY_ID", name) else None
@@ -105,7 +105,7 @@ def set_intersection(report: ChangedReport, scene: PerturbedScene, *, kind: int,
     """Return ``TYP_INT``, and ``RELJCT2`` so that it says the same.
 
     >>> report = ChangedReport(report_xml)
-    >>> set_intersection(report, perturbed_scene, kind=6, junction=2), report.crash.findtext("TYP_INT")
+    >>> set_intersection(report, perturbed_scene, kind=6, junction=2), report.crash["TYP_INT"]
     ('a roundabout', '6')
     """
     if not put(report.crash, "TYP_INT", kind):
@@ -168,7 +168,7 @@ def _align(report: ChangedReport, scene: PerturbedScene, to: dict[int, int], wor
     return words if changed else None
 
 
-def _vehicles(report: ChangedReport, scene: PerturbedScene) -> list[etree._Element]:
+def _vehicles(report: ChangedReport, scene: PerturbedScene) -> list[Row]:
     found = [report.vehicle(number) for number in scene.vehicles]
     return [vehicle for vehicle in found if vehicle is not None]
 
@@ -232,17 +232,17 @@ def blank(report: ChangedReport, scene: PerturbedScene, *, head_on: bool = False
     """
     crash = report.crash
     place = ("LATITUDE", "LONGITUD", "LONGITUDE", "TYP_INT", "RELJCT2", *(("TWAY_ID", "TWAY_ID2") if named else ()))
-    keep(crash, ("CaseYear", "YEAR", "STATE", "ST_CASE", "VE_FORMS", "VE_TOTAL", "Vehicles", *place))
+    keep(crash, "CASEYEAR", "YEAR", "STATE", "ST_CASE", "VE_FORMS", "VE_TOTAL", *place)
     for vehicle in report.vehicles():
-        keep(vehicle, ("VEH_NO",))
+        keep(vehicle, "VEH_NO")
     one, two = scene.pair
-    event = add(add(crash, "CEvents"), "CEvent")
-    for name, value in (("EVENTNUM", 1), ("VNUMBER1", one), ("SOE", MOTOR_VEHICLE_IN_TRANSPORT), ("VNUMBER2", two)):
-        add(event, name, value)
+    event = {"EVENTNUM": 1, "VNUMBER1": one, "SOE": MOTOR_VEHICLE_IN_TRANSPORT, "VNUMBER2": two}
+    said = {name: str(value) for name, value in event.items()}
+    report.tables = {"accident": [crash], "vehicle": report.vehicles(), "cevent": [said]}
     if head_on:
         for number, code in ((one, 50), (two, 51)):
-            element = report.vehicle(number)
-            if element is None:
+            row = report.vehicle(number)
+            if row is None:
                 return None
-            add(element, "ACC_TYPE", code)
+            row["ACC_TYPE"] = str(code)
     return "only the place" + ", street names" * named + ", head-on types" * head_on

@@ -52,7 +52,7 @@ class PerturbationKind:
 class Changed:
     """A changed report, and what was changed in words."""
 
-    xml: bytes
+    report: bytes
     detail: str
 
 
@@ -63,7 +63,7 @@ def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Cha
     that is not a report.
 
     >>> changed = perturb(KINDS["clock_3h"], report_xml, perturbed_scene)
-    >>> changed.detail, b"<IMPACT1>6</IMPACT1>" in changed.xml
+    >>> changed.detail, b'"IMPACT1": "6"' in changed.report
     ('areas of vehicle 1 turned by 3 h', True)
     """
     if first_event_kind(scene.record) not in kind.of:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from lab.changed_reports.report import ChangedReport, code_in, put, remove, text_in
+from lab.changed_reports.report import ChangedReport, code_in, put, remove
 from lab.changed_reports.scene import PerturbedScene
 from trace_dag.crash.codes.events import CYCLIST, PEDESTRIAN, PERSON_ON_CONVEYANCE
 
@@ -27,12 +27,12 @@ def mirror_sides(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
     >>> report = ChangedReport(pedestrian_xml)
     >>> (row,) = report.typings()
-    >>> put(row, "PEDSNR", "1a"), mirror_sides(report, perturbed_scene), text_in(row, "PEDSNR")
+    >>> put(row, "PEDSNR", "1a"), mirror_sides(report, perturbed_scene), row["PEDSNR"]
     (True, 'the person from the other side', '1b')
     """
     changed = False
     for row in report.typings():
-        scenario, way = text_in(row, "PEDSNR"), code_in(row, "PEDDIR")
+        scenario, way = row.get("PEDSNR", ""), code_in(row, "PEDDIR")
         if scenario[-1:] in _OTHER_SIDE:
             changed |= put(row, "PEDSNR", scenario[:-1] + _OTHER_SIDE[scenario[-1]])
         if way in _OPPOSITE:

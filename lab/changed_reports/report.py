@@ -1,83 +1,91 @@
-"""A report in CrashAPI's elements that can be changed: each fact in all the elements that say it.
+"""A report in the rows of FARS' tables that can be changed: each fact in all the rows that say it.
 
-Elements and their codes are those of the FARS/CRSS Coding and Validation Manual. Fields that a report lacks are not
+Columns and their codes are those of the FARS/CRSS Coding and Validation Manual. Values that a report lacks are not
 added, unless a method says so; the label beside a changed code (``IMPACT1NAME``) goes, since it names the old one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from copy import deepcopy
 from typing import Final
 
-from lxml import etree
-
 from trace_dag.crash.codes.events import VEHICLE_EVENTS
-from trace_dag.crash.fields import Fields, local_name
-from trace_dag.crash.parse import report_element
+from trace_dag.crash.fars.rows import FarsRows
+from trace_dag.crash.fields import Fields, Row, malformed
+from trace_dag.crash.parse import open_report
+from trace_dag.crash.table_reports import report_to_json
 
 _AREAS_OF_PARTIES: Final = (("VNUMBER1", "AOI1"), ("VNUMBER2", "AOI2"))
 
 
 class ChangedReport:
-    """A copy of a report to be changed element by element. ``data`` is a ``GetCaseDetails`` response, or the
+    """A copy of a report to be changed value by value. ``data`` is a ``GetCaseDetails`` response, or the
     rows of FARS tables.
 
     Raises :class:`~trace_dag.common.errors.Rejection` for data that is not a report of one crash.
     """
 
     def __init__(self, data: bytes) -> None:
-        self.crash, _ = report_element(data, name="report", repair=True)
+        report, _ = open_report(data, name="report", repair=True)
+        if not isinstance(report, FarsRows):
+            raise malformed("report is the record of another register; expected FARS' own words")
+        self._report = report
+        self.tables = deepcopy(dict(report.tables))
 
     def to_bytes(self) -> bytes:
-        """Return the report as XML, UTF-8."""
-        return etree.tostring(self.crash.getroottree(), xml_declaration=True, encoding="UTF-8")
+        """Return the report as JSON."""
+        return report_to_json(FarsRows(self._report.case_year, self._report.state_case, self.tables))
 
-    # --- elements ------------------------------------------------------------------------------------------------
-    def vehicle(self, number: int) -> etree._Element | None:
-        """Return the element of a vehicle in transport, None if no vehicle has this number."""
+    # --- rows ----------------------------------------------------------------------------------------------------
+    @property
+    def crash(self) -> Row:
+        """Return the row of the crash itself."""
+        return self.tables["accident"][0]
+
+    def vehicle(self, number: int) -> Row | None:
+        """Return the row of a vehicle in transport, None if no vehicle has this number."""
         return next((each for each in self.vehicles() if code_in(each, "VEH_NO") == number), None)
 
-    def vehicles(self) -> list[etree._Element]:
-        """Return the elements of all vehicles in transport."""
-        return list(Fields(self.crash, "report").members("Vehicles"))
+    def vehicles(self) -> list[Row]:
+        """Return the rows of all vehicles in transport."""
+        return self._rows("vehicle")
 
-    def people(self) -> list[etree._Element]:
-        """Return the rows of persons outside motor vehicles (``NPersons``)."""
-        return self._outside("NPersons")
+    def people(self) -> list[Row]:
+        """Return the rows of persons outside motor vehicles."""
+        return [row for row in self._rows("person") if code_in(row, "VEH_NO") in (None, 0)]
 
-    def typings(self) -> list[etree._Element]:
-        """Return the rows that type what pedestrians and cyclists did (``PbTypes``)."""
-        return self._outside("PbTypes")
+    def typings(self) -> list[Row]:
+        """Return the rows that type what pedestrians and cyclists did."""
+        return [row for row in self._rows("pbtype") if code_in(row, "VEH_NO") in (None, 0)]
 
-    def _outside(self, name: str) -> list[etree._Element]:
-        rows = Fields(self.crash, "report").members(name)
-        return [row for row in rows if code_in(row, "VEH_NO") in (None, 0)]
-
-    def crash_events(self) -> list[etree._Element]:
+    def crash_events(self) -> list[Row]:
         """Return every row that says what happened between parties: ``CEvent``, and the ``VEvent`` that repeats it."""
-        rows = list(Fields(self.crash, "report").members("CEvents"))
-        return rows + [row for each in self.vehicles() for row in Fields(each, "report").members("VEvents")]
+        return [*self._rows("cevent"), *self._rows("vevent")]
 
-    def own_events(self, number: int) -> list[etree._Element]:
+    def own_events(self, number: int) -> list[Row]:
         """Return the rows of a vehicle's own sequence (``VSOE``)."""
-        return self._rows(number, "Vsoes", "VSOEs")
+        return self.rows_of_vehicle("vsoe", number)
 
-    def damages(self, number: int) -> list[etree._Element]:
+    def damages(self, number: int) -> list[Row]:
         """Return the rows of a vehicle's damaged areas (``DAMAGE``, before 2020 ``MDAREAS``)."""
-        return self._rows(number, "Damages")
+        return self.rows_of_vehicle("damage", number)
 
-    def _rows(self, number: int, *lists: str) -> list[etree._Element]:
-        vehicle = self.vehicle(number)
-        return [] if vehicle is None else list(Fields(vehicle, "report").members(*lists))
+    def _rows(self, table: str) -> list[Row]:
+        return self.tables.get(table, [])
 
-    # --- what several elements say together ------------------------------------------------------------------------
+    def rows_of_vehicle(self, table: str, number: int) -> list[Row]:
+        """Return the rows of a table that are about a vehicle."""
+        return [row for row in self._rows(table) if code_in(row, "VEH_NO") == number]
+
+    # --- what several rows say together ----------------------------------------------------------------------------
     def change_areas(self, number: int, change: Callable[[int], int]) -> None:
         """Let ``change`` replace every area of a vehicle's body: initial impact, areas of its events, damage."""
-        for element, name in self._areas(number):
-            area = code_in(element, name)
+        for row, name in self._areas(number):
+            area = code_in(row, name)
             if area is not None:
-                put(element, name, change(area))
+                put(row, name, change(area))
 
-    def _areas(self, number: int) -> Iterator[tuple[etree._Element, str]]:
+    def _areas(self, number: int) -> Iterator[tuple[Row, str]]:
         vehicle = self.vehicle(number)
         if vehicle is not None:
             yield vehicle, "IMPACT1"
@@ -108,58 +116,46 @@ class ChangedReport:
         ]
         for mine, theirs in zip(*collisions, strict=False):
             exchange(mine, theirs, "AOI")
-        lists = [next((e for e in each if _is(e, "Damages")), None) for each in (first, second)]
-        if lists[0] is not None and lists[1] is not None:
-            rows = [list(each) for each in lists if each is not None]
-            for element, number, moved in ((lists[0], one, rows[1]), (lists[1], two, rows[0])):
-                element[:] = moved
-                for row in moved:
+        damages = self.damages(one), self.damages(two)
+        if all(damages):
+            for rows, number in zip(damages, (two, one), strict=True):
+                for row in rows:
                     put(row, "VEH_NO", number)
 
     def everywhere(self, name: str, code: int) -> None:
-        """Put a code into an element of the crash that the rows of its vehicles repeat (``MAN_COLL``, ``HARM_EV``)."""
-        for element in (self.crash, *self.vehicles()):
-            put(element, name, code)
+        """Put a code into the row of the crash and those of its vehicles that repeat it (``MAN_COLL``, ``HARM_EV``)."""
+        for row in (self.crash, *self.vehicles()):
+            put(row, name, code)
 
 
-def code_in(element: etree._Element, *names: str) -> int | None:
-    """Return the number in the first of the named children that has one.
+def code_in(row: Row, *names: str) -> int | None:
+    """Return the number in the first of the named columns that has one.
 
-    >>> code_in(etree.fromstring("<Vehicle><VEH_NO>2</VEH_NO></Vehicle>"), "VEH_NO")
+    >>> code_in({"VEH_NO": "2"}, "VEH_NO")
     2
     """
-    return Fields(element, "report").integer(*names)
+    return Fields(row, "report").integer(*names)
 
 
-def text_in(element: etree._Element, name: str) -> str:
-    """Return the text of the first child of that name, "" if there is none.
+def put(row: Row, name: str, value: object) -> bool:
+    """Put a value into a column that has one, and take its label away; whether there is such a column.
 
-    >>> text_in(etree.fromstring("<Crash><TWAY_ID>MAIN ST</TWAY_ID></Crash>"), "TWAY_ID")
-    'MAIN ST'
+    >>> vehicle = {"IMPACT1": "3", "IMPACT1NAME": "3 Clock Point"}
+    >>> put(vehicle, "IMPACT1", 9), put(vehicle, "TRAV_SP", 30), vehicle
+    (True, False, {'IMPACT1': '9'})
     """
-    return Fields(element, "report").text(name)
-
-
-def put(element: etree._Element, name: str, value: object) -> bool:
-    """Put a value into a child that is there, and take its label away; whether there is such a child.
-
-    >>> vehicle = etree.fromstring("<Vehicle><IMPACT1>3</IMPACT1><IMPACT1NAME>3 Clock Point</IMPACT1NAME></Vehicle>")
-    >>> put(vehicle, "IMPACT1", 9), put(vehicle, "TRAV_SP", 30), etree.tostring(vehicle)
-    (True, False, b'<Vehicle><IMPACT1>9</IMPACT1></Vehicle>')
-    """
-    child = next((each for each in element if _is(each, name) and len(each) == 0), None)
-    if child is None:
+    if name not in row:
         return False
-    if child.text != str(value):
-        child.text = str(value)
-        remove(element, f"{name}NAME")
+    if row[name] != str(value):
+        row[name] = str(value)
+        remove(row, f"{name}NAME")
     return True
 
 
-def exchange(one: etree._Element, two: etree._Element, name: str) -> None:
-    """Exchange a number between two elements that both have it.
+def exchange(one: Row, two: Row, name: str) -> None:
+    """Exchange a number between two rows that both have it.
 
-    >>> one, two = (etree.fromstring(f"<Vehicle><TRAV_SP>{mph}</TRAV_SP></Vehicle>") for mph in (14, 30))
+    >>> one, two = {"TRAV_SP": "14"}, {"TRAV_SP": "30"}
     >>> exchange(one, two, "TRAV_SP")
     >>> code_in(one, "TRAV_SP"), code_in(two, "TRAV_SP")
     (30, 14)
@@ -170,43 +166,18 @@ def exchange(one: etree._Element, two: etree._Element, name: str) -> None:
         put(two, name, first)
 
 
-def remove(element: etree._Element, *names: str) -> None:
-    """Take children away, whatever they hold.
+def remove(row: Row, *names: str) -> None:
+    """Take columns away, whatever they hold."""
+    for name in names:
+        row.pop(name, None)
 
-    >>> vehicle = etree.fromstring("<Vehicle><MODEL>42</MODEL><TRAV_SP>30</TRAV_SP></Vehicle>")
-    >>> remove(vehicle, "MODEL")
-    >>> [child.tag for child in vehicle]
-    ['TRAV_SP']
+
+def keep(row: Row, *names: str) -> None:
+    """Take all columns away but the named ones.
+
+    >>> vehicle = {"VEH_NO": "1", "TRAV_SP": "30"}
+    >>> keep(vehicle, "VEH_NO")
+    >>> vehicle
+    {'VEH_NO': '1'}
     """
-    for child in list(element):
-        if _is(child, *names):
-            element.remove(child)
-
-
-def keep(element: etree._Element, names: Sequence[str]) -> None:
-    """Take all children away but the named ones.
-
-    >>> vehicle = etree.fromstring("<Vehicle><VEH_NO>1</VEH_NO><TRAV_SP>30</TRAV_SP></Vehicle>")
-    >>> keep(vehicle, ("VEH_NO",))
-    >>> [child.tag for child in vehicle]
-    ['VEH_NO']
-    """
-    for child in list(element):
-        if not _is(child, *names):
-            element.remove(child)
-
-
-def add(element: etree._Element, name: str, value: object = "") -> etree._Element:
-    """Return a new last child.
-
-    >>> vehicle = etree.fromstring("<Vehicle><VEH_NO>1</VEH_NO></Vehicle>")
-    >>> code_in(vehicle, "ACC_TYPE"), add(vehicle, "ACC_TYPE", 50).text, code_in(vehicle, "ACC_TYPE")
-    (None, '50', 50)
-    """
-    child = etree.SubElement(element, name)
-    child.text = str(value) if value != "" else None
-    return child
-
-
-def _is(element: etree._Element, *names: str) -> bool:
-    return isinstance(element.tag, str) and local_name(element).upper() in {name.upper() for name in names}
+    remove(row, *(row.keys() - set(names)))

@@ -41,7 +41,7 @@ from trace_dag.verdict.judge import judge_hypothesis
 
 FARTHEST_M = 1000.0
 """Largest distance at which a report is set down from its crash."""
-_REPORT = "report.xml"
+_REPORT = "report.json"
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ class _Perturbation:
 
     def _through_all_stages(self, changed: Changed, key: str, storage: Storage) -> Records:
         """Return the outcomes of all stages on the changed report, in a storage of its own."""
-        storage.write(_REPORT, changed.xml)
+        storage.write(_REPORT, changed.report)
         work = replace(self._task.work, storage=storage)
         task = CrashTask(key, self._source(storage))
         records: Records = {}

@@ -40,7 +40,6 @@ MOST = 12
 """Crashes of a cohort that are perturbed unless more are asked for: some minutes of work."""
 _MARGIN_M = 50.0
 _TOGETHER = 8  # changes of one crash that a worker is given at a time
-_REPORT = "report.xml"
 
 
 @dataclass(frozen=True)

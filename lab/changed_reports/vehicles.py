@@ -13,6 +13,7 @@ from lab.changed_reports.scene import PerturbedScene
 from trace_dag.crash.codes.bodies import BODY_TYP
 from trace_dag.crash.codes.events import IMPACT1
 from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH1, P_CRASH2
+from trace_dag.crash.fields import Row
 from trace_dag.crash.record import PreCrashMovement
 
 _HOUR_OF_SIDE: Final = {61: 9, 62: 10, 63: 8, 81: 3, 82: 2, 83: 4}
@@ -29,7 +30,6 @@ _OTHER_EVENT: Final = 98
 _FASTEST_MPH: Final = 151
 _BODY_EVIDENCE: Final = (
     *("MODEL", "MODELNAME", "MAK_MOD", "MAK_MODNAME", "VPICBODYCLASS", "GVWR", "GVWR_FROM", "GVWR_TO"),
-    *("VinDeriveds", "VinDecodes"),
 )
 
 
@@ -155,8 +155,8 @@ def set_speeds(report: ChangedReport, scene: PerturbedScene, *, mph: int) -> str
     return f"vehicle {' and '.join(map(str, numbers))} at {mph} mph" if numbers else None
 
 
-def _has_speed(vehicle: object) -> bool:
-    speed = code_in(vehicle, "TRAV_SP")  # type: ignore[arg-type]
+def _has_speed(vehicle: Row) -> bool:
+    speed = code_in(vehicle, "TRAV_SP")
     return speed is not None and 0 <= speed <= _FASTEST_MPH
 
 
@@ -201,6 +201,8 @@ def set_bodies(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int
         if vehicle is None or not put(vehicle, "BODY_TYP", code):
             return None
         remove(vehicle, *_BODY_EVIDENCE)
+        for row in report.rows_of_vehicle("vpicdecode", number):
+            row.clear()
     return " and ".join(BODY_TYP.meaning(code) for code in codes)
 
 

@@ -350,7 +350,7 @@ def test_a_report_is_the_rows_as_they_stand(tmp_path: Path) -> None:
     [
         (3, "tables: Input should be"),
         ({"accident": [{"YEAR": None}]}, "Input should be a valid string"),
-        ({"accident": [{"X><EVIL/>": "1"}]}, "expected the columns of FARS tables"),
+        ({"accident": [{"ST_CASE": "many"}]}, "ST_CASE holds 'many'; expected a whole number"),
     ],
 )
 def test_rows_that_are_no_tables_are_malformed(tables: object, says: str, settings: CrashSettings) -> None:

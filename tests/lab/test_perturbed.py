@@ -17,7 +17,8 @@ from lab.changed_reports.rows import has_same_map
 from lab.changed_reports.scene import PerturbedScene, Point
 from lab.changed_reports.vehicles import turned
 from trace_dag.common.geometry import LocalFrame
-from trace_dag.crash.parse import read_report
+from trace_dag.crash.fars.rows import FarsRows
+from trace_dag.crash.parse import open_report, read_report
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import PreCrashMovement
 from trace_dag.osm.catalog import MapCatalog
@@ -119,7 +120,7 @@ ELEMENTS_OF = {
     "vehicles": {*AREAS, *COURSE, "ACC_TYPE", "TRAV_SP"},
 }
 """What a perturbation may change, by the first word of its name; others put together whole reports."""
-GONE = {b"MODEL"}  # tells of another body; as the labels (...NAME) of codes that were changed
+GONE = {"MODEL"}  # tells of another body; as the labels (...NAME) of codes that were changed
 
 
 def scene(data: bytes = REPORT, seed: int = 1) -> PerturbedScene:
@@ -128,8 +129,10 @@ def scene(data: bytes = REPORT, seed: int = 1) -> PerturbedScene:
 
 
 def elements(data: bytes) -> list[tuple[str, str]]:
-    found = re.findall(rb"<(\w+)>([^<>\n]+)</", data)
-    return [(name.decode(), text.decode()) for name, text in found if not (name in GONE or name.endswith(b"NAME"))]
+    report, _ = open_report(data, name="report", repair=True)
+    assert isinstance(report, FarsRows)
+    values = [value for rows in report.tables.values() for row in rows for value in row.items()]
+    return [(name, text) for name, text in values if not (name in GONE or name.endswith("NAME"))]
 
 
 def differences(before: bytes, after: bytes) -> Iterator[str]:
@@ -144,7 +147,7 @@ def differences(before: bytes, after: bytes) -> Iterator[str]:
 def test_a_perturbation_changes_what_it_states_and_nothing_else(name: str) -> None:
     changed = perturb(KINDS[name], REPORT, scene())
     assert changed is not None
-    assert list(differences(REPORT, changed.xml)) == CHANGED[name]
+    assert list(differences(REPORT, changed.report)) == CHANGED[name]
 
 
 @pytest.mark.parametrize(
@@ -154,7 +157,7 @@ def test_a_perturbation_changes_elements_of_its_subject_alone(name: str) -> None
     changed = perturb(KINDS[name], REPORT, scene())
     if changed is None:
         pytest.skip("does not apply to this report")
-    names = {each.partition(" ")[0] for each in differences(REPORT, changed.xml)}
+    names = {each.partition(" ")[0] for each in differences(REPORT, changed.report)}
     assert names
     assert names <= ELEMENTS_OF[name.partition("_")[0]]
 
@@ -168,7 +171,7 @@ def test_random_changes_are_drawn_for_every_element(name: str, subject: set[str]
     for seed in range(20):
         changed = perturb(KINDS[name], REPORT, scene(seed=seed))
         assert changed is not None
-        names |= {each.partition(" ")[0] for each in differences(REPORT, changed.xml)}
+        names |= {each.partition(" ")[0] for each in differences(REPORT, changed.report)}
     assert names >= subject
 
 
@@ -176,14 +179,14 @@ def test_random_changes_are_drawn_for_every_element(name: str, subject: set[str]
 def test_so_it_is_with_reports_of_people(name: str) -> None:
     changed = perturb(KINDS[name], STRUCK, scene(STRUCK))
     assert changed is not None
-    assert list(differences(STRUCK, changed.xml)) == CHANGED_OF_PEOPLE[name]
-    read_report(changed.xml, name=name, settings=SETTINGS.crash)
+    assert list(differences(STRUCK, changed.report)) == CHANGED_OF_PEOPLE[name]
+    read_report(changed.report, name=name, settings=SETTINGS.crash)
 
 
 def test_a_person_typed_along_the_road_comes_from_no_side() -> None:
     changed = perturb(KINDS["person_along"], STRUCK, scene(STRUCK))
     assert changed is not None
-    (person,) = read_report(changed.xml, name="report", settings=SETTINGS.crash).non_motorists
+    (person,) = read_report(changed.report, name="report", settings=SETTINGS.crash).non_motorists
     assert (person.pedestrian_type_code, person.pedestrian_group_code, person.scenario) == (410, 400, "")
 
 
@@ -195,21 +198,21 @@ def test_changes_apply_to_reports_of_their_own_kind() -> None:
 def test_a_label_of_the_old_value_goes() -> None:
     changed = perturb(KINDS["clock_1h"], REPORT, scene())
     assert changed is not None
-    assert b"1 Clock Point" not in changed.xml
-    assert b"Motor Vehicle In-Transport" in changed.xml
+    assert b"1 Clock Point" not in changed.report
+    assert b"Motor Vehicle In-Transport" in changed.report
 
 
 def test_swapped_clocks_are_swapped_wherever_the_record_has_them() -> None:
     changed = perturb(KINDS["clocks_swapped"], REPORT, scene())
     assert changed is not None
-    one, two = read_report(changed.xml, name="report", settings=SETTINGS.crash).vehicles
+    one, two = read_report(changed.report, name="report", settings=SETTINGS.crash).vehicles
     assert (one.initial_impact_code, two.initial_impact_code) == (61, 1)
     assert (one.damaged_areas, two.damaged_areas) == ((9, 13), (1,))
-    (event,) = read_report(changed.xml, name="report", settings=SETTINGS.crash).events
+    (event,) = read_report(changed.report, name="report", settings=SETTINGS.crash).events
     assert event.area_1 is not None
     assert event.area_2 is not None
     assert (event.party_1, event.area_1.code, event.party_2, event.area_2.code) == (2, 1, 1, 61)
-    assert perturb(KINDS["clocks_swapped"], changed.xml, scene()) is not None
+    assert perturb(KINDS["clocks_swapped"], changed.report, scene()) is not None
 
 
 @pytest.mark.parametrize(("area", "hours", "expected"), [(12, 1, 1), (11, 3, 2), (61, 6, 3), (13, 4, 13), (0, 6, 0)])
@@ -231,7 +234,7 @@ def test_a_change_that_does_not_apply_gives_no_report() -> None:
 def test_a_made_up_street_is_no_street() -> None:
     made = perturb(KINDS["names_made_up"], REPORT, scene())
     assert made is not None
-    record = read_report(made.xml, name="report", settings=SETTINGS.crash)
+    record = read_report(made.report, name="report", settings=SETTINGS.crash)
     assert record.trafficway_1 != record.trafficway_2
     assert not is_same_street((record.trafficway_1, record.trafficway_2), ("Oak Street", "Elm Street", "Main Street"))
 
@@ -244,7 +247,7 @@ def test_a_moved_report_is_as_far_away_as_it_states() -> None:
     ):
         changed = perturb(KINDS[kind], REPORT, scene())
         assert changed is not None
-        record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
+        record = read_report(changed.report, name="report", settings=SETTINGS.crash)
         assert (record.latitude_deg, record.longitude_deg) == pytest.approx(expected, abs=2e-6)
 
 
@@ -253,14 +256,14 @@ def test_a_foreign_report_keeps_its_own_streets_by_default() -> None:
     for kind, street in (("foreign_site", "BAY AVE"), ("foreign_site_named_here", "OAK ST")):
         changed = perturb(KINDS[kind], foreign, scene())
         assert changed is not None
-        record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
+        record = read_report(changed.report, name="report", settings=SETTINGS.crash)
         assert (record.latitude_deg, record.longitude_deg, record.trafficway_1) == (37.5, -77.5, street)
 
 
 def test_a_blank_report_states_nothing_of_the_vehicles() -> None:
     changed = perturb(KINDS["blank_head_on"], REPORT, scene())
     assert changed is not None
-    record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
+    record = read_report(changed.report, name="report", settings=SETTINGS.crash)
     assert record.trafficway_1 == ""
     assert [vehicle.crash_type_code for vehicle in record.vehicles] == [50, 51]
     assert all(v.travel_speed_mps is None and v.lanes is None and v.body_type_code is None for v in record.vehicles)
@@ -276,10 +279,10 @@ def test_every_perturbation_of_a_whole_report_can_be_read_and_is_drawn_alike(nam
     changed = perturb(kind, taken, scene(report))
     if changed is None:
         return
-    read_report(changed.xml, name=name, settings=SETTINGS.crash)
+    read_report(changed.report, name=name, settings=SETTINGS.crash)
     assert changed == perturb(kind, taken, scene(report))
     if kind is not NOTHING:
-        assert difflib.SequenceMatcher(None, elements(taken), elements(changed.xml), autojunk=False).ratio() < 1
+        assert difflib.SequenceMatcher(None, elements(taken), elements(changed.report), autojunk=False).ratio() < 1
 
 
 def test_real_reports_take_the_perturbations_their_fields_allow(shared_data) -> None:
@@ -291,9 +294,9 @@ def test_real_reports_take_the_perturbations_their_fields_allow(shared_data) -> 
     assert of_collisions.keys() - applied <= {"alignment_mirrored", "type_left_across"}
     changed = perturb(KINDS["left_for_right"], report, here)
     assert changed is not None
-    record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
+    record = read_report(changed.report, name="report", settings=SETTINGS.crash)
     assert record.vehicles[0].movement is PreCrashMovement.TURNING_RIGHT
-    assert list(differences(report, changed.xml)) == ["P_CRASH1 11 10", "P_CRASH2 15 16"]
+    assert list(differences(report, changed.report)) == ["P_CRASH1 11 10", "P_CRASH2 15 16"]
 
 
 def test_random_points_lie_far_away_on_the_street_asked_for() -> None:
@@ -335,7 +338,7 @@ def test_a_map_that_is_kept_is_the_one_that_would_be_made() -> None:
     here, kept = scene(report), {}
     for kind in KINDS.values():
         changed = perturb(kind, report, here) if kind.needs is Needs.NOTHING else None
-        record = read_report(changed.xml, name=name, settings=SETTINGS.crash) if changed else None
+        record = read_report(changed.report, name=name, settings=SETTINGS.crash) if changed else None
         if record is not None and has_same_map(here.record, record):
             kept[kind.name] = record
     assert {"clocks_6h", "type_single", "speeds_150", "vehicles_random"} <= kept.keys()

@@ -1,23 +1,26 @@
-"""Typed values out of the elements of a report; every problem is reported with element, value and year."""
+"""Typed values out of the rows of a report; every problem is reported with row, name, value and year."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from typing import Final
-
-from lxml import etree
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, TypeAlias
 
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.codes.table import CodeTable
 
+Row: TypeAlias = dict[str, str]
+"""The values of a row that are not blank, by name in capitals."""
+
 MAX_TEXT: Final = 2_000
 """Characters of one value; the longest in use, names of trafficways, have 30 (FARS manual, C9)."""
 MAX_MEMBERS: Final = 2_000
-"""Entries of one list; the largest crash of FARS involved about a hundred vehicles, with some events each."""
+"""Rows of one table; the largest crash of FARS involved about a hundred vehicles, with some events each."""
 
 _INTEGER: Final = re.compile(r"[+-]?[0-9]{1,12}(?:\.0*)?")
+_NUMBER: Final = re.compile(r"[0-9]{1,9}(?:\.0*)?")
 _DECIMAL: Final = re.compile(r"[+-]?[0-9]{1,6}(?:\.[0-9]{0,20})?")
+_CONTROL: Final = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 _UNKNOWN_WORDS: Final = frozenset(
     {"unknown", "not reported", "reported as unknown", "not applicable", "none", "null", "nan", "n/a", "."}
 )
@@ -34,26 +37,20 @@ def malformed(detail: str) -> Rejection:
 
 
 class Fields:
-    """The scalar children of one element, by name in any case; ``where`` names the element in messages.
+    """The values of one row, by name; ``where`` names the row in messages.
 
-    Values are text in the source. Every reader takes the names an element has had over the years, first found first.
+    Values are text in the source. Every reader takes the names a value has had over the years, first found first.
+    ``tables`` are those of the whole report.
     """
 
-    def __init__(self, element: etree._Element, where: str, year: int = 0) -> None:
+    def __init__(self, row: Row, where: str, year: int = 0, tables: Mapping[str, Sequence[Row]] | None = None) -> None:
         self.where = where
         self.year = year
-        self._text: dict[str, str] = {}
-        self._lists: list[tuple[str, etree._Element]] = []
-        for child in element:
-            if isinstance(child.tag, str) and len(child) > 0:
-                self._lists.append((local_name(child).upper(), child))
-            elif isinstance(child.tag, str):
-                text = child.text or ""
-                if len(text) > MAX_TEXT:
-                    raise malformed(
-                        f"{where}: {local_name(child)} has {len(text)} characters; expected {MAX_TEXT} at most"
-                    )
-                self._text.setdefault(local_name(child).upper(), " ".join(text.split()))
+        self._tables = tables or {}
+        for name, text in row.items():
+            if len(text) > MAX_TEXT:
+                raise malformed(f"{where}: {name} has {len(text)} characters; expected {MAX_TEXT} at most")
+        self._text = {name: text if text.isalnum() else _cleaned(text) for name, text in row.items()}
 
     def names(self) -> set[str]:
         """Return the names of all values that are not blank, in capitals."""
@@ -96,26 +93,34 @@ class Fields:
         """Return :meth:`code`, with None also for the codes that mean "unknown"."""
         return table.known(self.code(table, *names))
 
-    def members(self, *lists: str) -> Iterator[etree._Element]:
-        """Yield the elements of a list below this one (``Vehicles``, ``Vsoes``), whatever their own name."""
-        wanted = {name.upper() for name in lists}
-        for name, child in self._lists:
-            if name in wanted:
-                if len(child) > MAX_MEMBERS:
-                    raise malformed(
-                        f"{self.where}: {local_name(child)} has {len(child)} entries; expected {MAX_MEMBERS} at most"
-                    )
-                yield from (member for member in child if isinstance(member.tag, str))
+    def rows(self, table: str, what: str = "") -> Iterator[Fields]:
+        """Yield the rows of a table of the report; ``what`` they are goes into their names in messages."""
+        rows = self._tables.get(table, ())
+        if len(rows) > MAX_MEMBERS:
+            raise malformed(f"{self.where}: {table} has {len(rows)} rows; expected {MAX_MEMBERS} at most")
+        where = f"{self.where}: {what}" if what else self.where
+        return (Fields(row, where, self.year, self._tables) for row in rows)
+
+    def own_rows(self, table: str, what: str = "") -> Iterator[Fields]:
+        """Yield the rows of a table that are about the vehicle of this row (``VEH_NO``)."""
+        number = whole_number(self._text, "VEH_NO")
+        if number is not None:
+            yield from (row for row in self.rows(table, what) if whole_number(row._text, "VEH_NO") == number)
 
     def _value(self, *names: str) -> str | None:
         value = self.text(*names)
         return None if not value or value.replace("_", " ").lower() in _UNKNOWN_WORDS else value
 
 
-def local_name(element: etree._Element) -> str:
-    """Return the element's name without its namespace, which lxml writes before it in braces.
+def _cleaned(text: str) -> str:
+    return " ".join(_CONTROL.sub("", text).split())
 
-    >>> local_name(etree.fromstring('<Count xmlns="http://example.org">1</Count>'))
-    'Count'
+
+def whole_number(row: Row, name: str) -> int | None:
+    """Return a column's whole number (``7``, or pandas' ``7.0``), None for anything else.
+
+    >>> whole_number({"VEH_NO": "2.0"}, "VEH_NO")
+    2
     """
-    return element.tag.rpartition("}")[2]
+    value = row.get(name, "")
+    return int(value.split(".")[0]) if _NUMBER.fullmatch(value) else None

@@ -17,9 +17,9 @@ from typing import Final
 from lxml import etree
 
 from trace_dag.common.errors import Rejection, UserError
-from trace_dag.crash.fields import Fields, local_name
+from trace_dag.crash.fields import Fields
 from trace_dag.crash.keys import crash_key
-from trace_dag.crash.xml_input import MAX_REPORT_BYTES, parse_leniently, parse_untrusted
+from trace_dag.crash.xml_input import MAX_REPORT_BYTES, local_name, parse_leniently, parse_untrusted, values_of
 
 _CASE_YEAR: Final = re.compile(rb"<CaseYear>\s*([0-9]{4})\s*</CaseYear>")
 _STATE_CASE: Final = re.compile(rb"<ST_CASE>\s*([0-9]{5,6})\s*</ST_CASE>")
@@ -127,11 +127,11 @@ def identify(data: bytes, *, name: str) -> tuple[str, bool] | None:
         return None
     for element in root.iter():
         if isinstance(element.tag, str) and local_name(element) == "CrashResultSet":
-            fields = Fields(element, name)
+            fields = Fields(values_of(element), name)
             return _key(fields.text("CASEYEAR", "YEAR"), fields.text("ST_CASE"))
     if not local_name(root).startswith("ResponseOf"):
         return None
-    search = _SEARCH.search(Fields(root, name).text("SEARCHCRITERIA"))
+    search = _SEARCH.search(Fields(values_of(root), name).text("SEARCHCRITERIA"))
     found = _key(search[2], search[1]) if search else None
     return (found[0], False) if found else None
 

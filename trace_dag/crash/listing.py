@@ -9,11 +9,13 @@ from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.crash_types import vehicle_trajectory
+from trace_dag.crash.fars.rows import FarsRows
 from trace_dag.crash.fields import Fields
 from trace_dag.crash.keys import state_of
 from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.parse import case_of, open_report
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.sequence import known_by_events_alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +103,17 @@ def list_report(data: bytes, *, name: str) -> CrashListing:
     report, _ = open_report(data, name=name, repair=True)
     if isinstance(report, CrashRecord):
         return list_record(complete_record(report))
-    fields = Fields(report, name)
+    return list_rows(report, name=name)
+
+
+def list_rows(report: FarsRows, *, name: str) -> CrashListing:
+    """Return the line of a crash of FARS.
+
+    Raises :class:`trace_dag.common.errors.Rejection` for a value that cannot be read.
+    """
+    fields = report.fields(name)
     year, case, key = case_of(fields)
-    vehicles = [Fields(element, name) for element in fields.members("Vehicles")]
+    vehicles = list(fields.rows("vehicle"))
     collided = _colliding_numbers(fields)
     return CrashListing(
         key=key,
@@ -123,26 +133,27 @@ def list_report(data: bytes, *, name: str) -> CrashListing:
         intersection_type_code=fields.integer("TYP_INT"),
         junction_relation_code=fields.integer("RELJCT2"),
         crash_types=tuple(
-            vehicle.integer("ACC_TYPE") for vehicle in vehicles if not collided or vehicle.integer("VEH_NO") in collided
+            vehicle.integer("ACC_TYPE")
+            for vehicle in vehicles
+            if not known_by_events_alone(vehicle) and (not collided or vehicle.integer("VEH_NO") in collided)
         ),
     )
 
 
 def _kind(crash: Fields) -> CrashKind | None:
     """Return the kind of crash, as the record of the report would have it."""
-    vehicles = [Fields(element, crash.where) for element in crash.members("Vehicles")]
-    own = [*vehicles, *(Fields(element, crash.where) for element in crash.members("ParkWorks"))]
-    rows = [Fields(element, crash.where) for element in crash.members("CEvents")]
-    for name in ("VEvents", "Vsoes"):
-        rows = rows or [Fields(element, crash.where) for each in own for element in each.members(name)]
+    vehicles = list(crash.rows("vehicle"))
+    own = [*vehicles, *crash.rows("parkwork")]
+    rows = list(crash.rows("cevent"))
+    for table in ("vevent", "vsoe"):
+        rows = rows or [row for each in own for row in each.own_rows(table)]
     rows.sort(key=lambda row: row.integer("EVENTNUM") or 0)
     codes = [code for row in rows if (code := row.integer("SOE")) is not None]
     return kind_of_codes(crash.integer("HARM_EV"), crash.integer("VE_FORMS") or len(vehicles), codes)
 
 
 def _colliding_numbers(crash: Fields) -> set[int | None]:
-    for element in crash.members("CEvents"):
-        event = Fields(element, crash.where)
+    for event in crash.rows("cevent"):
         if event.integer("SOE") == MOTOR_VEHICLE_IN_TRANSPORT:
             return {event.integer("VNUMBER1"), event.integer("VNUMBER2")}
     return set()

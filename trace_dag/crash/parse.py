@@ -20,7 +20,8 @@ from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes.table import FIRST_YEAR, UnknownCodeError
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.event_parties import add_event_parties
-from trace_dag.crash.fields import Fields, local_name, malformed
+from trace_dag.crash.fars.rows import FarsRows, tables_of
+from trace_dag.crash.fields import Fields, malformed
 from trace_dag.crash.keys import crash_key, state_of
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.persons import read_non_motorists
@@ -29,7 +30,7 @@ from trace_dag.crash.sequence import has_struck_standing_only, known_by_events_a
 from trace_dag.crash.table_reports import is_json, report_from_json
 from trace_dag.crash.traffic_side import LEFT_HAND_STATES
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
-from trace_dag.crash.xml_input import parse_untrusted
+from trace_dag.crash.xml_input import local_name, parse_untrusted, values_of
 
 _MIDNIGHT_AS_24: Final = 24
 _NOT_REPORTED_DEG: Final = ((77, 777), (88, 888), (99, 999))
@@ -62,7 +63,7 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
         record = report
     else:
         try:
-            record = replace(_read_crash(report, name), repaired=repaired)
+            record = replace(_read_crash(report.fields(name)), repaired=repaired)
         except UnknownCodeError as error:
             raise malformed(
                 f"{name}: {error}; correct the code, or read it with a newer version of the code tables"
@@ -72,38 +73,20 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
     return complete_record(record)
 
 
-def report_element(data: bytes, *, name: str, repair: bool = False) -> tuple[etree._Element, bool]:
-    """Return the ``CrashResultSet`` of a report in FARS' own words, and whether its text had to be repaired.
+def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashRecord | FarsRows, bool]:
+    """Return a report's record or its rows in FARS' own words, and whether its text had to be repaired.
 
     Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
 
-    >>> report_element(report_xml, name="crash_319003.xml")[0].findtext("STATENAME")
+    >>> open_report(report_xml, name="crash_319003.xml")[0].tables["accident"][0]["STATENAME"]
     'Nebraska'
     """
-    report, repaired = open_report(data, name=name, repair=repair)
-    if isinstance(report, CrashRecord):
-        raise malformed(f"{name} is the record of another register; expected FARS' own words")
-    return report, repaired
-
-
-def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashRecord | etree._Element, bool]:
-    """Return a report's record or ``CrashResultSet``, and whether its text had to be repaired.
-
-    Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
-
-    >>> open_report(report_xml, name="crash_319003.xml")[0].findtext("STATENAME")
-    'Nebraska'
-    """
-    if not is_json(data):
-        root, repaired = parse_untrusted(data, name=name, repair=repair)
-        return crash_element(root, name=name), repaired
-    report = report_from_json(data, name=name)
-    if isinstance(report, CrashRecord):
-        return report, False
-    try:
-        return report.element(), False
-    except ValueError as error:
-        raise malformed(f"{name}: {error}; expected the columns of FARS tables") from error
+    if is_json(data):
+        return report_from_json(data, name=name), False
+    root, repaired = parse_untrusted(data, name=name, repair=repair)
+    tables = tables_of(crash_element(root, name=name))
+    year, state_case, _ = case_of(Fields(tables["accident"][0], name))
+    return FarsRows(year, state_case, tables), repaired
 
 
 def crash_element(root: etree._Element, *, name: str) -> etree._Element:
@@ -121,7 +104,7 @@ def crash_element(root: etree._Element, *, name: str) -> etree._Element:
         return found[0]
     if found:
         raise malformed(f"{name} holds {len(found)} crashes; expected one CrashResultSet per file")
-    head = Fields(root, name)
+    head = Fields(values_of(root), name)
     if local_name(root).startswith("ResponseOf") and head.integer("COUNT") == 0:
         message = head.text("MESSAGE") or "no message"
         raise Rejection(
@@ -142,8 +125,7 @@ def _not_struck(people_outside: int | None, events: Iterable[EventRecord]) -> It
         yield f"not simulated: {left_out} people outside vehicles, whom no event strikes"
 
 
-def _read_crash(element: etree._Element, name: str) -> CrashRecord:
-    fields = Fields(element, name)
+def _read_crash(fields: Fields) -> CrashRecord:
     case_year, state_case, key = case_of(fields)
     fields.year = case_year
     latitude_deg, longitude_deg = reported_position(fields.decimal("LATITUDE"), fields.decimal("LONGITUD", "LONGITUDE"))
@@ -197,11 +179,11 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
 
 
 def case_of(crash: Fields) -> tuple[int, int, str]:
-    """Return the case year, state case and key of a ``CrashResultSet``.
+    """Return the case year, state case and key of a crash.
 
     Raises ``malformed_report`` if they cannot be read.
 
-    >>> case_of(Fields(crash_element(etree.fromstring(report_xml), name="crash_319003.xml"), "crash_319003.xml"))
+    >>> case_of(Fields({"CASEYEAR": "2023", "ST_CASE": "319003"}, "crash_319003.xml"))
     (2023, 319003, '2023-319003')
     """
     case_year = crash.integer("CASEYEAR", "YEAR", low=FIRST_YEAR, high=LATEST_YEAR)
@@ -247,13 +229,13 @@ def reported_position(latitude: float | None, longitude: float | None) -> tuple[
 
 def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
     reported: list[VehicleRecord] = []
-    unreported: list[etree._Element] = []
-    for element in fields.members("Vehicles"):
-        if known_by_events_alone(Fields(element, fields.where, fields.year)):
-            unreported.append(element)
+    unreported: list[Fields] = []
+    for row in fields.rows("vehicle"):
+        if known_by_events_alone(row):
+            unreported.append(row)
         else:
-            reported.append(read_vehicle(element, fields))
-    reported += [read_parked_vehicle(element, fields) for element in fields.members("ParkWorks")]
+            reported.append(read_vehicle(row))
+    reported += map(read_parked_vehicle, fields.rows("parkwork"))
     vehicles = [*reported, *_unreported_vehicles(unreported, reported, fields)]
     vehicles += _counted_as_parked(vehicles, fields)
     numbers = [vehicle.number for vehicle in vehicles]
@@ -266,7 +248,7 @@ def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
 
 
 def _unreported_vehicles(
-    elements: Iterable[etree._Element], reported: Sequence[VehicleRecord], crash: Fields
+    rows: Iterable[Fields], reported: Sequence[VehicleRecord], crash: Fields
 ) -> Iterator[VehicleRecord]:
     """Yield the vehicles that only other tables tell of, as far as the counts of the crash leave room for them.
 
@@ -276,14 +258,14 @@ def _unreported_vehicles(
     in_transport, total = crash.integer("VE_FORMS"), crash.integer("VE_TOTAL")
     moving = sum(vehicle.in_transport for vehicle in reported)
     standing = len(reported) - moving
-    for element in elements:
-        parked = has_struck_standing_only(Fields(element, crash.where, crash.year))
+    for row in rows:
+        parked = has_struck_standing_only(row)
         if parked and (in_transport is None or total is None or standing < total - in_transport):
             standing += 1
-            yield read_parked_vehicle(element, crash)
+            yield read_parked_vehicle(row)
         elif in_transport is None or moving < in_transport:
             moving += 1
-            yield read_vehicle(element, crash)
+            yield read_vehicle(row)
 
 
 def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterator[VehicleRecord]:
@@ -293,9 +275,8 @@ def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterat
     """
     counted = crash.integer("VE_FORMS") == 1 and crash.integer("VE_TOTAL") == 2 and len(listed) == 1
     if counted and crash.known_code(event_codes.HARM_EV) in event_codes.STRUCK_STANDING:
-        element = etree.Element("ParkWork")
-        etree.SubElement(element, "VEH_NO").text = str(next(n for n in (1, 2) if n != listed[0].number))
-        yield read_parked_vehicle(element, crash)
+        row = {"VEH_NO": str(next(n for n in (1, 2) if n != listed[0].number))}
+        yield read_parked_vehicle(Fields(row, crash.where, crash.year))
 
 
 def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
@@ -314,10 +295,7 @@ def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
 
 def _weather(fields: Fields) -> int | None:
     """Return the first condition that is known: the crash's own, else of the list of them."""
-    listed = (
-        Fields(element, fields.where, fields.year).known_code(crash_codes.WEATHER)
-        for element in fields.members("Weathers")
-    )
+    listed = (row.known_code(crash_codes.WEATHER) for row in fields.rows("weather"))
     own = (fields.known_code(crash_codes.WEATHER, name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
     return next((code for code in (*own, *listed) if code), None)
 

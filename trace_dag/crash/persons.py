@@ -17,7 +17,14 @@ from trace_dag.crash.parties import HIGHEST_NUMBER, UNKNOWN_NON_MOTORIST
 from trace_dag.crash.record import NonMotorist, VehicleRecord
 
 _CYCLISTS: Final = frozenset({6, 7})
-_LISTS: Final = ("NPersons", "PbTypes", "NmPriors", "NmCrashes", "SafetyEQs")
+_LISTS: Final = {
+    "NPersons": "person",
+    "PbTypes": "pbtype",
+    "NmPriors": "nmprior",
+    "NmCrashes": "nmcrash",
+    "SafetyEQs": "safetyeq",
+}
+"""Tables of persons outside vehicles, by CrashAPI's names, which messages have."""
 _NO_VEHICLE: Final = (None, 0)
 _PLACES: Final = {"NPersons": (codes.LOCATION,), "PbTypes": (codes.PEDPOS, codes.BIKEPOS)}
 
@@ -35,25 +42,22 @@ class ReadPersons:
 
 
 def read_non_motorists(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadPersons:
-    """Return the persons of a ``CrashResultSet``, whatever table tells of them.
+    """Return the persons outside the vehicles of a crash, whatever table tells of them.
 
     Raises :class:`UnknownCodeError` for a code that its element does not have.
 
-    >>> from lxml import etree
-    >>> row = "<NPerson><VEH_NO>0</VEH_NO><PER_NO>1</PER_NO><PER_TYP>5</PER_TYP></NPerson>"
-    >>> crash = etree.fromstring(f"<CrashResultSet><NPersons>{row}</NPersons></CrashResultSet>")
-    >>> read_non_motorists(Fields(crash, "a report", 2023), []).non_motorists[0].kind.value  # PER_TYP 5
+    >>> crash = Fields({}, "a report", 2023, {"person": [{"VEH_NO": "0", "PER_NO": "1", "PER_TYP": "5"}]})
+    >>> read_non_motorists(crash, []).non_motorists[0].kind.value  # PER_TYP 5
     'pedestrian'
     """
     rows: _Rows = {}
     misplaced: dict[str, None] = {}
-    for name in _LISTS:
-        for element in crash.members(name):
-            row = Fields(element, f"{crash.where}: {name}", crash.year)
-            number, kind = row.integer("PER_NO", low=0, high=HIGHEST_NUMBER), row.code(crash_codes.PER_TYP)
-            vehicle = row.integer("VEH_NO")
-            if kind in crash_codes.VEHICLE_OCCUPANTS:
+    for name, table in _LISTS.items():
+        for row in crash.rows(table, name):
+            vehicle, kind = row.integer("VEH_NO"), row.integer("PER_TYP")
+            if kind in crash_codes.VEHICLE_OCCUPANTS or (table == "person" and vehicle and kind is None):
                 continue
+            number = row.integer("PER_NO", low=0, high=HIGHEST_NUMBER)
             if number is None or vehicle not in _NO_VEHICLE:
                 whose = f"person {number} of vehicle {vehicle}" if number is not None else "nobody (PER_NO is missing)"
                 misplaced.setdefault(f"{name} has a row of {whose}, which is not a person outside the vehicles")

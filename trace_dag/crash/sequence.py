@@ -17,8 +17,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from lxml import etree
-
 from trace_dag.crash.codes import events as codes
 from trace_dag.crash.codes.crash import MAN_COLL
 from trace_dag.crash.crash_types import Side, crash_type
@@ -58,25 +56,22 @@ class _Row:
 
 
 def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSequence:
-    """Return the sequence of a ``CrashResultSet`` whose vehicles were read before.
+    """Return the sequence of a crash whose vehicles were read before.
 
-    >>> from trace_dag.crash.parse import crash_element
-    >>> crash = Fields(crash_element(etree.fromstring(report_xml), name="a report"), "a report", 2023)
-    >>> [event.code for event in read_sequence(crash, record.vehicles).events]  # SOE 12: another vehicle in transport
+    >>> from trace_dag.crash.parse import open_report
+    >>> report, _ = open_report(report_xml, name="a report")
+    >>> events = read_sequence(report.fields("a report"), record.vehicles).events
+    >>> [event.code for event in events]  # SOE 12: another vehicle in transport
     [12]
     """
     harm_ev = crash.known_code(codes.HARM_EV)
-    own = [
-        Fields(element, crash.where, crash.year)
-        for members in ("Vehicles", "ParkWorks")
-        for element in crash.members(members)
-    ]
+    own = [*crash.rows("vehicle"), *crash.rows("parkwork")]
     rows, strays = _own_rows(own, {vehicle.number for vehicle in vehicles})
-    of_crash = list(crash.members("CEvents"))
-    of_vehicles = [row for vehicle in own for row in vehicle.members("VEvents")]
+    of_crash = list(crash.rows("cevent", "event"))
+    of_vehicles = [row for vehicle in own for row in vehicle.own_rows("vevent", "event")]
     if of_crash or of_vehicles:
         # VEvent repeats the crash's events for every vehicle that took part in them.
-        events, unlisted = _event_rows(of_crash or of_vehicles, crash, vehicles)
+        events, unlisted = _event_rows(of_crash or of_vehicles, vehicles)
         return ReadSequence(events, () if of_crash else ("events",), (*strays, *unlisted, *_differences(events, rows)))
     if rows:
         first = FirstEvent(harm_ev in codes.VEHICLE_CONTACTS, crash.known_code(MAN_COLL))
@@ -89,7 +84,7 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
 
 
 def known_by_events_alone(vehicle: Fields) -> bool:
-    """Return whether an element of ``Vehicles`` holds nothing but a number and what other tables say.
+    """Return whether a row of a vehicle holds nothing but a number and what other tables say.
 
     It has no row there.
     """
@@ -103,7 +98,7 @@ def has_struck_standing_only(vehicle: Fields) -> bool:
 
 
 def _event_rows(
-    rows: Iterable[etree._Element], crash: Fields, vehicles: Sequence[VehicleRecord]
+    rows: Iterable[Fields], vehicles: Sequence[VehicleRecord]
 ) -> tuple[tuple[EventRecord, ...], tuple[str, ...]]:
     numbers = {vehicle.number for vehicle in vehicles}
     events: dict[int, EventRecord] = {}
@@ -117,8 +112,7 @@ def _event_rows(
         unlisted.setdefault(f"event {event}: {name} says vehicle {number}, which the report does not list")
         return None
 
-    for row in rows:
-        fields = Fields(row, f"{crash.where}: event", crash.year)
+    for fields in rows:
         number, code = fields.integer("EVENTNUM", low=1), fields.code(codes.SOE)
         if number is None or code is None:
             continue  # a blank row says nothing
@@ -181,8 +175,7 @@ def _own_rows(own: Sequence[Fields], numbers: set[int]) -> tuple[dict[int, list[
 def _rows_of(vehicle: Fields) -> list[_Row]:
     number = vehicle.integer("VEH_NO") or 0
     rows: list[tuple[int, _Row]] = []
-    for element in vehicle.members("Vsoes", "VSOEs"):
-        fields = Fields(element, f"{vehicle.where}: vehicle {number}, event", vehicle.year)
+    for fields in vehicle.own_rows("vsoe", f"vehicle {number}, event"):
         row = _Row(fields.integer("VEH_NO") or number, fields.code(codes.SOE), fields.code(codes.AOI, "AOI"))
         rows.append((fields.integer("VEVENTNUM") or len(rows) + 1, row))
     return [row for _, row in sorted(rows, key=lambda each: each[0])]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-from lxml import etree
-
 from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import events as event_codes
@@ -32,20 +30,17 @@ _RESTRAINT_UNKNOWN: Final = frozenset({98, 99})  # REST_USE: not reported, unkno
 _UNBELTED: Final = frozenset({0, 7, 20})  # none used: until 2009, until 2018, since
 
 
-def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
-    """Return a motor vehicle in transport.
+def read_vehicle(fields: Fields) -> VehicleRecord:
+    """Return a motor vehicle in transport, of its row in a report.
 
-    >>> vehicle = "<Vehicle><VEH_NO>1</VEH_NO><BODY_TYP>4</BODY_TYP><TRAV_SP>45</TRAV_SP></Vehicle>"
-    >>> crash = Fields(etree.fromstring("<CrashResultSet/>"), "a report", 2023)
-    >>> round(read_vehicle(etree.fromstring(vehicle), crash).travel_speed_mps, 2)  # 45 mph of 0.44704 m/s
+    >>> row = {"VEH_NO": "1", "BODY_TYP": "4", "TRAV_SP": "45"}
+    >>> round(read_vehicle(Fields(row, "a report", 2023)).travel_speed_mps, 2)  # 45 mph of 0.44704 m/s
     20.12
     """
-    fields, number = _numbered(element, crash)
+    number = _number(fields)
     tow_code = fields.known_code(codes.TOW_VEH)
     trailers = None if tow_code is None else codes.TRAILERS_OF_TOW_VEH[tow_code]
-    derived = next(
-        (Fields(entry, fields.where, crash.year) for entry in fields.members("VinDeriveds", "VinDecodes")), None
-    )
+    derived = next(fields.own_rows("vpicdecode"), None)
     body_type = fields.code(BODY_TYP)
     body, body_implied = body_of(
         BodyEvidence(
@@ -103,8 +98,8 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
         location_code=fields.known_code(codes.PCRASH5),
         crash_type_code=fields.code(codes.ACC_TYPE),
         initial_impact_code=fields.code(event_codes.IMPACT1),
-        damaged_areas=_listed(fields, "Damages", event_codes.DAMAGE, "DAMAGE", "MDAREAS"),
-        avoidance_manoeuvres=_listed(fields, "Maneuvers", codes.MANEUVER, "MANEUVER", "MDRMANAV"),
+        damaged_areas=_listed(fields, "damage", event_codes.DAMAGE, "DAMAGE", "MDAREAS"),
+        avoidance_manoeuvres=_listed(fields, "maneuver", codes.MANEUVER, "MANEUVER", "MDRMANAV"),
         rollover_code=fields.code(codes.ROLLOVER),
         hit_and_run=None if hit_and_run is None else hit_and_run != 0,
         occupants=occupants,
@@ -112,17 +107,15 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
     )
 
 
-def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
-    """Return a motor vehicle that was parked, or at work on the road.
+def read_parked_vehicle(fields: Fields) -> VehicleRecord:
+    """Return a motor vehicle that was parked, or at work on the road, of its row in a report.
 
-    Its elements are those of vehicles with a P before.
+    The names are those of vehicles with a P before.
 
-    >>> vehicle = "<ParkWork><VEH_NO>2</VEH_NO><PBODYTYP>4</PBODYTYP><PTYPE>2</PTYPE></ParkWork>"
-    >>> crash = Fields(etree.fromstring("<CrashResultSet/>"), "a report", 2023)
-    >>> read_parked_vehicle(etree.fromstring(vehicle), crash).travel_speed_mps
+    >>> read_parked_vehicle(Fields({"VEH_NO": "2", "PBODYTYP": "4", "PTYPE": "2"}, "a report", 2023)).travel_speed_mps
     0.0
     """
-    fields, number = _numbered(element, crash)
+    number = _number(fields)
     tow_code = fields.known_code(codes.TOW_VEH, "PTRAILER", "PTOW_VEH")
     trailers = None if tow_code is None else codes.TRAILERS_OF_TOW_VEH[tow_code]
     body_type = fields.code(BODY_TYP, "PBODYTYP")
@@ -160,20 +153,20 @@ def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord
     )
 
 
-def _numbered(element: etree._Element, crash: Fields) -> tuple[Fields, int]:
-    fields = Fields(element, f"{crash.where}: vehicle", crash.year)
+def _number(fields: Fields) -> int:
+    """Return ``VEH_NO``, which names the vehicle in messages from then on."""
+    report, fields.where = fields.where, f"{fields.where}: vehicle"
     number = fields.integer("VEH_NO", low=1, high=999)
     if number is None:
         raise malformed(f"{fields.where} without VEH_NO; expected a number from 1 on")
-    fields.where = f"{crash.where}: vehicle {number}"
-    return fields, number
+    fields.where = f"{report}: vehicle {number}"
+    return number
 
 
 def _occupants(fields: Fields) -> tuple[Occupant, ...]:
     """Return the persons in a vehicle, in order of their numbers."""
     found = {}
-    for entry in fields.members("Persons"):
-        person = Fields(entry, fields.where, fields.year)
+    for person in fields.own_rows("person"):
         number, role = person.integer("PER_NO"), person.integer("PER_TYP")
         if number is None or role not in crash_codes.VEHICLE_OCCUPANTS:
             continue
@@ -230,8 +223,8 @@ def _stability(fields: Fields) -> int | None:
     return codes.PCRASH4.known(code)
 
 
-def _listed(fields: Fields, members: str, table: CodeTable, *names: str) -> tuple[int, ...]:
-    listed = (Fields(entry, fields.where, fields.year).known_code(table, *names) for entry in fields.members(members))
+def _listed(fields: Fields, rows: str, table: CodeTable, *names: str) -> tuple[int, ...]:
+    listed = (row.known_code(table, *names) for row in fields.own_rows(rows))
     return tuple(sorted({code for code in listed if code is not None}))
 
 

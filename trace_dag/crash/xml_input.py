@@ -13,6 +13,7 @@ from typing import Final
 from lxml import etree
 
 from trace_dag.common.errors import Reason, Rejection
+from trace_dag.crash.fields import Row
 
 MAX_REPORT_BYTES: Final = 16 * 1024 * 1024
 """The largest real report seen has 140 kB; a crash of a hundred vehicles would have about 5 MB."""
@@ -58,6 +59,28 @@ def parse_leniently(data: bytes, *, name: str) -> etree._Element | None:
         return etree.fromstring(data, _parser(recover=True))
     except etree.XMLSyntaxError:
         return None
+
+
+def local_name(element: etree._Element) -> str:
+    """Return the element's name without its namespace, which lxml writes before it in braces.
+
+    >>> local_name(etree.fromstring('<Count xmlns="http://example.org">1</Count>'))
+    'Count'
+    """
+    return element.tag.rpartition("}")[2]
+
+
+def values_of(element: etree._Element) -> Row:
+    """Return the texts of an element's children that have no children themselves, but for blank ones.
+
+    >>> values_of(etree.fromstring("<Vehicle><VEH_NO>1</VEH_NO><Persons><Person/></Persons></Vehicle>"))
+    {'VEH_NO': '1'}
+    """
+    row: Row = {}
+    for child in element:
+        if isinstance(child.tag, str) and len(child) == 0 and (text := (child.text or "").strip()):
+            row.setdefault(local_name(child).upper(), text)
+    return row
 
 
 def _check_harmless(data: bytes, *, name: str) -> None:

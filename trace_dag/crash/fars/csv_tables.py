@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.common.errors import UserError
-from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
-from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.common.errors import Rejection, UserError
 from trace_dag.crash.fars.files import TABLES, FarsRelease, find_releases
-from trace_dag.crash.fars.rows import FarsRows, Row, integer
+from trace_dag.crash.fars.rows import FarsRows
+from trace_dag.crash.fields import Row
 from trace_dag.crash.keys import crash_key, fars_case
-from trace_dag.crash.kind import kind_of_codes
-from trace_dag.crash.listing import CrashListing
+from trace_dag.crash.listing import CrashListing, list_rows
 from trace_dag.crash.table_reports import report_to_json
 
 if TYPE_CHECKING:
@@ -29,7 +26,18 @@ Rows: TypeAlias = dict[int, list[Row]]
 """Rows by ``ST_CASE``."""
 
 _SEQUENCES: Final = ("cevent", "vevent", "vsoe")
-_OF_VEHICLES: Final = ("vevent", "vsoe")
+_LISTED: Final = {
+    "accident": (
+        *("LATITUDE", "LONGITUD", "COUNTY", "CITY", "COUNTYNAME", "CITYNAME", "ROUTE", "FUNC_SYS", "ROAD_FNC"),
+        *("VE_FORMS", "HARM_EV", "MAN_COLL", "TYP_INT", "RELJCT2"),
+    ),
+    "vehicle": ("VEH_NO", "ACC_TYPE"),
+    "parkwork": ("VEH_NO",),
+    "cevent": ("EVENTNUM", "SOE", "VNUMBER1", "VNUMBER2"),
+    "vevent": ("VEH_NO", "EVENTNUM", "SOE"),
+    "vsoe": ("VEH_NO", "SOE"),
+}
+"""Tables and columns that a listing takes."""
 _WITHOUT: Final = {
     "accident": "where and when the crashes were",
     "vehicle": "bodies, speeds, movements and crash types",
@@ -42,7 +50,6 @@ _WITHOUT: Final = {
 }
 """Tables, and what is missing without them."""
 _YEAR: Final = re.compile(r"[0-9]{1,9}")
-_DECIMAL: Final = re.compile(r"-?[0-9]{1,4}(?:\.[0-9]*)?")
 _MISSING_IN_R: Final = "NA"
 _BATCH: Final = 1000
 """Crashes whose rows are turned into Python objects at a time; bounds the memory of a national year."""
@@ -193,121 +200,42 @@ class _ReleaseTables:
         return [int(case) for case in cases]
 
     def listings(self) -> Iterator[CrashListing]:
-        """Yield one line per crash."""
-        if not self.state_cases:
-            return
-        collided = self._colliding_numbers()
-        events = self._event_codes()
-        crash_types: dict[int, list[tuple[int, int | None]]] = {}
-        for case, row in self._all_rows("vehicle", ("VEH_NO", "ACC_TYPE")):
-            crash_types.setdefault(case, []).append((integer(row, "VEH_NO") or 0, integer(row, "ACC_TYPE")))
-        moving = self._moving_vehicles() if self._table("accident") is None else {}
-        rows = dict(self._all_rows("accident", _LISTED))
-        for case in self.state_cases:
-            pair, row = collided.get(case), rows.get(case, {})
-            vehicles = integer(row, "VE_FORMS") or len(moving.get(case, ())) or None
-            yield CrashListing(
-                key=crash_key(self.year, case),
-                case_year=self.year,
-                state_case=case,
-                latitude_deg=_decimal(row, "LATITUDE"),
-                longitude_deg=_decimal(row, "LONGITUD"),
-                county_code=integer(row, "COUNTY"),
-                city_code=integer(row, "CITY"),
-                county_name=row.get("COUNTYNAME", ""),
-                city_name=row.get("CITYNAME", ""),
-                route_code=integer(row, "ROUTE"),
-                function_class_code=integer(row, "FUNC_SYS") or FUNC_SYS_OF_ROAD_FNC.get(integer(row, "ROAD_FNC") or 0),
-                vehicles=vehicles,
-                kind=kind_of_codes(integer(row, "HARM_EV"), vehicles, events.get(case, ())),
-                manner_of_collision_code=integer(row, "MAN_COLL"),
-                intersection_type_code=integer(row, "TYP_INT"),
-                junction_relation_code=integer(row, "RELJCT2"),
-                crash_types=tuple(
-                    code for number, code in sorted(crash_types.get(case, [])) if not pair or number in pair
-                ),
-            )
+        """Yield one line per crash; nothing but its key where a value of it cannot be read."""
+        for case, rows in self._crashes(self.state_cases, _LISTED):
+            key = crash_key(self.year, case)
+            try:
+                yield list_rows(rows, name=key)
+            except Rejection:
+                yield CrashListing(key, self.year, case)
 
     def reports(self, cases: Sequence[int]) -> Iterator[tuple[str, bytes]]:
         """Yield the key and rows, as JSON, of the crashes of those cases, which are in order."""
+        for case, rows in self._crashes(cases, dict.fromkeys(self._release.files)):
+            yield crash_key(self.year, case), report_to_json(rows)
+
+    def _crashes(
+        self, cases: Sequence[int], columns: Mapping[str, Sequence[str] | None]
+    ) -> Iterator[tuple[int, FarsRows]]:
+        """Yield the rows of each crash in the tables named, of those columns (None: of all)."""
         for start in range(0, len(cases), _BATCH):
             batch = cases[start : start + _BATCH]
-            tables = {name: self._rows(name, batch) for name in self._release.files}
+            tables = {name: self._rows(name, batch, of) for name, of in columns.items()}
             for case in batch:
                 own = {name: rows[case] for name, rows in tables.items() if case in rows}
-                yield crash_key(self.year, case), report_to_json(FarsRows(self.year, case, own))
+                yield case, FarsRows(self.year, case, own)
 
-    def _rows(self, name: str, cases: Sequence[int]) -> Rows:
+    def _rows(self, name: str, cases: Sequence[int], columns: Sequence[str] | None) -> Rows:
         table = self._table(name)
         rows: Rows = {}
         if table is not None:
             wanted = set(cases)
-            for case, row in table.rows(cases[0], cases[-1]):
+            for case, row in table.rows(cases[0], cases[-1], columns):
                 if case in wanted:
                     rows.setdefault(case, []).append(row)
         return rows
-
-    def _all_rows(self, name: str, columns: Sequence[str]) -> Iterator[tuple[int, Row]]:
-        """Yield every row of a table; none if the release has no such table."""
-        table = self._table(name)
-        if table is not None and self.state_cases:
-            yield from table.rows(self.state_cases[0], self.state_cases[-1], columns)
-
-    def _moving_vehicles(self) -> dict[int, set[int]]:
-        """Return the vehicles that have events and were neither parked nor at work, of each crash."""
-        standing = {(case, integer(row, "VEH_NO")) for case, row in self._all_rows("parkwork", ("VEH_NO",))}
-        found: dict[int, set[int]] = {}
-        for name in _OF_VEHICLES:
-            for case, row in self._all_rows(name, ("VEH_NO",)):
-                if (number := integer(row, "VEH_NO")) and (case, number) not in standing:
-                    found.setdefault(case, set()).add(number)
-        return found
-
-    def _colliding_numbers(self) -> dict[int, set[int]]:
-        """Return the vehicles of each crash's first collision between vehicles in transport."""
-        columns = ("EVENTNUM", "SOE", "VNUMBER1", "VNUMBER2")
-        found: dict[int, tuple[int, set[int]]] = {}
-        for case, row in self._all_rows("cevent", columns):
-            if integer(row, "SOE") == MOTOR_VEHICLE_IN_TRANSPORT:
-                number = integer(row, "EVENTNUM") or 0
-                if case not in found or number < found[case][0]:
-                    found[case] = (number, {integer(row, "VNUMBER1") or 0, integer(row, "VNUMBER2") or 0})
-        return {case: pair for case, (_, pair) in found.items()}
-
-    def _event_codes(self) -> dict[int, list[int]]:
-        """Return ``SOE`` of each crash's events, in order where the release has them as the crash's."""
-        name = next((name for name in _SEQUENCES if name in self._release.files), _SEQUENCES[0])
-        numbered: dict[int, list[tuple[int, int]]] = {}
-        for case, row in self._all_rows(name, ("EVENTNUM", "SOE")):
-            if (code := integer(row, "SOE")) is not None:
-                numbered.setdefault(case, []).append((integer(row, "EVENTNUM") or 0, code))
-        return {case: [code for _, code in sorted(rows, key=itemgetter(0))] for case, rows in numbered.items()}
 
     def _table(self, name: str) -> _SortedTable | None:
         if name not in self._tables:
             table = self._release.table(name)
             self._tables[name] = None if table is None else _SortedTable(table, self._release.files[name].label)
         return self._tables[name]
-
-
-_LISTED: Final = (
-    "LATITUDE",
-    "LONGITUD",
-    "COUNTY",
-    "CITY",
-    "COUNTYNAME",
-    "CITYNAME",
-    "ROUTE",
-    "FUNC_SYS",
-    "ROAD_FNC",
-    "VE_FORMS",
-    "HARM_EV",
-    "MAN_COLL",
-    "TYP_INT",
-    "RELJCT2",
-)
-
-
-def _decimal(row: Row, name: str) -> float | None:
-    value = row.get(name, "")
-    return float(value) if _DECIMAL.fullmatch(value) else None
