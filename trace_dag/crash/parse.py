@@ -84,7 +84,7 @@ def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashR
     if is_json(data):
         return report_from_json(data, name=name), False
     root, repaired = parse_untrusted(data, name=name, repair=repair)
-    tables = tables_of(crash_element(root, name=name))
+    tables = tables_of(crash_element(root, name=name), name=name)
     year, state_case, _ = case_of(Fields(tables["accident"][0], name))
     return FarsRows(year, state_case, tables), repaired
 

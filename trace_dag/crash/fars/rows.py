@@ -11,7 +11,7 @@ from typing import Final
 
 from lxml import etree
 
-from trace_dag.crash.fields import Fields, Row, whole_number
+from trace_dag.crash.fields import MAX_MEMBERS, Fields, Row, malformed, whole_number
 from trace_dag.crash.keys import state_of
 from trace_dag.crash.xml_input import local_name, values_of
 
@@ -76,11 +76,13 @@ class FarsRows:
         return _by_number([*rows, *({"VEH_NO": str(number)} for number in told_of - known if number)], "VEH_NO")
 
 
-def tables_of(crash: etree._Element) -> dict[str, list[Row]]:
+def tables_of(crash: etree._Element, *, name: str) -> dict[str, list[Row]]:
     """Return the tables that hold what a ``CrashResultSet`` says.
 
+    Raises :class:`~trace_dag.common.errors.Rejection` (``malformed_report``) for a list longer than any report's.
+
     >>> vehicle = "<Vehicle><VEH_NO>1</VEH_NO><Damages><Damage><DAMAGE>12</DAMAGE></Damage></Damages></Vehicle>"
-    >>> tables_of(etree.fromstring(f"<CrashResultSet><Vehicles>{vehicle}</Vehicles></CrashResultSet>"))
+    >>> tables_of(etree.fromstring(f"<CrashResultSet><Vehicles>{vehicle}</Vehicles></CrashResultSet>"), name="a")
     {'accident': [{}], 'vehicle': [{'VEH_NO': '1'}], 'damage': [{'VEH_NO': '1', 'DAMAGE': '12'}]}
     """
     tables = {"accident": [values_of(crash)]}
@@ -88,6 +90,8 @@ def tables_of(crash: etree._Element) -> dict[str, list[Row]]:
     def add_lists(element: etree._Element, vehicle: Row) -> None:
         for child in element:
             table = _TABLE_OF_LIST.get(local_name(child).upper(), "") if isinstance(child.tag, str) else ""
+            if table and len(child) > MAX_MEMBERS:
+                raise malformed(f"{name}: {local_name(child)} has {len(child)} entries; expected {MAX_MEMBERS} at most")
             for member in child if table else ():
                 row = vehicle | values_of(member)
                 tables.setdefault(table, []).append(row)
