@@ -17,7 +17,7 @@ from tests.scenario.pixels import drawn, rgb
 from trace_dag.pages.canvas import Canvas, length_pt
 from trace_dag.pages.map_ground import ASPHALT, SURFACES, WHITE
 from trace_dag.pages.map_scene import MapScene
-from trace_dag.pages.maps import GROUND, MapDrawing, draw_network
+from trace_dag.pages.maps import GROUND, MapDrawing, draw_network, draw_whole, whole_width_pt
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road, RoadMark, Signal
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -142,7 +142,7 @@ def test_the_name_of_a_street_is_whole_in_the_window_and_clear_of_what_is_taken(
     town.street([(16, 0), (300, 0)], name="A very long name of a street")
     window = (-_HALF_M, -_HALF_M, _HALF_M, _HALF_M)
     drawing = MapDrawing(town.network(), window)
-    clear, taken = Canvas(window, 200.0), Canvas(window, 200.0, [shapely.box(-20.0, -5.0, 5.0, 5.0)])
+    clear, taken = Canvas(window, 200.0), Canvas(window, 200.0, [shapely.box(-20.0, -20.0, 5.0, 20.0)])
     names = []
     for canvas in (clear, taken):
         drawing.draw(canvas)
@@ -152,3 +152,45 @@ def test_the_name_of_a_street_is_whole_in_the_window_and_clear_of_what_is_taken(
     ((x_m,), none) = names
     assert x_m + half_m < _HALF_M
     assert none == [], "there is no other place for it"
+
+
+def test_no_name_and_no_board_of_a_limit_covers_a_lane() -> None:
+    """A grid of streets 60 m apart: names are shorter, so that each fits between two crossings."""
+    town = Town()
+    for number in range(4):
+        lines = [(60.0 * other, 60.0 * number) for other in range(4)]
+        town.street(lines, name=f"East {number} Street")
+        town.street([(east, north) for north, east in lines], name=f"North {number} Road")
+    town.street([(180, 0), (300, 0)], maxspeed="25 mph")
+    network = town.network()
+    window = (-20.0, -20.0, 310.0, 200.0)
+    lanes = shapely.union_all([shapely.Polygon(lane.outline_m) for lane in MapScene(network, window).lanes])
+    texts = list(etree.fromstring(draw_network(network, window)).iter("{*}text"))
+    streets = {f"East {number} Street" for number in range(4)} | {f"North {number} Road" for number in range(4)}
+    assert {text.text for text in texts} == {"25", *streets}
+    for text in texts:
+        size_m, angle = float(text.get("font-size")) / 100, 0.0
+        x_m, y_m = window[0] + float(text.get("x")) / 100, window[3] - float(text.get("y")) / 100
+        if text.get("transform"):
+            angle = -math.radians(float(text.get("transform").removeprefix("rotate(").split()[0]))
+        half_m = length_pt(text.text, size_m) / 2
+        x_m, y_m = x_m - 0.35 * size_m * math.sin(angle), y_m + 0.35 * size_m * math.cos(angle)
+        ends = [(x_m + way * half_m * math.cos(angle), y_m + way * half_m * math.sin(angle)) for way in (-1, 1)]
+        assert not shapely.LineString(ends).buffer(0.35 * size_m).intersects(lanes), text.text
+
+
+def test_the_legend_names_what_is_drawn_and_nothing_else() -> None:
+    town = Town()
+    town.street([(-100, 0), (0, 0), (100, 0)], highway="secondary", cycleway="lane", sidewalk="both", name="Elm Street")
+    town.sign(0, 0, highway="crossing")
+    words = [text.text for text in etree.fromstring(draw_whole(town.network())).iter("{*}text")]
+    assert {"Elm Street", "roadway", "sidewalk", "cycle lane", "crosswalk", "20 m"} <= set(words)
+    assert not {"traffic light", "stop sign", "service road", "median"} & set(words)
+
+
+def test_a_map_of_three_kilometres_is_drawn_larger_and_without_lines_wider_than_its_lanes() -> None:
+    town = Town()
+    town.street([(-1500, 0), (1500, 0)], lanes="2")
+    network = town.network()
+    assert whole_width_pt(network) == pytest.approx(3050 / 2.5, rel=0.01)  # with 25 m beside it
+    assert "line between" not in draw_whole(network)

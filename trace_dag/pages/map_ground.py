@@ -37,6 +37,11 @@ SURFACES: Final = {
     LaneType.BIKING: "#7C8F7B",
 }
 MINOR_SURFACE: Final = "#878B8E"  # service roads and driveways
+SURFACE_NAMES: Final = {ASPHALT: "roadway", MINOR_SURFACE: "service road"} | {
+    colour: kind.value.replace("bidirectional", "centre turn lane").replace("biking", "cycle lane")
+    for kind, colour in SURFACES.items()
+    if colour != ASPHALT
+}
 _BRIDGE_EDGE: Final = "#3A3D40"
 _LEAST_RISE_M: Final = 0.5  # flatter ground is of one colour
 
@@ -96,7 +101,7 @@ class Surfaces:
                 continue
             rings.append(lane.outline_m)
             colours.append(MINOR_SURFACE if _is_minor(scene, lane) else SURFACES[lane_type])
-        self._shapes, self._colours = Shapes(rings), colours
+        self._shapes, self.colours = Shapes(rings), colours
 
     def draw(self, canvas: Canvas, z: float, *, bridge: bool) -> None:
         """Draw what the window shows; a bridge's deck has a dark rim against what lies below."""
@@ -105,7 +110,7 @@ class Surfaces:
             deck = [self._shapes.points_m[number] for number in shown if number >= self._first_lane]
             canvas.polygons(deck, Ink(_BRIDGE_EDGE, _BRIDGE_EDGE, 2.5), z)
         # Neighbours of one colour are one path; edges in the colour of the face close the hairlines between others.
-        for colour, numbers in groupby(shown, key=lambda number: self._colours[number]):
+        for colour, numbers in groupby(shown, key=lambda number: self.colours[number]):
             canvas.polygons([self._shapes.points_m[number] for number in numbers], Ink(colour, colour, 0.6), z + 0.1)
 
 
@@ -151,8 +156,8 @@ def _is_minor(scene: MapScene, lane: SeenLane) -> bool:
 
 # --- painted lines ----------------------------------------------------------------------------------------------
 WHITE: Final = "#F7F7F2"
-_YELLOW: Final = "#F2C230"
-_COLOURS: Final = {"yellow": _YELLOW, "white": WHITE, "standard": WHITE}
+YELLOW: Final = "#F2C230"
+_COLOURS: Final = {"yellow": YELLOW, "white": WHITE, "standard": WHITE}
 _DASH_M: Final = 3.05  # MUTCD 2009, section 3A.06: segments of 10 ft, gaps of 30 ft
 _PERIOD_M: Final = 12.19
 STROKE_M: Final = 0.15

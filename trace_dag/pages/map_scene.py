@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from trace_dag.roads.map.lane_geometry import sample_lanes
-from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.sampling import Stations, sample_reference_lines
 
 if TYPE_CHECKING:
@@ -87,6 +87,12 @@ class MapScene:
     def lanes(self) -> Iterator[SeenLane]:
         """Return every lane in sight."""
         return (lane for section in self.sections for lane in section.lanes)
+
+    @cached_property
+    def surfaces(self) -> shapely.STRtree:
+        """Return the surfaces of all lanes in sight, by place."""
+        lanes = (lane for lane in self.lanes if lane.geometry.lane.type is not LaneType.NONE)
+        return shapely.STRtree([shapely.Polygon(lane.outline_m) for lane in lanes if len(lane.outline_m) > 2])
 
     @cached_property
     def major_junctions(self) -> set[str | None]:

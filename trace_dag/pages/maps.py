@@ -10,9 +10,20 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from trace_dag.pages.canvas import Canvas, Ink
-from trace_dag.pages.map_ground import Arrows, Crosswalks, Marks, Shade, Surfaces, height_shades
-from trace_dag.pages.map_scene import MapScene, Window
-from trace_dag.pages.map_signs import Names, Signs
+from trace_dag.pages.map_ground import (
+    ASPHALT,
+    SURFACE_NAMES,
+    YELLOW,
+    Arrows,
+    Crosswalks,
+    Marks,
+    Shade,
+    Surfaces,
+    height_shades,
+)
+from trace_dag.pages.map_scene import MapScene, Window, window_of
+from trace_dag.pages.map_signs import SIGNS, Names, Signs
+from trace_dag.pages.picture_sheet import Sign, with_legend
 from trace_dag.pages.scenery import Scenery, corners_of, draw_fading, draw_night, map_reach_m
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -21,6 +32,9 @@ if TYPE_CHECKING:
 
 GROUND: Final = "#EFEDE4"
 _ARROWS_UP_TO_M: Final = 350.0  # in wider windows arrows are specks
+_MARKS_FROM_PT: Final = 0.45  # to a metre: below, the lines of a lane are wider than the lane
+_WIDTH_PT: Final = 460.0
+_M_PER_PT: Final = 2.5  # at most, in the picture of a whole map
 _HIGHEST_LEVEL: Final = 9
 NAMES_Z: Final = 22.0
 """Above the paths that vehicles take, below their bodies."""
@@ -69,7 +83,8 @@ class MapDrawing:
         for level, (bridge, surfaces, marks, arrows) in enumerate(self._layers):
             z = 1.0 + min(level, _HIGHEST_LEVEL)
             surfaces.draw(canvas, z, bridge=bridge)
-            marks.draw(canvas, z + 0.3)
+            if canvas.points_per_m >= _MARKS_FROM_PT:
+                marks.draw(canvas, z + 0.3)
             if canvas.span_m <= _ARROWS_UP_TO_M:
                 arrows.draw(canvas, z + 0.4)
         self._crosswalks.draw(canvas, 12.0)
@@ -77,12 +92,26 @@ class MapDrawing:
         if names:
             self._names.draw(canvas, NAMES_Z, GROUND)
 
+    def legend(self, canvas: Canvas) -> list[Sign]:
+        """Return the signs of what the map has and a canvas of this scale shows."""
+        colours = {colour for _, surfaces, _, _ in self._layers for colour in surfaces.colours}
+        found = [
+            Sign(name, Ink(stroke=colour, width_pt=7.0)) for colour, name in SURFACE_NAMES.items() if colour in colours
+        ]
+        if canvas.points_per_m >= _MARKS_FROM_PT:
+            found.append(Sign("line between directions, or left edge", Ink(stroke=YELLOW, width_pt=1.5)))
+        if self._crosswalks.bars.points_m or self._crosswalks.outlines.points_m:
+            found.append(Sign("crosswalk", Ink(stroke=ASPHALT, width_pt=7.0, dash_pt=(1.5, 1.5))))
+        return found + [
+            Sign(name, ink, symbol) for kind, (name, symbol, ink) in SIGNS.items() if kind in self._signs.kinds
+        ]
+
 
 def draw_network(
     network: RoadNetwork,
     window_m: Window,
     *,
-    width_pt: float = 460.0,
+    width_pt: float = _WIDTH_PT,
     legal_marks: bool = True,
     names: bool = True,
     heights: bool = False,
@@ -95,3 +124,26 @@ def draw_network(
     canvas = Canvas(window_m, width_pt)
     MapDrawing(network, window_m, legal_marks=legal_marks, heights=heights).draw(canvas, names=names)
     return canvas.svg()
+
+
+def draw_whole(network: RoadNetwork) -> str:
+    """Return a whole map as an SVG, wider where the map is large, with a scale and a legend below.
+
+    >>> "traffic light</text>" in draw_whole(network)
+    True
+    """
+    window_m = window_of(network)
+    canvas = Canvas(window_m, whole_width_pt(network))
+    drawing = MapDrawing(network, window_m)
+    drawing.draw(canvas)
+    return with_legend(canvas, drawing.legend(canvas))
+
+
+def whole_width_pt(network: RoadNetwork) -> float:
+    """Return the width of :func:`draw_whole` in points.
+
+    >>> whole_width_pt(network)
+    460.0
+    """
+    west, _, east, _ = window_of(network)
+    return max(_WIDTH_PT, (east - west) / _M_PER_PT)

@@ -24,7 +24,7 @@ _SIZE_PT: Final = 7.5
 _HEADLINE_PT: Final = 10.5
 _HEADLINE_AT_PT: Final = (509.0, 495.0)
 _SMALLEST: Final = 0.75  # share of its size in which a long line is set; below, it could not be read
-_STROKE_PT, _TEXT_PT = 14.0, 20.0
+_STROKE_PT, _GAP_PT, _ROW_PT = 14.0, 6.0, 13.0
 _FRAME_Z, _WORDS_Z = 50.0, 51.0
 
 
@@ -100,8 +100,7 @@ class Sheet:
             for number, sign in enumerate(signs):
                 x = left_pt + 4.0 + number // column.rows * column.width_pt
                 y = _LEGEND_PT - column.first_row_pt - column.row_pt * (number % column.rows)
-                self._draw_sign(sign, x, y)
-                self._write(sign.label, x + _TEXT_PT, y, _SIZE_PT)
+                draw_sign(self._canvas, sign, x, y)
 
     def svg(self) -> str:
         """Return the finished sheet."""
@@ -109,15 +108,6 @@ class Sheet:
 
     def _write(self, text: str, x: float, y: float, size_pt: float) -> None:
         self._canvas.text(text, x, y, size_pt, INK, _WORDS_Z, anchor="start")
-
-    def _draw_sign(self, sign: Sign, x: float, y: float) -> None:
-        middle = x + _STROKE_PT / 2
-        if sign.symbol == "cross":
-            self._canvas.cross(middle, y, 4.5, sign.ink, _WORDS_Z)
-        elif sign.symbol:
-            self._canvas.symbol(sign.symbol, middle, y, 4.5, sign.ink, _WORDS_Z)
-        else:
-            self._canvas.lines([np.array([(x, y), (x + _STROKE_PT, y)])], sign.ink, _WORDS_Z)
 
     def _draw_frame(self, left: float, title: str, window: Window) -> None:
         """Draw a frame, a scale bar of a round number of metres, the direction of north, and their labels."""
@@ -132,6 +122,37 @@ class Sheet:
         north = np.array([(18.4, 0), (19.4, 0.7), (20.4, 0), (19.4, 3.2)]) * unit
         draw([north + np.array([x, y])], Ink(INK), _WORDS_Z)
         self._write(f"{title}   {bar_m:g} m", x, y + 2.4 * unit, _SIZE_PT)
+
+
+def draw_sign(sheet: Canvas, sign: Sign, x: float, y: float, stroke_pt: float = _STROKE_PT) -> None:
+    """Draw a sign of the legend with its label beside it, on a canvas in points."""
+    if sign.symbol == "cross":
+        sheet.cross(x + stroke_pt / 2, y, 4.5, sign.ink, _WORDS_Z)
+    elif sign.symbol:
+        sheet.symbol(sign.symbol, x + stroke_pt / 2, y, 4.5, sign.ink, _WORDS_Z)
+    else:
+        sheet.lines([np.array([(x, y), (x + stroke_pt, y)])], sign.ink, _WORDS_Z)
+    sheet.text(sign.label, x + stroke_pt + _GAP_PT, y, _SIZE_PT, INK, _WORDS_Z, anchor="start")
+
+
+def with_legend(panel: Canvas, signs: Sequence[Sign]) -> str:
+    """Return a panel as an SVG, above a scale and a legend in as many rows as these need."""
+    west, south, east, north = panel.window
+    bar_m = _round_length(0.17 * (east - west))
+    x_pt, row = _MARGIN_PT, 0
+    placed: list[tuple[Sign, float, int, float]] = []
+    for sign in (Sign(f"{bar_m:g} m", Ink(stroke=INK, width_pt=2.3)), *signs):
+        stroke_pt = _STROKE_PT if placed else bar_m * panel.points_per_m
+        width_pt = stroke_pt + _GAP_PT + length_pt(sign.label, _SIZE_PT)
+        if placed and x_pt + width_pt > panel.width_pt - _MARGIN_PT:
+            x_pt, row = _MARGIN_PT, row + 1
+        placed.append((sign, x_pt, row, stroke_pt))
+        x_pt += width_pt + 2 * _GAP_PT
+    legend_pt, height_pt = _ROW_PT * (row + 1.5), (north - south) * panel.points_per_m
+    sheet = Canvas((0.0, 0.0, panel.width_pt, height_pt + legend_pt), panel.width_pt)
+    for sign, x_pt, row, stroke_pt in placed:
+        draw_sign(sheet, sign, x_pt, legend_pt - _ROW_PT * (row + 0.75), stroke_pt)
+    return sheet.with_panels([(0.0, legend_pt, panel.width_pt, height_pt, panel)])
 
 
 def square(centre: tuple[float, float], half_m: float) -> Window:

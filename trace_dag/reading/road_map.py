@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 LONGEST_SIDE_M: Final = 10_000.0
 """Beyond it a local frame stretches distances by more than a millimetre in a kilometre, and no tool wants one file."""
-_PICTURE_PX: Final = 1200
+_PX_PER_PT: Final = 2.6  # letters of 17 pixels
 _WORDS: Final = "latitude within 90, longitude within 180 degrees, west less than east, south less than north"
 
 
@@ -76,11 +76,10 @@ class MadeMap:
         return self.source.extract_box(self.extract.box, OsmSettings(), surroundings=True).surroundings
 
     def picture(self) -> str:
-        """Return the map from above, as an SVG."""
-        from trace_dag.pages.map_scene import window_of
-        from trace_dag.pages.maps import draw_network
+        """Return the map from above with a scale and a legend, as an SVG."""
+        from trace_dag.pages.maps import draw_whole
 
-        return draw_network(self.network, window_of(self.network))
+        return draw_whole(self.network)
 
     def report(self) -> dict[str, object]:
         """Return the sources of the map, its gates, and the tags that it does not follow."""
@@ -104,11 +103,12 @@ class MadeMap:
         """
         from trace_dag.export.formats.road_maps import form_of_map
         from trace_dag.pages.canvas import as_png, pixels_of
+        from trace_dag.pages.maps import whole_width_pt
 
         contents = {
             "map.xodr": self.xodr,
             "map.json": json.dumps(self.report(), indent=1, ensure_ascii=False).encode(),
-            "map.png": as_png(pixels_of(self.picture(), _PICTURE_PX)),
+            "map.png": as_png(pixels_of(self.picture(), round(_PX_PER_PT * whole_width_pt(self.network)))),
         }
         for form in forms:
             contents |= form_of_map(form, self.network, self.xodr, lambda: self.surroundings)
