@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Final, NamedTuple, cast
+from typing import Final
 
 from lxml import etree
 
@@ -151,58 +151,36 @@ def _float(element: etree._Element, key: str) -> float:
 
 def _schema(root: etree._Element) -> Iterator[str]:
     """Yield the order of elements, required attributes, numbers, and words of the enumerations."""
-    for element in root.iter(tag=etree.Element):
+    for element in root.iter(_RULES_OF_TAG):
         tag = element.tag
-        if tag not in _RULES_OF_TAG:
-            continue
-        if tag in _CHILDREN:
-            problem = _out_of_order(tag, tuple([child.tag for child in element.iterchildren(tag=etree.Element)]))
-            if problem:
-                yield f"{problem} ({_place(element)})"
-        attributes = cast("list[tuple[str, str]]", element.items())
-        layout = _layout(tag, tuple([key for key, _ in attributes]))
-        for key in layout.missing:
-            yield f"<{tag}> without {key!r} ({_place(element)})"
-        if not _are_finite([attributes[at][1] for at in layout.numbers]):
-            for key, value in (attributes[at] for at in layout.numbers):
-                if not _are_finite([value]):
-                    yield f"<{tag} {key}={value!r}> is not a finite number ({_place(element)})"
-        for at, words in layout.words:
-            key, value = attributes[at]
-            if value not in words:
-                yield f"<{tag} {key}={value!r}> is not in the enumeration ({_place(element)})"
-        if tag == "roadMark":
-            height = element.get("height", "1")
-            if not (_are_finite([height]) and float(height) > 0.0):
-                yield f"<{tag} height={height!r}> is not above 0 ({_place(element)})"
+        children = tuple([child.tag for child in element]) if tag in _CHILDREN else ()
+        for problem in _faults(tag, tuple(element.items()), children):
+            yield f"{problem} ({_place(element)})"
 
 
-@lru_cache(maxsize=1024)  # few kinds of elements differ in what they hold
-def _out_of_order(tag: str, children: _Order) -> str:
-    """Return the fault in the order of an element's children; empty if there is none."""
-    order = _RULES_OF_TAG[tag].order
-    positions = [order.get(child, -1) for child in children]
-    if -1 in positions:
-        return f"<{tag}> holds <{children[positions.index(-1)]}>, out of place"
-    return "" if positions == sorted(positions) else f"children of <{tag}> are out of order"
-
-
-class _Layout(NamedTuple):
-    """The layout of an element: missing attributes, and the places of those that are numbers and words."""
-
-    missing: _Order
-    numbers: tuple[int, ...]
-    words: tuple[tuple[int, frozenset[str]], ...]
-
-
-@lru_cache(maxsize=1024)
-def _layout(tag: str, keys: _Order) -> _Layout:
-    rules = _RULES_OF_TAG[tag]
-    return _Layout(
-        tuple(sorted(rules.required.difference(keys))),
-        tuple(at for at, key in enumerate(keys) if key in rules.numbers),
-        tuple((at, rules.words[key]) for at, key in enumerate(keys) if key in rules.words),
-    )
+@lru_cache(maxsize=4096)  # most elements of a map repeat
+def _faults(tag: str, attributes: tuple[tuple[str, str], ...], children: _Order) -> _Order:
+    """Return the faults of an element with these attributes and children."""
+    rules, found = _RULES_OF_TAG[tag], []
+    places = [rules.order.get(child, -1) for child in children]
+    if -1 in places:
+        found.append(f"<{tag}> holds <{children[places.index(-1)]}>, out of place")
+    elif places != sorted(places):
+        found.append(f"children of <{tag}> are out of order")
+    values = dict(attributes)
+    found += [f"<{tag}> without {key!r}" for key in sorted(rules.required - values.keys())]
+    for key, value in attributes:
+        if key in rules.numbers and not _is_finite(value):
+            found.append(f"<{tag} {key}={value!r}> is not a finite number")
+        if key in rules.words and value not in rules.words[key]:
+            found.append(f"<{tag} {key}={value!r}> is not in the enumeration")
+    if (
+        tag == "roadMark"
+        and "height" in values
+        and not (_is_finite(values["height"]) and float(values["height"]) > 0.0)
+    ):
+        found.append(f"<{tag} height={values['height']!r}> is not above 0")
+    return tuple(found)
 
 
 _NUMBERS: Final[dict[str, _Order]] = {
@@ -233,9 +211,9 @@ _RULES_OF_TAG: Final = {
 }
 
 
-def _are_finite(texts: Iterable[str]) -> bool:
+def _is_finite(text: str) -> bool:
     try:
-        return math.isfinite(sum(map(float, texts)))
+        return math.isfinite(float(text))
     except ValueError:
         return False
 
