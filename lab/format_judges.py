@@ -28,11 +28,14 @@ class Verdict(NamedTuple):
 
 def commonroad(folder: Path) -> Iterator[Verdict]:
     """Yield the reader of commonroad-io, what it finds in the networks, and the schema that comes with it."""
+    import logging
+
     import commonroad.common.file_reader as reading
     from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
     from commonroad.scenario.traffic_sign_interpreter import TrafficSignInterpreter
     from lxml import etree
 
+    logging.disable(logging.CRITICAL)  # it names each element of an intersection whose name the next format changed
     files = sorted(folder.glob("*.xml"))
     lanelets = problems = read = on_a_lanelet = signs = lights = stop_lines = limits = 0
     for file in files:
@@ -44,7 +47,7 @@ def commonroad(folder: Path) -> Iterator[Verdict]:
         limit_of = TrafficSignInterpreter(SupportedTrafficSignCountry.ZAMUNDA, network).speed_limit
         limits += sum(limit_of(frozenset([each.lanelet_id])) is not None for each in network.lanelets)
         found = list(planning.planning_problem_dict.values())
-        problems, read = problems + len(found), read + (len(found) == (not file.stem.endswith("_all")))
+        problems, read = problems + len(found), read + bool(found)
         on_a_lanelet += all(network.find_lanelet_by_position([each.initial_state.position])[0] for each in found)
     who = f"commonroad-io {version('commonroad-io')}"
     says = (
@@ -156,7 +159,7 @@ def scenarionet(folder: Path) -> Iterator[Verdict]:
 
 
 def sumo(folder: Path) -> Iterator[Verdict]:
-    """Yield the SUMO itself, its schema, and sumolib."""
+    """Yield SUMO itself, its schema, and sumolib."""
     import sumo as home
     import sumolib
     import xmlschema
@@ -212,7 +215,7 @@ def osi(folder: Path) -> Iterator[Verdict]:
 
 
 def omega(folder: Path) -> Iterator[Verdict]:
-    """Yield the omega-prime, which reads everybody's motion and the lanes of traces of OSI."""
+    """Yield omega-prime, which reads everybody's motion and the lanes of traces of OSI."""
     import warnings
 
     import omega_prime
@@ -256,7 +259,7 @@ def designer(folder: Path) -> Iterator[Verdict]:
 
 
 def openlabel(folder: Path) -> Iterator[Verdict]:
-    """Yield aSAM's schema and the checks of openlabel-checker."""
+    """Yield ASAM's schema and the checks of openlabel-checker."""
     files = sorted(folder.glob("*.json"))
     program = str(Path(sys.executable).with_name("openlabel-check"))
     clean = tags = 0

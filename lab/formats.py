@@ -4,6 +4,7 @@
     python -m lab formats ROOT osi sumo        some forms
     python -m lab formats ROOT --sample 60     a sample of the crashes
     python -m lab formats ROOT --keep FOLDER   the files stay there; those already there are asked again
+    python -m lab formats ROOT --page PAGE.md  writes the tables into a page
 
 Each reader runs in an environment of its own, which uv makes (``uv run --with``): they need libraries that do not go
 together, and none of them is a dependency of trace-dag. ``sumo`` needs SUMO's netconvert (the extra ``sumo``).
@@ -16,11 +17,13 @@ import json
 import subprocess
 import sys
 import tempfile
+from datetime import date
 from pathlib import Path
+from typing import Any
 
 import trace_dag
 
-READERS = {
+READERS: dict[str, dict[str, tuple[str, ...]]] = {
     "commonroad": {"commonroad": ("commonroad-io==2026.1",)},
     "lanelet2": {"lanelet2": ("lanelet2==1.2.3",)},
     "scenarionet": {"scenarionet": ("metadrive-simulator==0.4.3",)},
@@ -34,47 +37,88 @@ READERS = {
     "packages": {"designer": ("commonroad-scenario-designer==0.8.5",)},
 }
 """By form the functions of ``format_judges.py`` that judge it, with the packages that each needs."""
+MAP_READERS = {
+    "carla": ("carla==0.9.16",),
+    "netconvert": ("eclipse-sumo==1.28.0", "sumolib==1.28.0"),
+    "scenic": ("scenic==3.1.1",),
+    "pyxodr": ("pyxodr==0.1.3",),
+    "ad_map": ("ad-map-access==3.0.0",),
+    "tactics2d": ("tactics2d==0.1.9",),
+}
+"""By reader of ``map_judges.py`` the packages that it needs."""
+_PAGE = """# Readers of the files
+
+Each form of `trace-dag export`, and the OpenDRIVE maps, before the tools that read them. Made on {date} with
+commit {commit}, of {crashes} verified crashes, by `python -m lab formats ROOT --sample {sample} --page PAGE`.
+
+## Forms
+
+{forms}
+
+## Maps
+
+The OpenDRIVE maps of these crashes: the share that each reader has of the amounts in the files. Empty: its
+interface does not offer them. More than 100 %: it counts what is not in the files, such as assumed limits
+or a sign for each road where it holds. *Heights* is the range of each map's.
+
+{maps}
+
+[Crashes in other tools](../../how-to/formats.md#our-maps-in-other-readers) says what to do about the losses.
+"""
 _JUDGES = Path(__file__).with_name("format_judges.py")
+_MAP_JUDGES = Path(__file__).with_name("map_judges.py")
 _PROGRAM = Path(sys.executable).with_name("trace-dag")
 
 
-def table(root: Path, forms: list[str], folder: Path, sample: int) -> bool:
-    """Print what the readers of each form say, a row per reader; whether all took everything."""
-    only = [argument for key in _sampled(root, sample) for argument in ("--only", key)] if sample else []
-    print("| format | judge | files | taken | what it says |\n|---|---|---:|---:|---|", flush=True)
-    well = True
+def form_table(root: Path, forms: list[str], folder: Path, keys: list[str]) -> tuple[list[str], bool]:
+    """Print and return a row for each reader of each form, and whether all took everything."""
+    only = [argument for key in keys for argument in ("--only", key)]
+    lines, well = ["| format | reader | files | taken | what it finds |", "|---|---|---:|---:|---|"], True
     for form in forms:
-        subprocess.run(
-            [_PROGRAM, "--root", root, "export", "--format", form, "--output", folder / form, *only],
-            stdout=subprocess.DEVNULL,
-            check=True,
-        )
+        export = [_PROGRAM, "--root", root, "export", "--format", form, "--output", folder / form, *only]
+        subprocess.run(export, stdout=subprocess.DEVNULL, check=True)
         for judges, packages in READERS[form].items():
-            well &= _ask(form, judges, packages, folder / form)
-    return well
+            rows, done = _ask(_JUDGES, judges, packages, folder / form)
+            lines += [
+                f"| `{form}` | {row['judge']} | {row['files']} | {row['taken']} | {row['says']} |" for row in rows
+            ]
+            well &= done and all(row["taken"] == row["files"] for row in rows)
+            print(*lines[-len(rows) :], sep="\n", flush=True)
+    return lines, well
 
 
-def _ask(form: str, judges: str, packages: tuple[str, ...], folder: Path) -> bool:
-    """Print the rows of one environment's readers; whether they took everything."""
+def map_table(folder: Path) -> tuple[list[str], bool]:
+    """Print and return a row for each reader of the maps below a folder, and whether each opened all."""
+    lines, well = [], True
+    for reader, packages in MAP_READERS.items():
+        rows, done = _ask(_MAP_JUDGES, reader, ("numpy", *packages), folder)
+        for row in rows:
+            facts = row["facts"]
+            if not lines:
+                lines = [f"| reader | files | opened | {' | '.join(facts)} |", f"|---|{'---:|' * (len(facts) + 2)}"]
+            shares = ["" if each is None else f"{each[0] / each[1]:.0%}" if each[1] else "" for each in facts.values()]
+            lines.append(f"| {row['reader']} | {row['files']} | {row['opened']} | {' | '.join(shares)} |")
+            well &= row["opened"] == row["files"]
+            print(lines[-1], flush=True)
+        well &= done
+    return lines, well
+
+
+def _ask(program: Path, judges: str, packages: tuple[str, ...], folder: Path) -> tuple[list[dict[str, Any]], bool]:
+    """Return the rows of one environment's readers, and whether they came to their end."""
     with_packages = [argument for package in packages for argument in ("--with", package)]
     command = ["uv", "run", "--quiet", "--isolated", "--no-project", "--python", sys.executable, *with_packages]
-    done = subprocess.run([*command, "python", _JUDGES, judges, folder], stdout=subprocess.PIPE, text=True, check=False)
-    well = done.returncode == 0
-    for line in done.stdout.splitlines():
-        if line.startswith("{"):
-            row = json.loads(line)
-            well &= row["taken"] == row["files"]
-            print(f"| `{form}` | {row['judge']} | {row['files']} | {row['taken']} | {row['says']} |", flush=True)
+    done = subprocess.run([*command, "python", program, judges, folder], stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
-        print(f"| `{form}` | {judges} failed with exit code {done.returncode} | | | |", flush=True)
-    return well
+        print(f"{judges} failed with exit code {done.returncode}", file=sys.stderr)
+    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")], done.returncode == 0
 
 
 def _sampled(root: Path, sample: int) -> list[str]:
-    """Return so many verified crashes, evenly out of all."""
+    """Return so many verified crashes, evenly out of all; all of them for 0."""
     crashes = trace_dag.open(root).crashes
-    keys = crashes.index[crashes["final_state"] == "verified"].tolist()
-    return keys[:: max(1, len(keys) // sample)][:sample]
+    keys = [str(key) for key in crashes.index[crashes["final_state"] == "verified"]]
+    return keys[:: max(1, len(keys) // sample)][:sample] if sample else keys
 
 
 def main() -> int:
@@ -84,13 +128,28 @@ def main() -> int:
     parser.add_argument("forms", nargs="*", metavar="FORMAT", help=f"of {', '.join(READERS)}; all by default")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="where the files are written and stay")
     parser.add_argument("--sample", type=int, default=0, metavar="N", help="so many crashes, evenly out of all")
+    parser.add_argument("--page", type=Path, metavar="PAGE", help="write the tables into this page")
     options = parser.parse_args()
     unknown = set(options.forms) - READERS.keys()
     if unknown:
         parser.error(f"no readers of {', '.join(sorted(unknown))}; there are those of {', '.join(READERS)}")
+    keys, forms = _sampled(options.root, options.sample), options.forms or list(READERS)
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.keep or Path(temporary)
-        return 0 if table(options.root, options.forms or list(READERS), folder, options.sample) else 1
+        form_lines, forms_well = form_table(options.root, forms, folder, keys)
+        map_lines, maps_well = map_table(folder / "packages") if "packages" in forms else ([], True)
+    if options.page:
+        commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
+        text = _PAGE.format(
+            sample=options.sample,
+            date=f"{date.today():%d %B %Y}".lstrip("0"),
+            commit=commit.stdout.strip(),
+            crashes=len(keys),
+            forms="\n".join(form_lines),
+            maps="\n".join(map_lines),
+        )
+        options.page.write_text(text)
+    return 0 if forms_well and maps_well else 1
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ class Figure:
 
     @property
     def ratio(self) -> float | None:
-        """Return ours to the peer's."""
+        """Return the ratio of our time to the peer's."""
         return self.value / self.peer_value if self.peer_value else None
 
     @property

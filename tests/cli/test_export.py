@@ -172,6 +172,15 @@ def test_existing_exports_are_kept(root: Path, packages: dict[str, Path], tmp_pa
     assert export(workspace, [key], tmp_path, "openlabel") == 0
 
 
+def test_the_tool_that_reads_chooses_the_form(root: Path, packages: dict[str, Path], tmp_path: Path) -> None:
+    key = min(packages)
+    trace_dag(root, "export", "--for", "geopandas", "--only", key, "--output", str(tmp_path))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["crashes.gpx", "crashes.parquet"]
+    both = trace_dag(root, "export", "--for", "sumo", "--format", "osi")
+    assert both.returncode == 2
+    assert "leave one out" in both.stderr
+
+
 def test_only_verified_crashes_are_exported(root: Path) -> None:
     workspace = Workspace.open(str(root), FLOW)
     rejected = sorted(set(workspace.registry.keys()) - set(accepted_keys(workspace)))

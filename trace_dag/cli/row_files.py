@@ -70,7 +70,7 @@ def _write_geojson(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any
 
 
 def _write_parquet(path: Path, _names: Sequence[str], rows: pa.Table) -> None:
-    """With the types of the answer, but sums of integers, which DuckDB makes of 38 digits, as integers if they fit."""
+    """Write rows with the types of the answer; sums of integers, of 38 digits in DuckDB, as integers if they fit."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -62,7 +62,7 @@ def make_executor(settings: ExecutionSettings) -> Executor:
 
 
 def available_cores() -> int:
-    """Return cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

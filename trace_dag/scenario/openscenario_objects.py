@@ -39,6 +39,6 @@ def misc_object(item: FixedObject) -> Element:
 
 
 def standing_at(item: FixedObject) -> Element:
-    """Return puts an object where it stands."""
+    """Return the action that puts an object in its place."""
     pose = item.pose
     return teleport_action(*(round(value, 6) + 0.0 for value in (pose.x_m, pose.y_m, pose.z_m, pose.heading_rad)))

@@ -66,7 +66,7 @@ class Towed(Vehicle):
         self._roll_on()
 
     def _roll_on(self) -> None:
-        """Move as what pulls it makes it move: without sliding sideways on its axles."""
+        """Follow the hitch without sliding sideways on its axles."""
         puller, model = self.puller, self.model
         behind_m = _hitch_behind_cg_m(puller.model, self.trailer)
         hitch_vx = puller.vx + behind_m * puller.yaw_rate * math.sin(puller.heading)

@@ -50,7 +50,7 @@ def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement 
 
 
 def find_reported_impacts(record: CrashRecord) -> set[int | None]:
-    """Return the numbers of the vehicles of which the report says where they were struck.
+    """Return the numbers of the vehicles whose struck parts are reported.
 
     >>> find_reported_impacts(record)
     {1, 2}

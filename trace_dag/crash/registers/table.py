@@ -138,7 +138,7 @@ class RegisterTable:
 
     @cached_property
     def _found(self) -> PlaceFinder | None:
-        """Return finds what was found of all places in words together, since a map is read for all at once."""
+        """Locate all places that are given in words together, since a map is read for all at once."""
         if self._find is None:
             return None
         reader = RowReader(self.mapping)

@@ -8,3 +8,21 @@ from typing import Final
 
 MAP_FORMS: Final = ("geojson", "geoparquet", "commonroad", "lanelet2", "scenarionet", "sumo", "glb")
 """Forms that a road map by itself is written in; here, so that a command names them without what writes them."""
+FORM_OF_READER: Final = {
+    "autoware": "lanelet2",
+    "blender": "glb",
+    "carla": "packages",
+    "commonroad": "commonroad",
+    "duckdb": "points",
+    "esmini": "packages",
+    "geopandas": "points",
+    "lanelet2": "lanelet2",
+    "metadrive": "scenarionet",
+    "omega-prime": "osi",
+    "qgis": "points",
+    "scenarionet": "scenarionet",
+    "scenic": "packages",
+    "sumo": "sumo",
+    "trimesh": "glb",
+}
+"""The form that each tool reads best, of those that it reads (``python -m lab formats`` tries them)."""

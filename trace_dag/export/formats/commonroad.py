@@ -70,7 +70,7 @@ class CommonRoad:
     """``<key>_V<number>.xml`` for each driver who leaves the road or would meet somebody, were nobody to react.
 
     A vehicle that struck a party that the crash had thrown there, or the trailer, which a planning problem does not
-    have, has nothing to avoid. ``<key>_all.xml`` has everybody, and no planning problem.
+    have, has nothing to avoid. ``<key>_all.xml`` has everybody, and a problem for each driver: the schema asks for one.
     """
 
     def __init__(self, keys: Sequence[str]) -> None:
@@ -80,8 +80,8 @@ class CommonRoad:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         case, record = as_driven(crash), crash.load(RECORD)
         drives = drives_of(case)
-        tested = {}
-        for own in filter(lambda drive: drive.is_driven, drives):
+        tested, drivers = {}, [each for each in drives if each.is_driven]
+        for own in drivers:
             others = [each for each in drives if party_of_body(each.number) != own.number]  # not the own trailer
             if own.number == case.departed or any(meets(own, each) for each in others):
                 tested[own] = others
@@ -90,13 +90,13 @@ class CommonRoad:
         road = _Lanelets(case.network)
         source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
         files = {
-            f"{crash.key}_V{own.number}.xml": _scenario(record, road, f"V{own.number}", others, source, own)
+            f"{crash.key}_V{own.number}.xml": _scenario(record, road, f"V{own.number}", others, source, [own])
             for own, others in tested.items()
         }
-        return {**files, f"{crash.key}_all.xml": _scenario(record, road, "All", drives, source)}
+        return {**files, f"{crash.key}_all.xml": _scenario(record, road, "All", drives, source, drivers)}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return each file explains itself."""
+        """Return nothing: each file explains itself."""
         return {}
 
 
@@ -225,18 +225,17 @@ def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
 
 
 def _scenario(
-    record: CrashRecord, road: _Lanelets, name: str, others: Sequence[Drive], source: str, own: Drive | None = None
+    record: CrashRecord, road: _Lanelets, name: str, others: Sequence[Drive], source: str, tested: Sequence[Drive]
 ) -> bytes:
     year, _, number = record.key.partition("-")
     day = date(record.year or record.case_year, record.month or 1, record.day or 1)
     root = _root(f"{_COUNTRY}_Fars{year}x{number}{name}-1_1_T-1", source, day)
     _add_location(root, record.latitude_deg, record.longitude_deg)
-    next_id = road.write_into(root, "critical")
+    ids = count(road.write_into(root, "critical"))
     for each in sorted(others, key=lambda each: not each.is_parked):  # those that stand come first
-        _add_obstacle(root, next_id, each)
-        next_id += 1
-    if own is not None:
-        _add_problem(root, next_id, own)
+        _add_obstacle(root, next(ids), each)
+    for each in tested:
+        _add_problem(root, next(ids), each)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 

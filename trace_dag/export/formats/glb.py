@@ -19,5 +19,5 @@ class Glb:
         return {f"{crash.key}.glb": replay(crash, "glb")}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return each file explains itself."""
+        """Return nothing: each file explains itself."""
         return {}

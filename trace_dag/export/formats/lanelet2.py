@@ -45,7 +45,7 @@ class Lanelet2:
         return {f"{crash.key}.osm": lanelets(crash.load(ROAD_MAP))}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return each file explains itself."""
+        """Return nothing: each file explains itself."""
         return {}
 
 

@@ -133,7 +133,7 @@ class OpenLabel:
         return {f"{crash.key}.json": (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return each file explains itself."""
+        """Return nothing: each file explains itself."""
         return {}
 
 

@@ -105,7 +105,7 @@ class Osi:
         return {f"{crash.key}_gt.osi": trace(crash.load(ROAD_MAP), surrounded, crash.load(RECORD))}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return each trace explains itself."""
+        """Return nothing: each trace explains itself."""
         return {}
 
 

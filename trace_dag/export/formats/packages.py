@@ -21,5 +21,5 @@ class Packages:
         return {f"{crash.key}/{name}": data for name, data in files.items()}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return each package explains itself."""
+        """Return nothing: each package explains itself."""
         return {}

@@ -63,7 +63,7 @@ def build_street_roads(
 
 
 def _halve_longest(stretches: list[Stretch]) -> int:
-    """Return cuts the longest stretch in two; returns the index of its second half."""
+    """Cut the longest stretch in two; return the index of its second half."""
     index = max(range(len(stretches)), key=lambda i: _length(stretches[i]))
     stretch = stretches[index]
     middle_m = (stretch.begin_m + stretch.end_m) / 2
