@@ -52,7 +52,7 @@ _COMPARISONS = {
     "perturbed_files": PERTURBED,
     "estimator_files": ESTIMATORS,
 }
-VERSION = "9"
+VERSION = "10"
 """Number of the code and the SQL that build a warehouse; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _BUILD_ATTEMPTS = 3
 _MEMORY_LIMIT = "1GB"
@@ -178,6 +178,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
                 execute_sql(connection, table)
         else:
             update_tables(connection, changed, execute_sql)
+        _comment_columns_of_views(connection)
         rows = {table: _count(connection, table) for table in TABLES}
         connection.execute("CHECKPOINT")
     if storage.local_root is None:
@@ -218,6 +219,16 @@ def _read(
         if taken is not None:
             taken.result()
     return outcomes.finished()
+
+
+def _comment_columns_of_views(connection: duckdb.DuckDBPyConnection) -> None:
+    """Give the columns that a view takes over from ``crashes`` the comments that they have there."""
+    for view, column, comment in connection.execute(
+        "SELECT taken.table_name, column_name, held.comment FROM duckdb_columns() taken JOIN duckdb_columns() held"
+        " USING (column_name) WHERE taken.comment IS NULL AND held.table_name = 'crashes'"
+    ).fetchall():
+        text = comment.replace("'", "''")
+        connection.execute(f"COMMENT ON COLUMN {view}.{column} IS '{text}'")
 
 
 def _count(connection: duckdb.DuckDBPyConnection, table: str) -> int:

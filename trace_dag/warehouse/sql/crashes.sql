@@ -55,9 +55,13 @@ SELECT
     nullif(
         concat_ws(', ', nullif(record.city_name, ''), nullif(record.county_name, ''), nullif(record.state_name, '')), ''
     ) AS place,
+    nullif(record.city_name, '') AS city,
+    nullif(record.county_name, '') AS county,
     record.year,
     record.month,
     record.day,
+    try(make_date(record.year, record.month, record.day)) AS crash_date,
+    dayname(try(make_date(record.year, record.month, record.day))) AS weekday,
     record.hour,
     record.minute,
     record.light_code,
@@ -123,9 +127,13 @@ COMMENT ON COLUMN crashes.outdated_because IS 'What happened in that attempt';
 COMMENT ON COLUMN crashes.state_code IS 'State (STATE), as in the case number';
 COMMENT ON COLUMN crashes.state_name IS 'Name of the state';
 COMMENT ON COLUMN crashes.place IS 'City, county and state as labelled';
+COMMENT ON COLUMN crashes.city IS 'City as labelled, null outside cities and where none is reported';
+COMMENT ON COLUMN crashes.county IS 'County as labelled';
 COMMENT ON COLUMN crashes.year IS 'Year of the crash';
 COMMENT ON COLUMN crashes.month IS 'Month of the crash';
 COMMENT ON COLUMN crashes.day IS 'Day of the crash';
+COMMENT ON COLUMN crashes.crash_date IS 'Date of the crash; null where the day is not reported';
+COMMENT ON COLUMN crashes.weekday IS 'Day of the week, such as Saturday';
 COMMENT ON COLUMN crashes.hour IS 'Hour of the crash, local time';
 COMMENT ON COLUMN crashes.minute IS 'Minute of the crash, local time';
 COMMENT ON COLUMN crashes.light_code IS 'Light (LGT_COND)';

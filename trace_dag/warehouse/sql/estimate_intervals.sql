@@ -9,6 +9,9 @@ SELECT
     found.low,
     found.middle,
     found.high,
+    CASE found.unit WHEN 'm/s' THEN found.best / 0.44704 END AS best_mph,
+    CASE found.unit WHEN 'm/s' THEN found.low / 0.44704 END AS low_mph,
+    CASE found.unit WHEN 'm/s' THEN found.high / 0.44704 END AS high_mph,
     drawn,
     contacts,
     effective
@@ -24,6 +27,9 @@ COMMENT ON COLUMN estimate_intervals.best IS 'Of the first hypothesis that has a
 COMMENT ON COLUMN estimate_intervals.low IS 'One in ten draws, by weight, is below';
 COMMENT ON COLUMN estimate_intervals.middle IS 'Median of the draws';
 COMMENT ON COLUMN estimate_intervals.high IS 'One in ten draws is above';
+COMMENT ON COLUMN estimate_intervals.best_mph IS 'best of a speed or delta-v, mph; null of places and angles';
+COMMENT ON COLUMN estimate_intervals.low_mph IS 'low, mph';
+COMMENT ON COLUMN estimate_intervals.high_mph IS 'high, mph';
 COMMENT ON COLUMN estimate_intervals.drawn IS 'Draws that were simulated';
 COMMENT ON COLUMN estimate_intervals.contacts IS 'Those of them that came to a contact that the report does not exclude';
 COMMENT ON COLUMN estimate_intervals.effective IS 'Draws of equal weight that they are worth; below 2 an interval is the value of one draw';
