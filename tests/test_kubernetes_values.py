@@ -47,6 +47,18 @@ def test_a_run_pod_has_a_core_for_each_of_its_processes(values: dict[str, Any], 
     assert settings.execution.workers == int(container["resources"]["requests"]["cpu"])
 
 
+def test_pods_run_as_the_user_of_the_image_and_may_not_become_another(
+    values: dict[str, Any], location: dict[str, Any]
+) -> None:
+    container = values["runLauncher"]["config"]["k8sRunLauncher"]["runK8sConfig"]["containerConfig"]
+    image = (VALUES.parent / "Dockerfile").read_text()
+    for context in (location["securityContext"], container["securityContext"]):
+        assert f"--uid {context['runAsUser']} crash" in image
+        assert context["runAsNonRoot"]
+        assert not context["allowPrivilegeEscalation"]
+        assert context["capabilities"] == {"drop": ["ALL"]}
+
+
 def test_all_runs_together_ask_public_services_at_the_rate_of_one_machine(
     values: dict[str, Any], settings: Settings
 ) -> None:
