@@ -194,3 +194,6 @@ def test_a_map_of_three_kilometres_is_drawn_larger_and_without_lines_wider_than_
     network = town.network()
     assert whole_width_pt(network) == pytest.approx(3050 / 2.5, rel=0.01)  # with 25 m beside it
     assert "line between" not in draw_whole(network)
+    wider = Town()
+    wider.street([(-4500, 0), (4500, 0)])
+    assert whole_width_pt(wider.network()) == 1540.0, "4,000 pixels, whatever the map's size"

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 GROUND: Final = "#EFEDE4"
 _ARROWS_UP_TO_M: Final = 350.0  # in wider windows arrows are specks
 _MARKS_FROM_PT: Final = 0.45  # to a metre: below, the lines of a lane are wider than the lane
-_WIDTH_PT: Final = 460.0
-_M_PER_PT: Final = 2.5  # at most, in the picture of a whole map
+_WIDTH_PT, _WIDEST_PT = 460.0, 1540.0  # as pixels, 1,200 and 4,000
+_M_PER_PT: Final = 2.5  # in the picture of a whole map, as far as these allow
 _HIGHEST_LEVEL: Final = 9
 NAMES_Z: Final = 22.0
 """Above the paths that vehicles take, below their bodies."""
@@ -146,4 +146,4 @@ def whole_width_pt(network: RoadNetwork) -> float:
     460.0
     """
     west, _, east, _ = window_of(network)
-    return max(_WIDTH_PT, (east - west) / _M_PER_PT)
+    return min(max(_WIDTH_PT, (east - west) / _M_PER_PT), _WIDEST_PT)
