@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -265,11 +265,12 @@ class MapComparison:
         A road made of one way is compared in the middle, where no lane has begun to open or close for a junction.
         """
         by_id = {way.id: way for way in self.ways}
+        profile_of = cache(lambda way_id: read_profile(by_id[way_id]))  # a way between two crossings is several roads
         compared, differing = 0, {}
         for road in self.network.roads:
             if road.junction_id is not None or len(road.osm_way_ids) != 1 or road.osm_way_ids[0] not in by_id:
                 continue
-            profile = read_profile(by_id[road.osm_way_ids[0]])
+            profile = profile_of(road.osm_way_ids[0])
             if not profile.lanes_from_tags:
                 continue
             compared += 1
