@@ -40,7 +40,7 @@ CASES = ("319003", "319022", "319042", "319055", "319061")
 _KEY = re.compile(r"\d{4}-\d{5,6}")
 _OUTSIDE = ("dagster", "locks", "quarantine", "settings.toml")
 _OF_TIME = ("run_id", "started_at", "duration_s", "attempts", "history", "checksum", "failed_attempt", "fetched")
-_NOTES = ("cache/", "listings.json")  # made anew when they are needed: their loss is no damage
+_NOTES = ("cache/", "listings.parquet")  # made anew when they are needed: their loss is no damage
 _OF_AGENTS = ("benchmark/index.html", "benchmark/leaderboard.html")  # say which evaluations there are
 _MADE_LATER = (*_NOTES, "comparisons", "evaluations", "variations", "estimators")
 
@@ -144,7 +144,7 @@ def kind_of(name: str) -> str:
 
 def content(path: Path) -> object:
     """Return the content that has to come back: the bytes, of JSON documents all but times."""
-    if path.name in ("warehouse.duckdb", "warehouse.json", "listings.json") or path.parent.name == "cache":
+    if path.name in ("warehouse.duckdb", "warehouse.json", "listings.parquet") or path.parent.name == "cache":
         return path.is_file()
     data = path.read_bytes()
     if path.name == "manifest.json":

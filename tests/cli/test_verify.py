@@ -90,12 +90,12 @@ def test_a_cohort_lost_with_its_copy_is_missed_and_its_crashes_keep_their_pages(
     assert trace_dag(root, "run").returncode == 0
     page = root / f"benchmark/crashes/{VERIFIED}.html"
     assert page.is_file()
-    for name in ("cohorts/other.json", "cohorts/copies/other.json"):
+    for name in ("cohorts/other.parquet", "cohorts/copies/other.parquet"):
         (root / name).unlink()
     for command in ("status", "run"):
         said = trace_dag(root, command)
         assert (said.returncode, said.stderr.count("\n")) == (1, 1), said.stderr
-        assert "cohorts/other.json: damaged: it is not there" in said.stderr
+        assert "cohorts/other.parquet: damaged: it is not there" in said.stderr
     done = trace_dag(root, "verify", "--repair")
     assert done.returncode == 0, done.stdout
     assert page.is_file()

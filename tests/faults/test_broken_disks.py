@@ -148,7 +148,7 @@ def test_an_artefact_that_cannot_be_read_is_found_and_mended(root: Path) -> None
 
 
 def test_a_list_of_crashes_that_cannot_be_read_is_never_an_empty_one(root: Path) -> None:
-    cohort = root / "cohorts/sample.json"
+    cohort = root / "cohorts/sample.parquet"
     storage = Storage(root)
     whole = storage.read_many([f"cohorts/{cohort.name}"])
     assert whole

@@ -214,8 +214,8 @@ EVERYTHING = (
     (f"benchmark/crashes/{KEY}.html", DisagreementKind.DAMAGED_PAGE),
     (f"benchmark/replays/{KEY}.js", DisagreementKind.DAMAGED_PAGE),
     ("benchmark/index.html", DisagreementKind.DAMAGED_PAGE),
-    ("cohorts/sample.json", DisagreementKind.LOST_COHORT),
-    ("cohorts/copies/sample.json", DisagreementKind.LOST_COHORT),
+    ("cohorts/sample.parquet", DisagreementKind.LOST_COHORT),
+    ("cohorts/copies/sample.parquet", DisagreementKind.LOST_COHORT),
     ("benchmark/manifest.json", DisagreementKind.DAMAGED_PAGE),
     ("cache/warehouse.json", DisagreementKind.DAMAGED_CACHE),
 )
@@ -236,7 +236,7 @@ def test_a_flipped_bit_in_any_kind_of_file_is_found_whatever_else_is_damaged(roo
     assert {name: found.get(name) for name, _ in EVERYTHING} == {
         name: None if name.startswith("cohorts/") else kind for name, kind in EVERYTHING
     }
-    for name in ("cohorts/sample.json", "cohorts/copies/sample.json"):
+    for name in ("cohorts/sample.parquet", "cohorts/copies/sample.parquet"):
         whole = (root / name).read_bytes()
         flip(root / name)
         assert look(root)[name] is DisagreementKind.LOST_COHORT
@@ -247,14 +247,14 @@ def test_one_repair_and_one_run_bring_a_damaged_root_back(root: Path) -> None:
     """Damage of ten kinds at once, a lost list of crashes and a record of the first stage among them."""
     records = [f"raw_report/{KEY}.outcome.json", f"crash_record/{OTHER}.outcome.json"]
     artefacts = [name for name, _ in EVERYTHING[:7]]
-    made = [PACKAGE, f"pictures/{OTHER}.png", "benchmark/index.html", "cohorts/sample.json"]
+    made = [PACKAGE, f"pictures/{OTHER}.png", "benchmark/index.html", "cohorts/sample.parquet"]
     before = {name: (root / name).read_bytes() for name in (*artefacts, *made)}
     pictures = {path: path.read_bytes() for path in (root / "pictures").iterdir()}
     for name in (*artefacts, *made[:-1]):
         flip(root / name)
     for name in records:
         truncate(root / name)
-    (root / "cohorts/sample.json").unlink()
+    (root / "cohorts/sample.parquet").unlink()
     assert trace_dag(root, "verify", "--contents", "--repair").returncode == 1, "stages are to be run again"
     done = trace_dag(root, "run")
     assert done.returncode == 0, done.stderr
@@ -284,12 +284,12 @@ def test_crashes_whose_cohorts_are_lost_with_their_copies_are_registered_from_th
 
 @pytest.mark.parametrize("damage", [flip, Path.unlink])
 def test_a_lost_cohort_is_reported_in_one_line_and_comes_back_from_its_copy(root: Path, damage: Damage) -> None:
-    cohort = root / "cohorts/sample.json"
+    cohort = root / "cohorts/sample.parquet"
     whole = cohort.read_bytes()
     damage(cohort)
     said = trace_dag(root, "status")
     assert (said.returncode, len(said.stderr.splitlines())) == (1, 1)
-    assert "cohorts/sample.json" in said.stderr
+    assert "cohorts/sample.parquet" in said.stderr
     assert trace_dag(root, "verify", "--repair").returncode == 0
     assert cohort.read_bytes() == whole
 

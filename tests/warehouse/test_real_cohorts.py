@@ -13,6 +13,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from lxml import html
 
@@ -65,7 +66,7 @@ def root(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def registered(root: Path) -> set[str]:
-    return {key for path in (root / "cohorts").glob("*.json") for key in json.loads(path.read_text())["reports"]}
+    return {key for path in (root / "cohorts").glob("*.parquet") for key in pq.read_table(path)["key"].to_pylist()}
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,7 @@ is marked.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from trace_dag.common.frozen import replace
 from trace_dag.crash.classes import RoadTopology, collision_type, road_topology
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.contradictions import contradictions_of

@@ -9,9 +9,9 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Final
 
+from trace_dag.common.frozen import replace
 from trace_dag.common.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, mph_to_mps, wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes.events import CROSSED_CENTRELINE, HARM_EV, PERSON_EVENTS, VEHICLE_EVENTS

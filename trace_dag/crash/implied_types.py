@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
+from trace_dag.common.frozen import replace
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Turn, turn_of
 from trace_dag.crash.record import EventRecord, PreCrashMovement, VehicleRecord, first_vehicle_contact

@@ -78,6 +78,7 @@ def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[
     ``records`` are those stored of some crashes. Results that were never made, or that a run tried to make again
     without success, are not listed.
     """
+    records = {key: of_crash for key, of_crash in records.items() if of_crash}
     recipes, sources = work_of(workspace, "").recipes, workspace.registry.sources(records)
     whole = intact(workspace.storage, [record for each in records.values() for record in each.values()])
     found = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -118,7 +119,10 @@ def status_of_valid(key: str, valid: Records) -> CrashStatus:
 @gc_paused()
 def crash_statuses(records: Mapping[str, Records]) -> dict[str, CrashStatus]:
     """Return the states of all crashes."""
-    return {key: crash_status(key, of_crash) for key, of_crash in records.items()}
+    return {
+        key: crash_status(key, of_crash) if of_crash else CrashStatus(key, FinalState.PENDING)
+        for key, of_crash in records.items()
+    }
 
 
 @dataclass(frozen=True)
@@ -143,16 +147,17 @@ _FUNNEL: tuple[tuple[str, Stage | None, int | None], ...] = (
 
 def funnel(crashes: Iterable[CrashStatus]) -> list[FunnelStep]:
     """Return crashes that passed each step, beside the published counts."""
-    everyone = list(crashes)
+    ends = Counter((crash.stage_reached, crash.final_state) for crash in crashes)
     steps = [
-        FunnelStep(step, sum(stage is None or _passed(crash, stage) for crash in everyone), published)
+        FunnelStep(step, sum(count for end, count in ends.items() if stage is None or _passed(*end, stage)), published)
         for step, stage, published in _FUNNEL
     ]
-    return [*steps, FunnelStep("verified", sum(each.final_state is FinalState.VERIFIED for each in everyone), None)]
+    verified = sum(count for (_, state), count in ends.items() if state is FinalState.VERIFIED)
+    return [*steps, FunnelStep("verified", verified, None)]
 
 
-def _passed(crash: CrashStatus, stage: Stage) -> bool:
-    if crash.stage_reached is None:
+def _passed(reached: Stage | None, state: FinalState, stage: Stage) -> bool:
+    if reached is None:
         return False
-    ended_there = crash.final_state in (FinalState.REJECTED, FinalState.FAILED)
-    return crash.stage_reached.position >= stage.position + (1 if ended_there else 0)
+    ended_there = state in (FinalState.REJECTED, FinalState.FAILED)
+    return reached.position >= stage.position + (1 if ended_there else 0)

@@ -16,7 +16,14 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from trace_dag.common.errors import DamagedFile, Failure
 from trace_dag.common.gc_pause import gc_paused
-from trace_dag.common.provenance import MADE_AGAIN, OutcomeRecord, record_from_json, record_name, record_to_json
+from trace_dag.common.provenance import (
+    MADE_AGAIN,
+    OutcomeRecord,
+    crash_of,
+    record_from_json,
+    record_name,
+    record_to_json,
+)
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Entry, Storage
 
@@ -27,7 +34,7 @@ log = logging.getLogger(__name__)
 
 FOLDER = "outcomes"
 """Folder of the records of a run as one file, on an object store."""
-_READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
+_READ_ONE_BY_ONE = 500  # records; for more, listings are cheaper, and the indices of runs on an object store
 
 
 def raise_problem(failure: Failure) -> None:
@@ -54,9 +61,7 @@ def read_records(
     ``on_problem`` is called with it.
     """
     by_key: dict[str, Records] = {key: {} for key in keys}
-    for name, data in _contents(
-        storage, [record_name(stage, key) for key in by_key for stage in stages], on_problem
-    ).items():
+    for name, data in _contents(storage, by_key, stages, on_problem).items():
         record = readable_record(storage, name, data, on_problem)
         if record is not None:
             by_key[record.key][record.stage] = record
@@ -79,15 +84,21 @@ def readable_record(storage: Storage, name: str, data: bytes, on_problem: OnProb
             return None
 
 
-def _contents(storage: Storage, names: Sequence[str], on_problem: OnProblem) -> dict[str, bytes]:
-    if storage.local_root is not None or len(names) <= _READ_ONE_BY_ONE:
-        return storage.read_many(names, lambda damaged: on_problem(damaged.mended_by(MADE_AGAIN)))
-    listed: dict[str, Entry] = {}
-    for folder in {name.partition("/")[0] for name in names}:
-        listed.update(storage.list(folder))
-    present = [name for name in names if name in listed]
-    found = read_index(storage, present, listed)
-    return found | storage.read_many([name for name in present if name not in found])
+def _contents(
+    storage: Storage, keys: Collection[str], stages: Sequence[Stage], on_problem: OnProblem
+) -> dict[str, bytes]:
+    found: dict[str, bytes] = {}
+    if len(keys) * len(stages) <= _READ_ONE_BY_ONE:
+        names = [record_name(stage, key) for key in keys for stage in stages]
+    else:  # most of the crashes of a large cohort may have none
+        listed: dict[str, Entry] = {}
+        for stage in stages:
+            listed.update(storage.list(stage.value, (record_name(stage, "").partition("/")[2],)))
+        names = [name for name in listed if crash_of(name) in keys]
+        if storage.local_root is None:
+            found = read_index(storage, names, listed)
+            names = [name for name in names if name not in found]
+    return found | storage.read_many(names, lambda damaged: on_problem(damaged.mended_by(MADE_AGAIN)))
 
 
 def write_record(storage: Storage, record: OutcomeRecord) -> None:

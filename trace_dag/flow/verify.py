@@ -29,11 +29,12 @@ from trace_dag.common.network.http import find_damaged_answers
 from trace_dag.common.processes import is_abandoned
 from trace_dag.common.provenance import MADE_AGAIN, Outcome, crash_of, record_name
 from trace_dag.common.stage import Stage
-from trace_dag.common.storage.checksums import check_document
+from trace_dag.common.storage.checksums import check_document, check_table
 from trace_dag.common.storage.files import Entry, Storage, StoredFile, check_name
 from trace_dag.flow.cohorts.kept_maps import find_unused_map_copies
+from trace_dag.flow.cohorts.kept_reports import FOLDER, read_kept
 from trace_dag.flow.cohorts.listings import FILE as LISTINGS
-from trace_dag.flow.cohorts.registry import Cohort, Registry
+from trace_dag.flow.cohorts.registry import Cohort, Registry, ReportSource
 from trace_dag.flow.cohorts.services import CACHE_FOLDER
 from trace_dag.flow.crash_status import valid_records
 from trace_dag.flow.manifests import (
@@ -388,7 +389,7 @@ def _result_disagreements(storage: Storage, contents: bool) -> Iterator[Disagree
 
 def _report_disagreements(storage: Storage, cohorts: Iterable[Cohort], contents: bool) -> Iterator[Disagreement]:
     """Yield reports kept below the root that are lost or, with ``contents``, not as they were registered."""
-    reports = storage.list("reports")
+    reports = storage.list(FOLDER)
     for cohort in cohorts:
         for key, report in cohort.reports.items():
             name, found = report.location, ""
@@ -396,11 +397,18 @@ def _report_disagreements(storage: Storage, cohorts: Iterable[Cohort], contents:
                 continue
             if name not in reports:
                 found = "is not there"
-            elif contents and hashlib.sha256(storage.read(name)).hexdigest() != report.sha256:
+            elif contents and not _is_registered(storage, key, report):
                 found = "is not the report that was registered"
             if found:
                 detail = f"{name} {found}"
                 yield Disagreement(DisagreementKind.DAMAGED_REPORT, detail, key, Stage.RAW_REPORT, name)
+
+
+def _is_registered(storage: Storage, key: str, report: ReportSource) -> bool:
+    try:
+        return hashlib.sha256(read_kept(storage, key, report)).hexdigest() == report.sha256
+    except (FileNotFoundError, DamagedFile):
+        return False
 
 
 def _cache_disagreements(storage: Storage) -> Iterator[Disagreement]:
@@ -414,7 +422,7 @@ def _cache_disagreements(storage: Storage) -> Iterator[Disagreement]:
         yield Disagreement(DisagreementKind.DAMAGED_ANSWER, detail, file=str(path))
     for name, data in storage.read_many([*names, *notes], unreadable=lambda _: None).items():
         try:
-            check_document(data, name=name)
+            check_table(data, name=name) if name == LISTINGS else check_document(data, name=name)
         except DamagedFile as damaged:
             yield Disagreement(DisagreementKind.DAMAGED_CACHE, str(damaged), file=name)
 
@@ -423,7 +431,8 @@ def _copy_of_report(storage: Storage, each: Disagreement, aside: Quarantine) -> 
     """Put a report back from what the first stage kept of it, if that is the one that was registered."""
     assert each.key is not None
     assert each.file is not None
-    wanted = Registry(storage).sources([each.key])[each.key].report.sha256
+    registered = Registry(storage).sources([each.key])[each.key]
+    wanted = registered.report.sha256
     record = read_records(storage, [each.key], [Stage.RAW_REPORT])[each.key].get(Stage.RAW_REPORT)
     for file in record.artefacts if record is not None else ():
         if file.sha256 == wanted:
@@ -432,7 +441,8 @@ def _copy_of_report(storage: Storage, each: Disagreement, aside: Quarantine) -> 
             except DamagedFile:
                 return
             aside.move(each.file, each.detail)
-            storage.write(each.file, data)
+            storage.write(name := f"{FOLDER}/{Path(file.name).name}", data)
+            Registry(storage).register(registered.cohort, {each.key: ReportSource("stored", name, wanted)})
 
 
 def _put_aside_made_together(storage: Storage, name: str, why: str, aside: Quarantine) -> None:

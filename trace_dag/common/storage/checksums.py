@@ -1,4 +1,4 @@
-"""JSON documents that show whether they have been changed: their field ``checksum`` is the SHA-256 of all the others.
+"""Documents and tables that show whether they have been changed: their ``checksum`` is the SHA-256 of all the rest.
 
 It finds damage and changes by hand. It is no signature: whoever changes a document can make its checksum anew. Every
 other stored file is listed, with size and SHA-256, in such a document: an outcome record
@@ -8,12 +8,18 @@ other stored file is listed, with size and SHA-256, in such a document: an outco
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trace_dag.common.errors import DamagedFile
+from trace_dag.common.schemas import table_from_parquet
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _FIELD = "checksum"
+_BLANK = b"-" * 64  # in place of a table's checksum while it is computed
 _OLDER = "sha256"  # documents of the versions before had a SHA-256 of their bytes in this field
 
 
@@ -43,6 +49,36 @@ def check_document(data: bytes, *, name: str) -> dict[str, Any]:
     if said != _of(content) and not (said is None and content.pop(_OLDER, None)):
         raise DamagedFile(name, "its content is not the one it was written with")
     return content
+
+
+def write_table(table: pa.Table, about: bytes = b"") -> bytes:
+    """Return a Parquet file of a table, with its checksum and a text ``about`` it."""
+    import pyarrow.parquet as pq
+
+    buffer = io.BytesIO()
+    stamped = table.replace_schema_metadata({"about": about, _FIELD: _BLANK})
+    pq.write_table(stamped, buffer, compression="zstd")
+    data = buffer.getvalue()
+    at = data.rindex(_BLANK)
+    return data[:at] + hashlib.sha256(data).hexdigest().encode() + data[at + len(_BLANK) :]
+
+
+def check_table(data: bytes, *, name: str) -> tuple[pa.Table, bytes]:
+    """Return the table of a Parquet file, and the text about it.
+
+    Raises :class:`DamagedFile` if it has no checksum, or another.
+    """
+    import pyarrow as pa
+
+    try:
+        table = table_from_parquet(data)
+        said = (table.schema.metadata or {})[_FIELD.encode()]
+        at = data.rindex(said)
+    except (pa.ArrowException, OSError, KeyError, ValueError) as error:
+        raise DamagedFile(name, f"not a table with a checksum ({error})") from error
+    if hashlib.sha256(data[:at] + _BLANK + data[at + len(said) :]).hexdigest().encode() != said:
+        raise DamagedFile(name, "its content is not the one it was written with")
+    return table, table.schema.metadata[b"about"]
 
 
 def _of(content: dict[str, Any]) -> str:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import itertools
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from fnmatch import fnmatch
 from functools import cached_property
 from operator import itemgetter
@@ -42,6 +43,7 @@ TIME: Final = "time as read"
 KIND: Final = "kind as read"
 """Key of what a row is by its file, as :attr:`trace_dag.crash.registers.mapping.JoinedFile.kind`; None of most."""
 _AT_ONCE: Final = 20_000
+_SPOOLED_TOGETHER: Final = 1_000
 _LONGEST_NARRATIVE: Final = 50_000
 _MOST_FILE_ROWS: Final = 1_000_000_000
 _SHOWN: Final = 60
@@ -56,6 +58,7 @@ class RegisterRows:
 
     def __init__(self, mapping: RegisterMapping, path: Path) -> None:
         self._mapping, self._path = mapping, path
+        self._count = 0  # of the rows, once they are read
 
     @cached_property
     def _files(self) -> list[list[Path]]:
@@ -79,6 +82,46 @@ class RegisterRows:
     def _folder(self) -> Path:
         self._temporary = tempfile.TemporaryDirectory(prefix="trace-dag-")  # removed with this object
         return Path(self._temporary.name)
+
+    @property
+    def spooled(self) -> Path:
+        """Return the file of reports that were made of the rows."""
+        return self._folder / "reports.parquet"
+
+    @contextmanager
+    def spool(self) -> Iterator[Callable[[str, bytes], None]]:
+        """Yield what to call with each report made of the rows; they are kept once all are."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        schema = pa.schema([("key", pa.string()), ("report", pa.binary())])
+        keys: list[str] = []
+        reports: list[bytes] = []
+        unfinished = self.spooled.with_suffix(".part")
+
+        def add(key: str, report: bytes) -> None:
+            keys.append(key)
+            reports.append(report)
+            if len(keys) == _SPOOLED_TOGETHER:
+                write()
+
+        def write() -> None:
+            writer.write_table(pa.table([keys, reports], schema=schema))
+            keys.clear()
+            reports.clear()
+
+        with pq.ParquetWriter(unfinished, schema, compression="zstd") as writer:
+            yield add
+            write()
+        unfinished.replace(self.spooled)
+        self.__dict__.pop("_database").close()  # a quarter of a gigabyte; it is made again if need be
+
+    def read_spooled(self) -> Iterator[tuple[str, bytes]]:
+        """Yield key and report in the order in which they were kept."""
+        import pyarrow.parquet as pq
+
+        for batch in pq.ParquetFile(self.spooled).iter_batches(_SPOOLED_TOGETHER):
+            yield from zip(batch["key"].to_pylist(), batch["report"].to_pylist(), strict=True)
 
     @cached_property
     def _headers(self) -> list[list[str]]:
@@ -108,8 +151,7 @@ class RegisterRows:
         return {name: f"c{place}" for place, name in enumerate(self.wanted)}
 
     def __len__(self) -> int:
-        ((count,),) = self._database.cursor().execute("SELECT count(*) FROM kept").fetchall()
-        return int(count)
+        return self._count
 
     def crashes(self) -> Iterator[tuple[str, Iterator[Row]]]:
         """Return the id and the rows of each crash, in the order of the table by its first row."""
@@ -135,6 +177,7 @@ class RegisterRows:
         first = f"min(number) OVER (PARTITION BY {self._at[self._mapping.crash.id]}) AS first"
         database.execute(f"CREATE TABLE kept AS SELECT number, {first}, {texts}, {times}, file FROM ({self._joined()})")
         self._check_rows_agree(database)
+        ((self._count,),) = database.execute("SELECT count(*) FROM kept").fetchall()
         return database
 
     def _read(self, database: duckdb.DuckDBPyConnection, place: int, paths: Sequence[Path]) -> None:

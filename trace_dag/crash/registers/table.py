@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
 from trace_dag.common.errors import Rejection, UserError
+from trace_dag.common.frozen import replace
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.crash.codes import events as event_codes
@@ -148,11 +149,16 @@ class RegisterTable:
         return lambda wanted: {each: found.get(each, ()) for each in wanted}
 
     def listings(self) -> Iterator[CrashListing]:
-        """Return one line per crash."""
-        return map(list_record, self.records())
+        """Yield one line per crash; the records are kept on disk, in case their reports are asked for."""
+        with self._rows.spool() as spool:
+            for record in self.records():
+                spool(record.key, report_to_json(record))
+                yield list_record(record)
 
     def reports(self, keys: Collection[str]) -> Iterator[tuple[str, bytes]]:
         """Return the key and record, as JSON, of the crashes asked for."""
+        if self._rows.spooled.is_file():
+            return (each for each in self._rows.read_spooled() if each[0] in keys)
         return ((record.key, report_to_json(record)) for record in self.records(keys))
 
     def narratives(self) -> dict[str, str]:

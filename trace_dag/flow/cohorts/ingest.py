@@ -7,12 +7,14 @@ nothing but the root.
 from __future__ import annotations
 
 import re
+from collections import ChainMap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import UserError, UserErrors
+from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.messages.progress import OnProgress
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.storage.files import Storage
@@ -47,6 +49,7 @@ class IngestReport:
     notes: tuple[str, ...] = ()
 
 
+@gc_paused()
 def ingest(
     storage: Storage,
     cohort: str,
@@ -108,10 +111,12 @@ def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tupl
     """Return the number of crashes offered, and the reports of those chosen."""
     if not sources:
         return 0, {}
-    offers: dict[str, tuple[CrashListing, Source]] = {}
+    offers: dict[str, CrashListing] = {}
+    offered_by: dict[str, Source] = {}
     for source in sources:
         for listing in source.offers(choice):
-            offers.setdefault(listing.key, (listing, source))
+            if offers.setdefault(listing.key, listing) is listing:
+                offered_by[listing.key] = source
     names = " and ".join(source.name for source in sources)
     if not offers:
         notes = [note for source in sources if isinstance(source, TableSource) for note in source.notes]
@@ -124,12 +129,13 @@ def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tupl
             "look at the key, or leave a filter out"
         )
     by_source: dict[int, set[str]] = {}
-    for listing in choice.sampled(listing for listing, _ in offers.values()):
-        by_source.setdefault(id(offers[listing.key][1]), set()).add(listing.key)
+    for listing in choice.sampled(offers.values()):
+        by_source.setdefault(id(offered_by[listing.key]), set()).add(listing.key)
     chosen: dict[str, ReportSource] = {}
+    known = ChainMap(*(dict(cohort.reports) for cohort in Registry(storage).cohorts().values()))
     for source in sources:
-        chosen.update(source.take(storage, by_source.get(id(source), set())))
-    remember(storage, chosen, {key: offers[key][0] for key in chosen if offers[key][0].kind is not None})
+        chosen.update(source.take(storage, by_source.get(id(source), set()), known))
+    remember(storage, chosen, offers)
     return len(offers), chosen
 
 

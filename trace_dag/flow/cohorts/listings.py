@@ -1,7 +1,7 @@
 """Listings of reports before their crashes have been run: enough to show their classes.
 
-A look at a report takes some milliseconds, so what was seen is kept in ``ROOT/listings.json`` by the report's digest;
-the file is a cache and can be deleted. Reports of the CrashAPI are not here until the crash is run.
+A look at a report takes some milliseconds, so what was seen is kept in ``ROOT/listings.parquet`` by the report's
+digest; the file is a cache and can be deleted. Reports of the CrashAPI are not here until the crash is run.
 """
 
 from __future__ import annotations
@@ -9,55 +9,52 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import fields
+from itertools import islice
 from pathlib import Path
-
-from pydantic import TypeAdapter, ValidationError
+from typing import TYPE_CHECKING, Any, Final
 
 from trace_dag.common.errors import DamagedFile, Rejection
-from trace_dag.common.storage.checksums import add_checksum, check_document
+from trace_dag.common.storage.checksums import check_table, write_table
 from trace_dag.common.storage.files import Storage
+from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.listing import CrashListing, list_report
+from trace_dag.flow.cohorts.kept_reports import read_kept
 from trace_dag.flow.cohorts.registry import ReportSource
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 log = logging.getLogger(__name__)
 
-FILE = "listings.json"
+FILE = "listings.parquet"
 _TOLD_EVERY = 1000
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """One report as it was seen: SHA-256 of its content, and its listing (None: it could not be read)."""
-
-    sha256: str
-    listing: CrashListing | None
-
-
-_CACHE = TypeAdapter(dict[str, _Seen])
+_AT_ONCE: Final = 20_000
+_NAMES: Final = tuple(field.name for field in fields(CrashListing))
 
 
 def listings_of(storage: Storage, reports: Mapping[str, ReportSource]) -> dict[str, CrashListing]:
     """Return the listings of those of some crashes (by key) whose reports are at hand and can be read."""
     before = _cached(storage)
-    seen: dict[str, _Seen] = {}
-    for number, (key, report) in enumerate(reports.items()):
+    seen = {key: (sha256, listing) for key, sha256, listing in _rows(before, reports) if sha256 == reports[key].sha256}
+    new: dict[str, tuple[str, CrashListing | None]] = {}
+    for number, key in enumerate(reports.keys() - seen.keys()):
         if number and number % _TOLD_EVERY == 0:
-            log.info("%d of %d reports looked at", number, len(reports))
-        known = before.get(key)
-        if known is not None and report.sha256 and known.sha256 == report.sha256:
-            seen[key] = known
-        elif (data := _content(storage, report)) is not None:
-            seen[key] = _Seen(hashlib.sha256(data).hexdigest(), _listing(data, key))
-    _keep(storage, before, seen)
-    return {key: each.listing for key, each in seen.items() if each.listing is not None}
+            log.info("%d reports looked at", number)
+        if (data := _content(storage, key, reports[key])) is not None:
+            new[key] = (hashlib.sha256(data).hexdigest(), _listing(data, key))
+    _keep(storage, before, ((key, *each) for key, each in new.items()))
+    found = {**seen, **new}
+    return {key: listing for key in reports if (listing := found.get(key, ("", None))[1]) is not None}
 
 
 def remember(storage: Storage, reports: Mapping[str, ReportSource], listings: Mapping[str, CrashListing]) -> None:
-    """Keep what a source listed of the reports it gave, by key, so that none has to be looked at for it."""
-    known = {key: _Seen(reports[key].sha256, listing) for key, listing in listings.items() if reports[key].sha256}
-    _keep(storage, _cached(storage), known)
+    """Keep what sources listed of the reports they gave, by key, so that none has to be looked at for it."""
+    before = _cached(storage)
+    same = {key for key, sha256, _ in _rows(before, reports) if sha256 == reports[key].sha256}
+    seen = ((key, report.sha256, listings[key]) for key, report in reports.items() if report.sha256)
+    _keep(storage, before, (each for each in seen if each[0] not in same and each[2].kind is not None))
 
 
 def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[str]:
@@ -72,29 +69,63 @@ def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[s
     return Counter(dict(kinds.most_common()))
 
 
-def _keep(storage: Storage, before: Mapping[str, _Seen], seen: Mapping[str, _Seen]) -> None:
-    after = dict(sorted({**before, **seen}.items()))  # the same bytes, whatever was seen first
-    if after != before:
-        storage.write(FILE, add_checksum(_CACHE.dump_json(after, exclude_defaults=True)))
+def _keep(storage: Storage, before: pa.Table, seen: Iterator[tuple[str, str, CrashListing | None]]) -> None:
+    """Put what was seen in place of what is kept of these crashes, in the order of the keys, whatever came first."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    parts = []
+    while part := list(islice(seen, _AT_ONCE)):
+        rows = [
+            {"key": key, "sha256": sha256, **({name: getattr(listing, name) for name in _NAMES} if listing else {})}
+            for key, sha256, listing in part
+        ]
+        parts.append(pa.Table.from_pylist(rows, schema=before.schema))
+    if parts:
+        new = pa.concat_tables(parts)
+        kept = before.filter(pc.invert(pc.is_in(before["key"], new["key"])))
+        storage.write(FILE, write_table(pa.concat_tables([kept, new]).sort_by("key")))
 
 
-def _cached(storage: Storage) -> dict[str, _Seen]:
+def _cached(storage: Storage) -> pa.Table:
+    import pyarrow as pa
+
+    texts, numbers = ("key", "sha256", "county_name", "city_name", "kind"), ("latitude_deg", "longitude_deg")
+    types = dict.fromkeys(texts, pa.string()) | dict.fromkeys(numbers, pa.float64())
+    types["crash_types"] = pa.list_(pa.int32())
+    schema = pa.schema([(name, types.get(name, pa.int32())) for name in ("sha256", *_NAMES)])
     try:
-        return _CACHE.validate_python(check_document(storage.read(FILE), name=FILE))
-    except (FileNotFoundError, DamagedFile, ValidationError):  # none yet, or of another version
-        return {}
+        return check_table(storage.read(FILE), name=FILE)[0].cast(schema)
+    except (FileNotFoundError, DamagedFile, pa.ArrowException, ValueError):  # none yet, or of another version
+        return schema.empty_table()
 
 
-def _content(storage: Storage, report: ReportSource) -> bytes | None:
+def _rows(table: pa.Table, wanted: Collection[str]) -> Iterator[tuple[str, str, CrashListing | None]]:
+    """Yield key, digest and listing of those of some crashes that are kept."""
+    for batch in table.to_batches(max_chunksize=_AT_ONCE) if wanted else ():
+        columns = [batch.column(name).to_pylist() for name in ("sha256", *_NAMES)]
+        for sha256, key, *values in zip(*columns, strict=True):
+            if key in wanted:
+                yield key, sha256, _of_row(dict(zip(_NAMES, (key, *values), strict=True)))
+
+
+def _of_row(row: dict[str, Any]) -> CrashListing | None:
+    if row["case_year"] is None:
+        return None
+    kind = None if row["kind"] is None else CrashKind(row["kind"])
+    return CrashListing(**{**row, "kind": kind, "crash_types": tuple(row["crash_types"])})
+
+
+def _content(storage: Storage, key: str, report: ReportSource) -> bytes | None:
     try:
         match report.kind:
             case "file":
                 return Path(report.location).read_bytes()
             case "stored":
-                return storage.read(report.location)
+                return read_kept(storage, key, report)
             case "crashapi":
                 return None
-    except OSError:  # gone since it was registered: running the crash will say so
+    except (OSError, DamagedFile):  # gone since it was registered: running the crash will say so
         return None
 
 

@@ -1,8 +1,9 @@
 """Cohorts: crashes, each with its report and its maps.
 
-One file per cohort, ``ROOT/cohorts/<name>.json``. A crash belongs to the cohort that registered it first, so that
-every crash is counted once. Registering again is harmless: what is known stays, what is new is added, a report that
-changed is noted as changed. Does not belong here: reading reports or maps.
+One file per cohort, ``ROOT/cohorts/<name>.parquet``: a row per crash, and all else in its metadata. A crash belongs
+to the cohort that registered it first, so that every crash is counted once. Registering again is harmless: what is
+known stays, what is new is added, a report that changed is noted as changed. Does not belong here: reading reports or
+maps.
 """
 
 from __future__ import annotations
@@ -10,29 +11,37 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import islice
+from operator import attrgetter
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.provenance import combine_digests, now
-from trace_dag.common.storage.checksums import add_checksum, check_document
+from trace_dag.common.storage.checksums import add_checksum, check_document, check_table, write_table
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.keys import parse_key
 from trace_dag.flow.cohorts.choice import Choice
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _FOLDER = "cohorts"
 _COPIES = "cohorts/copies"  # of each file, in case one is lost: nothing else says where reports and maps are
 _NAMES = "cohorts/names"  # of the cohorts there are: so one is missed whose file and copy are both lost
 _REMEDY = "trace-dag verify --repair puts it back from its copy, or else registers its crashes from their records"
+_SUFFIX = ".parquet"
+_COLUMNS: Final = ("kind", "location", "sha256")
+_AT_ONCE: Final = 20_000  # crashes that are turned into rows
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class ReportSource:
     """The origin of a crash's report.
 
@@ -92,7 +101,7 @@ class Cohort:
 
     name: str
     created_at: str
-    reports: dict[str, ReportSource] = field(default_factory=dict)
+    reports: Mapping[str, ReportSource] = field(default_factory=dict)
     maps: tuple[RegisteredMap, ...] = ()
     map_service: str | None = None
     origins: tuple[str, ...] = ()
@@ -103,7 +112,45 @@ class Cohort:
     @property
     def keys(self) -> list[str]:
         """Return the crashes, in order."""
-        return in_order(self.reports)
+        return list(self.reports)
+
+
+class _Reports(Mapping[str, ReportSource]):
+    """Reports by key, in order: the columns of a table, since a country's year has half a million of them."""
+
+    def __init__(self, table: pa.Table) -> None:
+        self._keys: list[str] = table["key"].to_pylist()
+        self._columns = [table[name].combine_chunks() for name in _COLUMNS]
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        return {key: row for row, key in enumerate(self._keys)}
+
+    def __getitem__(self, key: str) -> ReportSource:
+        row = self._rows[key]
+        return ReportSource(*(column[row].as_py() for column in self._columns))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._keys)
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._rows
+
+
+def _table_of(reports: Mapping[str, ReportSource], keys: Iterable[str]) -> pa.Table:
+    """Return the table of some reports, made in parts."""
+    import pyarrow as pa
+
+    schema = pa.schema([(name, pa.string()) for name in ("key", *_COLUMNS)])
+    parts, left = [], iter(keys)
+    while part := list(islice(left, _AT_ONCE)):
+        rows = [reports[key] for key in part]
+        columns = [part, *(list(map(attrgetter(name), rows)) for name in _COLUMNS)]
+        parts.append(pa.table(columns, schema=schema))
+    return pa.concat_tables(parts) if parts else schema.empty_table()
 
 
 @dataclass(frozen=True)
@@ -140,7 +187,7 @@ class Registry:
 
     def cohorts(self) -> dict[str, Cohort]:
         """Return all cohorts by name; :class:`DamagedFile` for one that is lost or not as it was written."""
-        names = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")}
+        names = {name for name in self._storage.list(_FOLDER) if name.endswith(_SUFFIX)}
         for name in sorted((self._copied() | self._noted()) - names):
             raise DamagedFile(name, "it is not there", _REMEDY)
         found = {}
@@ -153,7 +200,7 @@ class Registry:
 
     def damage(self) -> list[DamagedFile]:
         """Return the files of cohorts, and their copies, that are lost or not as they were written."""
-        there = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")}
+        there = {name for name in self._storage.list(_FOLDER) if name.endswith(_SUFFIX)}
         there |= self._copied() | self._noted()
         found = []
         for name in sorted(there):
@@ -178,12 +225,13 @@ class Registry:
         return True
 
     def _copied(self) -> set[str]:
-        return {name.replace(_COPIES, _FOLDER) for name in self._storage.list(_COPIES) if name.endswith(".json")}
+        return {name.replace(_COPIES, _FOLDER) for name in self._storage.list(_COPIES) if name.endswith(_SUFFIX)}
 
     def _noted(self) -> set[str]:
         """Return the files of the cohorts, by their list; none where it is damaged or was never kept."""
         try:
-            return set(check_document(self._storage.read(_NAMES), name=_NAMES)["names"])
+            noted = check_document(self._storage.read(_NAMES), name=_NAMES)["names"]
+            return {name for name in noted if name.endswith(_SUFFIX)}  # others are of versions before
         except (FileNotFoundError, DamagedFile):
             return set()
 
@@ -191,8 +239,9 @@ class Registry:
         self._storage.write(_NAMES, add_checksum(json.dumps({"names": sorted(names)}).encode()))
 
     def _write(self, cohort: Cohort) -> None:
-        data = add_checksum(_COHORTS.dump_json(cohort))
-        first = f"{_FOLDER}/{cohort.name}.json"
+        about = _COHORTS.dump_json(cohort, exclude={"reports"})
+        data = write_table(_table_of(cohort.reports, cohort.reports), about)
+        first = f"{_FOLDER}/{cohort.name}{_SUFFIX}"
         for name in (first, _copy_of(first)):
             self._storage.write(name, data)
         if first not in (noted := self._noted()):
@@ -200,9 +249,9 @@ class Registry:
 
     def forget(self, cohort: str) -> None:
         """Delete what there is of a cohort."""
-        self._note(self._noted() - {f"{_FOLDER}/{cohort}.json"})
+        self._note(self._noted() - {f"{_FOLDER}/{cohort}{_SUFFIX}"})
         for folder in (_COPIES, _FOLDER):  # a copy without its file would be a loss
-            self._storage.delete(f"{folder}/{cohort}.json")
+            self._storage.delete(f"{folder}/{cohort}{_SUFFIX}")
 
     def listed(self) -> str:
         """Return a digest (SHA-256, hexadecimal) of how the files of the cohorts are listed.
@@ -222,7 +271,8 @@ class Registry:
         """Return the crashes of one cohort or of all, in order; :class:`UserError` for a cohort that is not there."""
         if cohort is not None:
             return self.cohort(cohort).keys
-        return in_order(key for each in self.cohorts().values() for key in each.reports)
+        cohorts = list(self.cohorts().values())
+        return cohorts[0].keys if len(cohorts) == 1 else in_order(key for each in cohorts for key in each.reports)
 
     def sources(self, keys: Iterable[str]) -> dict[str, CrashSource]:
         """Return the origins of some crashes; :class:`UserError` for a key that is not registered."""
@@ -276,7 +326,7 @@ class Registry:
         merged = {file.location: file for file in before.maps} | {file.location: file for file in maps}
         after = replace(
             before,
-            reports={key: new.get(key) or before.reports[key] for key in in_order((*before.reports, *added))},
+            reports=_merged(before.reports, new),
             maps=tuple(merged[location] for location in sorted(merged)),
             map_service=map_service or before.map_service,
             origins=(*before.origins, origin) if origin and added else before.origins,
@@ -284,7 +334,7 @@ class Registry:
             followed=tuple(dict.fromkeys((*before.followed, *followed))),
             lost_maps=lost_maps or before.lost_maps,
         )
-        if after != before or not before.reports:
+        if new or after != before or not before.reports:
             self._write(after)
         return Registration(tuple(added), tuple(changed), tuple(known), elsewhere, len(after.maps) - len(before.maps))
 
@@ -332,13 +382,21 @@ class Registry:
         return gone
 
 
+def _merged(before: Mapping[str, ReportSource], new: Mapping[str, ReportSource]) -> Mapping[str, ReportSource]:
+    if not new:
+        return before
+    keys = in_order((*before, *new)) if before else new  # which are in order
+    return {key: new.get(key) or before[key] for key in keys}
+
+
 def _copy_of(name: str) -> str:
     return name.replace(_FOLDER, _COPIES, 1)
 
 
 def _cohort(name: str, data: bytes) -> Cohort:
     try:
-        cohort = _COHORTS.validate_python(check_document(data, name=name))
+        table, about = check_table(data, name=name)
+        cohort = replace(_COHORTS.validate_json(about), reports=_Reports(table))
         if cohort.name != Path(name).stem:
             raise DamagedFile(name, f"the file of cohort {cohort.name}", _REMEDY)
         return cohort

@@ -6,8 +6,7 @@ stage. Does not belong here: reading reports (:mod:`trace_dag.crash`) and storin
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -19,8 +18,8 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.crash.folder import FoundReport
 from trace_dag.crash.keys import fars_case
 from trace_dag.crash.listing import CrashListing, list_report
-from trace_dag.crash.table_reports import is_json
 from trace_dag.flow.cohorts.choice import Choice
+from trace_dag.flow.cohorts.kept_reports import FOLDER, keep_reports
 from trace_dag.flow.cohorts.registry import ReportSource
 
 if TYPE_CHECKING:
@@ -42,8 +41,10 @@ class Source(Protocol):
         """
         ...
 
-    def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
-        """Return where the reports of some offered crashes are found from now on."""
+    def take(
+        self, storage: Storage, keys: Collection[str], known: Mapping[str, ReportSource]
+    ) -> dict[str, ReportSource]:
+        """Return where the reports of some offered crashes are found from now on; ``known`` are those registered."""
         ...
 
 
@@ -60,7 +61,9 @@ class FolderSource:
             return [_bare(report.key) for report in self.found]
         return choice.admitted(_listed(report.key, report.path.read_bytes()) for report in self.found)
 
-    def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
+    def take(
+        self, storage: Storage, keys: Collection[str], known: Mapping[str, ReportSource]
+    ) -> dict[str, ReportSource]:
         """See :class:`Source`. Files stay where they lie; an object store takes copies."""
         taken = {}
         for report in self.found:
@@ -69,7 +72,7 @@ class FolderSource:
             if storage.local_root is not None:
                 taken[report.key] = ReportSource("file", str(report.path.absolute()), report.sha256)
             else:
-                stored = storage.write(_stored_name(report.key), report.path.read_bytes())
+                stored = storage.write(f"{FOLDER}/{report.key}.xml", report.path.read_bytes())
                 taken[report.key] = ReportSource("stored", stored.name, report.sha256)
         return taken
 
@@ -115,16 +118,11 @@ class TableSource:
         self.notes = tuple(self._tables.notes())  # after them, so that a large table is read once for both
         return offered
 
-    def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
+    def take(
+        self, storage: Storage, keys: Collection[str], known: Mapping[str, ReportSource]
+    ) -> dict[str, ReportSource]:
         """See :class:`Source`. Each report is kept below the root."""
-        taken = {}
-        present = storage.list("reports")
-        for key, data in self._tables.reports(keys):
-            name = _stored_name(key, "json" if is_json(data) else "xml")
-            if name not in present or storage.read(name) != data:
-                storage.write(name, data)
-            taken[key] = ReportSource("stored", name, hashlib.sha256(data).hexdigest())
-        return taken
+        return keep_reports(storage, self._tables.reports(keys), known)
 
 
 @dataclass(frozen=True)
@@ -157,7 +155,9 @@ class CrashApiSource:
             return replace(choice, wanted=counted).admitted(cases)
         return choice.admitted(self._looked_up(cases))
 
-    def take(self, storage: Storage, keys: Collection[str]) -> dict[str, ReportSource]:
+    def take(
+        self, storage: Storage, keys: Collection[str], known: Mapping[str, ReportSource]
+    ) -> dict[str, ReportSource]:
         """See :class:`Source`: the service is asked when the crash is run."""
         return {key: ReportSource("crashapi") for key in keys}
 
@@ -179,7 +179,3 @@ def _listed(key: str, data: bytes) -> CrashListing:
         return list_report(data, name=key)
     except Rejection:
         return _bare(key)
-
-
-def _stored_name(key: str, extension: str = "xml") -> str:
-    return f"reports/{key}.{extension}"

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import Failure, Reason, Rejection
 from trace_dag.crash.folder import identify
+from trace_dag.crash.table_reports import is_json
+from trace_dag.flow.cohorts.kept_reports import read_kept
 from trace_dag.flow.products import StageProduct
 
 if TYPE_CHECKING:
@@ -21,14 +23,14 @@ def raw_report(key: str, report: ReportSource, services: Services) -> StageProdu
         if report.kind == "file":
             data = Path(report.location).read_bytes()
         elif report.kind == "stored":
-            data = services.storage.read(report.location)
+            data = read_kept(services.storage, key, report)
         else:
             data = services.crash_api().report(key)
     except FileNotFoundError as error:
         raise Failure(f"{report.location}: the report is no longer there; put it back or ingest it again") from error
     if report.sha256 and hashlib.sha256(data).hexdigest() != report.sha256:
         raise Failure(f"{report.location}: the report has changed since it was registered; ingest it again")
-    if report.kind == "stored" and report.location.endswith(".json"):  # what a table says
+    if is_json(data):  # what a table says
         return StageProduct({"json": data}, {"source": report.kind, "bytes": len(data)})
     try:
         found = identify(data, name=report.location)

@@ -1,0 +1,65 @@
+"""Reports kept below the root: those of tables a thousand to a file, since a table may have half a million.
+
+A file is named after its content, and is never changed: the table in a later state makes files of what is new in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from itertools import islice
+from typing import Final
+
+from trace_dag.common.storage.checksums import check_table, write_table
+from trace_dag.common.storage.files import Storage
+from trace_dag.flow.cohorts.registry import ReportSource
+
+FOLDER: Final = "reports"
+_TOGETHER: Final = 1000
+
+
+def keep_reports(
+    storage: Storage, reports: Iterable[tuple[str, bytes]], known: Mapping[str, ReportSource]
+) -> dict[str, ReportSource]:
+    """Keep reports, by key; return where each is found. Those that are ``known`` with this content stay there."""
+    import pyarrow as pa
+
+    taken: dict[str, ReportSource] = {}
+    there, left = storage.list(FOLDER), iter(reports)
+    while part := list(islice(left, _TOGETHER)):
+        digests = {key: hashlib.sha256(data).hexdigest() for key, data in part}
+        before = {key: known[key] for key in digests if key in known}
+        taken |= {key: at for key, at in before.items() if at.sha256 == digests[key] and at.location in there}
+        new = [(key, data) for key, data in part if key not in taken]
+        if not new:
+            continue
+        keys, contents = zip(*new, strict=True)
+        table = write_table(pa.table({"key": keys, "report": pa.array(contents, pa.binary())}))
+        name = f"{FOLDER}/{hashlib.sha256(table).hexdigest()[:16]}.parquet"
+        if name not in there:
+            storage.write(name, table)
+        taken |= {key: ReportSource("stored", name, digests[key]) for key in keys}
+    return taken
+
+
+def read_kept(storage: Storage, key: str, report: ReportSource) -> bytes:
+    """Return a report that is kept.
+
+    Raises FileNotFoundError where it is not there, :class:`~trace_dag.common.errors.DamagedFile` for a damaged file.
+    """
+    if not report.location.endswith(".parquet"):
+        return storage.read(report.location)
+    try:
+        return _cached(storage, report.location)[key]
+    except KeyError as error:
+        raise FileNotFoundError(f"{report.location} has no report {key}") from error
+
+
+def read_together(storage: Storage, name: str) -> dict[str, bytes]:
+    """Return the reports of one file by key; raise as :func:`read_kept`."""
+    table, _ = check_table(storage.read(name), name=name)
+    return dict(zip(table["key"].to_pylist(), table["report"].to_pylist(), strict=True))
+
+
+_cached = lru_cache(maxsize=2)(read_together)
