@@ -108,7 +108,7 @@ def write_crash_page(page: CrashPage) -> bytes:
 
 LABEL_MEANINGS: Mapping[str, str] = {
     Label.VERIFIED: "every reported event that can be simulated happens in one motion on this road",
-    Label.FIRST_EVENT_ONLY: "the first reported event happens, and not all that the report says came of it",
+    Label.FIRST_EVENT_ONLY: "the first reported event happens, but not everything that was reported after it",
 }
 _GRADES = {
     Grade.CORROBORATED: "enough facts of the report agree with it, and nothing essential speaks against it",
