@@ -12,6 +12,7 @@ from trace_dag.cli.controls import controls
 from trace_dag.cli.demo import demo
 from trace_dag.cli.evaluate import evaluate
 from trace_dag.cli.export import export
+from trace_dag.cli.find import find
 from trace_dag.cli.ingest import ingest
 from trace_dag.cli.leaderboard import leaderboard
 from trace_dag.cli.map import map_command
@@ -66,7 +67,7 @@ def cli(context: click.Context, root: str | None) -> None:
 
 
 cli.add_under("Start", demo, ingest, registers, run, rerun, cohort)
-cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
+cli.add_under("Look", status, show, open_page, ui, replay, find, sql, tables)
 cli.add_under("Judge the results", controls, national_coverage, verify)
 cli.add_under("Use them", export, release, evaluate, leaderboard, vary, traffic)
 cli.add_under("Without crashes", map_command)

@@ -47,11 +47,12 @@ from trace_dag.warehouse.weights import classes_of, national_margins, rake
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+){0,2}([.-]?(a|b|rc|dev)[0-9]+)?")
 # Everything the index says of a package but where it is.
 _PACKED = """
-SELECT crashes.*, verdicts.* EXCLUDE (key), bodies.* EXCLUDE (key), estimates.estimator, estimates.asked_estimator,
-    estimates.fallback_reason, estimates.ambiguity,
+SELECT crashes.*, catalogue.* EXCLUDE (key), verdicts.* EXCLUDE (key), bodies.* EXCLUDE (key),
+    estimates.estimator, estimates.asked_estimator, estimates.fallback_reason, estimates.ambiguity,
     simulations.backend || ' ' || simulations.backend_version AS backend
 FROM crashes
 JOIN verdicts USING (key)
+JOIN catalogue USING (key)
 LEFT JOIN estimates USING (key)
 LEFT JOIN simulations ON simulations.key = crashes.key AND simulations.hypothesis = verdicts.hypothesis
 LEFT JOIN (

@@ -35,7 +35,7 @@ from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql
 from trace_dag.warehouse.evaluations import evaluation_tables
 from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.query import stray_log
-from trace_dag.warehouse.reports import code_meanings, crash_kinds, state_names, unread_reports
+from trace_dag.warehouse.reports import code_meanings, crash_kinds, domain_terms, state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
 from trace_dag.warehouse.tables import TABLES
 from trace_dag.warehouse.updating import changed_since_built, list_for_build, note_crashes, update_tables
@@ -158,6 +158,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         tables = _read(storage, cohort_of, connection, on_problem)
         tables |= {"listing": unread_reports(storage, cohorts, tables["standing"])}
         tables |= {"state": state_names(), "code_meaning": code_meanings(), "kind_of_crash": crash_kinds()}
+        tables |= {"odd_term": domain_terms()}
         for name, table in tables.items():
             connection.register(name, table)
         comparisons = list(storage.list(FOLDER))

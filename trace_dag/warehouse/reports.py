@@ -10,6 +10,7 @@ from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.codes import crash, events, persons, vehicle
 from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.odd import ODD
 from trace_dag.crash.kind import JUDGED_KINDS, CrashKind
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
@@ -80,6 +81,18 @@ def code_meanings() -> pa.Table:
     return pa.Table.from_pylist(
         meanings, schema=pa.schema([("element", pa.string()), ("code", pa.int32()), ("meaning", pa.string())])
     )
+
+
+def domain_terms() -> pa.Table:
+    """Return the terms of the operational design domain by element and code."""
+    import pyarrow as pa
+
+    terms = [
+        {"element": element, "code": str(code), "term": term.term}
+        for element, by_code in ODD.items()
+        for code, term in by_code.items()
+    ]
+    return pa.Table.from_pylist(terms)
 
 
 def _row(listing: CrashListing) -> dict[str, Any]:

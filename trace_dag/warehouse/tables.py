@@ -38,6 +38,7 @@ TABLES: Final[Mapping[str, Rows]] = {
     "verdicts": Rows.OF_ALL,
     "judged_crashes": Rows.OF_ALL,
     "pedestrians": Rows.OF_ALL,
+    "catalogue": Rows.OF_ALL,
     "support": Rows.OF_ONE,
     "reservations": Rows.OF_ONE,
     "sight_lines": Rows.OF_ONE,

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from trace_dag.crash.classes import RoadTopology
+from trace_dag.crash.codes.odd import odd_terms
 from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
@@ -22,52 +22,6 @@ from trace_dag.version import __version__
 _ONTOLOGY: Final = "https://openlabel.asam.net/V1-0-0/ontologies/openlabel_ontology_scenario_tags.ttl"
 _ONTOLOGY_UID: Final = "0"
 
-_LIGHT: Final = {  # LGT_COND
-    1: ("IlluminationDay",),
-    2: ("LowLightNight",),
-    3: ("LowLightNight", "ArtificialStreetLighting"),
-    4: ("LowLightAmbient",),
-    5: ("LowLightAmbient",),
-    6: ("LowLightNight",),
-}
-_WEATHER: Final = {  # WEATHER
-    2: "WeatherRain",
-    3: "WeatherSnow",  # sleet and hail, which the ontology has no class for
-    4: "WeatherSnow",
-    5: "ParticulatesWater",
-    6: "WeatherWind",
-    7: "ParticulatesDust",
-    10: "IlluminationCloudiness",
-    11: "WeatherSnow",
-    12: "WeatherRain",
-}
-_SURFACE: Final = {  # VSURCOND
-    2: "SurfaceConditionWet",
-    3: "SurfaceConditionSnow",
-    4: "SurfaceConditionIcy",
-    5: "SurfaceConditionContamination",
-    6: "SurfaceConditionStandingWater",
-    7: "SurfaceConditionContamination",
-    10: "SurfaceConditionSnow",
-    11: "SurfaceConditionContamination",
-}
-_ROAD: Final = {  # FUNC_SYS: interstates and freeways; arterials and collectors; local roads
-    1: "RoadTypeMotorway",
-    2: "RoadTypeMotorway",
-    3: "RoadTypeDistributor",
-    4: "RoadTypeDistributor",
-    5: "RoadTypeDistributor",
-    6: "RoadTypeDistributor",
-    7: "RoadTypeMinor",
-}
-_JUNCTION: Final = {
-    RoadTopology.FOUR_WAY: "IntersectionCrossroad",
-    RoadTopology.T: "IntersectionTJunction",
-    RoadTopology.Y: "IntersectionYJunction",
-    RoadTopology.ROUNDABOUT: "JunctionRoundabout",
-    RoadTopology.FIVE_POINT_OR_MORE: "JunctionIntersection",
-    RoadTopology.L: "JunctionIntersection",
-}
 _VEHICLES: Final = {
     VehicleClass.MOTORCYCLE: ("VehicleMotorcycle",),
     VehicleClass.BUS: ("VehicleBus",),
@@ -143,15 +97,15 @@ def _tag(name: str, text: str | None = None) -> dict[str, Any]:
 
 
 def _of_report(record: CrashRecord) -> Iterator[str]:
-    yield from _LIGHT.get(record.light_code or 0, ())
-    for table, code in ((_WEATHER, record.weather_code), (_ROAD, record.function_class_code)):
-        if code in table:
-            yield table[code]
-    if record.road_topology in _JUNCTION:
-        yield _JUNCTION[record.road_topology]
-    for vehicle in record.vehicles:
-        if vehicle.surface_condition_code in _SURFACE:
-            yield _SURFACE[vehicle.surface_condition_code]
+    said: list[tuple[str, int | str | None]] = [
+        ("LGT_COND", record.light_code),
+        ("WEATHER", record.weather_code),
+        ("FUNC_SYS", record.function_class_code),
+        ("TYP_INT", record.road_topology),
+        *(("VSURCOND", vehicle.surface_condition_code) for vehicle in record.vehicles),
+    ]
+    for term in odd_terms(said):
+        yield from term.tags
 
 
 def _of_parties(parties: Sequence[ParticipantState]) -> Iterator[str]:
