@@ -35,14 +35,16 @@ def test_scenarios_are_those_of_the_typology() -> None:
 
 
 def test_words_find_crashes_whose_reports_have_them_all() -> None:
-    done = trace_dag(sample_runs.finished(), "find", "Night signalised", "motorcycle", "--json")
+    done = trace_dag(sample_runs.finished(), "find", "Night", "signalised", "--json")
     assert done.returncode == 0, done.stderr
     wanted = {
         key
-        for key, row in _catalogue().items()
-        if _report(key).findtext(".//LGT_COND") in _DARK and row["signalised"] and "motorcycle" in row["bodies"]
+        for key in _catalogue()
+        if (report := _report(key)).findtext(".//LGT_COND") in _DARK
+        and {each.text for each in report.iter("VTRAFCON")} & _SIGNALS
     }
     assert "2023-319003" in wanted
+    assert "2023-319012" not in wanted, "at a non-signalised junction"
     assert {row["key"] for row in json.loads(done.stdout)} == wanted
 
 

@@ -10,7 +10,8 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.messages.wording import count_of
 
 _SHOWN = 20
-_COLUMNS = ("key", "final_state", "kind", "light", "place", "odd")
+_COLUMNS = ("key", "final_state", "pre_crash_scenario", "light", "place", "kind", "euro_ncap", "odd")
+_PRINTED = 5  # of the columns
 
 
 @click.command(epilog=examples('trace-dag find "night pedestrian signalised"', "trace-dag find motorcycle T-junction"))
@@ -20,14 +21,15 @@ _COLUMNS = ("key", "final_state", "kind", "light", "place", "odd")
 def find(root: str, words: tuple[str, ...], as_json: bool) -> None:
     """Find crashes that have all of some words in kind, conditions, road, place, parties, domain or summary.
 
-    Verified crashes come first. The words are those of the warehouse's table catalogue; sql asks for more.
+    A word matches the beginnings of words. Verified crashes come first. The words are those of the warehouse's table
+    catalogue; sql asks for more.
     """
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.asking import ask
     from trace_dag.warehouse.query import query
 
     sought = [word.lower().replace("'", "''") for word in " ".join(words).split()]
-    where = " AND ".join(f"contains(words, '{word}')" for word in sought)
+    where = " AND ".join(f"contains(' ' || words, ' {word}')" for word in sought)
     workspace = Workspace.open(root, to_read=True)
     sql = (
         f"SELECT {', '.join(_COLUMNS)} FROM catalogue JOIN crashes USING (key) WHERE {where} "  # noqa: S608 - read-only
@@ -39,6 +41,6 @@ def find(root: str, words: tuple[str, ...], as_json: bool) -> None:
         return
     if not rows:
         raise UserError(f"find {' '.join(words)}: no crash has all of these words; leave one out")
-    print_table(names, rows[:_SHOWN], fit=True)
+    print_table(names[:_PRINTED], [row[:_PRINTED] for row in rows[:_SHOWN]], fit=True)
     more = f"; --json lists all, {_SHOWN} are shown" if len(rows) > _SHOWN else ""
     say(f"{count_of(len(rows), 'crash', 'crashes')}{more}")
