@@ -1,4 +1,4 @@
-"""Each crash's own checks: what they say of a partition, and that they follow what is done to it again."""
+"""Each crash's own check: what it says of a partition, and that it follows what is done to it again."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import select_again
 
 KEYS = [f"2023-5100{number:02}" for number in range(1, 5)]
-GATES = AssetCheckKey(AssetKey("road_map"), "gates")
-CRITERIA = AssetCheckKey(AssetKey("verdict"), "criteria")
 VERIFIED = AssetCheckKey(AssetKey("verdict"), "verified")
 
 
@@ -26,8 +24,6 @@ def test_every_crash_has_its_own_evaluation(campaign):
     made = campaign(dict(zip(KEYS, ["", "reject:road_map", "reject:verdict", "reject:osm_extract"], strict=True)))
     made.run()
     passed, failed = "SUCCEEDED", "FAILED"
-    assert stands(made, GATES) == dict(zip(KEYS, [passed, failed, passed, failed], strict=True))
-    assert stands(made, CRITERIA) == dict(zip(KEYS, [passed, failed, failed, failed], strict=True))
     assert stands(made, VERIFIED) == dict(zip(KEYS, [passed, failed, failed, failed], strict=True))
 
 
@@ -53,7 +49,7 @@ def test_a_run_does_not_miss_the_checks_it_has_evaluated(campaign):
 def test_a_failed_check_warns_with_reason_and_sentence(campaign):
     made = campaign({KEYS[0]: "reject:verdict"})
     made.run()
-    (record,) = made.instance.event_log_storage.get_asset_check_execution_history(CRITERIA, limit=1)
+    (record,) = made.instance.event_log_storage.get_asset_check_execution_history(VERIFIED, limit=1)
     assert record.partition == KEYS[0]
     assert record.evaluation.severity.value == "WARN"
     assert record.evaluation.metadata["reason"].value == "wrong_location"
@@ -64,7 +60,6 @@ def test_a_crash_run_again_is_checked_again_and_no_other(campaign):
     made = campaign(dict.fromkeys(KEYS[:2], ""))
     made.run()
     made.run(select_again(made.workspace, only=[KEYS[1]], first=Stage.VERDICT))
-    assert set(stands(made, CRITERIA).values()) == {"SUCCEEDED"}
-    history = made.instance.event_log_storage.get_asset_check_execution_history(CRITERIA, limit=10)
+    assert set(stands(made, VERIFIED).values()) == {"SUCCEEDED"}
+    history = made.instance.event_log_storage.get_asset_check_execution_history(VERIFIED, limit=10)
     assert sorted(record.partition for record in history) == [KEYS[0], KEYS[1], KEYS[1]]
-    assert len(made.instance.event_log_storage.get_asset_check_execution_history(GATES, limit=10)) == 2

@@ -53,8 +53,6 @@ def test_jobs_and_checks_resolve():
         "everything_adds_up",
         "maps_pass_their_gates",
         "criteria_are_evaluated",
-        "gates",
-        "criteria",
         "verified",
     }
     assert [schedule.name for schedule in repository.schedule_defs] == ["newly_released_cases"]

@@ -20,7 +20,7 @@ from dagster import (
 )
 from pydantic import Field
 
-from trace_dag.assets.crash_checks import CRASH_CHECKS, CrashChecks
+from trace_dag.assets.crash_checks import VERIFIED, CrashChecks
 from trace_dag.assets.metadata import HOW_TO_FORCE, materialization
 from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
@@ -62,7 +62,7 @@ class BatchConfig(Config):
 @multi_asset(
     name="crashes",
     specs=[*REPORTS, *ROADS, *SCENARIOS, *VERDICTS],
-    check_specs=CRASH_CHECKS,
+    check_specs=[VERIFIED],
     can_subset=True,
     required_resource_keys={"workspace"},
     backfill_policy=BackfillPolicy.multi_run(max_partitions_per_run=CRASHES_PER_RUN),

@@ -188,7 +188,9 @@ class Canvas:
         if ink.round_caps:
             look += ' stroke-linecap="round"'
         if ink.opacity < 1.0:
-            look += f' opacity="{ink.opacity:g}"'
+            # Of a shape that is filled and stroked, it is applied to both together, on a layer that takes long.
+            of = "fill-" if ink.stroke == "none" else "stroke-" if ink.fill == "none" else ""
+            look += f' {of}opacity="{ink.opacity:g}"'
         return look + (f' fill-opacity="{ink.fill_opacity:g}"' if ink.fill_opacity < 1.0 else "")
 
     def _units(self, points: float) -> float:
