@@ -49,7 +49,7 @@ MAP_READERS = {
 _PAGE = """# Readers of the files
 
 Each form of `trace-dag export`, and the OpenDRIVE maps, before the tools that read them. Made on {date} with
-commit {commit}, of {crashes} verified crashes, by `python -m lab formats ROOT --sample {sample} --page PAGE`.
+commit {commit}, of {crashes} accepted crashes, by `python -m lab formats ROOT --sample {sample} --page PAGE`.
 
 ## Forms
 
@@ -79,11 +79,10 @@ def form_table(root: Path, forms: list[str], folder: Path, keys: list[str]) -> t
         subprocess.run(export, stdout=subprocess.DEVNULL, check=True)
         for judges, packages in READERS[form].items():
             rows, done = _ask(_JUDGES, judges, packages, folder / form)
-            lines += [
-                f"| `{form}` | {row['judge']} | {row['files']} | {row['taken']} | {row['says']} |" for row in rows
-            ]
+            for row in rows:
+                lines.append(f"| `{form}` | {row['judge']} | {row['files']} | {row['taken']} | {row['says']} |")
+                print(lines[-1], flush=True)
             well &= done and all(row["taken"] == row["files"] for row in rows)
-            print(*lines[-len(rows) :], sep="\n", flush=True)
     return lines, well
 
 
@@ -115,9 +114,10 @@ def _ask(program: Path, judges: str, packages: tuple[str, ...], folder: Path) ->
 
 
 def _sampled(root: Path, sample: int) -> list[str]:
-    """Return so many verified crashes, evenly out of all; all of them for 0."""
-    crashes = trace_dag.open(root).crashes
-    keys = [str(key) for key in crashes.index[crashes["final_state"] == "verified"]]
+    """Return so many verified crashes, evenly out of all; for 0 all that ``export`` writes, the accepted ones."""
+    states = trace_dag.open(root).crashes["final_state"]
+    wanted = ("verified",) if sample else ("verified", "first_event_only")
+    keys = [str(key) for key in states.index[states.isin(wanted)]]
     return keys[:: max(1, len(keys) // sample)][:sample] if sample else keys
 
 

@@ -25,4 +25,4 @@ FORM_OF_READER: Final = {
     "sumo": "sumo",
     "trimesh": "glb",
 }
-"""The form that each tool reads best, of those that it reads (``python -m lab formats`` tries them)."""
+"""The form that each tool reads best, of those that it reads (``python -m lab formats`` tries those on PyPI)."""
