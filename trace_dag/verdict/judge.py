@@ -50,13 +50,14 @@ def judge(
     if not settings.reported_headings:
         record = drop_headings(record)
     sequence = sequence_of(record)
-    observed = [observe_crash(network, *each) for each in zip(estimate.hypotheses, logs, strict=True)]
-    judged = [
-        judge_observed(record, each, settings, sequence=sequence, report=report, index=i, of=len(logs))
-        for i, each in enumerate(observed)
-    ]
-    verdict = max(judged, key=lambda each: (each.verified, each.accepted))  # the first of the best
-    seen = observed[verdict.hypothesis]
+    judged: list[tuple[Verdict, ObservedCrash]] = []
+    for i, each in enumerate(zip(estimate.hypotheses, logs, strict=True)):
+        seen = observe_crash(network, *each)
+        found = judge_observed(record, seen, settings, sequence=sequence, report=report, index=i, of=len(logs))
+        judged.append((found, seen))
+        if found.verified:
+            break  # none that follows is taken before it
+    verdict, seen = max(judged, key=lambda each: (each[0].verified, each[0].accepted))  # the first of the best
     beside = Comparison.of(record, sequence, seen, settings, (report.placement.x_m, report.placement.y_m))
     support = assess_support(facts_of(record, network, report, beside))
     verdict = replace(verdict, support=support)
