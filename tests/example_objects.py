@@ -28,9 +28,10 @@ from trace_dag.reconstruction.candidates import candidates
 from trace_dag.reconstruction.estimate import estimate
 from trace_dag.reconstruction.motion.manoeuvres import Option
 from trace_dag.reconstruction.motion.solver import Solution
-from trace_dag.reconstruction.planners.pedestrian_impact.planner import ImpactPlan, approaches_of, impact_plans
+from trace_dag.reconstruction.planners.impact_plans import ImpactPlan, impact_plans
 from trace_dag.reconstruction.pre_crash_scenarios import party, pre_crash_scenarios
 from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.reconstruction.scene.vehicle_ways import approaches_of
 from trace_dag.roads.build import build_road_map
 from trace_dag.roads.from_osm.junction_areas import lay_out
 from trace_dag.roads.from_osm.lanes import Stretch, build_sections

@@ -15,7 +15,7 @@ from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, VehicleClass
 from trace_dag.reconstruction.estimate import estimate
-from trace_dag.reconstruction.planners.run_off_road.priors import angle_log_likelihood
+from trace_dag.reconstruction.motion.departure_paths import angle_log_likelihood
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
 from trace_dag.simulation.embedded import EmbeddedBackend

@@ -52,7 +52,7 @@ def followed(crash: CrashRecord, *things: MappedThing) -> tuple[StateEstimate, S
     hypothesis, _ = simulated(fast, slow, impact_time_s=meets_s)
     report = replace(PLACE, things=things)
     made = estimate_by_record(
-        crash, STREET, report, StateSettings(lead_time_s=meets_s), lambda _: FirstEvent((hypothesis,), 0.0)
+        crash, STREET, report, StateSettings(lead_time_s=meets_s), lambda *_: FirstEvent((hypothesis,), 0.0)
     )
     logs = simulate(EmbeddedBackend(SimSettings()), STREET, b"", made, SimSettings(), record=crash)
     return made, logs[0], judge(crash, STREET, report, made, logs, VerdictSettings())

@@ -12,7 +12,8 @@ from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.language.hypotheses import NAME, LlmFiles, estimate_llm, llm_client
 from trace_dag.language.prompt import Prompt
-from trace_dag.reconstruction.first_event import FirstEvent, FirstScene, plan_first_event
+from trace_dag.reconstruction.course import Search
+from trace_dag.reconstruction.first_event import FirstEvent, plan_first_event
 from trace_dag.reconstruction.search import estimate_by_record
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
@@ -36,11 +37,11 @@ class LlmEstimator:
         If no two vehicles in transport meet first nobody is asked, and the estimate says so."""
         asked: list[EstimatorRun] = []
 
-        def ask(of: FirstScene) -> FirstEvent:
-            if of.event.kind is not EventKind.VEHICLE_CONTACT or of.event.parked is not None:
-                return plan_first_event(of)
-            wanted = of.settings.model_copy(update={"max_hypotheses": of.most})
-            made = estimate_llm(of.scene, of.event, wanted, self._client)
+        def ask(search: Search, settings: StateSettings) -> FirstEvent:
+            event = search.sequence.first
+            if event.kind is not EventKind.VEHICLE_CONTACT or event.parked is not None:
+                return plan_first_event(search, settings)
+            made = estimate_llm(search.scene, event, settings, self._client)
             asked.append(made.run)
             return FirstEvent(made.hypotheses, made.ambiguity)
 

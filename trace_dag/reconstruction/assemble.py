@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +15,10 @@ from trace_dag.common.units import bearing_to_clock_h
 from trace_dag.crash.record import VehicleRecord
 from trace_dag.reconstruction.checks import check
 from trace_dag.reconstruction.motion.manoeuvres import Option
-from trace_dag.reconstruction.motion.solver import Placed, Solution
+from trace_dag.reconstruction.motion.solver import Solution
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
 from trace_dag.reconstruction.pre_crash_scenarios import Party
+from trace_dag.reconstruction.ranking import Scored
 from trace_dag.roads.map.model import LaneMatch
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.states import Hypothesis, Manoeuvre, ParticipantState, SpeedSource, Trajectory
@@ -28,6 +31,26 @@ _TRAILS_M = 1.0  # a trailer is followed from so far before a path's beginning
 _DECIMALS = 6  # to a micrometre: equal on every machine, which the last bits are not
 
 
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A vehicle's way to an event: its path, the station along it at the event (m), and its speed before."""
+
+    party: Party
+    option: Option
+    path: Path
+    station_m: float
+    speed: TravelSpeed
+    profile: SpeedProfile
+
+    @property
+    def pose(self) -> Pose:
+        """Return the pose at the event."""
+        pose = self.path.pose(self.station_m)
+        if not self.option.backing:
+            return pose
+        return replace(pose, heading_rad=math.remainder(pose.heading_rad + math.pi, math.tau))
+
+
 def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: float) -> Hypothesis:
     """Return the solution as states: each vehicle's profile run backward from the impact along its path.
 
@@ -38,19 +61,21 @@ def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: floa
     (5.0, True)
     """
     candidate = solution.candidate
+    mover, other, scenario = solution.mover, solution.other, candidate.scenario
     parts = (
-        (candidate.scenario.mover, solution.mover, candidate.mover_speed, candidate.mover_profile),
-        (candidate.scenario.other, solution.other, candidate.other_speed, candidate.other_profile),
+        (scenario.mover, mover.option, mover.path, mover.station_m, candidate.mover_speed, candidate.mover_profile),
+        (scenario.other, other.option, other.path, other.station_m, candidate.other_speed, candidate.other_profile),
     )
-    participants = tuple(
-        sorted(
-            (_participant(network, *part, lead_time_s=lead_time_s) for part in parts),
-            key=lambda participant: participant.vehicle_number,
-        )
-    )
+    drives = [Drive(*part) for part in parts]
+    states = []
+    for drive, bearing_rad in zip(drives, (mover.bearing_rad, other.bearing_rad), strict=True):
+        after_s = after_impact_s(drive.profile, LONGEST_AFTER_S) if drive.profile.impact_mps > 0 else AFTER_IMPACT_S
+        states.append(drive_along(network, drive, lead_time_s=lead_time_s, after_s=after_s, bearing_rad=bearing_rad))
+    participants = in_order(states)
     mapped = {
-        party.vehicle.number: placed.station_m + _travelled(profile, lead_time_s) < placed.option.approach.mapped_from_m
-        for party, placed, _, profile in parts
+        drive.party.vehicle.number: drive.station_m + _travelled(drive.profile, lead_time_s)
+        < drive.option.approach.mapped_from_m
+        for drive in drives
     }
     x_m, y_m = solution.contact_xy_m
     return Hypothesis(
@@ -72,69 +97,76 @@ def _travelled(profile: SpeedProfile, lead_time_s: float) -> float:
     return float(profile.sample(lead_time_s, 0.0)[1][0])
 
 
-def _participant(
-    network: RoadNetwork,
-    party: Party,
-    placed: Placed,
-    speed: TravelSpeed,
-    profile: SpeedProfile,
-    *,
-    lead_time_s: float,
-) -> ParticipantState:
-    after_s = AFTER_IMPACT_S
-    if profile.impact_mps > 0:
-        after_s = min(max(after_s, AFTER_IMPACT_M / profile.impact_mps), LONGEST_AFTER_S)
-    state = drive_along(
-        network,
-        party.vehicle,
-        placed.option,
-        placed.path,
-        placed.station_m,
-        speed,
-        profile,
-        lead_time_s=lead_time_s,
-        after_s=after_s,
+def planned_hypothesis(
+    plan: Scored, states: Iterable[ParticipantState], lead_s: float, at_xy_m: Iterable[float], **parts: Any
+) -> Hypothesis:
+    """Return the hypothesis made of a plan and its parties, with the event ``lead_s`` after the beginning at a place.
+
+    ``parts``: what else the hypothesis has, such as its checks and objects.
+
+    >>> states = hypothesis.participants
+    >>> made = planned_hypothesis(strike_plan, states, 5.0, (1.0, 2.0))
+    >>> made.name == strike_plan.name, made.score == strike_plan.score
+    (True, True)
+    """
+    x_m, y_m = (round(float(value), _DECIMALS) for value in at_xy_m)
+    return Hypothesis(
+        name=plan.name,
+        score=plan.score,
+        evidence={name: round(value, _DECIMALS) for name, value in sorted(plan.terms.items())},
+        participants=in_order(states),
+        impact_time_s=lead_s,
+        impact_point_xy_m=(x_m, y_m),
+        **parts,
     )
-    return replace(state, impact_clock_h=round(bearing_to_clock_h(placed.bearing_rad), 3))
+
+
+def in_order(states: Iterable[ParticipantState]) -> tuple[ParticipantState, ...]:
+    """Return parties in the order of their numbers."""
+    return tuple(sorted(states, key=lambda state: state.vehicle_number))
 
 
 def drive_along(
-    network: RoadNetwork,
-    vehicle: VehicleRecord,
-    option: Option,
-    path: Path,
-    station_m: float,
-    speed: TravelSpeed,
-    profile: SpeedProfile,
-    *,
-    lead_time_s: float,
-    after_s: float,
+    network: RoadNetwork, drive: Drive, *, lead_time_s: float, after_s: float, bearing_rad: float | None = None
 ) -> ParticipantState:
-    """Return a vehicle driven along a path.
+    """Return a vehicle driven along its path.
 
-    It is at ``station_m`` of it (metres) after ``lead_time_s`` seconds, and goes on for ``after_s`` seconds more.
+    It is at the event after ``lead_time_s`` seconds, where it is touched in the direction ``bearing_rad`` of its body
+    if that is known, and goes on for ``after_s`` seconds more.
 
-    >>> from trace_dag.simulation.states import SpeedSource
-    >>> car, way = tree_record.vehicles[0], way_past_the_tree
+    >>> from trace_dag.reconstruction.pre_crash_scenarios import party
+    >>> who, way = party(tree_record, tree_record.vehicles[0]), way_past_the_tree
     >>> speed, steady = TravelSpeed(20.0, SpeedSource.REPORTED), SpeedProfile(20.0, 20.0)
-    >>> state = drive_along(network, car, way, way.path(), way.station_m, speed, steady, lead_time_s=5.0, after_s=1.0)
+    >>> drive = Drive(who, way, way.path(), way.station_m, speed, steady)
+    >>> state = drive_along(network, drive, lead_time_s=5.0, after_s=1.0)
     >>> t = state.trajectory
     >>> round(math.dist((t.x_m[0], t.y_m[0]), (t.x_m[-1], t.y_m[-1])), 1), float(t.time_s[-1])  # 6 s at 20 m/s
     (120.0, 6.0)
     """
+    vehicle, profile = drive.party.vehicle, drive.profile
     time, distance, speeds = profile.sample(lead_time_s, after_s)
-    x, y, z, heading = path.at(station_m + distance)
-    trailing = _trailing(vehicle, path, station_m + distance, heading)
-    if option.backing:
+    x, y, z, heading = drive.path.at(drive.station_m + distance)
+    trailing = _trailing(vehicle, drive.path, drive.station_m + distance, heading)
+    if drive.option.backing:
         heading, speeds, trailing = heading + math.pi, -speeds, heading + math.pi
     trajectory = round_trajectory(time, x, y, z, heading, speeds)
     impact = int(np.argmin(np.abs(trajectory.time_s - lead_time_s)))
-    state = _of_vehicle(network, vehicle, option.manoeuvre, speed.source, trajectory, impact)
+    state = _of_vehicle(network, vehicle, drive.option.manoeuvre, drive.speed.source, trajectory, impact)
     return replace(
         state,
         braking=profile.impact_mps < profile.initial_mps,
+        impact_clock_h=None if bearing_rad is None else round(bearing_to_clock_h(bearing_rad), 3),
         trailer_heading_rad=None if vehicle.trailer is None else np.round(trailing, _DECIMALS),
     )
+
+
+def after_impact_s(profile: SpeedProfile, most_s: float) -> float:
+    """Return the time for which a vehicle's plan goes on after an event (s), long enough to complete a turn.
+
+    >>> after_impact_s(SpeedProfile(20.0, 20.0), 20.0), after_impact_s(SpeedProfile(5.0, 5.0), 20.0)  # 25 m at 5 m/s
+    (3.0, 5.0)
+    """
+    return max(AFTER_IMPACT_S, AFTER_IMPACT_M / max(profile.impact_mps, AFTER_IMPACT_M / most_s))
 
 
 def stand_still(network: RoadNetwork, vehicle: VehicleRecord, pose: Pose) -> ParticipantState:

@@ -19,6 +19,7 @@ from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
 from trace_dag.reconstruction.pre_crash_scenarios import PreCrashScenario
 from trace_dag.reconstruction.scene.approaches import Approach
 from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.reconstruction.scene.vehicle_ways import vehicle_terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,27 +76,14 @@ def _at_one_time(one: Approach, two: Approach) -> bool:
 
 def _judged(scene: Scene, scenario: PreCrashScenario, pair: PathPair) -> Candidate:
     terms = pair.terms | evidence.crossing_ahead_terms(scene, scenario.relation, pair.mover.approach)
-    sides = ((scenario.mover, pair.mover), (scenario.other, pair.other))
-    speeds = (pair.mover_speed.speed_mps, pair.other_speed.speed_mps)
-    for (party, option), speed_mps in zip(sides, speeds, strict=True):
-        number = party.vehicle.number
-        approach = option.approach
-        for name, value in {
-            **evidence.street_terms(scene.network, scene.placement, scene.record, approach),
-            **evidence.road_terms(party.vehicle, approach),
-            **evidence.lane_terms(party.vehicle, approach, party.turn),
-            **evidence.speed_terms(party.vehicle, approach, party.turn),
-            **evidence.driveway_speed_terms(approach, speed_mps),
-            **evidence.heading_terms(party.vehicle, option),
-            **option.costs,
-        }.items():
-            terms[f"{name} (vehicle {number})"] = value
-    keep_on = [option.approach for party, option in sides if not (party.turn or party.backing)]
+    sides = ((scenario.mover, pair.mover, pair.mover_speed), (scenario.other, pair.other, pair.other_speed))
+    for side in sides:
+        terms |= vehicle_terms(scene, *side)
+    keep_on = [option.approach for party, option, _ in sides if not (party.turn or party.backing)]
     terms |= evidence.first_street_terms(scene, keep_on, cross=scenario.relation is Relation.CROSSING)
-    if scenario.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _ in sides):
+    if scenario.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _, _ in sides):
         one, two = (
-            evidence.CrossingVehicle(party.vehicle, option.approach, speed_mps)
-            for (party, option), speed_mps in zip(sides, speeds, strict=True)
+            evidence.CrossingVehicle(party.vehicle, option.approach, speed.speed_mps) for party, option, speed in sides
         )
         terms |= evidence.crossing_terms(one, two)
     return Candidate(

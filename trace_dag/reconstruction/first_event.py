@@ -6,21 +6,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
-from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.settings import StateSettings
 from trace_dag.crash.departure_side import SIDE_OF_EVENT
-from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.road_departure import departure_of
 from trace_dag.reconstruction.alternatives import ambiguity_of
 from trace_dag.reconstruction.analytic_hypotheses import first_contact
+from trace_dag.reconstruction.course import Search
 from trace_dag.reconstruction.planners.parked import parked_contacts
 from trace_dag.reconstruction.planners.pedestrian import strike_hypotheses
 from trace_dag.reconstruction.planners.rollover import overturn_hypotheses
-from trace_dag.reconstruction.planners.run_off_road.planner import departure_hypotheses
-from trace_dag.reconstruction.scene.scene import Scene
-from trace_dag.simulation.embedded import EmbeddedSimulation
+from trace_dag.reconstruction.planners.run_off_road import departure_hypotheses
 from trace_dag.simulation.states import Hypothesis
 
 _BELOW_BRIDGES: Final = frozenset({3, 17, 19, 32, 34, 35, 36, 37, 41, 42})
@@ -36,41 +32,23 @@ class FirstEvent:
     hypotheses: tuple[Hypothesis, ...]
     ambiguity: float
 
-    @classmethod
-    def of(cls, hypotheses: tuple[Hypothesis, ...]) -> FirstEvent:
-        """Return hypotheses whose scores say how unsure the best is."""
-        return cls(hypotheses, ambiguity_of(hypotheses))
+
+FirstPlanner: TypeAlias = Callable[[Search, StateSettings], FirstEvent]
+"""A planner of the first event of a search, with the settings' lead time and at most so many hypotheses."""
 
 
-@dataclass(frozen=True, eq=False)
-class FirstScene:
-    """The ground for planning a first event.
-
-    Scene, sequence, simulation to look ahead with, lead before it (s), and number of hypotheses wanted.
-    """
-
-    scene: Scene
-    sequence: EventSequence
-    simulation: EmbeddedSimulation
-    settings: StateSettings
-    most: int
-
-    @property
-    def event(self) -> CrashEvent:
-        """Return the first event."""
-        return self.sequence.first
-
-
-Planner: TypeAlias = Callable[[FirstScene], FirstEvent]
-
-
-def plan_first_event(of: FirstScene) -> FirstEvent:
-    """Return the hypotheses of the first event.
+def plan_first_event(search: Search, settings: StateSettings) -> FirstEvent:
+    """Return the hypotheses of the first event of a search.
 
     Raises :class:`Rejection` (``no_feasible_state``) where none lets it happen as reported.
     """
-    found = _PLANNERS[of.event.kind](of)
-    return replace(found, hypotheses=tuple(_off_bridges(of.scene.record, each) for each in found.hypotheses))
+    event = search.sequence.first
+    if event.kind is EventKind.VEHICLE_CONTACT and event.parked is None:
+        found, unsure = first_contact(search.scene, event, settings)
+    else:
+        found = _PLANNERS[event.kind](search, settings)
+        unsure = ambiguity_of(found)
+    return FirstEvent(tuple(_off_bridges(search.scene.record, each) for each in found), unsure)
 
 
 def _off_bridges(record: CrashRecord, hypothesis: Hypothesis) -> Hypothesis:
@@ -86,37 +64,10 @@ def _off_bridges(record: CrashRecord, hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, participants=states)
 
 
-def _vehicle_contact(of: FirstScene) -> FirstEvent:
-    wanted = of.settings.model_copy(update={"max_hypotheses": of.most})
-    if of.event.parked is None:
-        return FirstEvent(*first_contact(of.scene, of.event, wanted))
-    found = parked_contacts(of.scene, of.event, lead_time_s=of.settings.lead_time_s, most=of.most)
-    if not found:
-        one, two = of.event.pair
-        detail = of.scene.no_way_that(f"lets vehicles {one} and {two} meet first, as event {of.event.number} says")
-        raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=0.0)
-    return FirstEvent.of(found)
-
-
-def _strike(of: FirstScene) -> FirstEvent:
-    return FirstEvent.of(strike_hypotheses(of.scene, of.sequence, of.settings, most=of.most))
-
-
-def _object(of: FirstScene) -> FirstEvent:
-    departure = departure_of(of.scene.record, of.sequence)
-    return FirstEvent.of(departure_hypotheses(of.scene, departure, lead_s=of.settings.lead_time_s, most=of.most))
-
-
-def _overturn(of: FirstScene) -> FirstEvent:
-    departure = departure_of(of.scene.record, of.sequence)
-    found = overturn_hypotheses(of.scene, departure, of.simulation, lead_s=of.settings.lead_time_s, most=of.most)
-    return FirstEvent.of(found)
-
-
-_PLANNERS: Final[Mapping[EventKind, Planner]] = {
-    EventKind.VEHICLE_CONTACT: _vehicle_contact,
-    EventKind.PERSON_STRUCK: _strike,
-    EventKind.ANIMAL_STRUCK: _strike,
-    EventKind.OBJECT_STRUCK: _object,
-    EventKind.OVERTURN: _overturn,
+_PLANNERS: Final[Mapping[EventKind, Callable[[Search, StateSettings], tuple[Hypothesis, ...]]]] = {
+    EventKind.VEHICLE_CONTACT: parked_contacts,
+    EventKind.PERSON_STRUCK: strike_hypotheses,
+    EventKind.ANIMAL_STRUCK: strike_hypotheses,
+    EventKind.OBJECT_STRUCK: departure_hypotheses,
+    EventKind.OVERTURN: overturn_hypotheses,
 }

@@ -27,9 +27,14 @@ Ranked = TypeVar("Ranked", bound=HasScore)
 
 
 class Scored:
-    """Something whose log-likelihood is the sum of its ``terms``."""
+    """A plan whose log-likelihood is the sum of its ``terms``, with the words that distinguish it from the others."""
 
     terms: dict[str, float]
+
+    @property
+    def name(self) -> str:
+        """Return the words that distinguish it from the other plans of its crash."""
+        raise NotImplementedError
 
     @property
     def score(self) -> float:

@@ -28,9 +28,10 @@ from trace_dag.reconstruction.alternatives import ambiguity_of
 from trace_dag.reconstruction.analytic_hypotheses import NAME, VERSION, build_scene
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.default_simulation import default_simulation
-from trace_dag.reconstruction.first_event import FirstEvent, FirstScene, plan_first_event
+from trace_dag.reconstruction.first_event import FirstEvent, FirstPlanner, plan_first_event
 from trace_dag.reconstruction.on_mapped_ground import on_mapped_ground
 from trace_dag.reconstruction.planners.later_vehicle import LONGEST_WAIT_S, arrival_plans
+from trace_dag.reconstruction.planners.parked import standing_plans
 from trace_dag.reconstruction.planners.pedestrian import (
     LONGEST_CHAIN_S,
     assume_animal,
@@ -38,9 +39,8 @@ from trace_dag.reconstruction.planners.pedestrian import (
     crossing_lead_s,
     lying_plans,
 )
-from trace_dag.reconstruction.planners.roadside_object import object_plans
 from trace_dag.reconstruction.planners.rollover import later_overturn_plans
-from trace_dag.reconstruction.planners.standing import standing_plans
+from trace_dag.reconstruction.planners.run_off_road import object_plans
 from trace_dag.reconstruction.planners.way_after import ways_on
 from trace_dag.reconstruction.ranking import leaders_first
 from trace_dag.roads.map.network import RoadNetwork
@@ -61,7 +61,6 @@ _GRAZES_MPS: Final = 1.0  # of a body against an object: slower it bends nothing
 
 Plans: TypeAlias = Iterator[Plan | str]
 """Plans, and sentences that say why there are none, or no more of a kind."""
-FirstPlanner: TypeAlias = Callable[[FirstScene], FirstEvent]
 
 
 def estimate_by_record(
@@ -134,7 +133,7 @@ def _in_order(search: Search, settings: StateSettings, first_planner: FirstPlann
     """Return the ranked hypotheses for one order of the events, and how unsure the best is."""
     later = _later_contacts(search.sequence)
     most = max(settings.max_hypotheses, _FIRSTS) if later else settings.max_hypotheses
-    first = first_planner(FirstScene(search.scene, search.sequence, search.simulation, settings, most))
+    first = first_planner(search, settings.model_copy(update={"max_hypotheses": most}))
     hypotheses, unsure = first.hypotheses, first.ambiguity
     if later:
         hypotheses, unsure = _with_contacts(search, first.hypotheses, settings)
@@ -263,10 +262,10 @@ def _contact_plans(search: Search, course: Course, event: CrashEvent, newcomers:
 def _plans_by_themselves(search: Search, course: Course, event: CrashEvent) -> Plans:
     """Yield a contact of two who were not there before: planned as a first one, a while after the one before."""
     last_s = max((each.time_s for each in course.matching.matched if each is not None), default=search.lead_s)
-    settings = StateSettings(lead_time_s=round(last_s + _AFTER_S, _DECIMALS))
-    alone = EventSequence((event,))
+    settings = StateSettings(lead_time_s=round(last_s + _AFTER_S, _DECIMALS), max_hypotheses=_TRIED)
+    alone = Search(search.scene, EventSequence((event,)), search.simulation, settings.lead_time_s)
     try:
-        found = plan_first_event(FirstScene(search.scene, alone, search.simulation, settings, _TRIED))
+        found = plan_first_event(alone, settings)
     except Rejection as rejection:
         yield rejection.detail
         return

@@ -18,22 +18,19 @@ from numpy.typing import NDArray
 from trace_dag.common.geometry import FloatArray, Poses, gaps_m
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.paths import Path
-from trace_dag.common.units import bearing_to_clock_h
 from trace_dag.crash.event_sequence import CrashEvent
-from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, drive_along
+from trace_dag.reconstruction.assemble import Drive, after_impact_s, drive_along
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood
 from trace_dag.reconstruction.motion.contact import STANDING_MPS, find_contact_points
 from trace_dag.reconstruction.motion.manoeuvres import Option, keep_lane
-from trace_dag.reconstruction.motion.solver import Placed
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
 from trace_dag.reconstruction.planners.parked import STANDS, stands
-from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of, way_terms
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.scene.approaches import Approach
 from trace_dag.reconstruction.scene.scene import Scene
-from trace_dag.simulation.states import ParticipantState
+from trace_dag.reconstruction.scene.vehicle_ways import approaches_of, way_terms
 from trace_dag.simulation.types import Body, VehicleLog
 
 LONGEST_WAIT_S: Final = 8.0
@@ -84,24 +81,22 @@ class SimulatedMotion:
 
 @dataclass(frozen=True, eq=False)
 class Arrival:
-    """One way for the vehicle to come to the contact: at ``time_s`` it is where ``placed`` says."""
+    """One way for the vehicle to come to the contact at ``time_s``, touched in a direction of its body."""
 
-    who: Party
-    placed: Placed
-    speed: TravelSpeed
-    profile: SpeedProfile
+    drive: Drive
+    bearing_rad: float
     time_s: float
     score: float
 
     @property
     def group(self) -> tuple[str, bool]:
         """Return the group, whose arrivals differ in detail only."""
-        return self.placed.option.approach.name, self.profile.impact_mps <= STANDING_MPS
+        return self.drive.option.approach.name, self.drive.profile.impact_mps <= STANDING_MPS
 
     @property
     def name(self) -> str:
         """Return the words that distinguish this arrival from the others of its vehicle."""
-        return f"vehicle {self.who.vehicle.number}: {self.placed.option.name} at {self.time_s:.1f} s"
+        return f"vehicle {self.drive.party.vehicle.number}: {self.drive.option.name} at {self.time_s:.1f} s"
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +132,14 @@ def arrival_plans(search: Search, course: Course, contact: CrashEvent, newcomer:
     (known,) = (number for number in contact.pair if number != newcomer)
     found = arrivals(search.scene, contact, newcomer, motions, after_s=_after_s(search, course))
     for arrival in found:
-        state = _state(search.scene, arrival)
+        after_s = after_impact_s(arrival.drive.profile, LONGEST_WAIT_S)
+        state = drive_along(
+            search.scene.network,
+            arrival.drive,
+            lead_time_s=arrival.time_s,
+            after_s=after_s,
+            bearing_rad=arrival.bearing_rad,
+        )
         terms = {f"arrival of vehicle {newcomer}": round(arrival.score, 6)}
         yield Plan((*course.states, state), course.objects, arrival.name, arrival.score, terms, arrival.group)
     if not found:
@@ -151,22 +153,6 @@ def _after_s(search: Search, course: Course) -> float:
     if not times:
         return float(course.states[0].trajectory.time_s[0])
     return max(times) if search.sequence.order_known else min(times)
-
-
-def _state(scene: Scene, arrival: Arrival) -> ParticipantState:
-    after_s = max(AFTER_IMPACT_S, AFTER_IMPACT_M / max(arrival.profile.impact_mps, AFTER_IMPACT_M / LONGEST_WAIT_S))
-    state = drive_along(
-        scene.network,
-        arrival.who.vehicle,
-        arrival.placed.option,
-        arrival.placed.path,
-        arrival.placed.station_m,
-        arrival.speed,
-        arrival.profile,
-        lead_time_s=arrival.time_s,
-        after_s=after_s,
-    )
-    return replace(state, impact_clock_h=round(bearing_to_clock_h(arrival.placed.bearing_rad), 3))
 
 
 # --- ways ------------------------------------------------------------------------------------------------------------
@@ -253,11 +239,8 @@ def _best(
     if score[best] == -np.inf:
         return None
     station = float(at[kept[best], index[best]])
-    pose = way.path.pose(station)
-    if way.option.backing:
-        pose = replace(pose, heading_rad=math.remainder(pose.heading_rad + math.pi, math.tau))
-    placed = Placed(way.option, way.path, station, pose, float(touch.bearing_1_rad[best]))
-    return Arrival(who, placed, way.speed, way.profile, float(touch_s[best]), way.score + float(score[best]))
+    drive = Drive(who, way.option, way.path, station, way.speed, way.profile)
+    return Arrival(drive, float(touch.bearing_1_rad[best]), float(touch_s[best]), way.score + float(score[best]))
 
 
 def _stood(target: SimulatedMotion, until_s: float) -> bool:

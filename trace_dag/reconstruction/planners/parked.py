@@ -2,39 +2,54 @@
 
 A vehicle that stands beside the road is on the right of its direction of travel (on a one-way road on either side). The
 coded zone (``REL_ROAD``) says whether it is at the kerb within the carriageway, on the shoulder or in the parking lane,
-or beyond. Its exact place across the road is not coded. The moving vehicle drifts out of its lane towards it. Frame:
+or beyond. Its exact place across the road is not coded. The moving vehicle drifts out of its lane towards it.
+
+A vehicle, or a person on foot, that stood on a vehicle's way after its first event is put where the vehicle comes
+along, so that both are touched on the reported areas. Nothing says where it stood but the sequence of events. Frame:
 the local frame.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from trace_dag.common.geometry import FloatArray
+from trace_dag.common.errors import Reason, Rejection
+from trace_dag.common.geometry import FloatArray, Pose
 from trace_dag.common.paths import Path
-from trace_dag.common.units import GRAVITY_MPS2, bearing_to_clock_h
+from trace_dag.common.settings import StateSettings
+from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.codes.events import RAN_OFF_LEFT, RAN_OFF_RIGHT
 from trace_dag.crash.crash_types import Side
 from trace_dag.crash.event_sequence import CrashEvent
-from trace_dag.crash.record import VehicleRecord
+from trace_dag.crash.record import NonMotorist, VehicleRecord
 from trace_dag.crash.zones import Zone, zones_of_first_event
-from trace_dag.reconstruction.assemble import AFTER_IMPACT_S, drive_along
+from trace_dag.reconstruction.assemble import (
+    Drive,
+    after_impact_s,
+    drive_along,
+    planned_hypothesis,
+    stand_still,
+)
+from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood, place_log_likelihood
 from trace_dag.reconstruction.motion.contact import Contacts, Mover, first_contacts
+from trace_dag.reconstruction.motion.contact_points import contact_points_of
 from trace_dag.reconstruction.motion.manoeuvres import Option, keep_lane, lateral_shift, steepest_slope
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
-from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of, edge_m
+from trace_dag.reconstruction.planners.pedestrian import standing_person
+from trace_dag.reconstruction.planners.way_after import Way, ways_on
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored, leaders_first
 from trace_dag.reconstruction.scene.approaches import Approach
 from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.reconstruction.scene.vehicle_ways import approaches_of
 from trace_dag.simulation.states import (
     EstimateCheck,
     Hypothesis,
@@ -61,6 +76,8 @@ _LONGEST_AFTER_S: Final = 8.0
 _SLIDES: Final = 3
 _DECIMALS: Final = 6
 _ROUNDED: Final = 1e-5  # more than rounding takes from a score
+_SHARES: Final = (0.25, 0.5, 0.1, 0.75)  # of the way, at which a later one is tried
+_LEAST_M: Final = 2.0  # from where the vehicle was
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +105,7 @@ def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
             continue
         kerb = approach.kerb_sign
         for side in (kerb, -kerb) if approach.one_way else (kerb,):
-            edge = edge_m(scene, approach.path.pose(approach.station_m), side)
+            edge = scene.network.drivable_area.edge_beside_m(approach.path.pose(approach.station_m), side)
             for zone in sorted(zones):
                 if zone is Zone.CARRIAGEWAY:
                     at_edge = edge - vehicle.width_m / 2 - _FROM_KERB_M
@@ -110,15 +127,9 @@ def _stand(
 class _Plan(Scored):
     """The contact of one way to drive with one place to stand."""
 
-    who: Party
-    drive: Option
-    path: Path
-    speed: TravelSpeed
-    profile: SpeedProfile
-    station_m: float
+    drive: Drive
     stand: Stand
-    parked_path: Path
-    parked_station_m: float
+    parked: Drive
     bearings_rad: tuple[float, float]
     contact_xy_m: tuple[float, float]
     terms: dict[str, float]
@@ -126,20 +137,34 @@ class _Plan(Scored):
     @property
     def group(self) -> tuple[str, str, float]:
         """Return the group, whose plans differ in detail only."""
-        return self.drive.approach.name, self.stand.option.approach.name, self.stand.option.constant_m
+        stand = self.parked.option
+        return self.drive.option.approach.name, stand.approach.name, stand.constant_m
+
+    @property
+    def name(self) -> str:
+        """Return the ways of both vehicles."""
+        both = self.drive, self.parked
+        return "; ".join(f"vehicle {each.party.vehicle.number}: {each.option.name}" for each in both)
 
 
-def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
+def parked_contacts(search: Search, settings: StateSettings) -> tuple[Hypothesis, ...]:
     """Return the ranked hypotheses of a moving vehicle that strikes a standing one first, at most so many.
 
+    Raises :class:`Rejection` (``no_feasible_state``) where no way past the crash leads the one to the other.
+
     >>> from dataclasses import replace
+    >>> from trace_dag.crash.event_sequence import EventSequence
     >>> from trace_dag.crash.parties import EventKind
+    >>> from trace_dag.reconstruction.default_simulation import default_simulation
     >>> car = tree_record.vehicles[0]
     >>> contact = CrashEvent(1, 14, EventKind.VEHICLE_CONTACT, car, None, replace(car, number=2, in_transport=False))
-    >>> best = parked_contacts(tree_scene, contact, lead_time_s=5.0, most=1)[0]
+    >>> simulation = default_simulation(tree_scene.network, tree_record)
+    >>> search = Search(tree_scene, EventSequence((contact,)), simulation, 5.0)
+    >>> best = parked_contacts(search, StateSettings(lead_time_s=5.0, max_hypotheses=1))[0]
     >>> [(state.vehicle_number, state.initial_speed_mps) for state in best.participants]  # 50 mph, and parked
     [(1, 22.352), (2, 0.0)]
     """
+    scene, contact, most = search.scene, search.sequence.first, settings.max_hypotheses
     driven_one, standing = sorted(contact.vehicles, key=lambda vehicle: not vehicle.in_transport)
     who = party(scene.record, driven_one)
     tries = [
@@ -164,9 +189,13 @@ def parked_contacts(scene: Scene, contact: CrashEvent, *, lead_time_s: float, mo
         if before is None or plan.score > before.score:
             best[each.pair] = plan
         leading[plan.group] = max(plan.score, leading.get(plan.group, -math.inf))
-    found = sorted(best.values(), key=lambda plan: (-plan.score, plan.drive.name, plan.stand.option.name))
+    if not best:
+        one, two = contact.pair
+        detail = scene.no_way_that(f"lets vehicles {one} and {two} meet first, as event {contact.number} says")
+        raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=0.0)
+    found = sorted(best.values(), key=lambda plan: (-plan.score, plan.drive.option.name, plan.parked.option.name))
     chosen = leaders_first(found, lambda plan: plan.group)[:most]
-    return tuple(_hypothesis(scene, contact, plan, standing, lead_time_s) for plan in chosen)
+    return tuple(_hypothesis(scene, contact, plan, settings.lead_time_s) for plan in chosen)
 
 
 # --- one plan --------------------------------------------------------------------------------------------------------
@@ -255,16 +284,12 @@ def _plan(scene: Scene, who: Party, tried: _Try, parked: VehicleRecord) -> _Plan
         f"impact area (vehicle {parked.number})": _area(parked, parked_bearing),
         "place of the impact": _place(scene, option, stand, contacts),
     }
+    at_m = station + profile.impact_mps * float(contacts.time_1_s[0])
+    parked_m -= float(missing @ at.forward)
     return _Plan(
-        who,
-        option,
-        path,
-        tried.speed,
-        profile,
-        station + profile.impact_mps * float(contacts.time_1_s[0]),
+        Drive(who, option, path, at_m, tried.speed, profile),
         stand,
-        parked_path,
-        parked_m - float(missing @ at.forward),
+        Drive(party(scene.record, parked), stand.option, parked_path, parked_m, STANDS, SpeedProfile(0.0, 0.0)),
         (bearing, parked_bearing),
         (float(contacts.x_m[0]), float(contacts.y_m[0])),
         tried.known | more,
@@ -291,37 +316,75 @@ def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> fl
 
 
 # --- hypotheses ------------------------------------------------------------------------------------------------------
-def _hypothesis(scene: Scene, contact: CrashEvent, plan: _Plan, parked: VehicleRecord, lead_s: float) -> Hypothesis:
-    after_s = min(max(AFTER_IMPACT_S, 25.0 / plan.profile.impact_mps), _LONGEST_AFTER_S)
-    common = {"lead_time_s": lead_s, "after_s": after_s}
-    vehicle, network = plan.who.vehicle, scene.network
-    states: Sequence[ParticipantState] = (
-        drive_along(network, vehicle, plan.drive, plan.path, plan.station_m, plan.speed, plan.profile, **common),
-        drive_along(
-            network,
-            parked,
-            plan.stand.option,
-            plan.parked_path,
-            plan.parked_station_m,
-            STANDS,
-            SpeedProfile(0.0, 0.0),
-            **common,
-        ),
+def _hypothesis(scene: Scene, contact: CrashEvent, plan: _Plan, lead_s: float) -> Hypothesis:
+    after_s = after_impact_s(plan.drive.profile, _LONGEST_AFTER_S)
+    states = (
+        drive_along(scene.network, drive, lead_time_s=lead_s, after_s=after_s, bearing_rad=bearing_rad)
+        for drive, bearing_rad in zip((plan.drive, plan.parked), plan.bearings_rad, strict=True)
     )
-    clocked = [
-        replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
-        for state, bearing in zip(states, plan.bearings_rad, strict=True)
-    ]
     x_m, y_m = (round(value, _DECIMALS) for value in plan.contact_xy_m)
-    stand = plan.stand.option
-    detail = f"vehicle {parked.number} stands {stand.constant_m:+.1f} m left of {stand.approach.name}"
-    return Hypothesis(
-        name=f"vehicle {vehicle.number}: {plan.drive.name}; vehicle {parked.number}: {stand.name}",
-        score=plan.score,
-        evidence={name: round(value, _DECIMALS) for name, value in sorted(plan.terms.items())},
-        participants=tuple(sorted(clocked, key=lambda state: state.vehicle_number)),
-        impact_time_s=lead_s,
-        impact_point_xy_m=(x_m, y_m),
+    stand, number = plan.parked.option, plan.parked.party.vehicle.number
+    detail = f"vehicle {number} stands {stand.constant_m:+.1f} m left of {stand.approach.name}"
+    return planned_hypothesis(
+        plan,
+        states,
+        lead_s,
+        (x_m, y_m),
         checks=(EstimateCheck("stands in the reported zone", True, detail),),
         planned=(PlannedEvent(contact.number, contact.vehicle.number, contact.party, lead_s, (x_m, y_m)),),
     )
+
+
+# --- later -----------------------------------------------------------------------------------------------------------
+def standing_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
+    """Yield places for who stood on the ways that the vehicle can have gone on."""
+    (number,) = (each for each in event.pair if each in course.numbers)
+    since_s = course.last_event_s(number)
+    if since_s is None:
+        yield f"vehicle {number} meets nobody before it"
+        return
+    ways = ways_on(search, course, number, event.side)
+    for on_its_way, assumed in ways:
+        way = Way.of(search.scene.network, on_its_way.log, number, since_s)
+        for state in _stood(search, way, event):
+            yield Plan((*on_its_way.states, state), on_its_way.objects, detail=f"strikes it{assumed}")
+
+
+def _stood(search: Search, way: Way, event: CrashEvent) -> Iterator[ParticipantState]:
+    """Return the parties that stood, at some steps of the vehicle's way."""
+    moved_m = np.cumsum([0.0, *(math.dist(a.xy_m, b.xy_m) for a, b in zip(way.poses, way.poses[1:], strict=False))])
+    if moved_m[-1] < _LEAST_M:
+        return
+    own = event.as_struck(way.driven.number) if way.driven.number != event.party else None
+    area = event.area if own is not None else event.partner_area
+    areas = [each for _, each in way.striking(area, -math.inf)]
+    for share in _SHARES:
+        k = int(np.searchsorted(moved_m, max(share * moved_m[-1], _LEAST_M)))
+        point = way.point(min(k, len(way.poses) - 1), areas[min(k, len(way.poses) - 1)])
+        if point is None:
+            continue
+        k = min(k, len(way.poses) - 1)
+        at = way.poses[k]
+        touched = at.to_world(np.array([point.ahead_m, point.left_m]))
+        outward_rad = at.heading_rad + math.atan2(point.normal[1], point.normal[0])
+        if isinstance(event.partner, NonMotorist):
+            yield standing_person(search.scene, event.partner, touched, outward_rad, at.z_m)
+            continue
+        other = event.partner if own is not None else event.vehicle
+        assert isinstance(other, VehicleRecord)
+        yield stand_still(search.scene.network, other, _parked_pose(way, k, event.as_struck(other.number), touched))
+
+
+def _parked_pose(way: Way, k: int, parked: VehicleRecord, touched: np.ndarray) -> Pose:
+    """Return the pose of a vehicle that stands along the road and is touched at a place.
+
+    It is touched on its area of impact, at its rear if that is not known.
+    """
+    at, runs_rad = way.poses[k], way.runs_rad(k)
+    heading = runs_rad if math.cos(runs_rad - at.heading_rad) >= 0 else runs_rad + math.pi
+    half_length, half_width = parked.length_m / 2, parked.width_m / 2
+    point = contact_points_of(parked.impact, half_length, half_width)[0]
+    ahead, left = (point.ahead_m, point.left_m) if parked.impact is not None else (-half_length, 0.0)
+    c, s = math.cos(heading), math.sin(heading)
+    x, y = touched[0] - ahead * c + left * s, touched[1] - ahead * s - left * c
+    return Pose(round(float(x), 6), round(float(y), 6), round(math.remainder(heading, math.tau), 6), at.z_m)

@@ -17,18 +17,16 @@ import numpy as np
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.paths import Path
+from trace_dag.common.settings import StateSettings
 from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass
-from trace_dag.crash.road_departure import Departure
-from trace_dag.reconstruction.assemble import drive_along
+from trace_dag.crash.road_departure import Departure, departure_of
+from trace_dag.reconstruction.assemble import Drive, drive_along, planned_hypothesis
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.default_simulation import DEFAULTS
-from trace_dag.reconstruction.motion.manoeuvres import Option
-from trace_dag.reconstruction.motion.speeds import TravelSpeed
-from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of
-from trace_dag.reconstruction.planners.run_off_road.path import (
+from trace_dag.reconstruction.motion.departure_paths import (
     SIGN,
     add_skid,
     edge_near,
@@ -37,10 +35,13 @@ from trace_dag.reconstruction.planners.run_off_road.path import (
     skid_profile,
     slope_of,
 )
+from trace_dag.reconstruction.motion.manoeuvres import Option
+from trace_dag.reconstruction.motion.speeds import TravelSpeed
 from trace_dag.reconstruction.planners.way_after import STRIKES_MPS, ways_on
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored
 from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.reconstruction.scene.vehicle_ways import approaches_of
 from trace_dag.simulation.run import participants
 from trace_dag.simulation.states import (
     Hypothesis,
@@ -90,19 +91,19 @@ class _Way(Scored):
         return f"vehicle {self.who.vehicle.number}: {where} at {self.lateral_mps2 / GRAVITY_MPS2:.2f} g, {turned}"
 
 
-def overturn_hypotheses(
-    scene: Scene, departure: Departure, simulation: Simulation, *, lead_s: float, most: int
-) -> tuple[Hypothesis, ...]:
+def overturn_hypotheses(search: Search, settings: StateSettings) -> tuple[Hypothesis, ...]:
     """Return the ranked hypotheses of a vehicle that overturns before it touches anything, at most so many.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
     """
+    scene = search.scene
+    departure = departure_of(scene.record, search.sequence)
     ways = sorted(_ways(scene, departure), key=lambda way: (-way.score, way.name))[:_WAYS]
     if not ways:
         detail = scene.no_way_that("the vehicle can have come along")
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.approaches))
-    found = [_fast_enough(scene, way, simulation, lead_s) for way in ways]
-    return tuple(sorted(found, key=lambda each: (-each.score, each.name))[:most])
+    found = [_fast_enough(scene, way, search.simulation, settings.lead_time_s) for way in ways]
+    return tuple(sorted(found, key=lambda each: (-each.score, each.name))[: settings.max_hypotheses])
 
 
 def _ways(scene: Scene, departure: Departure) -> Iterator[_Way]:
@@ -178,7 +179,7 @@ def _placed(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> H
 
 def _hypothesis(scene: Scene, way: _Way, station_m: float, lead_s: float) -> tuple[Hypothesis, FloatArray]:
     """Return the motion up to where nobody holds the vehicle any more, at a station; and the road's direction there."""
-    departure, vehicle = way.departure, way.who.vehicle
+    departure = way.departure
     profile = skid_profile(way.who, way.speed.speed_mps, way.slip_rad)
     option, path, at_m = way.option, way.base, station_m
     if departure.side is not None and departure.side is not DepartureSide.AHEAD:
@@ -188,21 +189,15 @@ def _hypothesis(scene: Scene, way: _Way, station_m: float, lead_s: float) -> tup
         slope = slope_of(off_m, way.lateral_mps2, profile.impact_mps)
         path, at_m = path_aside(way.base, at_m, sign * off_m, slope, way.lateral_mps2, profile.impact_mps)
         option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
-    state = drive_along(scene.network, vehicle, option, path, at_m, way.speed, profile, lead_time_s=lead_s, after_s=0.0)
+    drive = Drive(way.who, option, path, at_m, way.speed, profile)
+    state = drive_along(scene.network, drive, lead_time_s=lead_s, after_s=0.0)
     state = add_skid(state, way.slip_rad, lead_s)
     if not way.slip_rad:
         state = replace(state, skids_from_s=round(lead_s, 6))
     if way.tripped:
         state = replace(state, losses_of_control=(LossOfControl(round(lead_s, 6), digs_in=True),))
     heading = way.base.pose(station_m).heading_rad
-    hypothesis = Hypothesis(
-        name=way.name,
-        score=way.score,
-        evidence={name: round(value, 6) for name, value in sorted(way.terms.items())},
-        participants=(_until(state, lead_s),),
-        impact_time_s=lead_s,
-        impact_point_xy_m=(state.impact_pose.x_m, state.impact_pose.y_m),
-    )
+    hypothesis = planned_hypothesis(way, [_until(state, lead_s)], lead_s, state.impact_pose.xy_m)
     return hypothesis, np.array([math.cos(heading), math.sin(heading)])
 
 

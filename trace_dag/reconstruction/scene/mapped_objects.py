@@ -18,7 +18,6 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.common.paths import Path
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER
-from trace_dag.reconstruction.planners.run_off_road.path import edge_beside_m
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.roads.report import MappedThing
 from trace_dag.simulation.objects import KINDS, ObjectForm
@@ -101,7 +100,7 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
     ``side_sign`` is 1 to the left of the path and -1 to the right.
 
     >>> from dataclasses import replace
-    >>> from trace_dag.reconstruction.planners.run_off_road.path import rotate_pose
+    >>> from trace_dag.reconstruction.motion.departure_paths import rotate_pose
     >>> path = way_past_the_tree.path()
     >>> here = path.pose(path.project(*tree_scene.place_xy_m)[0])
     >>> x_m, y_m = here.xy_m + 4.0 * rotate_pose(here, -math.pi / 2).forward  # 4 m to its right
@@ -119,7 +118,7 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
     for thing in things_of_kind(scene.things, code):
         xy_m, along_rad = nearest_of(thing, base.pose(place_m).xy_m)
         station_m, left_m = base.project(*xy_m)
-        beyond_m = side_sign * left_m - edge_beside_m(scene, base.pose(station_m), side_sign)
+        beyond_m = side_sign * left_m - scene.carriageway.edge_beside_m(base.pose(station_m), side_sign)
         apart_m = abs(station_m - place_m)
         if apart_m > _ALONG_M or not 0.0 < beyond_m <= farthest_m:
             continue

@@ -12,10 +12,23 @@ from trace_dag.common.geometry import Pose
 from trace_dag.common.paths import Path
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass, VehicleRecord
-from trace_dag.crash.road_departure import Departure
+from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER, Departure
 from trace_dag.reconstruction.motion.contact_points import ContactPoint, contact_points_of
-from trace_dag.reconstruction.planners.run_off_road.path import GOES_ON_M, rotate_pose
-from trace_dag.reconstruction.planners.run_off_road.priors import LeavingCourse
+from trace_dag.reconstruction.motion.departure_paths import (
+    FLATTEST,
+    GOES_ON_M,
+    LeavingCourse,
+    edge_near,
+    end_of_road_m,
+    path_aside,
+    rotate_pose,
+    sign_of,
+    slope_of,
+)
+from trace_dag.reconstruction.scene.mapped_objects import mapped_object
+from trace_dag.reconstruction.scene.object_ground import beyond_range_m
+from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.roads.map.roadside import roadside_at
 from trace_dag.roads.report import MappedThing
 from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm, PlacedBy, Resistance
 
@@ -24,6 +37,11 @@ _BREAKS_J: Final = 30e3  # an object that takes no more energy than this is pass
 _MEETS: Final = 0.1  # a face that moves so little ahead strikes nothing
 _CROSSES: Final = 0.5  # sine of the angle above which something lies across the course
 _FARTHER_ON: Final = 0.2  # share of its length: the middle of an object along the road is beyond where it is struck
+_LEAST_OFF_M: Final = 0.2
+_CORRECTIONS: Final = 6
+_SAME_PLACE_M: Final = 0.02
+_POINT_MISSES_M: Final = 2.0
+_FARTHEST_OFF_M: Final = 15.0  # farther off the road nothing is placed by a coded point: the clear zone ends there
 _ARROW_M: Final = 0.25  # how far the ends of a straight object may lie off a curved road's edge
 
 
@@ -178,3 +196,121 @@ def _straight_m(path: Path, pose: Pose) -> float:
     near = np.abs(path.s_m - at) < 15.0
     curvature = abs(float(np.mean(path.curvature_1pm[near]))) if near.any() else 0.0
     return max(2 * math.sqrt(2 * _ARROW_M / curvature), 4.0) if curvature > 1e-5 else math.inf
+
+
+# --- where a departure leads to its first object ---------------------------------------------------------------------
+def point_off_road_m(scene: Scene) -> float:
+    """Return how far beyond the carriageway's edge the reported point is (m), less the error of police and geocoding.
+
+    0 for one on it.
+    """
+    if scene.carriageway.has(0.0, 0.0):
+        return 0.0
+    beyond_m = float(scene.carriageway.beyond_m(np.zeros(1), np.zeros(1))[0])
+    return max(beyond_m - _POINT_MISSES_M, 0.0)
+
+
+def aside_to_object(
+    scene: Scene, departure: Departure, base: Path, place_m: float, course: LeavingCourse, impact_mps: float
+) -> tuple[Led, tuple[FixedObject, ...], PlannedContacts]:
+    """Return the way off the road to the left or right, and the objects along it.
+
+    The first object is the map's, if the map has one of that kind where the vehicle left the road.
+    """
+    sign = sign_of(departure)
+    place_m, edge = edge_near(scene, base, place_m, sign)
+    code = departure.objects[0].code
+    if mapped := mapped_object(scene, base, code, sign):
+        station_m, off_m = mapped.station_m, mapped.off_m - KINDS[code].width_m / 2
+        for _ in range(_CORRECTIONS):
+            led = _aside(departure, base, station_m, off_m, course, impact_mps, mapped.along_rad)
+            objects, planned = objects_along(departure, led, course, impact_mps)
+            here = base.pose(station_m)
+            error = np.array(mapped.xy_m) - objects[0].pose.xy_m
+            along, left = here.to_world(np.eye(2)) - here.xy_m
+            if mapped.along_rad is None:
+                station_m += float(error @ along)
+            missed_m = float(error @ left) if mapped.along_rad is not None else float(np.linalg.norm(error))
+            if abs(missed_m) < _SAME_PLACE_M:
+                return led, (as_mapped(objects[0], mapped.thing), *objects[1:]), planned
+            off_m += sign * float(error @ left)
+    _, point_m = base.project(0.0, 0.0, near_s_m=place_m)
+    point_off_m = sign * point_m - edge
+    off_road = point_off_road_m(scene) > 0.0 and 0.0 < point_off_m <= _FARTHEST_OFF_M
+    beyond_m = _beyond_edge_m(scene, base.pose(place_m), sign, edge, code, point_off_m if off_road else None)
+    led = _aside(departure, base, place_m, edge + beyond_m, course, impact_mps, None)
+    return led, *objects_along(departure, led, course, impact_mps)
+
+
+def _aside(
+    departure: Departure,
+    base: Path,
+    place_m: float,
+    face_m: float,
+    course: LeavingCourse,
+    impact_mps: float,
+    along_rad: float | None,
+) -> Led:
+    """Return the way off the road to an object whose near face is ``face_m`` to the side of a station of ``base``."""
+    sign = sign_of(departure)
+    here = base.pose(place_m)
+    first = departure.objects[0]
+    slope = FLATTEST
+    for _ in range(3):  # the spot's position depends on the slope, and the slope on the distance
+        turn_rad = sign * math.atan(slope) + course.slip_rad
+        point = find_touch_point(departure.vehicle, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
+        off_m = face_m - sign * (point.ahead_m * math.sin(turn_rad) + point.left_m * math.cos(turn_rad))
+        off_m = max(off_m, _LEAST_OFF_M)
+        slope = slope_of(off_m, course.lateral_mps2, impact_mps)
+    anchor_m = place_m - (point.ahead_m * math.cos(turn_rad) - point.left_m * math.sin(turn_rad))
+    path, station_m = path_aside(base, anchor_m, sign * off_m, slope, course.lateral_mps2, impact_mps)
+    return Led(path, station_m, here.heading_rad if along_rad is None else along_rad, ended=False)
+
+
+def straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, course: LeavingCourse) -> Led:
+    """Return the way straight on: to the end of the road if it ends there, else to an object ahead."""
+    first = departure.objects[0]
+    half_width_m = departure.vehicle.width_m / 2
+    ends = [end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
+    end_m = None if None in ends else max(each for each in ends if each is not None)
+    reach_m = place_m
+    if end_m is not None:
+        across = rotate_pose(base.pose(end_m), -math.pi / 2)
+        least_m, most_m = beyond_range_m(scene.network, across, 1.0, first.code)
+        reach_m = end_m + min(max(KINDS[first.code].beyond_edge_m, least_m), most_m)
+    slip = course.slip_rad
+    point = find_touch_point(departure.vehicle, first, slip, -slip)
+    spot_m = point.ahead_m * math.cos(slip) - point.left_m * math.sin(slip)
+    here = base.pose(reach_m)
+    across_rad = here.heading_rad + math.pi / 2
+    if end_m is not None:
+        edge = roadside_at(scene.network, here.x_m, here.y_m, z_m=scene.placement.z_m)
+        if edge is not None and abs(math.sin(edge.along_rad - here.heading_rad)) > 0.5:
+            across_rad = edge.along_rad
+    return Led(base, reach_m - spot_m, across_rad, ended=end_m is not None)
+
+
+def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int, point_off_m: float | None) -> float:
+    """Return how far beyond the edge the object stands (metres).
+
+    It is that of the reported point where that is off the road, else usual for its kind, behind a shoulder, nearer
+    if another road is in the way, within the reported zone."""
+    usual = KINDS[code].beyond_edge_m
+    relation = scene.record.road_relation_code
+    if relation in ON_ROADWAY:
+        return -0.5
+    at_edge = here.to_world(np.array([0.0, sign * (edge + 0.1)]))
+    if relation == ON_SHOULDER:
+        place = roadside_at(scene.network, float(at_edge[0]), float(at_edge[1]), z_m=here.z_m)
+        usual = min(usual, 0.8 * place.shoulder_m if place is not None else usual)
+        wanted = [usual, usual / 2, 0.3]
+    else:
+        at = Pose(float(at_edge[0]), float(at_edge[1]), here.heading_rad, here.z_m)
+        least_m, most_m = beyond_range_m(scene.network, at, sign, code)
+        first = [min(max(each, least_m), most_m) for each in (point_off_m or usual, usual)]
+        wanted = [*first, least_m, usual / 2, 0.3]
+    for beyond_m in wanted:
+        at_m = here.to_world(np.array([0.0, sign * (edge + beyond_m + 0.2)]))
+        if not scene.carriageway.has(float(at_m[0]), float(at_m[1])):
+            return beyond_m
+    return min(usual, 0.1)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from trace_dag.common.geometry import FloatArray
+    from trace_dag.common.geometry import FloatArray, Pose
     from trace_dag.roads.map.lane_geometry import LaneGeometry
     from trace_dag.roads.map.lane_index import Box
     from trace_dag.roads.map.model import LaneRef
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 _TILE_M: Final = 32.0
 _AROUND_M: Final = 12.0
 """Reach of a tile: ground of lanes this near is part of its piece."""
+_WIDEST_M: Final = 30.0  # farther from its edge nobody drives
 _TOUCHING_M: Final = 1.0  # more than what closing the slivers between lanes can reach
 
 
@@ -102,6 +103,19 @@ class Area:
             if bool((np.abs(found) < reach_m).all()):
                 break
         return found
+
+    def edge_beside_m(self, here: Pose, side: float) -> float:
+        """Return the distance from a pose in it to its edge, to the left (side 1) or right (-1); 0 from one outside.
+
+        >>> in_its_lane = way_past_the_tree.approach.path.pose(way_past_the_tree.station_m)
+        >>> tree_scene.carriageway.edge_beside_m(in_its_lane, -1.0)  # half of a lane of 3.5 m
+        1.75
+        """
+        away = np.arange(0.0, _WIDEST_M, 0.25)
+        x = here.x_m - math.sin(here.heading_rad) * side * away
+        y = here.y_m + math.cos(here.heading_rad) * side * away
+        inside = self.contains(x, y)
+        return float(away[int(np.argmin(inside))]) if inside[0] and not inside.all() else 0.0
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Return the point of the area that is nearest to a point (x, y; m).

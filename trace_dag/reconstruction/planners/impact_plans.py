@@ -7,7 +7,6 @@ Frame: the local frame; stations along the vehicle's path."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -23,19 +22,15 @@ from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import NonMotorist
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.reconstruction import evidence
+from trace_dag.reconstruction.assemble import Drive
 from trace_dag.reconstruction.motion.contact_points import ContactPoint
 from trace_dag.reconstruction.motion.manoeuvres import (
     Option,
-    back_up,
-    follows_turn,
-    keep_lane,
-    make_turn,
     steepest_slope,
 )
-from trace_dag.reconstruction.motion.path_pairs import speed_of, turning_approaches
 from trace_dag.reconstruction.motion.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
-from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
+from trace_dag.reconstruction.motion.speeds import TravelSpeed
 from trace_dag.reconstruction.motion.walking_directions import (
     COMPASS_DEG,
     CROSSING,
@@ -45,7 +40,7 @@ from trace_dag.reconstruction.motion.walking_directions import (
     readings,
 )
 from trace_dag.reconstruction.motion.walking_speeds import Gait, gait_of, usual_speed_mps
-from trace_dag.reconstruction.planners.pedestrian_impact.impact_point import (
+from trace_dag.reconstruction.planners.impact_point import (
     Crosswalks,
     contact_point_of,
     crosswalks_of,
@@ -54,15 +49,13 @@ from trace_dag.reconstruction.planners.pedestrian_impact.impact_point import (
 )
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored
-from trace_dag.reconstruction.scene.approaches import Approach
 from trace_dag.reconstruction.scene.scene import Scene
-from trace_dag.roads.map.areas import Area
+from trace_dag.reconstruction.scene.vehicle_ways import approaches_of
 from trace_dag.simulation.animals import SIZES
 from trace_dag.simulation.body_sizes import PersonSize, person_size
 from trace_dag.simulation.states import Manoeuvre
 
 _COMPASS_RAD: Final = math.radians(45)  # a coded direction is a quarter of the compass
-_WIDEST_M: Final = 30.0
 _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
 """Distances of a person beyond the carriageway's edge: the middle of a narrow shoulder, of a sidewalk
 behind its curb, beside both."""
@@ -77,25 +70,6 @@ MANOEUVRES: Final = {
     Course.TOWARDS: Manoeuvre.COME_TOWARDS,
     Course.STANDING: Manoeuvre.STAND,
 }
-
-
-@dataclass(frozen=True, eq=False)
-class ImpactDrive:
-    """The vehicle's part: its path, where along it the strike is, and its speed before."""
-
-    party: Party
-    option: Option
-    path: Path
-    station_m: float
-    pose: Pose
-    speed: TravelSpeed
-    profile: SpeedProfile
-
-    @property
-    def velocity_mps(self) -> FloatArray:
-        """Return the velocity at the strike, shape (2,)."""
-        ahead = -1.0 if self.option.backing else 1.0
-        return np.asarray(ahead * self.profile.impact_mps * self.pose.forward)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +102,7 @@ class ImpactPlan(Scored):
     """One way one strike can have happened. ``terms`` are log-likelihoods."""
 
     strike: CrashEvent
-    drive: ImpactDrive
+    drive: Drive
     walk: Walk
     contact_xy_m: tuple[float, float]
     terms: dict[str, float] = field(default_factory=dict)
@@ -177,56 +151,6 @@ def impact_plans(scene: Scene, strike: CrashEvent) -> list[ImpactPlan]:
     return sorted(found, key=lambda plan: (-plan.score, plan.name))
 
 
-def approaches_of(
-    scene: Scene, who: Party, *, approaches: Sequence[Approach] | None = None
-) -> Iterator[tuple[Option, TravelSpeed, dict[str, float]]]:
-    """Yield the ways of a vehicle without regard to the person, each with its speed and evidence.
-
-    ``approaches``: the approaches to look at; by default those that fit its turn and the place of the crash.
-
-    >>> who = party(record, record.vehicles[1])
-    >>> {option.manoeuvre.value for option, _, _ in approaches_of(scene, who, approaches=scene.through[:1])}
-    {'straight'}
-    """
-    for approach in _approaches(scene, who) if approaches is None else approaches:
-        speed = speed_of(who, approach)
-        for option in _options(who, approach, speed.speed_mps):
-            yield option, speed, way_terms(scene, who, option, speed)
-
-
-def _approaches(scene: Scene, who: Party) -> list[Approach]:
-    if who.turn is None or who.backing:
-        return scene.on_road(scene.through)
-    following = [approach for approach in scene.approaches if follows_turn(approach, who.turn)]
-    turning = turning_approaches(scene.approaches, who.turn)
-    found = {approach.name: approach for approach in (*following, *turning, *scene.on_road(scene.through))}
-    return list(found.values())  # a vehicle can turn where the map has no lanes for it: into a driveway
-
-
-def _options(who: Party, approach: Approach, speed_mps: float) -> list[Option]:
-    if who.backing:
-        return [back_up(approach, speed_mps)]
-    if who.turn is None or follows_turn(approach, who.turn):
-        return [keep_lane(approach, who.vehicle, speed_mps, turn=who.turn)]
-    return make_turn(approach, who.vehicle, speed_mps, who.turn, slides=True)
-
-
-def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> dict[str, float]:
-    """Return the evidence for one way of a vehicle, as log-likelihoods."""
-    approach, number = option.approach, who.vehicle.number
-    terms = {
-        **evidence.street_terms(scene.network, scene.placement, scene.record, approach),
-        **evidence.first_street_terms(scene, [] if who.turn or who.backing else [approach]),
-        **evidence.road_terms(who.vehicle, approach),
-        **evidence.lane_terms(who.vehicle, approach, who.turn),
-        **evidence.speed_terms(who.vehicle, approach, who.turn),
-        **evidence.driveway_speed_terms(approach, speed.speed_mps),
-        **evidence.heading_terms(who.vehicle, option),
-        **option.costs,
-    }
-    return {f"{name} (vehicle {number})": value for name, value in terms.items()}
-
-
 def _plan(
     scene: Scene,
     strike: CrashEvent,
@@ -246,12 +170,9 @@ def _plan(
         return None
     option, path = _onto_person(scene, strike, option, point)
     path, station_m, slid_m = place_impact(scene, path, option, point, is_far_side(person, option), crosswalks)
-    pose = path.pose(station_m)
-    if option.backing:
-        pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)
-    drive = ImpactDrive(who, option, path, station_m, pose, speed, profile)
+    drive = Drive(who, option, path, station_m, speed, profile)
     walk = _walk(scene, drive, point, reading, gait, speed_mps, person)
-    contact = pose.to_world(np.array([point.ahead_m, point.left_m]))
+    contact = drive.pose.to_world(np.array([point.ahead_m, point.left_m]))
     contact_xy_m = (float(contact[0]), float(contact[1]))
     terms = terms | {"course of the person": reading.log_prior} | _contact_terms(scene, strike, drive, contact_xy_m)
     if person.heading is not None and reading.course is not Course.STANDING:
@@ -275,7 +196,7 @@ def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: Contac
         return option, option.path()
     side = 1.0 if strike.side is DepartureSide.LEFT else -1.0
     here = option.approach.path.pose(option.station_m)
-    person_m = side * (edge_m(scene, here, side) + _BEYOND_EDGE_M[zone])
+    person_m = side * (scene.network.drivable_area.edge_beside_m(here, side) + _BEYOND_EDGE_M[zone])
     off_m = person_m - point.left_m
     if off_m * side <= 0:
         return option, option.path()
@@ -286,31 +207,10 @@ def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: Contac
     return moved, moved.path()
 
 
-def edge_m(scene: Scene, here: Pose, side: float) -> float:
-    """Return the distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1)."""
-    return edge_of(scene.network.drivable_area, here, side)
-
-
-def edge_of(area: Area, here: Pose, side: float) -> float:
-    """Return the distance from a pose in an area to its edge, to the left (side 1) or right (-1).
-
-    0 where it is outside.
-
-    >>> in_its_lane = way_past_the_tree.approach.path.pose(way_past_the_tree.station_m)
-    >>> edge_of(tree_scene.carriageway, in_its_lane, -1.0)  # half of a lane of 3.5 m
-    1.75
-    """
-    away = np.arange(0.0, _WIDEST_M, 0.25)
-    x = here.x_m - math.sin(here.heading_rad) * side * away
-    y = here.y_m + math.cos(here.heading_rad) * side * away
-    inside = area.contains(x, y)
-    return float(away[int(np.argmin(inside))]) if inside[0] and not inside.all() else 0.0
-
-
 # --- the way of the person -------------------------------------------------------------------------------------------
 def _walk(
     scene: Scene,
-    drive: ImpactDrive,
+    drive: Drive,
     point: ContactPoint,
     reading: CourseReading,
     gait: Gait,
@@ -329,7 +229,8 @@ def _walk(
     path, station = _line(scene, drive, pose, reading.course)
     set_off = math.inf
     if reading.course in CROSSING:  # from the edge of the road on: who waits there does not walk out of a lane
-        from_m = edge_m(scene, Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2), 1.0)
+        back = Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2)
+        from_m = scene.network.drivable_area.edge_beside_m(back, 1.0)
         set_off = from_m + _DASH_BEYOND_M if from_m else math.inf
     return Walk(person, kind, size, reading, gait, path, station, path.pose(station), speed_mps, set_off)
 
@@ -341,7 +242,7 @@ def size_of(person: NonMotorist, kind: PartyKind) -> PersonSize:
     return person_size(kind, person.age_years, female={1: False, 2: True}.get(person.sex_code or 0))
 
 
-def _heading(drive: ImpactDrive, course: Course, person: NonMotorist) -> float:
+def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
     """Return the heading of the person at the strike.
 
     Across a road means at right angles to it. If the vehicle turns, that is the road it came from or the one it turns
@@ -359,7 +260,7 @@ def _heading(drive: ImpactDrive, course: Course, person: NonMotorist) -> float:
     return road + math.radians(RELATIVE_DEG[course])
 
 
-def _line(scene: Scene, drive: ImpactDrive, pose: Pose, course: Course) -> tuple[Path, float]:
+def _line(scene: Scene, drive: Drive, pose: Pose, course: Course) -> tuple[Path, float]:
     """Return the path of the person, straight across or along the road, and the station of the strike on it."""
     back_m = 60.0
     if course in (Course.ALONG, Course.TOWARDS) and drive.option.turn is None and not drive.option.backing:
@@ -374,7 +275,7 @@ def _line(scene: Scene, drive: ImpactDrive, pose: Pose, course: Course) -> tuple
 
 # --- evidence ----------------------------------------------------------------------------------------------
 def _contact_terms(
-    scene: Scene, strike: CrashEvent, drive: ImpactDrive, contact_xy_m: tuple[float, float]
+    scene: Scene, strike: CrashEvent, drive: Drive, contact_xy_m: tuple[float, float]
 ) -> dict[str, float]:
     x, y = contact_xy_m[0] - scene.place_xy_m[0], contact_xy_m[1] - scene.place_xy_m[1]
     along, across = drive.option.approach.path.pose(drive.station_m).forward @ np.array([x, y]), 0.0

@@ -1,4 +1,4 @@
-"""The analytic estimator of crashes in which one vehicle leaves the road and strikes fixed objects.
+"""A vehicle leaves the road and strikes fixed objects: as the first event of a crash, or on its way after one.
 
 Maps seldom have the objects, and the reported point lies on the road: what is known is the station along the road, the
 side, the kind of object and where on the vehicle it was struck. So the vehicle leaves its lane there to that side, in
@@ -9,69 +9,75 @@ says that the program placed it. If OpenStreetMap has one of the kind
 
 A vehicle out of control skids: it goes on along its course and turns about itself, so far that the area of impact faces
 the object. Angles of departure follow from the lateral acceleration, of which each manner has several; measured angles
-(Mak, Sicking and Coon, NCHRP Report 665, 2010) say which is likely. Frame: the local frame.
+(Mak, Sicking and Coon, NCHRP Report 665, 2010) say which is likely.
+
+After another event an object is put where the vehicle's way has come as far beyond the edge as such objects usually
+stand, or as far as the vehicle gets, outside the spot of the area of impact, or of the part that goes first where none
+is reported. Frame: the local frame.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Final
 
 import numpy as np
+import shapely
 
 from trace_dag.common.errors import Reason, Rejection
-from trace_dag.common.geometry import Pose, body_bearing_rad
+from trace_dag.common.geometry import body_bearing_rad
 from trace_dag.common.paths import Path
+from trace_dag.common.settings import StateSettings
 from trace_dag.common.units import bearing_to_clock_h
 from trace_dag.crash.departure_side import DepartureSide
-from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER, Departure, DepartureManner
+from trace_dag.crash.event_sequence import CrashEvent
+from trace_dag.crash.road_departure import Departure, DepartureManner, departure_of
 from trace_dag.reconstruction import evidence
-from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, drive_along
-from trace_dag.reconstruction.motion.manoeuvres import Option
-from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
-from trace_dag.reconstruction.planners.pedestrian_impact.planner import approaches_of
-from trace_dag.reconstruction.planners.run_off_road.path import (
-    FLATTEST,
+from trace_dag.reconstruction.assemble import AFTER_IMPACT_M, Drive, drive_along, planned_hypothesis
+from trace_dag.reconstruction.course import Course, Plan, Search
+from trace_dag.reconstruction.motion.departure_paths import (
+    LeavingCourse,
     add_skid,
-    edge_near,
-    end_of_road_m,
+    angle_log_likelihood,
+    courses_of,
     lane_path,
-    path_aside,
     rotate_pose,
     sign_of,
     skid_profile,
-    slope_of,
 )
-from trace_dag.reconstruction.planners.run_off_road.priors import LeavingCourse, angle_log_likelihood, courses_of
+from trace_dag.reconstruction.motion.manoeuvres import Option
+from trace_dag.reconstruction.motion.speeds import TravelSpeed
+from trace_dag.reconstruction.planners.way_after import STRIKES_MPS, Way, ways_on
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored, leaders_first
-from trace_dag.reconstruction.scene.mapped_objects import mapped_object
-from trace_dag.reconstruction.scene.object_ground import beyond_range_m, on_free_ground
+from trace_dag.reconstruction.scene.mapped_objects import nearest_of, things_of_kind
+from trace_dag.reconstruction.scene.object_ground import Struck, on_free_ground
 from trace_dag.reconstruction.scene.object_placement import (
-    Led,
     PlannedContacts,
     as_mapped,
-    find_touch_point,
+    aside_to_object,
     objects_along,
+    place_object,
+    point_off_road_m,
+    straight_on,
 )
 from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.reconstruction.scene.vehicle_ways import approaches_of
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
-from trace_dag.simulation.objects import KINDS, FixedObject, PlacedBy
+from trace_dag.roads.report import MappedThing
+from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm, PlacedBy
 from trace_dag.simulation.states import Hypothesis, Manoeuvre, PlannedEvent
 
-_LEAST_OFF_M: Final = 0.2
-_CORRECTIONS: Final = 6
-_SAME_PLACE_M: Final = 0.02
 _LANE_CROSSED: Final = -0.4  # log-likelihood for each lane between the vehicle's lane and the side it left to
 _ON_MAP: Final = 1.0  # of a way that passes an object of the reported kind on the reported side
 _BEGINS_M: Final = 15.0  # before the place: nearer than that a road that begins led nobody there
 _NO_ROAD: Final = -4.0  # of a way that begins where the crash is: off the end of a road, onto it
-_POINT_MISSES_M: Final = 2.0
 _POINT_SCALE_M: Final = 2.0  # a coded point so much farther off the road is e times likelier beside the side left to
 _SIDE_AT_MOST: Final = 3.0  # judgement: a point may be on the wrong side for other reasons
-_FARTHEST_OFF_M: Final = 15.0  # farther off the road nothing is placed by a coded point: the clear zone ends there
 _NO_GROUND: Final = -6.0  # of a way on which the object would have to stand in a lane, on a shoulder, off its bridge
 _OTHER_ZONE: Final = -3.0  # of a way to an object in the median, for one that is reported elsewhere, or the reverse
 _BETWEEN: Final = (RoadZone.MEDIAN, RoadZone.GORE)
@@ -79,6 +85,14 @@ _ZONES: Final = {**dict.fromkeys((3, 10, 12), RoadZone.MEDIAN), **dict.fromkeys(
 """``REL_ROAD`` that places something between two roads, or beside both."""
 _ANGLE: Final = "angle of departure"
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
+_NEAREST_M: Final = 0.1  # beyond the edge
+_SHORT_M: Final = 10.0
+_MOST_OF_A_WAY: Final = 4  # places for an object that are simulated
+_NEARER: Final = (1.0, 0.5, 0.2)  # of the usual distance beyond the edge
+_FARTHER_M: Final = 1.0
+_BARRIERS: Final = frozenset({23, 24, 25, 26})
+"""SOE of rails and barriers: they keep vehicles within the clear zone of a road, and stand in it."""
+_CLEAR_ZONE_M: Final = 9.1  # 30 ft, AASHTO Roadside Design Guide
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +104,8 @@ class DeparturePlan(Scored):
     """
 
     departure: Departure
-    option: Option
+    drive: Drive
     course: LeavingCourse
-    path: Path
-    station_m: float
-    speed: TravelSpeed
-    profile: SpeedProfile
     objects: tuple[FixedObject, ...]
     planned: tuple[tuple[float, tuple[float, float]], ...]  # seconds after the first impact, and place, of each object
     terms: dict[str, float]
@@ -104,20 +114,22 @@ class DeparturePlan(Scored):
     def name(self) -> str:
         """Return a name that tells this plan from the others of its crash."""
         vehicle, side = self.departure.vehicle.number, self.departure.side
-        return f"vehicle {vehicle}: leaves {self.option.approach.name} {side}, {self.course.name}"
+        return f"vehicle {vehicle}: leaves {self.drive.option.approach.name} {side}, {self.course.name}"
 
 
-def departure_hypotheses(scene: Scene, departure: Departure, *, lead_s: float, most: int) -> tuple[Hypothesis, ...]:
+def departure_hypotheses(search: Search, settings: StateSettings) -> tuple[Hypothesis, ...]:
     """Return the ranked hypotheses of a vehicle that leaves the road and strikes what stands there, at most so many.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
     """
+    scene = search.scene
+    departure = departure_of(scene.record, search.sequence)
     plans = sorted(_plans(scene, departure), key=lambda plan: (-plan.score, plan.name))
     if not plans:
         detail = scene.no_way_that(f"leads off the road to the {departure.side}")
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.approaches))
-    chosen = leaders_first(plans, lambda plan: plan.option.approach.side)[:most]
-    return tuple(_hypothesis(scene, plan, lead_s) for plan in chosen)
+    chosen = leaders_first(plans, lambda plan: plan.drive.option.approach.side)[: settings.max_hypotheses]
+    return tuple(_hypothesis(scene, plan, settings.lead_time_s) for plan in chosen)
 
 
 def _plans(scene: Scene, departure: Departure) -> Iterator[DeparturePlan]:
@@ -150,10 +162,10 @@ def _plan(
     place_m, _ = base.project(*scene.place_xy_m)
     ahead = departure.side is DepartureSide.AHEAD
     if ahead:
-        led = _straight_on(scene, departure, base, place_m, course)
+        led = straight_on(scene, departure, base, place_m, course)
         objects, planned = objects_along(departure, led, course, profile.impact_mps)
     else:
-        led, objects, planned = _aside_to_object(scene, departure, base, place_m, course, profile.impact_mps)
+        led, objects, planned = aside_to_object(scene, departure, base, place_m, course, profile.impact_mps)
     path, station_m, ended = led.path, led.station_m, led.ended
     contact = planned[0][1]
     own = replace(departure.vehicle, impact=departure.objects[0].area)
@@ -181,8 +193,8 @@ def _plan(
     terms["zone of the object"] = _zone_term(scene, contact)
     terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)
     option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
-    made = planned[: len(objects)]
-    return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, made, terms)
+    drive = Drive(who, option, path, station_m, speed, profile)
+    return DeparturePlan(departure, drive, course, objects, planned[: len(objects)], terms)
 
 
 def _on_free_ground(
@@ -211,21 +223,10 @@ def _zone_term(scene: Scene, contact_xy_m: tuple[float, float]) -> float:
     return 0.0 if between is _ZONES[relation] else _OTHER_ZONE
 
 
-def _point_off_road_m(scene: Scene) -> float:
-    """Return how far beyond the carriageway's edge the reported point is (m), less the error of police and geocoding.
-
-    0 for one on it.
-    """
-    if scene.carriageway.has(0.0, 0.0):
-        return 0.0
-    beyond_m = float(scene.carriageway.beyond_m(np.zeros(1), np.zeros(1))[0])
-    return max(beyond_m - _POINT_MISSES_M, 0.0)
-
-
 def _side_of_point(scene: Scene, base: Path, place_m: float, sign: float) -> float:
     """Return the log-likelihood of a departure to a side by the reported point, where that lies off the carriageway."""
     _, left_m = base.project(0.0, 0.0, near_s_m=place_m)
-    return 0.0 if left_m * sign > 0 else -min(_point_off_road_m(scene) / _POINT_SCALE_M, _SIDE_AT_MOST)
+    return 0.0 if left_m * sign > 0 else -min(point_off_road_m(scene) / _POINT_SCALE_M, _SIDE_AT_MOST)
 
 
 def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
@@ -235,126 +236,10 @@ def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
     return approach.lanes_along - 1 - approach.lane_from_left if side is DepartureSide.RIGHT else 0
 
 
-def _aside_to_object(
-    scene: Scene, departure: Departure, base: Path, place_m: float, course: LeavingCourse, impact_mps: float
-) -> tuple[Led, tuple[FixedObject, ...], PlannedContacts]:
-    """Return the way off the road to the left or right, and the objects along it.
-
-    The first object is the map's, if the map has one of that kind where the vehicle left the road.
-    """
-    sign = sign_of(departure)
-    place_m, edge = edge_near(scene, base, place_m, sign)
-    code = departure.objects[0].code
-    if mapped := mapped_object(scene, base, code, sign):
-        station_m, off_m = mapped.station_m, mapped.off_m - KINDS[code].width_m / 2
-        for _ in range(_CORRECTIONS):
-            led = _aside(departure, base, station_m, off_m, course, impact_mps, mapped.along_rad)
-            objects, planned = objects_along(departure, led, course, impact_mps)
-            here = base.pose(station_m)
-            error = np.array(mapped.xy_m) - objects[0].pose.xy_m
-            along, left = here.to_world(np.eye(2)) - here.xy_m
-            if mapped.along_rad is None:
-                station_m += float(error @ along)
-            missed_m = float(error @ left) if mapped.along_rad is not None else float(np.linalg.norm(error))
-            if abs(missed_m) < _SAME_PLACE_M:
-                return led, (as_mapped(objects[0], mapped.thing), *objects[1:]), planned
-            off_m += sign * float(error @ left)
-    _, point_m = base.project(0.0, 0.0, near_s_m=place_m)
-    point_off_m = sign * point_m - edge
-    off_road = _point_off_road_m(scene) > 0.0 and 0.0 < point_off_m <= _FARTHEST_OFF_M
-    beyond_m = _beyond_edge_m(scene, base.pose(place_m), sign, edge, code, point_off_m if off_road else None)
-    led = _aside(departure, base, place_m, edge + beyond_m, course, impact_mps, None)
-    return led, *objects_along(departure, led, course, impact_mps)
-
-
-def _aside(
-    departure: Departure,
-    base: Path,
-    place_m: float,
-    face_m: float,
-    course: LeavingCourse,
-    impact_mps: float,
-    along_rad: float | None,
-) -> Led:
-    """Return the way off the road to an object whose near face is ``face_m`` to the side of a station of ``base``."""
-    sign = sign_of(departure)
-    here = base.pose(place_m)
-    first = departure.objects[0]
-    slope = FLATTEST
-    for _ in range(3):  # the spot's position depends on the slope, and the slope on the distance
-        turn_rad = sign * math.atan(slope) + course.slip_rad
-        point = find_touch_point(departure.vehicle, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
-        off_m = face_m - sign * (point.ahead_m * math.sin(turn_rad) + point.left_m * math.cos(turn_rad))
-        off_m = max(off_m, _LEAST_OFF_M)
-        slope = slope_of(off_m, course.lateral_mps2, impact_mps)
-    anchor_m = place_m - (point.ahead_m * math.cos(turn_rad) - point.left_m * math.sin(turn_rad))
-    path, station_m = path_aside(base, anchor_m, sign * off_m, slope, course.lateral_mps2, impact_mps)
-    return Led(path, station_m, here.heading_rad if along_rad is None else along_rad, ended=False)
-
-
-def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, course: LeavingCourse) -> Led:
-    """Return the way straight on: to the end of the road if it ends there, else to an object ahead."""
-    first = departure.objects[0]
-    half_width_m = departure.vehicle.width_m / 2
-    ends = [end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
-    end_m = None if None in ends else max(each for each in ends if each is not None)
-    reach_m = place_m
-    if end_m is not None:
-        across = rotate_pose(base.pose(end_m), -math.pi / 2)
-        least_m, most_m = beyond_range_m(scene.network, across, 1.0, first.code)
-        reach_m = end_m + min(max(KINDS[first.code].beyond_edge_m, least_m), most_m)
-    slip = course.slip_rad
-    point = find_touch_point(departure.vehicle, first, slip, -slip)
-    spot_m = point.ahead_m * math.cos(slip) - point.left_m * math.sin(slip)
-    here = base.pose(reach_m)
-    across_rad = here.heading_rad + math.pi / 2
-    if end_m is not None:
-        edge = roadside_at(scene.network, here.x_m, here.y_m, z_m=scene.placement.z_m)
-        if edge is not None and abs(math.sin(edge.along_rad - here.heading_rad)) > 0.5:
-            across_rad = edge.along_rad
-    return Led(base, reach_m - spot_m, across_rad, ended=end_m is not None)
-
-
-def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int, point_off_m: float | None) -> float:
-    """Return how far beyond the edge the object stands (metres).
-
-    It is that of the reported point where that is off the road, else usual for its kind, behind a shoulder, nearer
-    if another road is in the way, within the reported zone."""
-    usual = KINDS[code].beyond_edge_m
-    relation = scene.record.road_relation_code
-    if relation in ON_ROADWAY:
-        return -0.5
-    at_edge = here.to_world(np.array([0.0, sign * (edge + 0.1)]))
-    if relation == ON_SHOULDER:
-        place = roadside_at(scene.network, float(at_edge[0]), float(at_edge[1]), z_m=here.z_m)
-        usual = min(usual, 0.8 * place.shoulder_m if place is not None else usual)
-        wanted = [usual, usual / 2, 0.3]
-    else:
-        at = Pose(float(at_edge[0]), float(at_edge[1]), here.heading_rad, here.z_m)
-        least_m, most_m = beyond_range_m(scene.network, at, sign, code)
-        first = [min(max(each, least_m), most_m) for each in (point_off_m or usual, usual)]
-        wanted = [*first, least_m, usual / 2, 0.3]
-    for beyond_m in wanted:
-        at_m = here.to_world(np.array([0.0, sign * (edge + beyond_m + 0.2)]))
-        if not scene.carriageway.has(float(at_m[0]), float(at_m[1])):
-            return beyond_m
-    return min(usual, 0.1)
-
-
 def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
     vehicle = plan.departure.vehicle
-    after_s = max(plan.planned[-1][0] + 1.0, AFTER_IMPACT_M / max(plan.profile.impact_mps, 2.5))
-    state = drive_along(
-        scene.network,
-        vehicle,
-        plan.option,
-        plan.path,
-        plan.station_m,
-        plan.speed,
-        plan.profile,
-        lead_time_s=lead_s,
-        after_s=after_s,
-    )
+    after_s = max(plan.planned[-1][0] + 1.0, AFTER_IMPACT_M / max(plan.drive.profile.impact_mps, 2.5))
+    state = drive_along(scene.network, plan.drive, lead_time_s=lead_s, after_s=after_s)
     if plan.course.slip_rad:
         state = add_skid(state, plan.course.slip_rad, lead_s)
     first_xy = plan.planned[0][1]
@@ -364,13 +249,103 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
         PlannedEvent(item.event_number, vehicle.number, item.number, round(lead_s + later_s, 6), xy_m)
         for item, (later_s, xy_m) in zip(plan.objects, plan.planned, strict=True)
     )
-    return Hypothesis(
-        name=plan.name,
-        score=plan.score,
-        evidence={name: round(value, 6) for name, value in sorted(plan.terms.items())},
-        participants=(state,),
-        impact_time_s=lead_s,
-        impact_point_xy_m=first_xy,
-        planned=planned,
-        objects=plan.objects,
-    )
+    return planned_hypothesis(plan, [state], lead_s, first_xy, planned=planned, objects=plan.objects)
+
+
+# --- later -----------------------------------------------------------------------------------------------------------
+def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
+    """Yield places for the object on the ways that the vehicle can have gone on, first those where the map has it.
+
+    For a way without any, yield the reason."""
+    number = event.vehicle.number
+    since_s = course.last_event_s(number)
+    if since_s is None:
+        yield f"vehicle {number} meets nobody before it"
+        return
+    things = list(things_of_kind(search.scene.things, event.code))
+    for mapped in (True, False) if things else (False,):
+        for on_its_way, assumed in ways_on(search, course, number, event.side, least_mps=STRIKES_MPS):
+            way = Way.of(search.scene.network, on_its_way.log, number, since_s)
+            struck = _struck(on_its_way)
+            used = {item.osm_id for item, _ in struck}
+            if mapped:
+                places = _of_map(way, event, [each for each in things if each.osm_id not in used])
+            else:
+                places = list(islice(_objects(way, event, struck), _MOST_OF_A_WAY))
+                if not places:
+                    yield way.why_not(event.side)
+            for item, at_xy_m in places:
+                before = (_beside(each, (item, at_xy_m), way.network) for each in struck)
+                yield Plan(on_its_way.states, (*before, item), detail=f"strikes the {item.name}{assumed}")
+
+
+def _struck(course: Course) -> list[Struck]:
+    """Return the objects of a course, each with where it is struck."""
+    at = {each.number_2: (each.x_m, each.y_m) for each in reversed(course.log.contacts)}
+    return [(item, at.get(item.number, (item.pose.x_m, item.pose.y_m))) for item in course.objects]
+
+
+def _beside(struck: Struck, added: Struck, network: RoadNetwork) -> FixedObject:
+    """Return an object that stood before, less what of it another one takes."""
+    item, at_xy_m = struck
+    if KINDS[item.code].form is not ObjectForm.LINE:
+        return item
+    return on_free_ground(item, at_xy_m, network, [added]) or item
+
+
+def _of_map(way: Way, event: CrashEvent, things: Sequence[MappedThing]) -> list[Struck]:
+    """Return the objects that the map has on the vehicle's way, each with where it is struck."""
+    found = []
+    for k, thing in _mapped(way, event.code, things):
+        if way.left_to(event.side, k):
+            _, runs_rad = nearest_of(thing, way.poses[k].xy_m)
+            item, at_xy_m = place_object(
+                event.vehicle, event, way.poses[k], way.slip_rad(k), runs_rad or way.runs_rad(k)
+            )
+            found.append((as_mapped(item, thing), at_xy_m))
+    return found
+
+
+def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[Struck]:
+    """Yield objects that the vehicle would strike on its way where they can stand, and where.
+
+    First as far beyond the edge as is usual, then nearer, then farther.
+    """
+    kind = KINDS[event.code]
+    line = kind.form is ObjectForm.LINE
+    if line:
+        outermost_m = way.beyond_m.max(axis=1)
+        beyond_m = np.where(np.diff(outermost_m, prepend=-math.inf) > 0, outermost_m, -math.inf)
+        areas = [event.area] * len(way.poses)
+    else:
+        touches = way.striking(event.area, _NEAREST_M)
+        beyond_m, areas = np.array([beyond for beyond, _ in touches]), [area for _, area in touches]
+    beyond_m = np.where(way.speeds_mps >= STRIKES_MPS, beyond_m, -math.inf)
+    farthest_m = float(beyond_m.max(initial=0.0))
+    if event.code in _BARRIERS:
+        farthest_m = min(farthest_m, _CLEAR_ZONE_M)
+    wanted = [share * kind.beyond_edge_m for share in _NEARER]
+    wanted += [*np.arange(kind.beyond_edge_m + _FARTHER_M, farthest_m, _FARTHER_M), farthest_m]
+    steps = [int(np.argmax(beyond_m >= each)) for each in wanted if _NEAREST_M <= each <= farthest_m]
+    for k in dict.fromkeys(steps):
+        if not way.left_to(event.side, k):
+            continue
+        # Another vehicle would perhaps come against a long one.
+        for length_m in (math.inf, _SHORT_M) if line else (math.inf,):
+            seen = replace(event, area=areas[k])
+            pose, slip_rad = way.poses[k], way.slip_rad(k)
+            item, at_xy_m = place_object(event.vehicle, seen, pose, slip_rad, way.runs_rad(k), straight_m=length_m)
+            stands = on_free_ground(item, at_xy_m, way.network, struck)
+            if stands is not None:
+                yield stands, at_xy_m
+
+
+def _mapped(way: Way, code: int, things: Sequence[MappedThing]) -> Iterator[tuple[int, MappedThing]]:
+    """Yield mapped things of a kind on the vehicle's way beyond the edge, each with the step that touches it."""
+    reach_m = 0.0 if KINDS[code].form is ObjectForm.LINE else KINDS[code].width_m / 2
+    outside = way.beyond_m.max(axis=1) > 0
+    for thing in things:
+        shape = shapely.Point(thing.xy_m[0]) if len(thing.xy_m) == 1 else shapely.LineString(thing.xy_m)
+        touched = outside & (shapely.distance(way.outlines, shape) <= reach_m)
+        if touched.any():
+            yield int(np.argmax(touched)), thing
