@@ -20,15 +20,13 @@ def open(place: str | os.PathLike[str] | None = None) -> Crashes:
     """Return the crashes of a storage root, of a package or of a release, for Python.
 
     ``place`` is a root (a folder or a URL such as ``s3://bucket/folder``), or the folder or archive of a package or a
-    release; without it ``TRACE_DAG_ROOT``, else ``./trace_dag_home``. Nothing is read before it is asked for, and
-    nothing is changed. Raises :class:`trace_dag.common.errors.UserError` for any other kind of place::
+    release; the default is ``TRACE_DAG_ROOT``, or ``./trace_dag_home`` if that is not set. Data is read on first use,
+    and nothing is changed. Raises :class:`trace_dag.common.errors.UserError` for any other kind of place::
 
-        import trace_dag
+    import trace_dag
 
-        home = trace_dag.open("trace_dag_home")
-        home.crashes                        # a pandas DataFrame
-        home["2023-319003"].replay()        # shown by a notebook
-        trace_dag.open("2023-319003.zip").only.verdict
+    home = trace_dag.open("trace_dag_home") home.crashes # a pandas DataFrame home["2023-319003"].replay() # shown by a
+    notebook trace_dag.open("2023-319003.zip").only.verdict
     """
     from trace_dag.reading.opening import open_place
 

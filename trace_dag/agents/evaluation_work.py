@@ -71,7 +71,7 @@ class EvaluationWork:
 
     @property
     def step_limit_s(self) -> float:
-        """Return the longest time that an evaluation may take, whatever the agent does."""
+        """Return the limit of one evaluation's duration, whatever the agent does, s."""
         return 2 * WAITS * self.limits.time_s + _OURS_S
 
     def prepare(self, name: str) -> LoadedCase:
@@ -88,7 +88,7 @@ class EvaluationWork:
             raise Failure(f"{name} cannot be loaded for evaluation: {type(error).__name__}: {error}") from error
 
     def do(self, shared: LoadedCase, step: Step) -> Evaluation:
-        """Return one evaluation; whatever the agent does wrong is its result."""
+        """Return one evaluation; a fault of the agent is its result."""
         if step.reference not in self._agents:
             self._agents[step.reference] = AgentProcess(step.reference, self.limits, self.isolation)
         ego = number_of(shared.case, step.role)
@@ -107,7 +107,7 @@ Answers = Iterator[StepAnswer[Step, Evaluation]]
 def answers(workspace: Workspace, work: EvaluationWork, tasks: Sequence[Task[Step]]) -> Answers:
     """Answer every step of every case once, with the workers that the settings ask for.
 
-    On a cluster each worker needs the agents' modules in the same version: raises :class:`Failure` where it has not.
+    On a cluster each worker needs the same version of the agents' modules; raises :class:`Failure` otherwise.
     """
     execution = workspace.settings.execution
     one_at_a_time = backend_factory(work.settings).one_at_a_time
@@ -126,7 +126,7 @@ def _in_pool(pool: Pool[LoadedCase, Step, Evaluation], tasks: Sequence[Task[Step
 
 
 def evaluation_code_version(settings: SimSettings) -> str:
-    """Return the version of the code that evaluates: measures of one code are not compared with those of another."""
+    """Return the version of the evaluating code; measures of different versions are not compared."""
     return f"{VERSION}, mujoco {libraries_of(settings)['mujoco']}"
 
 

@@ -48,11 +48,10 @@ def evaluate_agents(
     on_progress: Callable[[Row], None] = lambda _: None,
     on_problem: OnProblem = raise_problem,
 ) -> list[Row]:
-    """Return every agent in every role of every case, as rows in a fixed order, stored under the root.
+    """Evaluate every agent in every role of every case; return the stored rows in a fixed order.
 
-    ``split`` is the part that the cases are, None where they are no part. ``on_progress`` is called with each
-    evaluation as it is done, ``on_problem`` of every step of a crash that cannot be loaded. Raises :class:`UserError`
-    for agents that are not there.
+    ``split`` is the part that the cases form, or None. ``on_progress`` is called with each finished evaluation,
+    ``on_problem`` for every step of a crash that cannot be loaded. Raises :class:`UserError` for unknown agents.
     """
     references = {name: resolve(name) for name in agents}
     by_id = {case.case_id: case for case in cases}
@@ -90,7 +89,7 @@ def evaluate_agents(
 
 
 class _Results:
-    """Rows as they come; stored at the end, also if the batch is interrupted, so that finished work is kept."""
+    """Rows of finished evaluations, stored at the end, also if the batch is interrupted."""
 
     def __init__(self, storage: Storage, labels: Mapping[str, str], on_problem: OnProblem) -> None:
         self.labels = labels
@@ -99,7 +98,10 @@ class _Results:
         self._rows: dict[str, list[Row]] = {name: [] for name in labels}
 
     def add(self, name: str, made: Row) -> None:
-        """Keep each row once: in a crash with a person, two roles can mean the same vehicle."""
+        """Keep each row once.
+
+        In a crash with a person, two roles can mean the same vehicle.
+        """
         if not any(_identity(each) == _identity(made) for each in self._rows[name]):
             self._rows[name].append(made)
 
@@ -107,7 +109,7 @@ class _Results:
         return [each for rows in self._rows.values() for each in sorted(rows, key=_identity)]
 
     def store(self, references: Mapping[str, str]) -> None:
-        """Merge what came with what is stored."""
+        """Merge the new rows with the stored ones."""
         for name, rows in self._rows.items():
             if rows:
                 store_rows(self._storage, self.labels[name], references[name], rows, self._complain)
@@ -116,9 +118,9 @@ class _Results:
 def store_rows(
     storage: Storage, agent: str, reference: str, rows: Sequence[Row], on_problem: OnProblem = raise_problem
 ) -> None:
-    """Store evaluations of one agent, a label: a row for the same case and vehicle replaces the one before.
+    """Store evaluations of one agent, a label; a row replaces the earlier one of the same case and vehicle.
 
-    ``reference`` says where they come from; ``on_problem`` is called with what is stored of the agent and damaged.
+    ``reference`` is the ``module:Class`` of the agent; ``on_problem`` is called if its stored table is damaged.
     """
     subject = f"{FOLDER}/{agent}"
     try:
@@ -144,7 +146,7 @@ def _identity(row_of_table: Row) -> tuple[str, int]:
 
 
 def stored_rows(storage: Storage, subject: str) -> list[Row]:
-    """Return the rows of one agent; none if there are no evaluations of it.
+    """Return the stored rows of one agent; empty if it was not evaluated.
 
     Raises :class:`DamagedFile`.
     """
@@ -156,16 +158,16 @@ def stored_rows(storage: Storage, subject: str) -> list[Row]:
 
 
 def agents_of(storage: Storage) -> list[str]:
-    """Return the agents that there are evaluations of, damaged ones too, in order."""
+    """Return the agents with stored evaluations, damaged ones included, in order."""
     listed = {*sound_manifest(storage, FOLDER).files, *storage.list(FOLDER)}
     tables = [name for name in listed if name.endswith(_TABLE)]
     return sorted(name.removeprefix(f"{FOLDER}/").removesuffix(_TABLE) for name in tables)
 
 
 def remove_agent(storage: Storage, agent: str) -> int:
-    """Delete the evaluations of one agent, given as in the tables or as ``module:Class``; how many there were.
+    """Delete the evaluations of one agent and return their number.
 
-    Raises :class:`UserError` where there are none of it.
+    The agent is given as in the tables or as ``module:Class``. Raises :class:`UserError` if it has no evaluations.
     """
     subject = f"{FOLDER}/{label(agent)}"
     known = agents_of(storage)
@@ -185,9 +187,9 @@ def remove_agent(storage: Storage, agent: str) -> int:
 
 
 def all_rows(storage: Storage, *, on_problem: OnProblem = raise_problem) -> list[Row]:
-    """Return every stored evaluation, of all agents.
+    """Return the stored evaluations of all agents.
 
-    ``on_problem`` is called with the agents whose table is damaged.
+    ``on_problem`` is called with the error of each damaged table.
     """
     found: list[Row] = []
     for agent in agents_of(storage):
@@ -201,8 +203,8 @@ def all_rows(storage: Storage, *, on_problem: OnProblem = raise_problem) -> list
 def try_agents(agents: Sequence[str], limits: AgentLimits, isolation: Isolation | None = None) -> None:
     """Make each agent once, in a process of its own.
 
-    Raises :class:`UserError` for the first that cannot be made: no such module or class, a class without the methods
-    of an agent, one that raises, hangs, or ends its process.
+    Raises :class:`UserError` for the first that cannot be made: an unknown module or class, a class without an agent's
+    methods, or an agent that raises, hangs, or ends its process.
     """
     for agent in agents:
         process = AgentProcess(resolve(agent), limits, isolation)

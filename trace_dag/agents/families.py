@@ -59,9 +59,9 @@ def make_families(
     *,
     on_progress: Callable[[FamilyReport], None] = lambda _: None,
 ) -> list[FamilyReport]:
-    """Return the families of some verified crashes, stored; in their order.
+    """Make and store families of some verified crashes; return their reports in order.
 
-    ``on_progress`` is called with each crash as it is done.
+    ``on_progress`` is called with each finished crash.
     """
     return report_each(workspace, cases, partial(_make_family, request), FamilyReport, on_progress)
 
@@ -132,7 +132,7 @@ def _store(
 
 
 def _as_hypothesis(recorded: Hypothesis, variation: Variation) -> Hypothesis:
-    """Return the variation's plan in the terms of an estimate; where it was planned to hit, it does not say."""
+    """Return the variation's plan in the terms of an estimate, without the planned place of the impact."""
     case, contact = variation.case, variation.case.contact
     by_number = {each.number: each for each in case.participants}
     return replace(

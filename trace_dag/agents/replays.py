@@ -30,7 +30,7 @@ ReplayFormat = Literal["html", "glb", "webp"]
 
 
 def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
-    """Return the replay of one crash as stored: a page, a moving picture, or glTF in three dimensions.
+    """Return the replay of one stored crash: a page, a moving picture, or glTF in three dimensions.
 
     Raises :class:`UserError` for a crash that was not simulated.
     """
@@ -52,7 +52,7 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
 
 
 def content_of(crash: CrashArtefacts, log: SimulationLog, traffic: StoredTraffic | None = None) -> ReplayContent:
-    """Return the content of the replay of a stored crash for one of its logs, with the traffic that was made for it."""
+    """Return the content of a replay of a stored crash, from one of its logs and the traffic made for it."""
     from trace_dag.pages.replay_content import replay_content
 
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
@@ -75,12 +75,11 @@ def replay_with(
     traffic: Traffic,
     replay_format: ReplayFormat,
 ) -> bytes:
-    """Return the replay of a verified crash, variation or likely course with an agent in somebody's place.
+    """Return the replay of a verified crash, variation or likely course with an agent as a driver.
 
-    The conditions are the usual ones.
-
-    Several agents drive one by one and are shown beside each other, on a page. Raises :class:`UserError` for a crash
-    that is not verified, an agent that is not there or is faulty, and several agents in a moving picture.
+    The conditions are the default ones. Several agents drive one by one and are shown side by side on a page. Raises
+    :class:`UserError` for a crash that is not verified, an unknown or faulty agent, and several agents in a moving
+    picture.
     """
     from trace_dag.pages.animation import write_animation
     from trace_dag.pages.replay import write_html_pair, write_html_player
@@ -125,7 +124,7 @@ def _driven(
 
 
 def _outcome(case: Case, ego: int, log: SimulationLog) -> str:
-    """Return the outcome of a drive, in words, and where it is of a variation or course, of which."""
+    """Return a sentence on the outcome of a drive, with the variation or course if it is one."""
     said = _in_words(case, measure(case, ego, log))
     return said if case.case_id == case.key else f"{said}, in {case.case_id}"
 

@@ -22,7 +22,7 @@ class Share(NamedTuple):
 
 
 def data_url(svg: str) -> str:
-    """Return an SVG as the address of an image, as Markdown takes it.
+    """Return an SVG as a data URL for Markdown.
 
     >>> data_url("<svg/>")
     'data:image/svg+xml,%3Csvg/%3E'
@@ -31,7 +31,7 @@ def data_url(svg: str) -> str:
 
 
 def share_chart(title: str, shares: Sequence[Share]) -> str:
-    """Return one bar a share, from 0 to 100 %, with its 95 % interval as a line, as SVG."""
+    """Return an SVG with one bar for each share, from 0 to 100 %, and its 95 % interval as a line."""
     height = _ROW_PX * (len(shares) + 2)
     label_px = 16 + _SIGN_PX * max((len(share.label) for share in shares), default=0)
     lines = [

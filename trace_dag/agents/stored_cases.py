@@ -1,4 +1,4 @@
-"""Verified crashes and their variations as cases: what agents are evaluated on, and what variations are made of."""
+"""Verified crashes and their variations as cases, on which agents are evaluated and from which variations are made."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ class AgentRole(StrEnum):
 
 @dataclass(frozen=True)
 class StoredCase:
-    """The origin of a case: a verified crash, a variation of it if ``variation`` names one, or a likely course of it.
+    """The origin of a case: a verified crash, its variation named ``variation``, or a likely course of it.
 
-    The draw ``sample`` of its estimate, with its weight among the courses.
+    A likely course is the draw ``sample`` of the crash's estimate, with a weight among all courses.
     """
 
     files: CrashFiles
@@ -61,7 +61,7 @@ class StoredCase:
 
     @property
     def case_id(self) -> str:
-        """Return the crash's key, the variation's, or the course's: the crash's with the number of the draw."""
+        """Return the id: the crash's key, the variation's id, or for a course the key and the number of the draw."""
         if self.sample is not None:
             return f"{self.key}-c{self.sample:02d}"
         return self.variation or self.key
@@ -73,7 +73,7 @@ class StoredCase:
 
 
 def load_case(stored: StoredCase) -> Case:
-    """Return a case as it is evaluated."""
+    """Return a stored case, ready for evaluation."""
     files = stored.files.unread()
     if stored.sample is not None:
         return _drawn_case(stored.case_id, files, stored.sample)
@@ -84,7 +84,7 @@ def load_case(stored: StoredCase) -> Case:
 
 
 def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
-    """Return a verified crash as it is evaluated, stored in a root or in a package."""
+    """Return a verified crash, stored in a root or in a package, as a case for evaluation."""
     from trace_dag.simulation.run import surface_friction
 
     hypothesis = crash.load(ESTIMATE).hypotheses[crash.load(VERDICT).hypothesis]
@@ -94,7 +94,7 @@ def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
 
 
 def _drawn_case(case_id: str, files: CrashFiles, sample: int) -> Case:
-    """Return a likely course, simulated to know what an agent in it has to avoid."""
+    """Return a likely course, simulated, so that the contact that an agent has to avoid is known."""
     from trace_dag.scenario.ensemble import draw_course
     from trace_dag.simulation.backends import backend
 
@@ -133,15 +133,16 @@ def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: Simu
 
 
 def somebody_met(crash: CrashArtefacts) -> bool:
-    """Return whether anybody met somebody in a crash: a vehicle that left the road by itself had nobody to react to."""
+    """Return whether two parties met in a crash; a vehicle that left the road by itself met nobody."""
     return sequence_of(crash.load(RECORD)).first.kind not in OFF_THE_ROAD
 
 
 def number_of(case: Case, role: AgentRole) -> int:
-    """Return the number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one.
+    """Return the number of the vehicle in a role of the recorded crash.
 
-    If one of the two is a person or parked, without a driver for an agent to replace, it is the other one in every
-    role, and so is a vehicle that left the road by itself."""
+    In a near miss the first vehicle is the striking one. If one of the two is a person or parked, it has no driver to
+    replace, and every role means the other. A vehicle that left the road by itself has every role, too.
+    """
     first, second = case.pair
     if case.departed is not None:
         return case.departed
@@ -167,14 +168,11 @@ def verified_cases(
     departures: bool | None = False,
     on_problem: OnProblem = log_problem,
 ) -> list[StoredCase]:
-    """Return the verified ones of the crashes asked for, with a contact between parties or a departure.
+    """Return the verified crashes among those asked for that have a contact between parties or a departure.
 
-    ``departures`` chooses crashes in which a vehicle left the road by itself; None takes both. Raises
-    :class:`UserError` if there are none.
-
-    ``split`` takes one part of them, as a release of the same crashes has it.
-
-    ``on_problem`` is called for damaged records: whether their crash is verified cannot be told.
+    ``departures`` chooses crashes in which a vehicle left the road by itself; None takes both. ``split`` takes one part
+    of them, as in a release of the same crashes. ``on_problem`` is called for damaged records, whose verdict is
+    unknown. Raises :class:`UserError` if none is left.
     """
     keys = select_registered(workspace, cohort, only)
     cases = [
@@ -204,7 +202,7 @@ def verified_cases(
 
 
 def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
-    """Return the likely courses of some crashes, each crash's heaviest first.
+    """Return the likely courses of some crashes, the heaviest of each crash first.
 
     Raises :class:`UserError` if there are none.
     """
@@ -225,9 +223,9 @@ def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
 
 
 def stored_case(workspace: Workspace, case_id: str) -> StoredCase:
-    """Return a verified crash, or a variation or likely course of one, by the id that evaluations have it by.
+    """Return a verified crash, or one of its variations or likely courses, by its case id.
 
-    Raises :class:`UserError` where there is none.
+    Raises :class:`UserError` for an unknown id.
     """
     part = _PART_OF_A_CRASH.fullmatch(case_id)
     (crash,) = verified_cases(workspace, None, [part["key"] if part else case_id], departures=None)
@@ -243,7 +241,7 @@ def stored_case(workspace: Workspace, case_id: str) -> StoredCase:
 def stored_variations(
     workspace: Workspace, cases: Sequence[StoredCase], *, on_problem: OnProblem = raise_problem
 ) -> list[StoredCase]:
-    """Return the stored variations of some crashes that were made of them as they are now.
+    """Return the stored variations of some crashes, without those made from an earlier verdict.
 
     ``on_problem`` is called for damaged families. Raises :class:`UserError` if there are no variations.
     """

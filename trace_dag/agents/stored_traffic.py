@@ -1,7 +1,7 @@
-"""Traffic around stored crashes, made in parallel and kept under the root, one crash by one.
+"""Traffic around stored crashes, made in parallel and stored under the root, crash by crash.
 
-``ROOT/traffic/<key>.traffic.json`` has the vehicles and how they were made, ``.parquet`` of the same name a row for
-each class of road on the map.
+``ROOT/traffic/<key>.traffic.json`` has the vehicles and the parameters of their making; the Parquet file of the same
+name has a row for each class of road on the map.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ TRAFFIC = TableSchema(
 
 @dataclass(frozen=True, eq=False)
 class StoredTraffic:
-    """Traffic as stored: of which crash, how it was asked for and made, and the vehicles."""
+    """Stored traffic: its crash, request, parameters and vehicles."""
 
     key: str
     request: TrafficRequest
@@ -94,9 +94,9 @@ def make_traffic(
     *,
     on_progress: Callable[[TrafficReport], None] = lambda _: None,
 ) -> list[TrafficReport]:
-    """Return the reports of the traffic of some verified crashes, stored; in their order.
+    """Make and store the traffic of some verified crashes; return the reports in order.
 
-    ``on_progress`` is called with each crash as it is done. Raises :class:`UserError` without SUMO.
+    ``on_progress`` is called with each finished crash. Raises :class:`UserError` without SUMO.
     """
     sumo_program("sumo"), sumo_program("netconvert"), load_traci()
     return report_each(workspace, cases, partial(_make, request), TrafficReport, on_progress)
@@ -128,13 +128,13 @@ def _make(request: TrafficRequest, stored: StoredCase) -> TrafficReport:
 
 
 def _cpu_s() -> float:
-    """Return the processor time of this process and of those it started and that have ended."""
+    """Return the processor time of this process and of its ended children, s."""
     of_others = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + of_others.ru_utime + of_others.ru_stime
 
 
 def read_traffic(crash: CrashArtefacts) -> StoredTraffic | None:
-    """Return the traffic that was made for a crash of a root as it is now; None where there is none.
+    """Return the traffic made for the present verdict of a stored crash, or None.
 
     Raises :class:`DamagedFile`.
     """
@@ -162,7 +162,10 @@ def traffic_files(storage: Storage) -> dict[str, list[StoredFile]]:
 
 
 def all_rows(storage: Storage, *, on_problem: OnProblem) -> list[Row]:
-    """Return every stored row of :data:`TRAFFIC`; ``on_problem`` is called with the files that are damaged."""
+    """Return all stored rows of :data:`TRAFFIC`.
+
+    ``on_problem`` is called with the error of each damaged file.
+    """
     found: list[Row] = []
     for name in sorted(sound_manifest(storage, FOLDER).files):
         if name.endswith(".parquet"):

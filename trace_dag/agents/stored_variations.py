@@ -74,7 +74,7 @@ class StoredVariation:
 def read_variation(storage: Storage, name: str) -> StoredVariation:
     """Return a stored variation by its id.
 
-    Raises :class:`DamagedFile` where it is not as its manifest says.
+    Raises :class:`DamagedFile` if its files differ from its manifest.
     """
     key = name.rpartition("-")[0]
 
@@ -88,12 +88,15 @@ def read_variation(storage: Storage, name: str) -> StoredVariation:
 
 
 def all_rows(storage: Storage, *, on_problem: OnProblem = raise_problem) -> list[Row]:
-    """Return every stored variation as a row; ``on_problem`` is called with the families that are damaged."""
+    """Return all stored variations as rows.
+
+    ``on_problem`` is called with the error of each damaged family.
+    """
     return [each for rows in families(storage, on_problem).values() for each in rows]
 
 
 def families(storage: Storage, on_problem: OnProblem, keys: Collection[str] | None = None) -> dict[str, list[Row]]:
-    """Return the lists of the families there are, of some crashes or all, by key."""
+    """Return the stored lists of families by key, of some crashes or of all."""
     there = {*sound_manifest(storage, FOLDER).files, *storage.list(FOLDER)}
     listed = {crash_of(name) for name in there if name.endswith(".family.parquet")}
     found = {}

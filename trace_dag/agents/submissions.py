@@ -1,8 +1,9 @@
 """Results of agents as a file that others can hand in, and the checks before it enters the leaderboard.
 
 A file is JSON with a checksum: every run of one part of the benchmark under the conditions of its protocol. Belongs
-here: what such a file says, and whether it can be of the crashes of a root. Does not belong here: who drove. A checksum
-is no signature: every run has its drive, which is judged again. Proof that an agent drove it takes the agent itself.
+here: the content of such a file, and the checks that it fits the crashes of a root. Does not belong here: the identity
+of the agent. A checksum is no signature, so every run's drive is judged again; only the agent itself could prove that
+it drove.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def check(
 ) -> dict[str, list[Row]]:
     """Return the runs of a file by agent.
 
-    Raises :class:`UserError` saying why a file is refused.
+    Raises :class:`UserError` with the reason if a file is refused.
     """
     split, cohort, by_agent = _read(data, name)
     _check_names(name, by_agent, agents_of(workspace.storage))

@@ -1,4 +1,4 @@
-"""The table that people read of each study, for the terminal and for the UI, and the shares that the UI draws of it."""
+"""The summary table of each study for the terminal and the UI, and the shares that the UI draws."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from trace_dag.verdict.controls import ControlRow
 
 
 class StudyTable(NamedTuple):
-    """Names of columns, and rows of cells. ``shares`` are what a picture shows of it, ``of_what`` its title."""
+    """Names of columns, and rows of cells. ``shares`` are drawn as a picture with the title ``of_what``."""
 
     names: list[str]
     rows: list[tuple[Any, ...]]
@@ -40,8 +40,8 @@ _CHANGED = {
 def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
     """Return the rates at which verdicts accept true and changed pairings, by cohort and kind of crash.
 
-    Pairings are a crash's own report, others', and its own with one party late or mirrored, the object moved, one
-    contact dropped or two swapped.
+    A pairing is a simulation with its own report, with another crash's, or with its own after a change: one party late
+    or mirrored, the object moved, one contact dropped, or two swapped.
     """
     lines: list[tuple[Any, ...]] = []
     by_kind = {
@@ -76,7 +76,7 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
 
 
 def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> StudyTable:
-    """Return the outcomes of each agent, in all, as initiator and responder, and by class of crash."""
+    """Return the outcomes of each agent: in total, as initiator and responder, and by class of crash."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["agent"], "all"), []).append(row)
@@ -120,9 +120,10 @@ def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimen
 
 
 def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
-    """Return each agent's probability of avoiding each crash, and all of them, with 95 % intervals.
+    """Return each agent's probability of avoiding each crash, and the mean, with 95 % intervals.
 
-    Each row is one of ``agent_probabilities``; intervals are by the courses of a crash, and by the crashes for all.
+    ``rows`` are those of ``agent_probabilities``. The intervals of a crash are over its courses, that of the mean over
+    the crashes.
     """
     lines: list[tuple[Any, ...]] = []
     for agent in dict.fromkeys(row["agent"] for row in rows):
@@ -140,7 +141,7 @@ def probabilities_table(rows: Sequence[Mapping[str, Any]]) -> StudyTable:
 
 
 def weigh_table(runs: Sequence[Row], weights: Mapping[str, float]) -> StudyTable:
-    """Return each agent's share of avoided crashes, each crash as one and by its weight."""
+    """Return each agent's share of avoided crashes, unweighted and weighted."""
     lines: list[tuple[Any, ...]] = []
     for agent in sorted({run["agent"] for run in runs}):
         own = [run for run in runs if run["agent"] == agent and run["case_id"] == run["key"]]
@@ -160,7 +161,7 @@ def _with_interval(share: float, low: float, high: float) -> str:
 
 
 def traffic_table(reports: Sequence[TrafficReport]) -> StudyTable:
-    """Return the vehicles around some crashes, those left out, and the processor time for each crash, s."""
+    """Return a table of the numbers of placed and omitted vehicles, and of the processor time per crash, s."""
     made = [each for each in reports if not each.error]
     vehicles, left_out = sum(each.vehicles for each in made), sum(each.left_out for each in made)
     cpu_s = sum(each.cpu_s for each in made) / max(len(made), 1)
@@ -173,7 +174,7 @@ def traffic_table(reports: Sequence[TrafficReport]) -> StudyTable:
 
 
 def families_table(reports: Sequence[FamilyReport]) -> StudyTable:
-    """Return the number of variations kept, of those drawn."""
+    """Return a table of the numbers of variations kept and drawn."""
     kept, near_misses = sum(each.kept for each in reports), sum(each.near_misses for each in reports)
     drawn = sum(each.drawn for each in reports)
     return StudyTable(

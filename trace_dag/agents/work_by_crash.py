@@ -1,4 +1,4 @@
-"""Work that is done for each of some crashes by itself, in parallel: what breaks for one is reported, others go on."""
+"""Work done in parallel for each of some crashes; an error in one is reported, and the others go on."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ def report_each(
     report: type[Reported],
     on_progress: Callable[[Reported], None],
 ) -> list[Reported]:
-    """Return what ``make`` reports of each crash, in their order; ``on_progress`` is called with each as it is done."""
+    """Return the reports that ``make`` gives for the crashes, in order.
+
+    ``on_progress`` is called with each finished report.
+    """
     reports: dict[str, Reported] = {}
     with workspace.executing() as executor:
         for case, found in run_redoing_lost(executor, partial(_report, make, report), cases, lambda case: [case]):

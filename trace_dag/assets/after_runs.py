@@ -1,8 +1,7 @@
-"""After the last of a set of runs of stages or studies, the warehouse and the benchmark are brought up to date: once.
+"""Sensors that bring the warehouse and the benchmark up to date once after a set of runs of stages or studies.
 
-A backfill over the whole graph builds it itself, after its last crash, if no crash failed; after a failure Dagster
-leaves out everything downstream, so that it is for the sensors to ask for it. Whoever is to be alerted is told of runs
-that broke off.
+A backfill over the whole graph builds both itself after its last crash, if no crash failed. After a failure Dagster
+skips everything downstream, so the sensors request it. Alerts report runs that broke off.
 """
 
 from dagster import (

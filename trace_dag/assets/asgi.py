@@ -22,7 +22,7 @@ async def send_bytes(
 
 
 async def read_body(receive: Receive, most_bytes: int) -> bytes | None:
-    """Read the body of a request; None as soon as it is too large."""
+    """Read the body of a request; return None as soon as it is too large."""
     body = bytearray()
     more = True
     while more:
@@ -35,7 +35,7 @@ async def read_body(receive: Receive, most_bytes: int) -> bytes | None:
 
 
 def again(body: bytes, receive: Receive) -> Receive:
-    """Return ``receive`` for who asks next, beginning with a body that has been read."""
+    """Return a ``receive`` that first delivers a body that was read before."""
     left = [body]
 
     async def receive_again() -> Message:

@@ -1,9 +1,8 @@
 """The one step that runs the stages: a batch of crashes, any contiguous choice of stages.
 
-The step logs a materialization for each stage and crash itself, as it is done, and yields nothing; at its end it
-fails once if any crash failed. So exactly the failed stage and those after it show as failed for exactly those
-crashes, and everything else is materialized. A rejected crash is materialized at every stage, with the outcome in its
-metadata: it is data, neither failed nor missing.
+The step logs a materialization for each stage and crash itself, as it is done, and yields nothing; at its end it fails
+once if any crash failed. So only the failed stage and those after it show as failed, only for the crashes concerned. A
+rejected crash is data: it is materialized at every stage, with the outcome in its metadata.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -121,9 +120,9 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
 
 
 def _check_partitions(keys: Sequence[str], planned: str | None) -> None:
-    """Raise :class:`UserError` where the range of a run covers other crashes than it was planned for, or none.
+    """Raise :class:`UserError` if the range of a run covers no crash, or others than planned.
 
-    Dagster 1.13 gives a step no partition at all where the ends of its range have changed order.
+    Dagster 1.13 gives a step no partition at all if the ends of its range have changed order.
     """
     if not keys or planned not in (None, fingerprint(keys)):
         covered = count_of(len(keys), "crash", "crashes")
@@ -134,9 +133,9 @@ def _check_partitions(keys: Sequence[str], planned: str | None) -> None:
 
 
 def _check_configuration(settings: Mapping[str, Any]) -> None:
-    """Raise :class:`UserError` for settings that say where files, services and workers are: those are the root's own.
+    """Raise :class:`UserError` for settings of files, services or workers, which only the root may set.
 
-    A run's configuration may come from whoever reaches the UI.
+    A run's configuration may come from anybody with access to the UI.
     """
     execution = settings.get("execution")
     if "services" in settings or (isinstance(execution, Mapping) and "dask_address" in execution):

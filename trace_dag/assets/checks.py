@@ -1,7 +1,7 @@
-"""Checks over all crashes, made from the warehouse: what stands failed, and whether everything adds up.
+"""Checks over all crashes, made from the warehouse: failed crashes, and totals that must agree.
 
-They are not partitioned: each states for the whole collection how many crashes hold, and names those that do not. They
-stand on the warehouse, whose run evaluates them; on a stage, every run of that stage would show them as skipped.
+They are not partitioned: each counts the crashes that pass and names the others. They belong to the warehouse, whose
+run evaluates them; on a stage, every run of that stage would show them as skipped.
 """
 
 from typing import Any
@@ -31,7 +31,7 @@ def _listing(names: list[str], rows: list[tuple[Any, ...]]) -> MetadataValue:
     description="No crash stands failed or outdated. The ones that do are named, with the stage and what happened.",
 )
 def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
-    """Check that no crash stands failed."""
+    """Check that no crash is in the state failed."""
     rows = _ask(context, "SELECT key, final_state, stage, message FROM failures ORDER BY key")
     return AssetCheckResult(
         passed=not rows,
@@ -94,7 +94,7 @@ def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResu
     "a criterion could be evaluated for no crash at all.",
 )
 def criteria_are_evaluated(context: AssetCheckExecutionContext) -> AssetCheckResult:
-    """Count how often each criterion holds, fails and is left open."""
+    """Count how often each criterion passes, fails and is undecided."""
     rows = _ask(
         context,
         "SELECT criterion, count(*) FILTER (passed), count(*) FILTER (NOT passed), count(*) FILTER (passed IS NULL)"

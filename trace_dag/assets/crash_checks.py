@@ -1,8 +1,8 @@
 """The check of single crashes, one evaluation per partition: ``verified``, by which the UI filters them by outcome.
 
-It is evaluated for all crashes that are through: what an earlier stage rejected does not hold either, with that reason,
-for Dagster shows a check without an evaluation as skipped. If it does not hold it warns: the rejection it stands for is
-data. Gates of maps and criteria are checked over all crashes (:mod:`trace_dag.assets.checks`).
+It is evaluated for every finished crash. A crash rejected at an earlier stage fails the check with that reason, because
+Dagster shows a check without an evaluation as skipped. A failed check is a warning, since a rejection is data. Gates of
+maps and criteria are checked over all crashes (:mod:`trace_dag.assets.checks`).
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ with warnings.catch_warnings():
 
 
 class CrashChecks:
-    """Evaluates the check for a run's crashes from what its stages say."""
+    """Evaluates the check for a run's crashes from the results of its stages."""
 
     def __init__(self, context: AssetExecutionContext) -> None:
         self._context = context
 
     def log(self, event: StageEvent) -> None:
-        """Log the evaluation that follows from what the last stage says of a crash."""
+        """Log the evaluation that follows from the last stage's record of a crash."""
         record = event.record
         if record is None or event.stage is not Stage.VERDICT:
             return
@@ -61,9 +61,9 @@ class CrashChecks:
         )
 
     def finish(self) -> Iterator[Output[None]]:
-        """Tell Dagster that the step is done with the checks it selected.
+        """Yield an output for each selected check, so that Dagster does not log it as missing.
 
-        It would log them as missing, since it does not count what a step logs by partition.
+        Dagster does not count evaluations that a step logs by partition.
         """
         for check in self._context.selected_asset_check_keys:
             yield Output(None, self._context.assets_def.get_output_name_for_asset_check_key(check))

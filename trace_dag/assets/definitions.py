@@ -31,7 +31,8 @@ from trace_dag.flow.workspace import Workspace, storage_root, stored_settings
 class WorkspaceResource(ConfigurableResource[Workspace]):
     """Builds the :class:`Workspace` that assets, checks and sensors work on.
 
-    Its root is that of the environment (TRACE_DAG_ROOT, else ./trace_dag_home): no run's configuration can move it.
+    Its root comes from the environment (TRACE_DAG_ROOT, else ./trace_dag_home), so that no run's configuration can move
+    it.
     """
 
     def create_resource(self, context: InitResourceContext) -> Workspace:
@@ -40,9 +41,9 @@ class WorkspaceResource(ConfigurableResource[Workspace]):
 
 
 def build_definitions(workspace: Workspace | None = None) -> Definitions:
-    """Return the definitions, on a workspace, or by default on the one the environment names.
+    """Return the definitions on a workspace, by default on the root that the environment names.
 
-    Raises :class:`trace_dag.common.errors.UserError` for settings that do not hold.
+    Raises :class:`trace_dag.common.errors.UserError` for invalid settings.
     """
     automation = workspace.settings.automation if workspace is not None else stored_settings(storage_root()).automation
     return Definitions(
@@ -58,7 +59,7 @@ def build_definitions(workspace: Workspace | None = None) -> Definitions:
 
 
 def _fresh(asset: AssetsDefinition, automation: AutomationSettings) -> AssetsDefinition:
-    """Return the asset with the age at which it counts as overdue, if the settings name one."""
+    """Return the asset with the age at which it counts as overdue, if the settings name an age."""
     if automation.fresh_within_h is None:
         return asset
     overdue = timedelta(hours=automation.fresh_within_h)
@@ -68,5 +69,5 @@ def _fresh(asset: AssetsDefinition, automation: AutomationSettings) -> AssetsDef
 
 @definitions
 def defs() -> Definitions:
-    """Build the definitions that Dagster loads; only then are the settings of the root read."""
+    """Build the definitions when Dagster loads them; the root's settings are not read before."""
     return build_definitions()

@@ -83,7 +83,7 @@ class RunReport:
 
 
 def _prepare_dagster_home(workspace: Workspace, folder: Path) -> None:
-    """Make Dagster's folder of a root if need be, and name it in this process's environment."""
+    """Make Dagster's folder of a root if it is missing, and set ``DAGSTER_HOME`` in this process."""
     settings = folder / "dagster.yaml"
     if settings.is_file() and _OLDER in settings.read_bytes():
         aside = folder.with_name(f"{folder.name}-of-earlier-version")
@@ -97,7 +97,10 @@ def _prepare_dagster_home(workspace: Workspace, folder: Path) -> None:
 
 
 def open_instance(workspace: Workspace, home: Path | None = None) -> DagsterInstance:
-    """Open Dagster's records of this root, or those in ``home``. Runs whose process is gone are closed as failed."""
+    """Open Dagster's instance of this root, or the one in ``home``.
+
+    Runs whose process is gone are closed as failed.
+    """
     home = home or workspace.dagster_home
     _prepare_dagster_home(workspace, home)
     folder = str(home)
@@ -114,9 +117,10 @@ def open_instance(workspace: Workspace, home: Path | None = None) -> DagsterInst
 
 @contextmanager
 def dagster_records(workspace: Workspace) -> Iterator[DagsterInstance]:
-    """Open Dagster's instance for a command; on a disk that can only be read, a copy of it.
+    """Open Dagster's instance for a command; on a read-only disk, open a copy.
 
-    An error of its databases meanwhile is a :class:`Failure`, too: most of a damaged file shows only when it is read.
+    An error of its databases is raised as :class:`Failure`, also later, since most of a damaged file shows only when it
+    is read.
     """
     with writable_folder(workspace.dagster_home) as home, open_instance(workspace, home) as instance:
         try:
@@ -126,9 +130,9 @@ def dagster_records(workspace: Workspace) -> Iterator[DagsterInstance]:
 
 
 def _reach_postgres(folder: str) -> None:
-    """Connect to the database once: Dagster tries for 18 seconds, and its errors are tracebacks.
+    """Connect to PostgreSQL once, to fail early: Dagster tries for 18 seconds and shows tracebacks.
 
-    Raises :class:`UserError` where there is nothing to connect by, :class:`Failure` where the server refuses.
+    Raises :class:`UserError` if the driver or the address is missing, :class:`Failure` if the server refuses.
     """
     kept = f"Dagster's records of {folder} are in PostgreSQL"
     if find_spec("dagster_postgres") is None:
@@ -162,7 +166,7 @@ def _unusable(folder: str, error: BaseException) -> Failure:
 
 
 def find_missing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[str, Stage]:
-    """Return crashes with a stage that Dagster does not show as materialized, and the first such stage."""
+    """Return crashes with a stage that Dagster does not show as materialized, each with the first such stage."""
     partitions = instance.get_dynamic_partitions("crashes")
     wanted = set(keys)
     found: dict[str, Stage] = {}
@@ -176,7 +180,7 @@ def find_missing_records(instance: DagsterInstance, keys: Collection[str]) -> di
 
 
 def plan_runs(workspace: Workspace, instance: DagsterInstance, selection: Selection) -> list[PlannedBatch]:
-    """Return a selection as runs.
+    """Return the runs of a selection.
 
     Crashes that are up to date but unknown to Dagster are run too, so that it records them.
     """
@@ -197,7 +201,7 @@ def run_batches(
     *,
     settings: Mapping[str, Any],
 ) -> RunReport:
-    """Run planned batches one after the other, each as one Dagster run in this process."""
+    """Run planned batches one by one, each as one Dagster run in this process."""
     job = build_definitions(workspace).resolve_implicit_global_asset_job_def()
     errors: list[str] = []
     for batch in batches:
@@ -213,7 +217,7 @@ def run_batches(
 
 
 def summarise(workspace: Workspace, instance: DagsterInstance) -> RunReport:
-    """Build what is made of all crashes together: the warehouse, the benchmark, their checks."""
+    """Build the summaries of all crashes: the warehouse, the benchmark and their checks."""
     result = (
         build_definitions(workspace)
         .resolve_job_def(SUMMARY)
@@ -237,7 +241,7 @@ def _listed(value: object) -> list[str]:
 
 
 def summary_is_current(workspace: Workspace, instance: DagsterInstance) -> bool:
-    """Return whether the warehouse and the benchmark are up to date with the code and the registered crashes."""
+    """Return whether the warehouse and the benchmark match the code and the registered crashes."""
     from trace_dag.export.build import is_made_by_this_code
     from trace_dag.warehouse.build import is_built_by_this_code
     from trace_dag.warehouse.query import query
@@ -257,9 +261,9 @@ def _quiet(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _errors(result: ExecuteInProcessResult) -> list[str]:
-    """Return the errors of a run, in the words of the step's own failure where there are any.
+    """Return the errors of a run, as the message of the failed step if there is one.
 
-    Raises ``KeyboardInterrupt`` where it was this: Dagster makes a failed run of it and returns.
+    Raises ``KeyboardInterrupt`` if that ended the run; Dagster returns a failed run instead.
     """
     if result.success:
         return []
@@ -288,7 +292,7 @@ def _innermost(error: Any) -> str:
 
 
 def _close_orphans(instance: DagsterInstance) -> None:
-    """Close runs whose process on this machine was killed: they would be shown as running for ever."""
+    """Close runs whose process on this machine was killed; Dagster would show them as running for ever."""
     for run in instance.get_runs(RunsFilter(statuses=_UNFINISHED)):
         if is_gone(run.tags.get(STEP_PROCESS_TAG, "")) or is_gone(run.tags.get(PROCESS_TAG, "")):
             instance.report_run_failed(run, "The process of this run is gone; run again to finish what it had not.")

@@ -27,7 +27,7 @@ _SITE = "/site"  # where trace-dag ui serves the root: a browser completes the l
 
 
 def data_version(record: OutcomeRecord) -> str:
-    """Return the version of a result for Dagster: the beginning of its record's fingerprint."""
+    """Return the version of a result for Dagster: the first characters of its record's fingerprint."""
     return record.fingerprint[:16]
 
 
@@ -46,9 +46,9 @@ def materialization(event: StageEvent, storage: Storage, site_url: str | None = 
 def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = None) -> Mapping[str, Any]:
     """Return the metadata of a materialization.
 
-    ``outcome``, ``reason`` and ``stage_reached`` are always there.
+    ``outcome``, ``reason`` and ``stage_reached`` are always present.
 
-    ``site_url``: where the root's pages and pictures are served, if not by the server that shows this.
+    ``site_url`` is the address of the root's pages and pictures, if another server serves them.
     """
     record = event.record
     if record is None:
@@ -89,17 +89,16 @@ def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = N
 
 
 def fallback_in_words(record: OutcomeRecord) -> str:
-    """Return which estimator stood in for which other one, and why; "none" if the one asked for made the estimate."""
+    """Return a text with the fallback estimator, the one it replaced and the reason; "none" without a fallback."""
     asked, why = record.figures.get("fallback_from"), record.figures.get("fallback_reason")
     return f"{record.figures.get('estimator')} in place of {asked}: {why}" if asked else "none"
 
 
 def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | None = None) -> dict[str, Any]:
-    """Return the crash's picture: small in place, a link to it whole, and where the file lies.
+    """Return the crash's picture: a small one in place, a link to the whole one, and the path of the file.
 
-    Nothing if there is none, or if it is damaged.
-
-    The whole picture is linked: in the event log it would be kept a second and a third time.
+    Empty if the picture is missing or damaged. The whole picture is only linked, since the event log would store it two
+    more times.
     """
     picture = record.picture("png")
     if picture is None:
@@ -116,5 +115,5 @@ def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | No
 
 
 def _linked(what: str, site_url: str | None) -> str:
-    """Return the name of a link, which plain Dagster shows as well, though it does not serve the site."""
+    """Return the name of a link, with a note if this server does not serve the site."""
     return what if site_url else f"{what}, served by trace-dag ui"

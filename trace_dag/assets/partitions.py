@@ -15,7 +15,7 @@ _KEYS_PER_STATEMENT = 500  # SQLite refuses statements with tens of thousands of
 
 
 def add_partitions(instance: DagsterInstance, keys: Sequence[str]) -> int:
-    """Make partitions of the registered crashes that have none yet, in order; how many there were.
+    """Add partitions for registered crashes that have none, in order; return their number.
 
     Runs cover ranges in the order of insertion, so keys are added sorted.
     """
@@ -27,7 +27,7 @@ def add_partitions(instance: DagsterInstance, keys: Sequence[str]) -> int:
 
 
 def remove_partitions(instance: DagsterInstance, keys: Collection[str]) -> int:
-    """Take away the partitions of crashes that are registered no more; how many there were."""
+    """Remove the partitions of crashes that are no longer registered; return their number."""
     gone = set(instance.get_dynamic_partitions("crashes")) & set(keys)
     for key in gone:
         instance.delete_dynamic_partition("crashes", key)

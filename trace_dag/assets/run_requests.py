@@ -29,16 +29,16 @@ _RANGE_END_TAG = "dagster/asset_partition_range_end"
 
 
 def batch_config(batch: PlannedBatch, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Return the configuration of a run of a batch, with settings over the root's own."""
+    """Return the configuration of a batch's run, with settings that override the root's."""
     forced = [stage.value for stage in Stage if stage in batch.force]
     return {"ops": {"crashes": {"config": {"force": forced, "settings": dict(settings or {})}}}}
 
 
 def range_tags(batch: PlannedBatch) -> dict[str, str]:
-    """Return the tags by which Dagster knows which partitions a run is for, with their fingerprint.
+    """Return the tags by which Dagster knows the partitions of a run, with their fingerprint.
 
-    Dagster keeps the ends of a range alone, and looks up what lies between them when the run starts. Partitions that
-    were removed and added again have changed their order by then.
+    Dagster stores only the ends of a range and looks up the partitions between them when the run starts. By then,
+    partitions that were removed and added again have changed their order.
     """
     ends = {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}
     return {**ends, PLANNED_TAG: fingerprint(batch.keys)}
@@ -50,7 +50,10 @@ def fingerprint(keys: Sequence[str]) -> str:
 
 
 def run_requests(instance: DagsterInstance, selection: Selection, *, size: int, name: str) -> list[RunRequest]:
-    """Return runs of at most ``size`` crashes each for a selection; Dagster starts those of one ``name`` once."""
+    """Return runs of at most ``size`` crashes each for a selection.
+
+    Dagster starts the runs of one ``name`` only once.
+    """
     batches = plan(instance.get_dynamic_partitions("crashes"), selection, size=size)
     return [
         RunRequest(
@@ -64,9 +67,9 @@ def run_requests(instance: DagsterInstance, selection: Selection, *, size: int, 
 
 
 def keys_of(tags: Mapping[str, str], partitions: Sequence[str]) -> Sequence[str]:
-    """Return the partitions, of all in order, that a run with these tags is for.
+    """Return the partitions that a run with these tags covers, in order.
 
-    None where the tags name none there is.
+    None if the tags name no known partition.
     """
     single = tags.get(_PARTITION_TAG)
     ends = tags.get(_RANGE_START_TAG, single), tags.get(_RANGE_END_TAG, single)

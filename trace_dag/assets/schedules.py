@@ -31,7 +31,7 @@ _Look = Callable[[ScheduleEvaluationContext, Workspace], Sequence[RunRequest] | 
 def schedules(settings: AutomationSettings) -> list[ScheduleDefinition]:
     """Return all schedules.
 
-    Raises :class:`UserError` for hours that cron does not know and names that are given twice.
+    Raises :class:`UserError` for an invalid cron expression or a repeated name.
     """
     names = [each.name for each in settings.schedules]
     for name in names:

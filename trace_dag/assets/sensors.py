@@ -36,7 +36,7 @@ _INTERVAL_S = 30
 def arriving_reports(
     context: SensorEvaluationContext, workspace: ResourceParam[Workspace]
 ) -> SensorResult | SkipReason:
-    """Register what arrived since the last look, and request runs for it."""
+    """Register reports that arrived since the last tick, and request runs for them."""
     arrivals = register_arrivals(workspace.storage, context.cursor or "")
     if not arrivals.folders:
         return SkipReason("No cohort watches a folder; trace-dag ingest --reports DIR --watch makes one.")
@@ -59,7 +59,7 @@ def arriving_reports(
 def registered_crashes(
     context: SensorEvaluationContext, workspace: ResourceParam[Workspace]
 ) -> SensorResult | SkipReason:
-    """Tell Dagster of the crashes it does not know, once the cohorts are listed otherwise than at the last look."""
+    """Add partitions for crashes that Dagster does not know, if the cohorts have changed since the last tick."""
     listed = workspace.registry.listed()
     if listed == context.cursor:
         return SkipReason("No cohort has changed.")
@@ -73,7 +73,7 @@ def registered_crashes(
 
 
 def _never_run(context: SensorEvaluationContext, workspace: Workspace, keys: Sequence[str]) -> list[str]:
-    """Return the crashes of which nothing is stored, and that no run is under way for."""
+    """Return the crashes without any stored result and without a run under way."""
     partitions = context.instance.get_dynamic_partitions("crashes")
     under_way = context.instance.get_runs(RunsFilter(statuses=[*UNFINISHED]))
     known = {key for run in under_way for key in keys_of(run.tags, partitions)}
@@ -82,7 +82,7 @@ def _never_run(context: SensorEvaluationContext, workspace: Workspace, keys: Seq
 
 
 def _runs(context: SensorEvaluationContext, workspace: Workspace, keys: Sequence[str], state: str) -> list[RunRequest]:
-    """Request runs of some crashes through all stages, each once in the ``state`` in which they were found."""
+    """Request runs of some crashes through all stages, once for each ``state``."""
     selection = Selection(tuple(keys), dict.fromkeys(keys, Stage.RAW_REPORT))
     return run_requests(context.instance, selection, size=workspace.settings.execution.batch_size, name=state)
 

@@ -2,9 +2,9 @@
 
 It serves the files that its pages link to, by their paths below the root, and nothing else.
 
-Browsers open no file from a page that a server has sent, so the links in the UI lead here. Pages are made of reports
-and maps, which are not trusted: they are sent with a sandbox that gives them an origin of their own, so that nothing in
-them can act for whoever has the UI open.
+A browser opens no local file from a page that a server sent, so the links in the UI lead here. Pages are made of
+untrusted reports and maps. They are sent with a sandbox that gives them an origin of their own, so that nothing in them
+can act as the user of the UI.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SANDBOX: Final = b"sandbox allow-scripts allow-popups allow-popups-to-escape-sa
 
 
 class BenchmarkSite:
-    """An ASGI application in front of another: it answers what is below ``/site``, from files of a root."""
+    """An ASGI application in front of another: it serves files of a root below ``/site``."""
 
     def __init__(self, app: App, storage: Storage) -> None:
         self._app = app
@@ -43,7 +43,7 @@ class BenchmarkSite:
         return name
 
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
-        """Send a file of the site; pass on what is asked elsewhere."""
+        """Send a file of the site, or pass the request on if it is for another path."""
         path = str(scope.get("path", ""))
         if scope["type"] != "http" or not (path == PREFIX or path.startswith(f"{PREFIX}/")):
             await self._app(scope, receive, send)

@@ -26,7 +26,7 @@ def stage_spec(
     deps: Sequence[Stage] = (),
     columns: schemas.TableSchema | None = None,
 ) -> AssetSpec:
-    """Return the specification of a stage's asset; the reasons it may reject with end its description."""
+    """Return the specification of a stage's asset; its description ends with its reasons for rejection."""
     reasons = [reason.value for reason in Reason if reason.stage is stage]
     metadata: dict[str, Any] = {"artefact": f"ROOT/{stage}/<key>.*"}
     if columns is not None:
@@ -45,12 +45,12 @@ def stage_spec(
 
 
 def as_markdown(text: str) -> str:
-    """Return text as the UI shows it: it takes ``<...>`` for HTML and drops it."""
+    """Return text escaped for the UI, which would drop ``<...>`` as HTML."""
     return text.replace("<", "\\<")
 
 
 def column_schema(table: schemas.TableSchema) -> TableSchema:
-    """Return a declared table as Dagster shows it: nested columns by dotted path, units in the descriptions."""
+    """Return a declared table as Dagster's column schema: nested columns by dotted path, units in the descriptions."""
     return TableSchema(
         columns=[
             TableColumn(

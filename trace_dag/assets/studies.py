@@ -1,7 +1,7 @@
 """Studies as assets: questions over stored crashes, asked from the UI, with their tables to look at.
 
-Each is unpartitioned and has the options of its command as configuration. After a run of one, the warehouse is brought
-up to date like after runs of stages (:mod:`trace_dag.assets.after_runs`).
+Each is unpartitioned and has the options of its command as configuration. After its run the warehouse is brought up to
+date, as after runs of stages (:mod:`trace_dag.assets.after_runs`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -107,9 +107,9 @@ class _LeftOut(list[str]):
 
 
 def _one_of(kind: type[Kind], value: str) -> Kind:
-    """Return a setting that names one of a few things.
+    """Return ``value`` as a member of ``kind``.
 
-    Raises UserError for another.
+    Raises UserError for any other value.
     """
     try:
         return kind(value)
@@ -118,11 +118,10 @@ def _one_of(kind: type[Kind], value: str) -> Kind:
 
 
 def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Callable[[Any], AssetsDefinition]:
-    """Make a study an asset. Errors that trying again cannot mend fail its run, with their message.
+    """Make a study an asset. Errors that a retry cannot repair fail its run with their message.
 
-    One that was asked nothing in particular, as by *Materialize all*, and lacks its input is skipped: it shows that
-    message in place of its table, since Dagster counts an asset that a successful run left out among the failures of a
-    backfill.
+    A study run without options, as by *Materialize all*, is skipped if it lacks its input, and shows that message in
+    place of its table. Dagster would count an asset that a successful run left out among the failures of a backfill.
     """
 
     def as_asset(study: Callable[[AssetExecutionContext, Any], MaterializeResult[Any]]) -> AssetsDefinition:

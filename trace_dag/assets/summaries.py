@@ -1,7 +1,4 @@
-"""Assets of all crashes together, the warehouse and the benchmark, unpartitioned.
-
-Unpartitioned.
-"""
+"""Assets of all crashes together, the warehouse and the benchmark, unpartitioned."""
 
 from typing import Any
 
@@ -72,7 +69,7 @@ def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
     "file.",
 )
 def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
-    """Bring packages and pages up to date: of many crashes not at the end of a run, only where asked for."""
+    """Bring packages and pages up to date; with many crashes, not at the end of a run but only on request."""
     workspace: Workspace = context.resources.workspace
     if context.run.job_name == SUMMARY and not workspace.pages_in_runs:
         context.log.info(PAGES_LATER)

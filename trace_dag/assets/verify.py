@@ -1,8 +1,7 @@
-"""Comparing Dagster's records with the stored ones, and adding to Dagster's what they lack.
+"""Comparison of Dagster's records with the stored ones, and their completion.
 
-A process may end between storing a result and logging it, or before the end of its run says what failed. Each
-materialization carries the fingerprint of the record it tells of as its data version, so that all of them are compared
-in one query per stage.
+A process may end between storing a result and logging it, or before its run logs the failures. Each materialization has
+the fingerprint of its record as data version, so that one query per stage compares them all.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -24,7 +23,7 @@ _MATERIALIZED, _FAILED = "MATERIALIZED", "FAILED"
 
 
 def verify_dagster(instance: DagsterInstance, records: Mapping[str, Records]) -> list[Disagreement]:
-    """Compare partitions with registered crashes, and what Dagster holds of each stage with its record."""
+    """Compare partitions with registered crashes, and Dagster's materialization of each stage with its record."""
     partitions = instance.get_dynamic_partitions("crashes")
     known = set(partitions)
     found = [
@@ -62,10 +61,11 @@ def repair_dagster(
     disagreements: Iterable[Disagreement],
     on_progress: OnProgress = silent,
 ) -> None:
-    """Add and take away partitions, and log the materializations that are not held.
+    """Add and remove partitions, and log missing materializations.
 
-    If Dagster's folder was lost, or the root came from another machine, these are all of them; ``on_progress`` receives
-    how many of how many."""
+    If Dagster's folder was lost, or the root came from another machine, these are all of them. ``on_progress`` receives
+    the numbers done and in total.
+    """
     wrong = list(disagreements)
     add_partitions(instance, [each.key for each in wrong if each.kind is DisagreementKind.NO_PARTITION and each.key])
     remove_partitions(
@@ -85,7 +85,7 @@ def repair_dagster(
 def last_word(records: Records) -> dict[Stage, OutcomeRecord]:
     """Return, for each stage, the record that Dagster should show.
 
-    Its own, or that of the earlier stage that ended the crash.
+    It is the stage's own record, or that of the earlier stage that ended the crash.
     """
     told: dict[Stage, OutcomeRecord] = {}
     valid, ended = valid_records(records), None

@@ -1,9 +1,9 @@
 """Dagster's web server behind a guard, and its daemon: what ``trace-dag ui`` starts.
 
-Dagster's web server has no users: whoever reaches it may run and delete everything, by a plain link too
-(``GET /graphql?query=mutation...``). A page open in a browser on the same machine reaches it. So the guard lets through
-what comes to one of the server's own names, from no page but its own, and nothing that changes something but by POST.
-It is not a substitute for users and passwords where others reach the port: ``deploy/`` says what must stand in front.
+Dagster's web server has no users: anybody who reaches it can run and delete everything, even by a plain link (``GET
+/graphql?query=mutation...``). A page open in a browser on the same machine reaches it. So the guard accepts only
+requests to the server's own names and from its own pages, and changes only by POST. It does not replace users and
+passwords if others can reach the port; see ``deploy/``.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _QUIET: Final = ("--log-level", "warning")
 
 
 class Guard:
-    """An ASGI application in front of another. ``hosts``: the names it is reached by, without port."""
+    """An ASGI application in front of another. ``hosts``: names of the server, without port."""
 
     def __init__(self, app: App, hosts: tuple[str, ...]) -> None:
         self._app = app
@@ -72,7 +72,7 @@ class Guard:
             await send_bytes(send, 403, f"trace-dag ui: {refused}\n".encode())
 
     async def _answer(self, scope: Message, receive: Receive, send: Send) -> None:
-        """Let Dagster answer, in no frame but the replay; what it has of runs that there are not is not found."""
+        """Pass a request on to Dagster; forbid frames other than the replay, and answer 404 for unknown runs."""
         of_a_run = str(scope["path"]).startswith(_OF_RUNS)
         broken = False
 
@@ -123,7 +123,7 @@ def _asks_graphql(scope: Message) -> bool:
 
 
 def _is_no_question(scope: Message, body: bytes) -> bool:
-    """Return whether a body is none that Dagster can answer, which takes every JSON for an object."""
+    """Return whether a body is JSON but no object, which Dagster cannot handle."""
     if not any(name.lower() == b"content-type" and b"json" in value.lower() for name, value in scope["headers"]):
         return False
     try:
@@ -151,9 +151,9 @@ def _host_of(host: str) -> str | None:
 
 
 def serve(root: str, host: str, port: int, *, allowed: tuple[str, ...] = (), read_only: bool = False) -> None:
-    """Serve the UI until the process is told to end; with the daemon, unless it is only to be looked at.
+    """Serve the UI until the process is asked to end; with the daemon, unless ``read_only``.
 
-    The address is printed once it answers, so that a script can wait for that line.
+    The address is printed once the server answers, so that a script can wait for that line.
     """
     with writable_folder(Path(os.environ["DAGSTER_HOME"])) as home:
         os.environ["DAGSTER_HOME"] = str(home)

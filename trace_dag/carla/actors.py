@@ -37,7 +37,7 @@ _WHEELBASE = 0.6  # of the length
 
 @dataclass(eq=False)
 class CarlaActor:
-    """A vehicle of the server that stands for a participant, with its observed states, one row per tick.
+    """A vehicle of the server that represents a participant, with its observed states, one row per tick.
 
     For CARLA a bicycle with its rider is a vehicle, one body.
 
@@ -66,9 +66,9 @@ class CarlaActor:
     def spawn(
         cls, carla: Any, world: Any, participant: Participant, *, friction: float, step_s: float, time_limit_s: float
     ) -> CarlaActor:
-        """Spawn the blueprint most like the participant at its start, with its mass and the road's friction.
+        """Spawn the blueprint most similar to the participant at its start, with its mass and the road's friction.
 
-        Raises :class:`Failure` if something else is at its place or no road is under it.
+        Raises :class:`Failure` if its place is taken or no road is under it.
         """
         library = world.get_blueprint_library()
         available = [entry.id for entry in library]
@@ -158,7 +158,7 @@ class CarlaActor:
         return tick >= len(self.plan) and self.plan.end_s > 0
 
     def at_rest(self, tick: int) -> bool:
-        """Return whether it stands still and no plan will move it again."""
+        """Return whether the vehicle stands still and no plan will move it again."""
         undriven = self.crashed or tick >= min(len(self.plan), self.brakes_from_tick)
         return undriven and math.hypot(*self.velocity(-1)) < _REST_MPS
 
@@ -168,7 +168,7 @@ class CarlaActor:
         self.actor.apply_control(self.carla.VehicleControl(brake=1.0, hand_brake=True))
 
     def put_at_start(self) -> None:
-        """Move the settled vehicle one step short of its start, so that the next tick brings it there at its speed.
+        """Move the settled vehicle one step before its start, so that the next tick brings it there at its speed.
 
         It keeps the height, pitch and roll at which it settled on the road.
         """
@@ -188,7 +188,7 @@ class CarlaActor:
         self.carry(0)
 
     def _climb_mps(self, tick: int) -> float:
-        """Return the vertical speed of the planned position from a tick to the next, m/s, positive uphill."""
+        """Return the vertical speed of the planned position over the next tick, m/s, positive uphill."""
         last = len(self.plan) - 1
         here, there = min(tick, last), min(tick + 1, last)
         return (self.plan.row(there)[9] - self.plan.row(here)[9]) / self.step_s
@@ -196,7 +196,7 @@ class CarlaActor:
     def carry(self, tick: int) -> None:
         """Set the target velocities of the plan at a tick, and steer the wheels to match them.
 
-        The vertical one is the road's: a target velocity without it would hold the vehicle up where the road falls.
+        The vertical velocity follows the road; without it the vehicle would float where the road falls.
         """
         last = len(self.plan) - 1
         _, _, vx, vy, _, _, speed, curvature, _, _ = self.plan.row(min(tick, last))
@@ -236,7 +236,7 @@ class CarlaActor:
         )
 
     def let_go(self, brake: float) -> None:
-        """Release the vehicle: from now on it only brakes, with this share of full brakes."""
+        """Release the vehicle: from now on it only brakes, with ``brake`` as a share of full brakes."""
         self.steer = self.throttle = 0.0
         self.brake = brake
         self.actor.apply_control(self.carla.VehicleControl(brake=self.brake))

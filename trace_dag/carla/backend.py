@@ -51,7 +51,7 @@ class CarlaBackend:
 
     @staticmethod
     def require(settings: SimSettings) -> None:
-        """Raise :class:`UserError` without the ``carla`` package, or where nothing listens at the server's address."""
+        """Raise :class:`UserError` if the ``carla`` package is missing or no server listens at the address."""
         _carla_package()
         host, port = settings.carla_host, settings.carla_port
         try:
@@ -65,8 +65,8 @@ class CarlaBackend:
     def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> Simulation:
         """Build the server's world from the stored map, without walls at the roads' edges.
 
-        Raises :class:`UserError` where the ``carla`` package is missing, :class:`Failure` for a server of another
-        version, :class:`TransientFailure` where none answers.
+        Raises :class:`UserError` if the ``carla`` package is missing, :class:`Failure` for a server of another version,
+        :class:`TransientFailure` if no server answers.
         """
         client = self._connected()
         parameters = self._carla.OpendriveGenerationParameters(
@@ -82,7 +82,7 @@ class CarlaBackend:
         return CarlaSimulation(self._carla, world, self._settings, friction, self.version)
 
     def close(self) -> None:
-        """Let go of the server; its settings were given back after each run."""
+        """Drop the connection; each run has restored the server's settings."""
         self._client = None
 
     def _connected(self) -> Any:

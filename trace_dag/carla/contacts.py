@@ -1,4 +1,4 @@
-"""Contacts of two participants in CARLA: when, from collision sensors; where and how, from the states around it."""
+"""Contacts of two participants in CARLA: times from collision sensors, geometry from the states around them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class CarlaContact:
     def contact(self, step_s: float) -> Contact:
         """Return the contact.
 
-        Its place is computed from the two boxes between the tick before it and that of the report.
+        Its position is computed from the two boxes between the last tick before the report and the tick of the report.
         """
         one, two = self.one, self.two
         last = len(one.rows) - 1

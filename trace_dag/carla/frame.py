@@ -13,7 +13,7 @@ from trace_dag.common.units import wrap_angle
 
 
 def location_from_carla(x_m: float, y_m: float) -> tuple[float, float]:
-    """Convert CARLA's x, y to the local frame's.
+    """Convert CARLA's x, y to the local frame.
 
     >>> location_from_carla(10.0, 3.0)
     (10.0, -3.0)
@@ -22,7 +22,7 @@ def location_from_carla(x_m: float, y_m: float) -> tuple[float, float]:
 
 
 def location_to_carla(x_m: float, y_m: float) -> tuple[float, float]:
-    """Return the local frame's x, y to CARLA's.
+    """Convert x, y of the local frame to CARLA's.
 
     >>> location_to_carla(10.0, -3.0)
     (10.0, 3.0)
@@ -59,7 +59,7 @@ def yaw_rate_to_carla(yaw_rate_rps: float) -> float:
 
 
 def transform_to_carla(carla: Any, pose: Pose, above_m: float = 0.0) -> Any:
-    """Return a pose as ``carla.Transform``, ``above_m`` over the surface; ``carla`` is the module.
+    """Convert a pose to ``carla.Transform``, ``above_m`` over the surface; ``carla`` is the module.
 
     >>> from types import SimpleNamespace
     >>> module = SimpleNamespace(Transform=SimpleNamespace, Location=SimpleNamespace, Rotation=SimpleNamespace)
@@ -74,7 +74,7 @@ def transform_to_carla(carla: Any, pose: Pose, above_m: float = 0.0) -> Any:
 
 
 def pose_from_carla(transform: Any) -> Pose:
-    """Return a ``carla.Transform`` as a pose; pitch and roll are dropped.
+    """Convert a ``carla.Transform`` to a pose without pitch and roll.
 
     >>> from types import SimpleNamespace
     >>> there = SimpleNamespace(location=SimpleNamespace(x=1.0, y=-2.0, z=0.0), rotation=SimpleNamespace(yaw=0.0))

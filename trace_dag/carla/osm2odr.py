@@ -89,8 +89,8 @@ class Osm2OdrConverter:
 def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
     """Return the road network that Osm2Odr makes of an extract, both directions of a street in one road.
 
-    Raises :class:`UserError` without the ``carla`` extra, :class:`Failure` when Osm2Odr breaks or takes longer than two
-    minutes, :class:`Rejection` (``map_distorted``) when it makes no road of the extract.
+    Raises :class:`UserError` without the ``carla`` extra, :class:`Failure` if Osm2Odr breaks or takes longer than two
+    minutes, :class:`Rejection` (``map_distorted``) if it makes no road of the extract.
     """
     network = read_opendrive(run_osm2odr(write_osm(extract), frame), name="Osm2Odr's map")
     if not any(road.junction_id is None for road in network.roads):
@@ -114,9 +114,9 @@ def _require_osm2odr() -> None:
 
 
 def run_osm2odr(osm: bytes, frame: LocalFrame) -> bytes:
-    """Return the OpenDRIVE that Osm2Odr makes of OSM XML, in ``frame``, run in a process of its own.
+    """Run Osm2Odr on OSM XML in a process of its own and return its OpenDRIVE, in ``frame``.
 
-    Raises as :func:`convert_with_osm2odr` does.
+    Raises the errors of :func:`convert_with_osm2odr`.
     """
     _require_osm2odr()
     with tempfile.TemporaryDirectory() as folder:
@@ -148,7 +148,7 @@ Path(target).write_text(carla.Osm2Odr.convert(Path(source).read_text(encoding="u
 
 
 def drop_dangling_links(network: RoadNetwork) -> RoadNetwork:
-    """Return the network without links to junctions that it does not have: Osm2Odr links dead ends to such."""
+    """Return the network without links to missing junctions, to which Osm2Odr links dead ends."""
 
     def kept(link: RoadLink | None) -> RoadLink | None:
         known = network.junction_by_id if link is not None and link.element_type == "junction" else network.road_by_id
@@ -164,7 +164,7 @@ def drop_dangling_links(network: RoadNetwork) -> RoadNetwork:
 def merge_directions(network: RoadNetwork) -> RoadNetwork:
     """Join pairs of one-way roads that share name, length and reference line in opposite directions.
 
-    Pairs are joined only if each end of one road leads to where the other comes from, so that one link holds for both.
+    A pair is joined only if the neighbours at both ends are the same, so that one link serves both directions.
     """
     partner = _opposite_roads(network)
     while True:
@@ -189,7 +189,7 @@ def merge_directions(network: RoadNetwork) -> RoadNetwork:
 
 
 def _renumbered(junctions: tuple[Junction, ...]) -> tuple[Junction, ...]:
-    """Return connections numbered anew within each junction: Osm2Odr repeats numbers."""
+    """Return connections with new numbers within each junction, because Osm2Odr repeats numbers."""
     return tuple(
         replace(junction, connections=tuple(replace(c, id=str(n)) for n, c in enumerate(junction.connections)))
         for junction in junctions
@@ -197,7 +197,7 @@ def _renumbered(junctions: tuple[Junction, ...]) -> tuple[Junction, ...]:
 
 
 def _opposite_roads(network: RoadNetwork) -> dict[str, str]:
-    """Return pairs of roads by id: the one that is kept, and the one that becomes its left side."""
+    """Return pairs of road ids: the road that is kept, and the road that becomes its left side."""
     simple = [road for road in network.roads if road.junction_id is None and _is_simple(road)]
     lines = {road.id: network.road_geometry(road.id).line for road in simple}
     pairs: dict[str, str] = {}
@@ -238,7 +238,7 @@ def _same_surroundings(network: RoadNetwork, kept: str, gone: str, merged: Mappi
 
 
 def _moved_link(link: RoadLink, merged: Mapping[str, str]) -> RoadLink:
-    """Return a link to a road that was merged away leads to the other end of the one kept."""
+    """Return a link to a removed road as a link to the other end of the road that was kept."""
     if link.element_type != "road" or link.element_id not in merged:
         return link
     return RoadLink("road", merged[link.element_id], _other_end(link.contact_point))
@@ -251,7 +251,7 @@ def _other_end(contact: ContactPoint | None) -> ContactPoint | None:
 
 
 def _joined(road: Road, gone: Road) -> Road:
-    """Return one road of two, both already relinked: the lanes of ``gone`` become the left lanes."""
+    """Return one road made of two relinked ones: the lanes of ``gone`` become the left lanes."""
     left = tuple(
         replace(lane, id=-lane.id, predecessor=lane.successor, successor=lane.predecessor)
         for lane in gone.lane_sections[0].lanes
@@ -270,7 +270,7 @@ def _mirrored(signal: Signal, length_m: float) -> Signal:
 
 
 def _relinked(road: Road, merged: Mapping[str, str]) -> Road:
-    """Return a road with its links and its lanes' links changed to what its neighbours have become."""
+    """Return a road whose links, and those of its lanes, point to the merged neighbours."""
     sections = list(road.lane_sections)
     for link, index, key in ((road.predecessor, 0, "predecessor"), (road.successor, -1, "successor")):
         if link is not None and link.element_type == "road" and link.element_id in merged:
@@ -299,7 +299,7 @@ def _moved_connection(connection: Connection, merged: Mapping[str, str]) -> Conn
 
 # --- what the ways say -------------------------------------------------------------------------------------------
 def add_way_tags(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """Return the network with class, names, speed and sources of each road taken from the ways it lies on.
+    """Return the network with class, names, speed and sources of each road, taken from the ways under it.
 
     >>> nameless = replace(network, roads=tuple(replace(road, names=(), name="") for road in network.roads))
     >>> add_way_tags(nameless, extract).roads[0].names

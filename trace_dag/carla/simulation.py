@@ -80,9 +80,9 @@ class CarlaSimulation:
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``.
 
-        Objects that are struck after others have met stay out: CARLA's props neither break nor yield. Raises
-        :class:`UserError` where one vehicle alone strikes a fixed object, or animals take part, :class:`Failure` for a
-        plan nobody can drive or somebody who cannot be spawned, :class:`TransientFailure` if the server goes away.
+        Objects struck after another contact are left out, because CARLA's props neither break nor yield. Raises
+        :class:`UserError` if one vehicle alone strikes a fixed object or animals take part, :class:`Failure` for an
+        impossible plan or a participant that cannot be spawned, :class:`TransientFailure` if the server disappears.
         """
         check_participants(participants)
         if len(participants) == 1:
@@ -139,7 +139,7 @@ class CarlaSimulation:
         self._world.get_spectator().set_transform(self._carla.Transform(above, self._carla.Rotation(pitch=-90.0)))
 
     def _settle(self, actors: list[CarlaActor]) -> None:
-        """Let the bodies come down on their wheels, then put each at its start with its speed."""
+        """Let the bodies settle on their wheels, then put each at its start with its speed."""
         for actor in actors:
             actor.hold()
         for _ in range(_SETTLE_TICKS):
@@ -230,7 +230,7 @@ class CarlaSimulation:
     def _ask(
         self, drivers: Mapping[int, Driver], actors: list[CarlaActor], wanted: dict[int, Pedals | None], tick: int
     ) -> None:
-        """Ask the drivers whose step has come for new commands, given the states seen after a tick."""
+        """Ask the drivers that are due for new commands, from the states seen after a tick."""
         for actor in actors:
             driver = drivers.get(actor.number)
             if driver is not None and not actor.crashed and tick % max(1, round(driver.period_s / self._step_s)) == 0:
@@ -271,20 +271,17 @@ class CarlaSimulation:
         return actor.participant.after_striking or default
 
     def _answer(self, vehicle: CarlaActor, tick: int) -> None:
-        """Drive on for the reaction time, then brake, as a driver does who has struck a person."""
+        """Schedule braking after the reaction time, as a driver brakes who has struck a person."""
         if math.isinf(vehicle.brakes_from_tick):
             vehicle.brakes_from_tick = tick + self._response(vehicle).reaction_s / self._step_s
 
     def _braking(self, vehicle: CarlaActor) -> float:
-        """Return the brake pedal, 0 to 1, of a driver who stops after a strike."""
+        """Return the brake pedal, 0 to 1, of a driver who brakes after striking a person."""
         return min(self._response(vehicle).deceleration_mps2 / (self._friction * GRAVITY_MPS2), 1.0)
 
     # --- after -----------------------------------------------------------------------------------------------
     def _leave(self, actors: list[CarlaActor], original: Any) -> RuntimeError | None:
-        """Return the destroy all actors and restore the server's settings, whatever its state.
-
-        Returns the last error, if any.
-        """
+        """Destroy all actors and restore the server's settings; return the last error, if any."""
         problem: RuntimeError | None = None
         steps = [step for actor in actors for step in actor.dispose()]
         for step in (*steps, lambda: self._world.apply_settings(original)):
@@ -296,7 +293,7 @@ class CarlaSimulation:
 
 
 def _check_no_objects(objects: tuple[FixedObject, ...]) -> None:
-    """Raise :class:`Failure` for objects: CARLA's props neither break nor yield, and have no crush."""
+    """Raise :class:`UserError` for objects: CARLA's props neither break nor yield, and have no crush."""
     if objects:
         raise UserError(
             f"the CARLA back-end cannot simulate a crash into a fixed object ({objects[0].name}): its props neither "
@@ -305,7 +302,7 @@ def _check_no_objects(objects: tuple[FixedObject, ...]) -> None:
 
 
 def _check_no_animals(participants: tuple[Participant, ...]) -> None:
-    """Raise :class:`Failure` for animals: CARLA has none, and its walkers are not struck physically."""
+    """Raise :class:`UserError` for animals: CARLA has none, and its walkers take part in no collision."""
     if any(participant.body.kind is BodyKind.ANIMAL for participant in participants):
         raise UserError(
             "the CARLA back-end cannot simulate a crash with an animal: its library has none; use "
@@ -314,9 +311,10 @@ def _check_no_animals(participants: tuple[Participant, ...]) -> None:
 
 
 def _release_touching(actors: list[CarlaActor]) -> None:
-    """Let go of those whose boxes overlap by now.
+    """Release actors whose boxes overlap.
 
-    Their sensors may say so a tick later, and a target velocity set in between would drive them into each other again.
+    Their sensors may report the contact a tick later, and a target velocity set in between would push them into each
+    other again.
     """
     for one, two in combinations(sorted(actors, key=lambda actor: actor.number), 2):
         if not one.body.is_figure and not (one.crashed and two.crashed) and one.meets(two):

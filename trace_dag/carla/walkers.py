@@ -1,8 +1,8 @@
 """A person on foot in CARLA's world: a walker that keeps to its plan until touched, and then stands.
 
 CARLA's walkers are moved by a character controller. They take part in no collision: a vehicle's sensor says that it
-touched one, but the person is not thrown and the vehicle loses no speed. So a run shows who meets whom, where, when and
-how fast; the effect of the strike is simulated by the embedded back-end only.
+touched one, but the person is not thrown and the vehicle loses no speed. So a run shows the parties, place, time and
+speed of a strike; only the embedded back-end simulates its effect.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _STANDS_MPS = 0.05
 
 
 class CarlaWalker(CarlaActor):
-    """A walker of the server that stands for a person on foot or on a conveyance.
+    """A walker of the server that represents a person on foot or on a conveyance.
 
     Its own origin is in the middle of its body.
     """
@@ -31,7 +31,7 @@ class CarlaWalker(CarlaActor):
     def spawn(
         cls, carla: Any, world: Any, participant: Participant, *, friction: float, step_s: float, time_limit_s: float
     ) -> CarlaWalker:
-        """Spawn the walker most like the person at its start; ``friction`` has no effect.
+        """Spawn the walker most similar to the person at its start; ``friction`` has no effect.
 
         Raises :class:`Failure` if its place is taken.
         """
@@ -58,7 +58,7 @@ class CarlaWalker(CarlaActor):
         )
 
     def hold(self) -> None:
-        """Stand."""
+        """Make the walker stand still."""
         self.actor.apply_control(self.carla.WalkerControl(speed=0.0))
 
     def put_at_start(self) -> None:
@@ -76,7 +76,7 @@ class CarlaWalker(CarlaActor):
         self.carry(0)
 
     def carry(self, tick: int) -> None:
-        """Walk to the planned place of a tick, at the planned speed; stand at the plan's end."""
+        """Walk to the planned position of a tick at the planned speed; stand still at the plan's end."""
         last = len(self.plan) - 1
         here = self.plan.row(min(tick, last))
         vx, vy = (here[2], here[3]) if tick < last else (0.0, 0.0)
@@ -92,5 +92,5 @@ class CarlaWalker(CarlaActor):
         self.actor.apply_control(self.carla.WalkerControl(direction=self.carla.Vector3D(x, y, 0.0), speed=speed))
 
     def let_go(self, brake: float) -> None:
-        """Stand where it was touched; nothing throws it."""
+        """Stop the walker where it was struck; CARLA does not throw it."""
         self.hold()

@@ -74,7 +74,7 @@ def list_cohorts(root: str, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash and map included, as JSON.")
 @pass_root
 def show(root: str, name: str, as_json: bool) -> None:
-    """Show a cohort's crashes, their kinds and where they come from."""
+    """Show a cohort's crashes, their kinds and their sources."""
     from trace_dag.common.storage.files import Storage
     from trace_dag.flow.cohorts.listings import kinds_of
     from trace_dag.flow.cohorts.registry import Registry
@@ -120,9 +120,10 @@ def show(root: str, name: str, as_json: bool) -> None:
 @click.option("--drop", multiple=True, metavar="FILE", help="Leave this map file out from now on; its path or name.")
 @pass_root
 def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
-    """List the map files of the cohorts, or leave some out.
+    """List the map files of the cohorts, or remove some from them.
 
-    The files themselves stay where they are. Extracts cut from a map that is left out are made anew by the next run."""
+    The files themselves stay where they are. The next run cuts extracts of a removed map anew.
+    """
     from trace_dag.common.storage.files import Storage
     from trace_dag.flow.cohorts.kept_maps import remove_unused_map_copies
     from trace_dag.flow.cohorts.registry import Registry
@@ -152,9 +153,9 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
 @click.option("--map", "map_name", default="crashes.osm.pbf", show_default=True, help="What osmium is to call the map.")
 @pass_root
 def osmium(root: str, name: str, output: Path, map_name: str) -> None:
-    """Write the configuration with which osmium extract cuts a cohort's places out of a country's map.
+    """Write a configuration for osmium extract, to cut a cohort's places out of a country's map.
 
-    One file with the surroundings of every crash whose report is at hand and says where it was.
+    The output is one map file with the surroundings of every crash whose report is at hand and has a position.
     """
     from trace_dag.common.errors import Rejection
     from trace_dag.crash.parse import reported_position
@@ -190,9 +191,10 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
 @click.option("--artefacts", is_flag=True, help="Delete what was made of the crashes, too.")
 @pass_root
 def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None:
-    """Take away a cohort, or some of its crashes, and their partitions.
+    """Remove a cohort, or some of its crashes, and their partitions.
 
-    Results of the crashes stay, unless --artefacts is given: registered again, they are up to date."""
+    Results of the crashes stay, unless --artefacts is given: registered again, they are up to date.
+    """
     from trace_dag.assets.launch import dagster_records, summarise
     from trace_dag.assets.partitions import remove_partitions
     from trace_dag.common.storage.files import Storage

@@ -43,15 +43,15 @@ def controls(
     most: int,
     as_json: bool,
 ) -> None:
-    """Judge crashes against what they are not.
+    """Judge simulations against reports that they should not match.
 
-    Another report of their kind, one vehicle or the person late, a person from the other side, one contact dropped, two
-    swapped, a parked vehicle moved aside; a vehicle that leaves the road to the other side, and the object that it
-    struck moved farther than the verdict allows.
+    The controls are another report of the same kind, one vehicle or the person late, a person from the other side, one
+    contact dropped, two contacts swapped, and a parked vehicle moved aside. For a vehicle that leaves the road they are
+    the other side, and the struck object moved farther than the verdict allows.
 
-    Prints for each kind how many are accepted beside the true pairing's rate; and how many of them with every reported
-    speed driven as well, which the paper's criteria do not ask for. Every judgement enters the warehouse, as table
-    negative_controls.
+    Prints for each control the share that is accepted, beside the share of true pairings, and the share in which every
+    reported speed is driven as well, which the paper's criteria do not require. Every judgement enters the warehouse,
+    as table negative_controls.
     """
     from dataclasses import asdict
 

@@ -25,7 +25,8 @@ from trace_dag.cli.sample import COHORT, sample_folder
 def demo(context: click.Context, people: bool, executor: str | None, workers: int | None) -> None:
     """Run the bundled sample: a fictional town and crashes whose true course is known.
 
-    Registers it as cohort "sample", runs it through all stages, and prints the funnel, the coverage and where to look.
+    Registers it as cohort "sample", runs it through all stages, and prints the funnel, the coverage and the next
+    commands.
     """
     from trace_dag.cli.ingest import ingest
     from trace_dag.cli.run_selection import run_selection

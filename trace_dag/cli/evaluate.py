@@ -241,7 +241,7 @@ def _print_probabilities(warehouse: Path, rows: Sequence[Row]) -> None:
 
 
 def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> None:
-    """Print the outcomes of each agent, in all and by class of crash, and the faults."""
+    """Print the outcomes of each agent, in total and by class of crash, and the faults."""
     from trace_dag.agents.summaries import evaluations_table
 
     print_table(*evaluations_table(rows, class_of, dimension)[:2])

@@ -49,7 +49,7 @@ def export(
 ) -> None:
     """Write the verified crashes out, for use without this program.
 
-    Exported again, only what has changed is written.
+    A repeated export writes only the files that have changed.
     """
     from trace_dag.cli.problems import Problems
     from trace_dag.export.export import accepted_keys

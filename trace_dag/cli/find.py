@@ -19,10 +19,10 @@ _PRINTED = 5  # of the columns
 @click.option("--json", "as_json", is_flag=True, help="All that are found, as JSON.")
 @pass_root
 def find(root: str, words: tuple[str, ...], as_json: bool) -> None:
-    """Find crashes that have all of some words in kind, conditions, road, place, parties, domain or summary.
+    """Find crashes that match all given words in kind, conditions, road, place, parties, domain or summary.
 
     A word matches the beginnings of words. Verified crashes come first. The words are those of the warehouse's table
-    catalogue; sql asks for more.
+    catalogue; sql can search further.
     """
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.asking import ask

@@ -110,16 +110,16 @@ def ingest(
 ) -> None:
     """Register crashes and the maps to find their roads in.
 
-    With --states and --years, or --cases, alone: says which files of NHTSA and Geofabrik that needs and where they are
-    published; takes them where they lie in this folder or in Downloads; fetches those that are missing with --download.
+    With --states and --years, or --cases, alone, it names the files of NHTSA and Geofabrik that are needed and where
+    they are published. It takes them from this folder or from Downloads, and with --download fetches those that are
+    missing.
 
     Sources are folders of reports, the national CSV files, tables of other registers and the CrashAPI, one or several.
-    Filters and samples choose among the crashes they hold; a crash whose source does not say what a filter asks for is
-    not chosen. For filters on more than state, year, county name and vehicles, the CrashAPI is asked for every report
-    in question.
+    Filters and samples choose among their crashes; a filter leaves out a crash whose source lacks the filtered value.
+    Filters other than state, year, county name and vehicles request every candidate report from the CrashAPI.
 
-    Each crash finds the map that covers it. Ingesting again adds what is new and changes nothing else; maps can be
-    added later by themselves.
+    Each crash takes the map that covers it. A repeated ingest adds only new crashes and maps; maps can also be added
+    alone, later.
     """
     from trace_dag.common.plugins import PluginKind, list_plugins
     from trace_dag.common.storage.files import Storage
@@ -179,7 +179,7 @@ def ingest(
 def _read_sources(
     root: str, register: Iterable[tuple[str, str]], narratives: Iterable[str], maps: Sequence[Path]
 ) -> dict[str, RegisterTable | NarratedTable | NarrativeFolder]:
-    """Return the tables of registers and the folders of narratives, by the origin that a cohort notes."""
+    """Return the tables of registers and the folders of narratives, by their origin in the cohort."""
     from trace_dag.crash.registers.table import RegisterTable
 
     find = None
@@ -209,7 +209,10 @@ def _read_sources(
 
 
 def _narrative_reader(root: str, find: PlaceFinder | None, on_progress: OnProgress) -> Reader:
-    """Return the reader of narratives, the language model of the settings. Raise UserError where it cannot be asked."""
+    """Return the reader of narratives: the language model of the settings.
+
+    Raises UserError if the model cannot be used.
+    """
     from trace_dag.flow.workspace import Workspace
     from trace_dag.language.hypotheses import llm_client
     from trace_dag.language.narratives.source import Reader
@@ -237,11 +240,9 @@ def _next_command(workspace: Workspace, cohort: str) -> str:
 
 
 def _public_files(root: str, choice: Choice, *, download: bool) -> list[Path]:
-    """Return the files of the states and years of a choice, where they lie.
+    """Return the local paths of the files for the states and years of a choice.
 
-    Those that are missing are downloaded or named.
-
-    Raises UserErrors that say which files are missing and where they are published.
+    Missing files are downloaded, or raise UserErrors that name them and where they are published.
     """
     from trace_dag.flow.cohorts.public_files import files_of, folders_to_look_in
     from trace_dag.flow.cohorts.services import downloader
@@ -271,7 +272,7 @@ def _public_files(root: str, choice: Choice, *, download: bool) -> list[Path]:
 
 
 def _coverage(workspace: Workspace, cohort: str) -> list[str]:
-    """Return the number of crashes of a cohort within the stated reach of its map files."""
+    """Return the number of a cohort's crashes within the stated extent of its map files."""
     from trace_dag.flow.cohorts.listings import listings_of
     from trace_dag.osm.catalog import MapCatalog, box_around, is_on_earth, may_cover
     from trace_dag.osm.types import Site

@@ -64,7 +64,7 @@ _OPTIONS = (
 
 
 def choice_options(command: F) -> F:
-    """Return the options of a choice; their values are taken out of the command's by :func:`choice_of`."""
+    """Add the options of a choice to a command; :func:`choice_of` reads their values."""
     for option in reversed(_OPTIONS):
         command = option(command)
     return command
@@ -73,7 +73,7 @@ def choice_options(command: F) -> F:
 def choice_of(options: dict[str, Any]) -> Choice:
     """Return the choice that the options make.
 
-    Raises UserError for a value that an option does not have.
+    Raises UserError for an invalid value.
     """
     from trace_dag.crash.cohorts import CohortFilter
     from trace_dag.crash.places import state_code

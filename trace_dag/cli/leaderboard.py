@@ -15,16 +15,17 @@ from trace_dag.common.messages.wording import count_of
 
 @click.group(epilog=examples("trace-dag leaderboard add results.json"))
 def leaderboard() -> None:
-    """Enter results of agents that were evaluated elsewhere; evaluate enters those of here."""
+    """Enter results of agents that were evaluated elsewhere; evaluate enters those of this root."""
 
 
 @leaderboard.command(epilog=examples("trace-dag leaderboard weighted trace-bench.json"))
 @click.argument("bench", type=click.Path(dir_okay=False, path_type=Path))
 @pass_root
 def weighted(root: str, bench: Path) -> None:
-    """Weigh how often each agent avoids the crash, as it is and with the weights of a release made with --national.
+    """Show how often each agent avoids the crash: unweighted, and weighted by a release made with --national.
 
-    With 95 % intervals, the crash as the unit, and how many crashes of equal weight the weighted share rests on.
+    The 95 % intervals take the crash as the unit. The table also has the effective number of crashes behind each
+    weighted share.
     """
     from trace_dag.agents.summaries import weigh_table
     from trace_dag.common.errors import UserError
@@ -48,8 +49,10 @@ def weighted(root: str, bench: Path) -> None:
 def add(root: str, file: Path) -> None:
     """Check a file of evaluate --results against the crashes of this root, and enter it.
 
-    Refused with a line: a file that was changed, that lacks runs, whose crashes have been judged again or were
-    measured by other code, or whose outcomes do not follow from its measures. The driver's identity is not proved."""
+    A file is refused, with the reason in one line, if it was changed, lacks runs, was measured by other code, has
+    outcomes that do not follow from its measures, or if its crashes have been judged again since. The driver's identity
+    is not proved.
+    """
     from trace_dag.agents.evaluations import store_rows
     from trace_dag.agents.submissions import check
     from trace_dag.cli.problems import Problems

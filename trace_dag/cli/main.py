@@ -105,7 +105,7 @@ def main() -> None:
 
 
 def _refuse_windows() -> None:
-    """Raise UserError on Windows: locks between runs and limits of time and memory are those of POSIX."""
+    """Raise UserError on Windows, which lacks the POSIX locks and limits that runs need."""
     if sys.platform == "win32":
         raise UserError(
             "this program runs on Linux and macOS; on Windows it runs in WSL 2 (wsl --install, then install it there). "

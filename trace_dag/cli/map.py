@@ -81,8 +81,8 @@ def map_command(
 ) -> None:
     """Make an OpenDRIVE map of OpenStreetMap data: around a place, in a box, or of a whole small file.
 
-    Needs no storage root and no crash. map.json says what was measured of the map (its gates, for every road), and
-    which tags it does not follow.
+    Needs no storage root and no crash. map.json has the gates measured for every road, and the tags that the map does
+    not follow.
     """
     from trace_dag.common.storage.disk_errors import name_file_in_errors
     from trace_dag.reading.road_map import make_map

@@ -25,8 +25,8 @@ def national_coverage(root: str, tables: tuple[Path, ...], cohorts: tuple[str, .
     """Estimate the share of a country's fatal crashes that can be reconstructed.
 
     TABLES are FARS's accident tables of whole years (CSV, or ZIP archives of it). The kinds of crash are counted there,
-    and each is taken to come through as the crashes of that kind that are stored. Crashes without a map at hand say
-    nothing of a kind and are left out of its rate.
+    and each kind is given the success rate of the stored crashes of that kind. Crashes without a map are left out of
+    the rate.
     """
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.national import count_kinds, count_stored_kinds, coverage_of_country, thin_reports

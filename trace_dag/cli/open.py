@@ -19,7 +19,8 @@ from trace_dag.common.messages.logs import print_problem
 def open_page(root: str, key: str | None) -> None:
     """Open the benchmark page in a browser, or the page of one crash, and print where it is.
 
-    Runs make no pages of more crashes than execution.pages_up_to: they are made now."""
+    Runs make no pages if there are more crashes than execution.pages_up_to; this command makes them.
+    """
     from trace_dag.crash.keys import parse_key
     from trace_dag.export.build import INDEX, build_benchmark, page_name
     from trace_dag.flow.workspace import Workspace

@@ -36,7 +36,7 @@ class GroupedCommands(click.Group):
             self._headings.setdefault(heading, []).append(str(command.name))
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names as they were added: what one begins with comes first."""
+        """Return the names in the order in which they were added, which puts the first steps first."""
         return list(self.commands)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -87,7 +87,10 @@ class Within(click.FloatRange):
 
 
 def pass_root(command: F) -> F:
-    """Pass a command the storage root, once there is one: demo, ingest and map alone begin where nothing is."""
+    """Pass a command the storage root, which has to exist.
+
+    Only demo, ingest and map start without a root.
+    """
 
     @click.pass_obj
     @wraps(command)
@@ -103,8 +106,8 @@ def pass_root(command: F) -> F:
 class OutputFile(click.Path):
     """A file to write.
 
-    It lies in an existing folder, over no file of the storage root, and is of a known kind if it names one. Checked
-    before the work is done.
+    Its folder exists, it replaces no file of the storage root, and its extension, if any, is a known kind. This is
+    checked before the work is done.
     """
 
     def __init__(self) -> None:
@@ -122,9 +125,9 @@ class OutputFile(click.Path):
 
 
 def kind_of_file(command: str, path: Path | None, chosen: str | None, kinds: Iterable[str]) -> str | None:
-    """Return the kind of file to write: the one chosen, else the one that the file's name says; None without either.
+    """Return the kind of file to write: the one chosen, or the one of the file's extension.
 
-    Raises :class:`UserError` for a name of another kind.
+    None if neither is given. Raises :class:`UserError` for an unknown extension.
     """
     if path is None or chosen is not None:
         return chosen
@@ -135,7 +138,7 @@ def kind_of_file(command: str, path: Path | None, chosen: str | None, kinds: Ite
 
 
 def stage_option(*names: str, help: str) -> Callable[[F], F]:
-    """Return an option that takes the name of a stage."""
+    """Return an option whose value is the name of a stage."""
 
     def as_stage(_context: click.Context, _parameter: click.Parameter, value: str | None) -> Stage | None:
         return Stage(value) if value else None

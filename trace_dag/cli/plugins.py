@@ -13,7 +13,7 @@ from trace_dag.cli.printing import print_table, write_json
 def plugins(as_json: bool) -> None:
     """List the back-ends, converters, estimators, agents and sources that can be chosen by name.
 
-    Any installed package can offer more, as entry points; the documentation says how.
+    Any installed package can add some as entry points; see the documentation.
     """
     from trace_dag.common.plugins import PluginKind, list_plugins
 

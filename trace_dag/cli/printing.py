@@ -22,7 +22,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # as OWASP lists them
 
 
 def print_statuses(crashes: Mapping[str, CrashStatus]) -> None:
-    """Print the funnel beside the published one, the final states, the reasons of rejections, and the estimators."""
+    """Print the funnel beside that of the paper, the final states, the reasons of rejections, and the estimators."""
     from trace_dag.flow.crash_status import FinalState, funnel
     from trace_dag.flow.makers import makers_in_words
 
@@ -112,7 +112,7 @@ def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: boo
 
 
 def say(text: str = "") -> None:
-    """Print a line on standard output, without anything that a value could tell a terminal to do."""
+    """Print a line on standard output without terminal control characters."""
     click.echo(printable(text))
 
 
@@ -125,7 +125,7 @@ def one_line(text: str, length: int) -> str:
 def write_csv(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Write comma-separated values to standard output.
 
-    A text that a spreadsheet takes for a formula begins with an apostrophe; numbers stay as they are.
+    Text that a spreadsheet would take for a formula gets a leading apostrophe; numbers stay as they are.
     """
     in_terminal = sys.stdout.isatty()
     writer = csv.writer(sys.stdout, lineterminator="\n")

@@ -11,7 +11,7 @@ _LINE = 500
 
 
 class Problems:
-    """Hears of crashes and files that are damaged while a command does the rest."""
+    """Collects damaged crashes and files while a command does the rest."""
 
     def __init__(self) -> None:
         self._said: dict[str, None] = {}
@@ -21,7 +21,7 @@ class Problems:
         self._said[str(failure)] = None
 
     def print_all(self) -> int:
-        """Print the complaints; returns the exit code, 1 if there are any."""
+        """Print the collected problems; return the exit code, 1 if there are any."""
         for said in list(self._said)[:_SHOWN]:
             print_problem(f"failed: {one_line(said, _LINE)}")
         if len(self._said) > _SHOWN:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
-    """Show a bar over a known number of things; it is called with the name of each one done."""
+    """Show a bar over a known number of items; yield a function to call with the name of each finished item."""
     with _bar() as progress:
         task = progress.add_task(what, total=total)
         yield lambda name: progress.update(task, advance=1, description=name)
@@ -24,7 +24,7 @@ def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[OnProgress]:
-    """Show a bar from the first call on, which gives how many are done, and of how many."""
+    """Show a bar from the first call on; yield a function to call with the numbers done and in total."""
     progress = _bar()
     tasks: list[TaskID] = []
 

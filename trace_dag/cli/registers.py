@@ -15,9 +15,9 @@ from trace_dag.common.errors import UserError
 @click.option("--new", metavar="TABLE", help="Write a mapping for a table of yours, with guesses that are marked.")
 @click.option("--output", metavar="FILE", help="Name of that mapping; else that of the table, as .toml.")
 def registers(new: str | None, output: str | None) -> None:
-    """List the crash tables whose mappings are part of the package: what they cover, need and lack.
+    """List the crash tables whose mappings are part of the package, with their coverage and limits.
 
-    ``ingest --register NAME FILE`` reads one; where several files belong together, FILE is their folder.
+    ``ingest --register NAME FILE`` reads one; if several files belong together, FILE is their folder.
     """
     from trace_dag.crash.registers.guess import guess_mapping
     from trace_dag.crash.registers.mapping import list_shipped_mappings, read_mapping

@@ -59,8 +59,7 @@ def release(
 ) -> None:
     """Release the verified crashes as a version of the benchmark: packages, index, datasheet, checksums.
 
-    An interrupted release goes on where it stopped. A finished one is never changed: other content needs another
-    version.
+    An interrupted release resumes. A finished one is never changed: other content needs another version.
     """
     from trace_dag.cli.problems import Problems
     from trace_dag.export.export import accepted_keys

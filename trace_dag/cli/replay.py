@@ -64,7 +64,7 @@ def replay(
 ) -> None:
     """Write a simulated crash to watch, from above and in three dimensions: roads, vehicles, contact and speeds.
 
-    With an agent KEY may also be one of its variations or likely courses, as evaluations name them.
+    With an agent, KEY may also be a variation or likely course, as evaluations name them.
     """
     from trace_dag.agents.evaluation.registry import set_arguments
     from trace_dag.agents.evaluation.traffic import Traffic

@@ -21,7 +21,7 @@ _LATITUDE, _LONGITUDE = "latitude_deg", "longitude_deg"
 def write_rows(path: Path, output: str, names: Sequence[str], rows: Sequence[Sequence[Any]] | pa.Table) -> None:
     """Write rows, for Parquet a typed table, into a file of one of :data:`FORMATS`.
 
-    :class:`UserError` for rows that cannot be written so.
+    Raises :class:`UserError` for rows that the format cannot hold.
     """
     FORMATS[output](path, names, rows)
 
@@ -35,7 +35,8 @@ def _frame(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> pd.DataFrame:
 def _write_excel(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Write one sheet.
 
-    Text of a report stays text: Excel would take "=..." for a formula and "http..." for a link."""
+    Text of a report stays text, although Excel would take "=..." for a formula and "http..." for a link.
+    """
     import pandas as pd
 
     options = {"strings_to_formulas": False, "strings_to_urls": False}
@@ -51,7 +52,7 @@ def _write_excel(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]
 
 
 def _cell(value: object) -> object:
-    """Return lists and structures as JSON: a cell holds one thing."""
+    """Return a list or structure as JSON, since a cell holds one value; return other values unchanged."""
     return json.dumps(value, default=str) if isinstance(value, list | dict | tuple) else value
 
 
@@ -70,7 +71,10 @@ def _write_geojson(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any
 
 
 def _write_parquet(path: Path, _names: Sequence[str], rows: pa.Table) -> None:
-    """Write rows with the types of the answer; sums of integers, of 38 digits in DuckDB, as integers if they fit."""
+    """Write rows with the types of the answer.
+
+    DuckDB's 38-digit sums of integers become integers if they fit.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 

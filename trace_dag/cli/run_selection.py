@@ -25,7 +25,7 @@ _FAILURES_SHOWN = 20
 
 
 def run_selection(root: str, settings: Mapping[str, Any], select: Callable[[Workspace], Selection]) -> int:
-    """Run a selection through Dagster, in this process, then what is made of all crashes; the exit code."""
+    """Run a selection through Dagster in this process, then update the summaries; return the exit code."""
     from trace_dag.cli.printing import one_line, print_statuses
     from trace_dag.flow.batch import check_requirements
     from trace_dag.flow.crash_status import FinalState, crash_statuses
@@ -64,7 +64,10 @@ def run_selection(root: str, settings: Mapping[str, Any], select: Callable[[Work
 
 @contextmanager
 def _started(workspace: Workspace) -> Iterator[Executor]:
-    """Start one executor for the whole command; its workers start while this process still imports its modules."""
+    """Start one executor for the whole command.
+
+    Its workers start while this process is still importing modules.
+    """
     from trace_dag.export.crash_files import MADE_WITH
     from trace_dag.flow.executors import make_executor
     from trace_dag.flow.worker import get_ready
@@ -75,7 +78,7 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
 
 
 def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
-    """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
+    """Run a selection, update the warehouse and the benchmark, and return the errors."""
     with gc_paused():  # which takes an eighth of the time it takes to load Dagster
         from trace_dag.assets.launch import dagster_records, plan_runs, run_batches, summarise, summary_is_current
         from trace_dag.export.build import PAGES_LATER, benchmark_is_whole
@@ -116,7 +119,7 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
 
 
 def _damaged_warehouse(workspace: Workspace) -> str:
-    """Return the fault of the warehouse, in a sentence; empty if it is undamaged."""
+    """Return a sentence on the fault of the warehouse; empty if it is undamaged."""
     from trace_dag.common.errors import DamagedFile
     from trace_dag.warehouse.query import check_warehouse
 

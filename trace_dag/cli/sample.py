@@ -1,4 +1,4 @@
-"""The bundled sample: where it lies, and its cohort."""
+"""The bundled sample: its folder and its cohort."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
 @click.pass_obj
 def settings(root: str, section: str | None, as_json: bool) -> None:
-    """List every setting: its value, its default, what it means, and where the value comes from.
+    """List every setting with its value, default, meaning and source.
 
     The names carry the units: _m metres, _s seconds, _mps metres a second, _deg degrees, _h clock positions. Set one in
     ROOT/settings.toml, or in the environment: TRACE_DAG_SIM__STEP_S=0.002.

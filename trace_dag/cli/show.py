@@ -24,7 +24,7 @@ _FIRST = 3  # figures that stand before all else
 @click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
 @pass_root
 def show(root: str, key: str, as_json: bool) -> None:
-    """Show one crash: what happened, where it stands and why, what can be done, and where its files are."""
+    """Show one crash: events, state and reason, next commands, and files."""
     from trace_dag.flow.crash_status import crash_status, valid_records
     from trace_dag.flow.records import read_records
     from trace_dag.flow.selection import select_registered
@@ -91,7 +91,7 @@ def _said(workspace: Workspace, crash: CrashStatus, records: Records) -> dict[st
 
 
 def _judged(stored: CrashFiles) -> tuple[list[str], list[str]]:
-    """Return the figures of a crash that was judged, and what speaks against it."""
+    """Return the figures of a judged crash, and the evidence against it."""
     from trace_dag.flow.artefacts import MAP_REPORT, RECORD, VERDICT
     from trace_dag.verdict.in_words import events_in_words, numbers_of, sight_in_words
 

@@ -39,8 +39,8 @@ from trace_dag.common.storage.disk_errors import name_file_in_errors
 def sql(root: str, query: str, output: str | None, path: Path | None) -> None:
     """Ask the warehouse in SQL (DuckDB), read-only.
 
-    trace-dag tables lists what there is and what the columns mean. Rows that are wider than the terminal are printed as
-    a block each.
+    trace-dag tables lists the tables, columns and their meaning. Rows that are wider than the terminal are printed as a
+    block each.
     """
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.asking import ask

@@ -27,7 +27,7 @@ _MOST_SHOWN = 20
 @click.option("--cohort", help="Only crashes of this cohort.")
 @pass_root
 def status(root: str, as_json: bool, cohort: str | None) -> None:
-    """Show the funnel and where each crash stands, from what is stored."""
+    """Show the funnel and the state of each crash, from stored results."""
     from trace_dag.common.stage import Stage
     from trace_dag.flow.batch import stale_results
     from trace_dag.flow.crash_status import FinalState, crash_statuses, funnel
@@ -92,7 +92,7 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
 
 
 def _print_first(names: Sequence[str], rows: Sequence[tuple[str, Stage | None, str]]) -> None:
-    """Print the first crashes of a list, each with its stage and a text, and how many more there are."""
+    """Print the first crashes of a list with stage and text, and the number of the others."""
     if not rows:
         return
     say()

@@ -23,14 +23,17 @@ rules_option = click.option(
 
 
 def apply_rules(workspace: Workspace, rules: RuleSetName | None) -> Workspace:
-    """Return the workspace with other rules to judge by; itself where none are given."""
+    """Return the workspace with other rules for judging, or unchanged if none are given."""
     return workspace.with_settings({"verdict": {"rule_set": rules}} if rules else {})
 
 
 def run_for_cohorts(
     workspace: Workspace, cohort: str | None, study: Callable[[str], Found], problems: Problems
 ) -> dict[str, Found]:
-    """Return a study of one cohort, or of each; if nothing can be studied, complaints are printed before the error."""
+    """Return a study of one cohort, or of each.
+
+    If nothing can be studied, the collected problems are printed before the error is raised.
+    """
     from trace_dag.common.errors import UserError
     from trace_dag.flow.stored_crashes import cohorts_of, study_each
 
@@ -42,7 +45,7 @@ def run_for_cohorts(
 
 
 def into_warehouse(workspace: Workspace, problems: Problems) -> BuildReport:
-    """Build the warehouse anew with the results just stored; ``problems`` is called with what had to be left out."""
+    """Build the warehouse with the results just stored; ``problems`` is called with each omitted crash or file."""
     from trace_dag.warehouse.build import build_warehouse
 
     return build_warehouse(workspace.storage, workspace.local_folder, on_problem=problems.add)

@@ -15,7 +15,7 @@ from trace_dag.common.errors import UserError
 def tables(root: str, words: str | None) -> None:
     """List the tables and views of the warehouse with their meaning, or the columns of one of them.
 
-    Other words find the columns that have all of them in name or meaning.
+    Any other words find the columns that have all of them in their name or meaning.
     """
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.query import columns_of, tables_of

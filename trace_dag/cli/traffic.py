@@ -24,10 +24,10 @@ from trace_dag.cli.study import into_warehouse
 def traffic(
     root: str, factor: float, seed: int, cohort: str | None, only: tuple[str, ...], as_json: bool, workers: int | None
 ) -> None:
-    """Put traffic around each verified crash, as is usual for its hour, day, area and roads; the crash stays as it is.
+    """Put traffic around each verified crash, typical of its hour, day, area and roads; the crash stays as it is.
 
-    Vehicles drive by SUMO (the extra sumo), see the parties and react to them. They enter replays, packages, and the
-    warehouse as table traffic.
+    SUMO (the extra sumo) drives the vehicles, which see the parties and react to them. They enter replays, packages,
+    and the warehouse as table traffic.
     """
     from trace_dag.agents.stored_cases import verified_cases
     from trace_dag.agents.stored_traffic import make_traffic

@@ -28,7 +28,8 @@ from trace_dag.common.errors import UserError
 def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: bool) -> None:
     """Open the Dagster UI on this storage root: the web server, and the daemon that runs what is launched there.
 
-    It answers to its own names and pages alone, and knows no users: anyone who can reach the port may do anything.
+    It accepts requests only to its own names and from its own pages. It has no users: anyone who can reach the port may
+    do anything.
     """
     from trace_dag.assets.launch import dagster_records
     from trace_dag.assets.partitions import add_partitions

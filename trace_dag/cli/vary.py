@@ -70,9 +70,9 @@ def vary(
 ) -> None:
     """Make a family of each verified crash: perturbed, simulated, kept if it is drivable and still a conflict.
 
-    A variation is kept if the two still collide within 15 m of where they did, or miss each other by a metre at most,
-    and all stay on the road. trace-dag evaluate --variations drives in them. They enter the warehouse as table
-    variations.
+    A variation is kept if the two parties still collide within 15 m of the original contact, or miss each other by a
+    metre at most, and all stay on the road. trace-dag evaluate --variations drives in the variations. They enter the
+    warehouse as table variations.
     """
     from trace_dag.agents.families import make_families
     from trace_dag.agents.stored_cases import stored_variations, verified_cases

@@ -34,11 +34,11 @@ _SHOWN = 50
 @click.option("--json", "as_json", is_flag=True, help="Every disagreement, as JSON.")
 @pass_root
 def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
-    """Prove that the stored files, Dagster's records and the warehouse agree, or list where they do not.
+    """Check that the stored files, Dagster's records and the warehouse agree, or list the disagreements.
 
-    Run it while no other command works on the root: what is being written looks like a disagreement. Exit code 0 if
-    everything agrees, 1 if something does not (with --repair: if something is left, such as stages to be run again).
-    Stages whose results are older than code, settings or inputs are listed too; they are not errors.
+    Run it while no other command works on the root: an unfinished write looks like a disagreement. The exit code is 0
+    if everything agrees, and 1 otherwise (with --repair, 1 if something is left, such as stages to run again). Results
+    older than their code, settings or inputs are listed too; they are not errors.
     """
     from trace_dag.assets.launch import dagster_records, summarise
     from trace_dag.assets.verify import repair_dagster
@@ -120,7 +120,7 @@ def _look(
 
 
 def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
-    """Return the results that a run would make again; they are outdated but not damaged."""
+    """Return the outdated results, which a run would make again, without the damaged ones."""
     from trace_dag.common.errors import DamagedFile
     from trace_dag.flow.batch import stale_results
 

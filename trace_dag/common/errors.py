@@ -281,13 +281,13 @@ def _rebuild_rejection(reason: Reason, detail: str, measured: float | None, thre
 
 
 class Failure(Exception):  # noqa: N818 - Dagster's word for it
-    """A stage broke for a reason that is not the crash's: it must be mended or tried again, never counted."""
+    """A stage broke for a reason outside the crash: it must be repaired or retried, never counted."""
 
 
 class TransientFailure(Failure):
     """A failure that may pass by itself (time-out, 429, 5xx, a lost worker): retried by policy.
 
-    ``tried_again``: whoever raised it has asked as often as its own settings say; once more at once would be too often.
+    ``tried_again``: all attempts that the settings allow were made before it was raised.
     """
 
     def __init__(self, message: str, *, tried_again: bool = False) -> None:
@@ -300,7 +300,7 @@ class BudgetSpent(Failure):
 
 
 class DamagedFile(Failure):
-    """A stored file is not as it was written. ``found`` says what is there instead, ``remedy`` what mends it."""
+    """A stored file that differs from what was written. ``found`` describes it, ``remedy`` repairs it."""
 
     def __init__(self, name: str, found: str, remedy: str = "") -> None:
         super().__init__(f"{name}: damaged: {found}" + (f"; {remedy}" if remedy else ""))

@@ -10,7 +10,7 @@ T = TypeVar("T")
 def replace(instance: T, **changes: Any) -> T:
     """Return a copy with other values in some fields; for classes without slots and ``__post_init__``.
 
-    The initialiser, which would set every field anew, is not run.
+    It skips the initialiser, which would set every field.
 
     >>> replace(record, hour=7).hour, replace(record, hour=7).key
     (7, '2023-319003')

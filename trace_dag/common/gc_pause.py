@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def gc_paused() -> Iterator[None]:
-    """Pause the garbage collector. Afterwards it runs as before and frees what has piled up."""
+    """Pause the garbage collector; afterwards it runs as before."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

@@ -82,11 +82,11 @@ class Pose:
         return np.array([math.cos(self.heading_rad), math.sin(self.heading_rad)])
 
     def to_world(self, local_xy_m: FloatArray) -> FloatArray:
-        """Return points given in this pose's own axes (ahead, left), shape (..., 2), in the local frame."""
+        """Convert points from this pose's axes (ahead, left), shape (..., 2), to the local frame."""
         return np.asarray(local_xy_m, float) @ _rotation(self.heading_rad).T + self.xy_m
 
     def to_body(self, world_xy_m: FloatArray) -> FloatArray:
-        """Return points of the local frame, shape (..., 2), in this pose's own axes (ahead, left)."""
+        """Convert points of the local frame, shape (..., 2), to this pose's axes (ahead, left)."""
         return (np.asarray(world_xy_m, float) - self.xy_m) @ _rotation(self.heading_rad)
 
 
@@ -111,14 +111,12 @@ def face_axes(
     ahead_2: tuple[Number, Number],
     half_2_m: tuple[Number | float, Number | float],
 ) -> tuple[tuple[Number, Number, Number | float, Number | float], ...]:
-    """Return the four axes on which two rectangles are compared.
+    """Return the four axes on which two rectangles are compared, by the separating axis theorem.
 
-    They are apart if and only if they are on one of these.
-
-    The separating axis theorem; the axes are the normals of the rectangles' faces. ``ahead_*`` is the unit vector along
-    each one's length, ``half_*_m`` its half length and half width: floats for one pair, arrays of shape (n,) for many.
-    Each axis is its x and y, then how far the rectangle whose face it is normal to reaches along it from its centre,
-    and how far the other one does, metres.
+    The rectangles are apart if and only if they are apart on one of these axes, the normals of their faces. ``ahead_*``
+    is the unit vector along each rectangle's length, ``half_*_m`` its half length and half width: floats for one pair,
+    arrays of shape (n,) for many. Each axis is its x and y, then the extents of both rectangles from their centres
+    along it, metres: first that of the rectangle whose face it is normal to.
 
     >>> [(x, y, own + other) for x, y, own, other in face_axes((1.0, 0.0), (2.0, 1.0), (0.0, 1.0), (3.0, 0.5))]
     [(1.0, 0.0, 2.5), (-0.0, 1.0, 4.0), (0.0, 1.0, 4.0), (-1.0, 0.0, 2.5)]
@@ -135,12 +133,10 @@ def face_axes(
 
 
 def gaps_m(poses_1: Poses, size_1_m: tuple[float, float], poses_2: Poses, size_2_m: tuple[float, float]) -> FloatArray:
-    """Return gaps between rectangles on the axis that separates them most.
+    """Return gaps between rectangles on the axis that separates them most, metres.
 
-    Positive apart, negative overlapping, 0 touching.
-
-    ``size_*_m`` are length and width; the result has the shape of the arrays. Exact in sign; where two corners face
-    each other it is less than their distance.
+    A gap is positive apart, negative for overlap, 0 at touch. ``size_*_m`` are length and width; the result has the
+    shape of the arrays. The sign is exact; between two corners the gap is less than their distance.
 
     >>> at = lambda x_m, y_m: (np.array([x_m]), np.array([y_m]), np.array([0.0]))
     >>> car = (4.0, 2.0)
@@ -158,9 +154,9 @@ def gaps_m(poses_1: Poses, size_1_m: tuple[float, float], poses_2: Poses, size_2
 def hermite(
     length: Number, start: Number, end: Number, slope_start: Number, slope_end: Number
 ) -> tuple[Number, Number, Number, Number]:
-    """Return coefficients a, b, c, d of the cubic a + b u + c u**2 + d u**3 between two values and slopes.
+    """Return coefficients a, b, c, d of the cubic a + b u + c u**2 + d u**3 with given ends and slopes.
 
-    It goes from one value and slope at u = 0 to others at u = ``length``.
+    It has ``start`` and ``slope_start`` at u = 0, ``end`` and ``slope_end`` at u = ``length``.
 
     >>> hermite(2.0, 0.0, 4.0, 0.0, 4.0)  # u squared
     (0.0, 0.0, 1.0, 0.0)
@@ -211,8 +207,7 @@ def body_bearing_rad(pose: Pose, length_m: float, width_m: float, point_xy_m: Fl
 def contact_clock_h(pose: Pose, length_m: float, width_m: float, point_xy_m: FloatArray) -> float:
     """Return the clock position, hours in (0, 12], of a point of the local frame on a body centred on ``pose``.
 
-    :func:`body_bearing_rad` on the clock: shared by the estimator, which plans the impact, the verdict, which judges
-    it, and the pictures.
+    It is :func:`body_bearing_rad` as a clock position, shared by the estimator, the verdict and the pictures.
 
     >>> contact_clock_h(Pose(0.0, 0.0, 0.0), 4.0, 2.0, np.array([0.0, 1.0]))  # the middle of the left side
     9.0

@@ -39,7 +39,7 @@ class Path:
         return np.asarray(np.gradient(self.heading_rad, self.s_m))
 
     def plan(self, s_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x, y and heading at distances ``s_m`` of any shape; straight on beyond either end."""
+        """Return x, y and heading at distances ``s_m`` of any shape, extended straight beyond both ends."""
         s = np.asarray(s_m, float)
         heading = np.interp(s, self.s_m, self.heading_rad)
         x, y = np.interp(s, self.s_m, self.x_m), np.interp(s, self.s_m, self.y_m)
@@ -50,12 +50,12 @@ class Path:
         return x, y, heading
 
     def at(self, s_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return x, y, z and heading at distances ``s_m`` of any shape; straight on and level beyond either end."""
+        """Return x, y, z and heading at distances ``s_m`` of any shape, straight and level beyond both ends."""
         x, y, heading = self.plan(s_m)
         return x, y, np.interp(np.asarray(s_m, float), self.s_m, self.z_m), heading
 
     def pose(self, s_m: float) -> Pose:
-        """Return the pose at one distance; as :meth:`at`, which takes many."""
+        """Return the pose at one distance; :meth:`at` takes many."""
         if not float(self.s_m[0]) <= s_m < float(self.s_m[-1]):
             x, y, z, heading = (float(value) for value in self.at(np.array(s_m)))
             return Pose(x, y, math.remainder(heading, math.tau), z)
@@ -70,7 +70,7 @@ class Path:
         return Pose(between(self.x_m), between(self.y_m), heading, between(self.z_m))
 
     def project(self, x_m: float, y_m: float, *, near_s_m: float | None = None) -> tuple[float, float]:
-        """Return the distance along the path closest to a point, and the point's offset to the left (metres).
+        """Return a point's closest distance along the path, and its offset to the left (metres).
 
         ``near_s_m`` limits the search to 60 m around it, for paths that pass the same place twice.
         """
@@ -80,21 +80,19 @@ class Path:
         return self._beside(int(np.argmin(squared)), x_m, y_m)
 
     def project_all(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Return distances along the path and offsets to the left of points, shape (n, 2).
-
-        Return :meth:`project` of many points."""
+        """Return distances along the path and offsets to the left of points of shape (n, 2), as :meth:`project`."""
         squared = (self.x_m - x_m[:, None]) ** 2 + (self.y_m - y_m[:, None]) ** 2
         nearest = zip(squared.argmin(axis=1).tolist(), x_m.tolist(), y_m.tolist(), strict=True)
         return np.array([self._beside(*each) for each in nearest])
 
     def _beside(self, i: int, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return a point's distance along the path and its offset to the left, by the path's nearest point."""
+        """Return a point's distance along the path and offset to the left, given the nearest point of the path."""
         c, s = math.cos(self.heading_rad[i]), math.sin(self.heading_rad[i])
         dx, dy = x_m - float(self.x_m[i]), y_m - float(self.y_m[i])
         return float(self.s_m[i]) + dx * c + dy * s, dy * c - dx * s
 
     def reversed(self) -> Path:
-        """Return the same line driven the other way."""
+        """Return the same line in the opposite direction."""
         return Path(
             self.s_m[-1] - self.s_m[::-1],
             self.x_m[::-1],
@@ -209,7 +207,7 @@ class LateralShift:
         return sign * offset, sign * self.slope * (_ramp(rise) - _ramp(fall))
 
     def _anchor_from_start(self) -> float:
-        """Return the distance from the beginning of the move to the anchor, by bisection on the monotonic offset."""
+        """Return the distance from the beginning of the shift to its anchor, by bisection of the monotonic offset."""
         target = abs(self.at_anchor_m)
         if target >= abs(self.total_m) - 1e-9:
             return self.length_m
@@ -220,9 +218,10 @@ class LateralShift:
 
 
 def shifted(path: Path, shift: LateralShift | None, *, anchor_s_m: float, constant_m: float = 0.0) -> Path:
-    """Return the path moved sideways: by ``constant_m`` everywhere and by ``shift`` around ``anchor_s_m``.
+    """Return the path moved sideways by ``constant_m`` everywhere and by ``shift`` around ``anchor_s_m``.
 
-    A straight road gives the shift's own shape; on a curved one the offset is laid along the path's normals.
+    On a straight road the result has the shift's own shape; on a curved one the offset is laid along the path's
+    normals.
 
     >>> line = np.linspace(0.0, 20.0, 41)
     >>> east = from_points(line, np.zeros(41), np.zeros(41))
@@ -250,7 +249,7 @@ class TurnShape:
 
     @property
     def peak_curvature_1pm(self) -> float:
-        """Return the curvature of the arc, less than 1 / radius where the ramps alone already turn by the angle."""
+        """Return the curvature of the arc; less than 1 / radius if the ramps alone turn by the angle."""
         return min(1.0 / self.radius_m, abs(self.angle_rad) / self.ramp_m)
 
     @property
@@ -304,9 +303,9 @@ def turned(path: Path, shape: TurnShape, *, start_s_m: float, tail_m: float) -> 
 
 
 def turn_start_to_meet(path: Path, shape: TurnShape, exit_pose: Pose, *, near_s_m: float) -> float | None:
-    """Return where along a (locally straight) path a turn must begin to end on the line through ``exit_pose``.
+    """Return the distance along a (locally straight) path at which a turn must begin to end on the exit's line.
 
-    None if approach and exit are parallel: then no such turn exists.
+    The line goes through ``exit_pose``. None if approach and exit are parallel, because then no such turn exists.
 
     >>> line = np.linspace(0.0, 40.0, 81)
     >>> east = from_points(line, np.zeros(81), np.zeros(81))

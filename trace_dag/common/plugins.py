@@ -56,10 +56,7 @@ class Plugin:
 
 @cache
 def list_plugins(kind: PluginKind) -> dict[str, Plugin]:
-    """Return everything of a kind that is installed, by name.
-
-    Nothing of it is imported.
-    """
+    """Return all installed plugins of a kind by name, without importing them."""
     found = {}
     for point in metadata.entry_points(group=kind.group):
         package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
@@ -70,7 +67,7 @@ def list_plugins(kind: PluginKind) -> dict[str, Plugin]:
 def plugin(kind: PluginKind, name: str) -> Plugin:
     """Return the plugin of that name.
 
-    Raises :class:`UserError` that lists the names there are.
+    Raises :class:`UserError` that lists the known names.
     """
     there_are = list_plugins(kind)
     if name in there_are:
@@ -86,7 +83,10 @@ def plugin(kind: PluginKind, name: str) -> Plugin:
 
 
 def load(kind: PluginKind, name: str) -> Any:
-    """Import and return what a plug-in's reference names. Raise :class:`UserError` where that cannot be done."""
+    """Import and return the object of a plugin.
+
+    Raises :class:`UserError` if that fails.
+    """
     found = plugin(kind, name)
     module, _, attribute = found.reference.partition(":")
     try:

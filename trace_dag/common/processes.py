@@ -22,9 +22,9 @@ def this_process() -> str:
 
 
 def is_gone(process: str) -> bool | None:
-    """Return whether a process named by :func:`this_process` has ended; None where that cannot be told from here.
+    """Return whether a process named by :func:`this_process` has ended.
 
-    It cannot for a process of another machine, nor for a text that names none.
+    None if that is unknown: for a process of another machine, or an invalid name.
     """
     host, _, rest = process.partition(":")
     number, _, started = rest.partition(":")
@@ -34,10 +34,7 @@ def is_gone(process: str) -> bool | None:
 
 
 def is_stopped(number: int) -> bool:
-    """Return whether a process of this machine was stopped (SIGSTOP) and not continued.
-
-    False where that cannot be told.
-    """
+    """Return whether a process of this machine was stopped (SIGSTOP) and not continued; False if unknown."""
     try:
         return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "T"
     except (OSError, IndexError):
@@ -45,9 +42,9 @@ def is_stopped(number: int) -> bool:
 
 
 def children(number: int) -> list[int]:
-    """Return the numbers of the processes that a process of this machine has started or taken in.
+    """Return the numbers of a process's children on this machine, adopted ones included.
 
-    Empty where that cannot be told (other systems than Linux).
+    Empty on systems other than Linux.
     """
     found: list[int] = []
     for path in Path(f"/proc/{number}/task").glob("*/children"):
@@ -68,9 +65,9 @@ def descendants(number: int) -> list[int]:
 
 
 def processor_time_s(number: int) -> float:
-    """Return the processor time of a process and of the ended ones that it started.
+    """Return the processor time of a process and of its descendants, s.
 
-    It is 0 where that is unknown (other systems than Linux).
+    It is 0 on systems other than Linux.
     """
     ticks = 0
     for each in (number, *descendants(number)):
@@ -81,9 +78,9 @@ def processor_time_s(number: int) -> float:
 
 
 def end_all(number: int) -> None:
-    """Kill a process of this machine, its group and everything that these have started.
+    """Kill a process of this machine, its group and its descendants.
 
-    They are stopped first, those that start others before the others: what is stopped starts nothing more.
+    All are stopped first, parents before children, so that none starts new processes.
     """
     known: set[int] = set()
     while found := {number, *descendants(number)} - known:
@@ -104,21 +101,21 @@ def _send(number: int, what: signal.Signals) -> None:
 
 
 def how_it_ended(exit_code: int | None) -> str:
-    """Return the meaning of an exit code of :mod:`subprocess` or :mod:`multiprocessing`, in words."""
+    """Return the meaning of an exit code of :mod:`subprocess` or :mod:`multiprocessing` as text."""
     if exit_code is not None and exit_code < 0:
         return f"signal {signal.Signals(-exit_code).name}"
     return f"exit code {exit_code}"
 
 
 def temporary_prefix(kind: str) -> str:
-    """Return the beginning of the names of this process's temporary files and folders, for :func:`is_abandoned`."""
+    """Return the prefix for names of this process's temporary files and folders, for :func:`is_abandoned`."""
     return f"{kind}{this_process()}:"
 
 
 def is_abandoned(path: Path, kind: str) -> bool:
     """Return whether the process that made a temporary file or folder is gone.
 
-    For one of another machine, after a day.
+    A file of another machine counts as abandoned after a day.
     """
     gone = is_gone(path.name.removeprefix(kind).rpartition(":")[0])
     if gone is not None:
@@ -135,7 +132,7 @@ def _identity(number: int) -> str:
 
 
 def _started(number: int) -> str:
-    """Return the time at which a process began, in ticks since the machine did; '' if it is gone."""
+    """Return the start time of a process, in ticks since boot; '' if it is gone."""
     try:
         status = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
     except (FileNotFoundError, ProcessLookupError):

@@ -4,9 +4,8 @@ Belongs here: the fingerprint of a stage (code, settings, inputs) and the outcom
 Does not belong here: deciding what to run (:mod:`trace_dag.flow`).
 
 A result is current while its fingerprint is: the same version of the stage's code, the same versions of the libraries
-that decide, the same section of settings, the same bytes as input. The record of an outcome is
-written after the artefacts it lists, so a record means that they are complete; a look at their sizes tells whether they
-still are.
+that decide, the same section of settings, the same bytes as input. The record of an outcome is written after the
+artefacts it lists, so a record means that they are complete; their sizes show whether they still are.
 """
 
 from __future__ import annotations
@@ -72,9 +71,9 @@ class Provenance:
         return hashlib.sha256(json.dumps(parts, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def changed_to(self, other: Provenance) -> tuple[str, ...]:
-        """Return the differences between the two, in words.
+        """Return the names of the differences between the two.
 
-        "code", "setting radius_m", "input maps", "library numpy".
+        Examples: "code", "setting radius_m", "input maps", "library numpy".
         """
         found = ["code"] if self.code != other.code else []
         for what, before, after in (
@@ -115,10 +114,10 @@ class FailedAttempt:
 class OutcomeRecord:
     """The result of one stage for one crash, as stored at ``ROOT/<stage>/<key>.outcome.json``.
 
-    ``started_at`` is ISO 8601 in UTC; ``measured`` and ``threshold`` are in the unit ``detail`` states; ``figures``
-    are the few numbers a person looks at first; ``error`` is the traceback of a failure. ``pictures`` were drawn of the
-    crash as it stood with this outcome, its last then. With a ``failed_attempt`` the result is outdated: it was to be
-    made anew, which failed, and it stands until that succeeds.
+    ``started_at`` is ISO 8601 in UTC; ``measured`` and ``threshold`` are in the unit ``detail`` states; ``figures`` are
+    the few numbers a person looks at first; ``error`` is the traceback of a failure. ``pictures`` show the crash after
+    this outcome, if it was its last. With a ``failed_attempt`` the result is outdated: an attempt to make it anew
+    failed, and it is kept until one succeeds.
     """
 
     key: str
@@ -157,22 +156,22 @@ class OutcomeRecord:
         return next((file for file in self.pictures if file.name.endswith(f".{extension}")), None)
 
     def begun_again(self) -> OutcomeRecord:
-        """Return this record as it stands while its artefacts are made anew.
+        """Return this record in the state ``STARTED``, while its artefacts are replaced.
 
-        It lists none, and its stage has to run.
+        It lists no artefacts, and its stage has to run.
         """
         begun = replace(self, outcome=Outcome.STARTED, artefacts=(), pictures=(), fingerprint="", failed_attempt=None)
         return begun.superseding(self)
 
     def outlasting(self, failed: OutcomeRecord) -> OutcomeRecord:
-        """Return this record as it stands after an attempt to make its result anew has failed."""
+        """Return this record with a failed attempt to make its result anew."""
         attempt = FailedAttempt(
             failed.run_id, failed.started_at, failed.detail, failed.error, failed.transient, failed.attempts
         )
         return replace(self, failed_attempt=attempt)
 
     def superseding(self, earlier: OutcomeRecord | None) -> OutcomeRecord:
-        """Return this record with the history of the one it replaces, at most the latest twenty."""
+        """Return this record with the history of the one it replaces, limited to the latest twenty."""
         if earlier is None:
             return self
         history = earlier.history
@@ -201,7 +200,7 @@ def record_name(stage: Stage, key: str) -> str:
 
 
 def crash_of(name: str) -> str:
-    """Return the key of the crash that a stored file is of, by its name; some other word for a file of no crash.
+    """Return the crash key in a stored file's name; another word if the file belongs to no crash.
 
     >>> crash_of("road_map/2023-319003.rejected.json")
     '2023-319003'
@@ -220,7 +219,10 @@ def record_to_json(record: OutcomeRecord) -> bytes:
 
 
 def record_from_json(data: bytes, *, name: str) -> OutcomeRecord:
-    """Return a stored record; :class:`DamagedFile` if it is not one, or that of another stage or crash."""
+    """Return a stored record.
+
+    Raises :class:`DamagedFile` if it is invalid, or belongs to another stage or crash.
+    """
     try:
         record = _RECORDS.validate_python(check_document(data, name=name))
     except ValidationError as error:
@@ -238,10 +240,10 @@ def now() -> str:
 
 
 def settings_of(section: BaseModel | None) -> dict[str, Any]:
-    """Return a section of settings as provenance holds it: JSON values, without fields on which nothing made depends.
+    """Return a section of settings for provenance, as JSON values, without fields that affect no result.
 
-    Those are the ones that only say how to reach a service, declared with ``json_schema_extra={"provenance": False}``,
-    and the ones that matter only where another field has a certain value, ``{"provenance": {"estimator": "llm"}}``.
+    These are fields that only say how to reach a service, declared with ``json_schema_extra={"provenance": False}``,
+    and fields that matter only for a certain value of another field, ``{"provenance": {"estimator": "llm"}}``.
     """
     if section is None:
         return {}
@@ -256,9 +258,9 @@ def settings_of(section: BaseModel | None) -> dict[str, Any]:
 
 
 def libraries_of(section: BaseModel | None) -> dict[str, str]:
-    """Return versions of the libraries that decide.
+    """Return versions of the libraries that affect results.
 
-    :data:`LIBRARIES`, and the packages of other people's chosen plugins.
+    These are :data:`LIBRARIES` and the packages of chosen third-party plugins.
     """
     plugins = {each.package: each.version for each in chosen_plugins(section) if not each.is_ours}
     return {**_library_versions(), **plugins}
@@ -270,9 +272,9 @@ def _library_versions() -> dict[str, str]:
 
 
 def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
-    """Return the plugins that a section of settings chooses: fields declared with ``json_schema_extra={"plugin".
+    """Return the plugins that a section of settings chooses.
 
-    Kind}``.
+    Their fields are declared with ``json_schema_extra={"plugin": kind}``.
     """
     chosen = []
     for name, info in type(section).model_fields.items() if section is not None else ():
@@ -283,5 +285,5 @@ def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
 
 
 def combine_digests(parts: Mapping[str, str]) -> str:
-    """Return one SHA-256 for several named digests, whatever their order."""
+    """Return one SHA-256 for several named digests, independent of their order."""
     return hashlib.sha256(json.dumps(dict(parts), sort_keys=True).encode()).hexdigest()

@@ -29,7 +29,7 @@ class Signature:
 
 @cache
 def signature_of(reference: str) -> Signature:
-    """Return the signature of ``module:function``, read without importing the module, which may take a second."""
+    """Return the signature of ``module:function``, read from its source; importing could take a second."""
     module, _, name = reference.partition(":")
     spec = importlib.util.find_spec(module)
     for node in ast.parse(Path(spec.origin).read_bytes()).body if spec is not None and spec.origin is not None else ():
@@ -41,7 +41,7 @@ def signature_of(reference: str) -> Signature:
 
 
 def resolve_reference(reference: str) -> Any:
-    """Import and return what ``module:name`` names."""
+    """Import and return the object named ``module:name``."""
     module, _, name = reference.partition(":")
     return getattr(import_module(module), name)
 

@@ -46,7 +46,7 @@ class Column:
             raise ValueError(f"column {self.name}: give either a type or fields")
 
     def arrow_type(self) -> pa.DataType:
-        """Return the Arrow type, nested where ``fields`` or ``repeated`` say so."""
+        """Return the Arrow type, nested for ``fields`` or ``repeated``."""
         import pyarrow as pa
 
         if self.type is None:
@@ -73,7 +73,7 @@ class Column:
         )
 
     def walk(self, prefix: str = "") -> Iterator[tuple[str, Column]]:
-        """Yield this column and the ones below it, each with its dotted path."""
+        """Yield this column and its nested columns, each with its dotted path."""
         path = prefix + self.name
         yield path, self
         for field in self.fields:
@@ -110,11 +110,10 @@ class TableSchema:
 
 
 def table_from_parquet(data: bytes) -> pa.Table:
-    """Return a table of a Parquet file.
+    """Return the table in a Parquet file.
 
-    Raises pyarrow's errors.
-
-    One thread reads it: tables are small, and a short command does not end with Arrow's pools of threads still running.
+    Raises pyarrow's errors. It is read by one thread: tables are small, and Arrow's thread pools would delay the end of
+    a short command.
     """
     import pyarrow.parquet as pq
 

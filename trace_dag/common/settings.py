@@ -1,9 +1,9 @@
 """All settings, in one place, each with its unit, default and where the default comes from.
 
-One section per stage: a stage's provenance holds exactly its own section, so that changing a setting recomputes from
-the stage it belongs to, and from none if it only says how a service is reached or what an estimator not chosen would
-do. Secrets (API keys) are not settings: they are read from the environment where they are used and never stored.
-Does not belong here: the file and the environment that they are read from (:mod:`trace_dag.common.settings_sources`).
+One section per stage: a stage's provenance holds exactly its own section, so that a changed setting recomputes from its
+stage on; a setting of a service or of an estimator that is not chosen recomputes nothing. Secrets (API keys) are not
+settings: they are read from the environment where they are used and never stored. Does not belong here: the file and
+the environment that they are read from (:mod:`trace_dag.common.settings_sources`).
 """
 
 from __future__ import annotations
@@ -234,7 +234,7 @@ class SimSettings(_Section):
 class VerdictSettings(_Section):
     """Judging (stage ``verdict``). Defaults are the paper's thresholds.
 
-    The rule set "strict" rejects for wrong speeds as well, which the paper's does not. "published" is the published
+    The rule set "strict" also rejects for wrong speeds, which the paper's rules do not. "published" is the published
     pipeline's procedure with its own, fixed thresholds, for comparison.
     """
 
@@ -338,7 +338,7 @@ class WarehouseSettings(_Section):
 
 
 class Settings(_Section):
-    """Everything one run is configured by."""
+    """Settings of a run, all sections together."""
 
     crash: CrashSettings = CrashSettings()
     osm: OsmSettings = OsmSettings()

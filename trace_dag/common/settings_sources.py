@@ -27,7 +27,7 @@ _SHOWN = 80  # characters of a value that is wrong
 def load_settings(
     toml: bytes = b"", *, name: str = "settings.toml", overrides: Mapping[str, Any] | None = None
 ) -> Settings:
-    """Return settings from a TOML file's content, the environment over it, and ``overrides`` over both.
+    """Return settings from a TOML file's content, the environment and ``overrides``; later ones win.
 
     ``overrides`` has the shape of the file: ``{"states": {"estimator": "llm"}}``. Raises :class:`UserError` that names
     the setting, the value found and what was expected.
@@ -56,7 +56,7 @@ def _holds(settings: Mapping[str, Any], path: tuple[int | str, ...]) -> bool:
 
 
 def _expected(error: ErrorDetails) -> str:
-    """Return the fault of a value, in words that do not need Python's types."""
+    """Return the expected form of a value, in words without Python's types."""
     if error["type"] == "tuple_type":
         return 'expected a list, such as ["a", "b"] or [1, 2]'
     if error["type"] != "extra_forbidden":
@@ -75,7 +75,7 @@ def _fields(section: Any) -> list[str]:
 
 
 class DescribedSetting(NamedTuple):
-    """A setting as it stands, and where its value comes from: ``default``, the file's name, or ``environment``."""
+    """A setting with its value and the value's source: ``default``, the file's name, or ``environment``."""
 
     section: str
     name: str
@@ -129,7 +129,7 @@ def _from_environment() -> dict[str, Any]:
 
 
 def _misnamed(environment: Mapping[str, str]) -> list[str]:
-    """Return the faults of variables that look like settings; a typing error would go unnoticed."""
+    """Return errors for variables that look like misspelt settings, which would otherwise go unnoticed."""
     wrong = []
     for variable in sorted(environment):
         section, separator, field = variable.upper().removeprefix(_PREFIX).partition("__")

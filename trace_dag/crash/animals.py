@@ -1,6 +1,6 @@
 """The animal of a crash.
 
-FARS tells that a live animal was struck (``SOE`` 11), and nothing else of it: no species, no course, no pace.
+FARS only reports that a live animal was struck (``SOE`` 11), without species, course or pace.
 
 Ridden animals and conveyances that an animal draws (``SOE`` 49) do not belong here: they are not modelled.
 """
@@ -35,10 +35,10 @@ class Pace(StrEnum):
 
 @dataclass(frozen=True)
 class StruckAnimal(NonMotorist):
-    """An animal that a vehicle struck, where a strike otherwise has a person.
+    """An animal that a vehicle struck, in place of the person of other strikes.
 
-    A party outside motor vehicles of which the report says nothing, so that every code is None. ``number`` is that of
-    the event. Its kind and movement are assumptions, see the settings.
+    The report has no details of this party, so every code is None. ``number`` is that of the event. Its kind and
+    movement are assumptions, see the settings.
     """
 
     person_type_code: int = 0

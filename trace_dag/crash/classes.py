@@ -70,7 +70,7 @@ _ROAD_TOPOLOGIES: Final = {
 
 
 def collision_type(man_coll: int | None) -> CollisionType:
-    """Return the class of ``MAN_COLL``; every other code and None are others.
+    """Return the class of ``MAN_COLL``; unlisted codes and None are others.
 
     >>> str(collision_type(6))
     'angle'
@@ -79,9 +79,9 @@ def collision_type(man_coll: int | None) -> CollisionType:
 
 
 def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopology:
-    """Return the class of ``TYP_INT``; every other code and None are others.
+    """Return the class of ``TYP_INT``; unlisted codes and None are others.
 
-    If ``TYP_INT`` is not known, a ``RELJCT2`` away from intersections says that the crash was at none.
+    If ``TYP_INT`` is unknown, a ``RELJCT2`` away from intersections means that the crash was at none.
 
     >>> str(road_topology(2)), str(road_topology(None, reljct2=1))
     ('four_way', 'not_an_intersection')

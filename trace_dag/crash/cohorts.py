@@ -26,8 +26,8 @@ Box: TypeAlias = tuple[float, float, float, float]
 class CohortFilter:
     """Conditions for choosing a crash; an empty field takes everything.
 
-    A crash whose source does not say what a field asks for is not chosen by it. ``counties`` and ``cities`` are
-    FARS codes or parts of names, in any case.
+    A field leaves out a crash whose source lacks the value. ``counties`` and ``cities`` are FARS codes or parts of
+    names, in any case.
     """
 
     kinds: frozenset[CrashKind] = frozenset()
@@ -53,7 +53,7 @@ class CohortFilter:
             raise UserError(f"at least {low} and at most {high} vehicles leave no crash")
 
     def admits(self, crash: CrashListing) -> bool:
-        """Return whether the crash is what the filter asks for."""
+        """Return whether the crash satisfies all fields of the filter."""
         return (
             _one_of(crash.kind, self.kinds)
             and _one_of(crash.state_code, self.states)

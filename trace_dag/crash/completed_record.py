@@ -1,7 +1,7 @@
-"""A record as its source read it, completed by what its fields imply of each other, whatever register it is of.
+"""A record of any register, completed by the values that its fields imply.
 
-Belongs here: the order in which that is done. The rules are those of :mod:`trace_dag.crash.derive`; every implied value
-is marked.
+Belongs here: the order of the steps. The rules are those of :mod:`trace_dag.crash.derive`; every implied value is
+marked.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def complete_record(record: CrashRecord) -> CrashRecord:
 
 
 def drop_headings(record: CrashRecord) -> CrashRecord:
-    """Return the record without directions of travel and all that they imply, as of a register that lacks them.
+    """Return the record without directions of travel and the values they imply, like a register that lacks them.
 
     >>> drop_headings(record) == record  # FARS has none
     True

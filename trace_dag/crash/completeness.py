@@ -1,9 +1,9 @@
 """Rules that a record must satisfy to be reconstructed: one table, each rule with its reason to reject.
 
-The rules are the paper's (TRACE, FSE Companion '26): a report is usable if it tells the place of the crash, the
-topology of the road there and the trajectories of the vehicles. Any field may tell it, and values implied by other
-fields count. A report without a position is rejected earlier, while it is read, because every record has a place.
-Filters of a cohort come from the settings; a caller may pass further rules to :func:`check`.
+The rules are the paper's (TRACE, FSE Companion '26): a report is usable if it has the place of the crash, the topology
+of the road there and the trajectories of the vehicles. Any field may report them, and values implied by other fields
+count. A report without a position is rejected earlier, while it is read, because every record has a place. Filters of a
+cohort come from the settings; a caller may pass further rules to :func:`check`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _DIRECTED_MANNERS: Final = frozenset({1, 2, 7, 8, 10})
 
 @dataclass(frozen=True)
 class Rule:
-    """One rule: ``shortcoming`` returns what the record lacks, as the sentence of the rejection, or None."""
+    """One rule: ``shortcoming`` returns the sentence of the rejection if the record breaks it, else None."""
 
     name: str
     reason: Reason
@@ -56,10 +56,10 @@ class Rule:
 
 
 def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rule] = ()) -> None:
-    """Raise :class:`Rejection` with the first rule that a record falls short of.
+    """Raise :class:`Rejection` with the first rule that a record breaks.
 
-    The cohort's filters come first, then the kind of crash, then completeness: a crash that nobody wants or nobody can
-    model is named as such, complete or not.
+    The cohort's filters come first, then the kind of crash, then completeness, so that an unwanted crash, or a kind
+    that is not modelled, is named as such whether complete or not.
 
     >>> check(record, CrashSettings())
     >>> check(record, CrashSettings(vehicles=3))
@@ -83,7 +83,7 @@ def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule,
 
 
 def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
-    """Return the cohort filters that settings ask for.
+    """Return the cohort filters of the settings.
 
     Raises :class:`UserError` for an unknown kind of crash, and for an element that records do not have.
 
@@ -98,9 +98,8 @@ def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
 def _element_among(element: str, codes: Collection[int]) -> Rule:
     """Return the rule that a FARS element, such as ``LGT_COND``, has one of these codes.
 
-    The crash's, or every vehicle's in transport.
-
-    A crash that does not report the element is left out. Raises :class:`UserError` for an element no record holds.
+    The element is that of the crash or of every vehicle in transport. The rule leaves out a crash that does not report
+    it. Raises :class:`UserError` for an element that records do not have.
     """
     of_crash, of_vehicle = _coded_columns(CRASH_RECORD.columns), _coded_columns(VEHICLE_COLUMNS)
     if element not in of_crash and element not in of_vehicle:
@@ -121,13 +120,13 @@ def _element_among(element: str, codes: Collection[int]) -> Rule:
 
 
 def _coded_columns(columns: Iterable[Column]) -> dict[str, str]:
-    """Return names of the columns that hold a code or count as reported, by the FARS elements they come from."""
+    """Return the names of columns that hold a code, by the FARS elements from which they come."""
     coded = [column for column in columns if column.type is ColumnType.INTEGER and not column.repeated]
     return {element: column.name for column in coded for element in column.source.split(", ") if element}
 
 
 def _of_kinds(names: Collection[str]) -> Rule:
-    """Return the rule that a crash is of one of these kinds.
+    """Return the rule that a crash is one of these kinds.
 
     Raises :class:`UserError` for an unknown name.
     """
@@ -162,9 +161,9 @@ def _number_of_vehicles(wanted: int) -> Rule:
 
 
 def _trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
-    """Return whether any field tells how the vehicle came to the crash: its own, its partner's, or the crash's.
+    """Return whether a field of the vehicle, its partner or the crash gives the vehicle's course.
 
-    One that stood or was struck from behind needs no field of its own: it stood, or was ahead of its partner.
+    A vehicle that stood or was struck from behind needs no field of its own: it stood, or was ahead of its partner.
     """
     return (
         vehicle.movement not in (*UNSAID_MOVEMENTS, PreCrashMovement.NO_DRIVER)
@@ -185,7 +184,7 @@ def _trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: Vehi
 
 
 def _front_into_side(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord) -> bool:
-    """Return whether an angle crash (``MAN_COLL`` 6) is of a front and a side: their ways crossed, or one turned."""
+    """Return whether an angle crash (``MAN_COLL`` 6) joins a front and a side: paths crossed, or one vehicle turned."""
     areas = (vehicle.impact, partner.impact)
     fronts = [area is not None and is_near(area, _FRONT_H) for area in areas]
     return record.manner_of_collision_code == _ANGLE and None not in areas and any(fronts)
@@ -198,7 +197,7 @@ def _struck_from_behind(vehicle: VehicleRecord, partner: VehicleRecord | None) -
 
 
 def _location(record: CrashRecord) -> str | None:
-    """Check that a report of a US state lies there; a register that names none can be of anywhere."""
+    """Check that a report of a US state lies in the US; a register without a state may lie anywhere."""
     low, high = US_LATITUDE_DEG
     west, east = US_LONGITUDE_DEG
     if record.state_code is None or (low <= record.latitude_deg <= high and west <= record.longitude_deg <= east):
@@ -224,7 +223,7 @@ def _topology(record: CrashRecord) -> str | None:
 
 
 def _trajectory(record: CrashRecord) -> str | None:
-    """Check the course of each vehicle to the first event, and the person whom it struck."""
+    """Check the courses of the vehicles before the first event, and the person struck in it."""
     sequence = event_sequence(record)
     if isinstance(sequence, Missing):
         return _course_of(record, [vehicle for vehicle in record.vehicles if vehicle.in_transport])
@@ -265,7 +264,7 @@ def _place_of_person(record: CrashRecord, strike: CrashEvent) -> str | None:
 
 
 def _course_of(record: CrashRecord, vehicles: Sequence[VehicleRecord]) -> str | None:
-    """Check that every vehicle's course is reported, by its own fields or those of the other one."""
+    """Check that every vehicle's course is reported, by its own fields or those of its partner."""
     for index, vehicle in enumerate(vehicles):
         partner = vehicles[1 - index] if len(vehicles) == 2 else None
         if not _trajectory_known(record, vehicle, partner):
@@ -291,12 +290,10 @@ def _movement(movement: PreCrashMovement) -> str:
 
 
 def _impact(record: CrashRecord) -> str | None:
-    """Check that there is an area of impact on a side of a body (not the top, not the undercarriage).
+    """Check that there is an area of impact on a side of a body (not the top or undercarriage).
 
-    Without one, anything simulated would agree with the report.
-
-    A departure from the road is judged by its place, too. A crash of a register that has no areas at all is judged
-    without, and is never corroborated.
+    Without one, any simulation would agree with the report. A departure from the road is also judged by its place. A
+    crash of a register without areas is judged without them, and is never corroborated.
     """
     if "impact" in record.register_lacks:
         return None

@@ -20,7 +20,7 @@ def is_dark(record: CrashRecord) -> bool:
 
 
 def conditions_in_words(record: CrashRecord) -> str:
-    """Return the light and weather, what the report says of them: "in daylight, rain"; empty where it says nothing.
+    """Return the reported light and weather, such as "in daylight, rain"; empty if neither is reported.
 
     >>> conditions_in_words(record)
     'in the dark on a lit road, clear weather'

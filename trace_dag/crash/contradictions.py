@@ -75,7 +75,7 @@ def contradictions_of(record: CrashRecord) -> tuple[str, ...]:
 
 
 def name_contradictions(record: CrashRecord) -> Iterator[tuple[str, str]]:
-    """Yield every disagreement found: what it is about, in a word or two that stay the same, and its sentence.
+    """Yield every contradiction: its subject, in one or two fixed words, and its sentence.
 
     >>> list(name_contradictions(record))
     []
@@ -214,9 +214,10 @@ def _first_event(record: CrashRecord) -> Iterator[str]:
 
 
 def _pair_of_crash_types(record: CrashRecord) -> Iterator[str]:
-    """Yield crash types that do not come in configurations of two.
+    """Yield a sentence if the two crash types do not form a configuration.
 
-    A vehicle that turns across a path has type 68, the vehicle on that path 69."""
+    A vehicle that turns across a path has type 68, the vehicle on that path 69.
+    """
     if record.colliding_vehicles is None:
         return
     one, two = (vehicle.crash_type_code for vehicle in record.colliding_vehicles)
@@ -239,10 +240,11 @@ def _single_driver(record: CrashRecord) -> Iterator[str]:
 
 
 def _second_street(record: CrashRecord) -> Iterator[str]:
-    """Yield a ``TWAY_ID2`` given away from intersections.
+    """Yield a sentence if a ``TWAY_ID2`` is given away from intersections.
 
-    It occurs in 99.8 % of the two-vehicle crashes of 2015 at intersections, and in 1.4 % of the ones away from any
-    junction."""
+    It occurs in 99.8 % of the two-vehicle crashes of 2015 at intersections, and in 1.4 % of those away from any
+    junction.
+    """
     intersection, junction = TYP_INT.known(record.intersection_type_code), record.junction_relation_code
     if intersection is None or not record.trafficway_1:
         return
@@ -253,11 +255,12 @@ def _second_street(record: CrashRecord) -> Iterator[str]:
 
 
 def _route(record: CrashRecord) -> Iterator[str]:
-    """Yield a road's number that contradicts its system (``ROUTE``) or its class (``FUNC_SYS``).
+    """Yield a sentence if a road's number contradicts its system (``ROUTE``) or class (``FUNC_SYS``).
 
-    In two-vehicle crashes of 2015 with ``TWAY_ID`` an interstate, US or state route, ``ROUTE`` names another system
-    in 0.5 to 2 %; 98.7 % of those on interstates by class are so by name, and 0.4 % of those on US routes are on
-    minor collectors or local roads."""
+    In two-vehicle crashes of 2015 with an interstate, US or state route as ``TWAY_ID``, ``ROUTE`` names another system
+    in 0.5 to 2 %. Those on interstates by name are so by class in 98.7 %; those on US routes are in 0.4 % on minor
+    collectors or local roads.
+    """
     if _RAMP.search(record.trafficway_1):
         return  # it bears the number of the road it leads to, and is signed by whoever keeps it
     systems = {match["system"].upper()[0] for match in _NUMBERED.finditer(record.trafficway_1)}
@@ -307,12 +310,11 @@ def _damage_against_impact(record: CrashRecord) -> Iterator[str]:
 
 
 def _impact_against_course(record: CrashRecord) -> Iterator[str]:
-    """Return the contradiction of an impact with the courses.
+    """Yield a sentence if the areas of impact contradict the courses.
 
-    A vehicle that turns across or into a path shows one of its sides.
-
-    Whatever the two had ahead of them or on that side may be struck; and where courses cross, one of the two meets
-    the other with its front or is struck from behind: two sides do not meet.
+    A vehicle that turns across or into a path shows one of its sides. Each vehicle can be struck on its front or on the
+    side toward the other. If courses cross, one of the two has a front impact or is struck from behind: two sides do
+    not meet.
     """
     pair = record.colliding_vehicles
     for vehicle in pair or ():
@@ -337,9 +339,9 @@ def _is_squarely_on_a_side(area: ImpactArea) -> bool:
 
 
 def _strikes(record: CrashRecord) -> Iterator[str]:
-    """Yield persons whom a listed vehicle struck by ``STR_VEH``, but by none of the events.
+    """Yield a sentence for each person whom a vehicle struck by ``STR_VEH``, but in no event.
 
-    The codes of all events are known.
+    This needs the codes of all events.
     """
     kinds = {event.kind for event in record.events}
     strikes = [event for event in record.events if event.kind is EventKind.PERSON_STRUCK]

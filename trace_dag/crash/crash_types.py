@@ -55,12 +55,12 @@ class Side(StrEnum):
 class CrashType:
     """One row of the table. ``None`` where the diagram does not say.
 
-    ``turn``: what this vehicle does; ``other_from``: the side the other vehicle comes from (crossing) or travels on
+    ``turn``: the turn of this vehicle; ``other_from``: the side the other vehicle comes from (crossing) or travels on
     (same direction); ``stopped``, ``backing``: this vehicle's motion. ``trajectory``: the manual's category of the
-    configuration; ``single_driver``: no other vehicle's course played a part, and ``departure`` is the side on which
-    this one left the road. ``movement``: the value of ``P_CRASH1`` that goes with it; ``impact_code``: the one of
-    ``IMPACT1``; ``shows``: the side this vehicle shows the other one on its way across or into its path.
-    ``counterpart``: the ``ACC_TYPE`` of the other vehicle, the first of several.
+    configuration; ``single_driver``: no other vehicle's course is involved, and ``departure`` is the side on which this
+    vehicle left the road. ``movement`` and ``impact_code``: the matching values of ``P_CRASH1`` and ``IMPACT1``;
+    ``shows``: the side this vehicle shows the other one on its way across or into its path. ``counterpart``: the
+    ``ACC_TYPE`` of the other vehicle, the first of several.
     """
 
     relation: Relation | None = None
@@ -79,17 +79,17 @@ class CrashType:
 
     @property
     def of_two(self) -> bool:
-        """Return whether it is the configuration of two vehicles, the other one of which need not be known."""
+        """Return whether this is a configuration of two vehicles; the other one may be unknown."""
         return self.relation is not None or self.counterpart is not None
 
     @property
     def needs_junction(self) -> bool:
-        """Return whether a vehicle changed trafficway or two crossed, which takes a junction or driveway."""
+        """Return whether the configuration needs a junction or driveway, because a vehicle turned or two crossed."""
         return self.trajectory in (VehicleTrajectory.TURNING, VehicleTrajectory.INTERSECTING)
 
     @property
     def turned_across(self) -> Turn | None:
-        """Return the turn across or into the other's path; a vehicle struck from behind while it turns makes none."""
+        """Return the turn across or into the other's path; None for a vehicle struck from behind while turning."""
         return self.turn if self.role is EncounterRole.ENCROACHING else None
 
 
@@ -104,7 +104,7 @@ _TURN_OF_MOVEMENT: Final = {movement: turn for turn, movement in _MOVEMENT_OF_TU
 
 
 def _table() -> dict[int, CrashType]:
-    """Return the table by ``ACC_TYPE``; the letters are the manual's configurations."""
+    """Return the table by ``ACC_TYPE``; letters in comments are the manual's configurations."""
     table = {code: CrashType() for code in (0, 98, 99)}
     for code in range(1, 17):  # A to C, single driver
         departure = Side.RIGHT if code <= 5 else Side.LEFT if code <= 10 else None
@@ -161,9 +161,10 @@ def _opposite_direction() -> dict[int, CrashType]:
 
 
 def _forward_impacts(first: int, row: Callable[..., CrashType]) -> dict[int, CrashType]:
-    """Return configurations E and H: out of control or avoiding something, into the other one's path.
+    """Return configurations E and H: out of control or avoiding something, into the other's path.
 
-    The other vehicle is not coded."""
+    The other vehicle's type is not coded.
+    """
     table: dict[int, CrashType] = {}
     for code in range(first, first + 8, 2):
         table[code] = row(role=EncounterRole.ENCROACHING, movement=_STRAIGHT)
@@ -227,7 +228,7 @@ _ACROSS: Final = frozenset({68, 69})  # the two types of which the side that tra
 
 
 def _across_from_the_left(kind: CrashType) -> CrashType:
-    """Return a type of a turn across oncoming traffic, where that keeps left: a turn to the right."""
+    """Return a type of a turn across oncoming traffic for left-hand traffic: a turn to the right."""
     turn = None if kind.turn is None else Turn.RIGHT
     shows = None if kind.shows is None else opposite_side(kind.shows)
     return replace(kind, turn=turn, shows=shows, movement=kind.movement if turn is None else _MOVEMENT_OF_TURN[turn])
@@ -238,7 +239,7 @@ _UNKNOWN: Final = CrashType()
 
 
 def crash_type(acc_type: int | None) -> CrashType:
-    """Return the row of the table for an ``ACC_TYPE``; one that says nothing for unknown ones and None.
+    """Return the row of the table for an ``ACC_TYPE``; an empty row for unknown types and None.
 
     >>> crash_type(69).counterpart, crash_type(69).movement.name
     (68, 'GOING_STRAIGHT')
@@ -247,7 +248,7 @@ def crash_type(acc_type: int | None) -> CrashType:
 
 
 def crash_type_of(vehicle: VehicleRecord) -> CrashType:
-    """Return the row of the table for a vehicle; one that says nothing where its type is unknown.
+    """Return the row of the table for a vehicle; an empty row if its type is unknown.
 
     >>> crash_type_of(record.vehicles[0]).turn.value  # ACC_TYPE 68: turns across the path of an oncoming vehicle
     'left'
@@ -257,7 +258,7 @@ def crash_type_of(vehicle: VehicleRecord) -> CrashType:
 
 
 def turn_of(vehicle: VehicleRecord) -> Turn | None:
-    """Return the turn a vehicle made: by its movement, else by its crash type.
+    """Return the turn of a vehicle, from its movement or else from its crash type.
 
     >>> turn_of(record.vehicles[0]).value  # P_CRASH1 11: turning left
     'left'
@@ -268,8 +269,8 @@ def turn_of(vehicle: VehicleRecord) -> Turn | None:
 def vehicle_trajectory(acc_types: Sequence[int | None]) -> VehicleTrajectory:
     """Return the class of a crash from the ``ACC_TYPE`` of the vehicles that collided, first party first.
 
-    A vehicle whose type says nothing about a pair (others) does not outvote one whose type does; of two types that
-    name different classes the first party's holds. :func:`trajectories_disagree` tells when that was so.
+    A vehicle with a type of a pair outweighs one without. If two types name different classes, that of the first party
+    counts; :func:`trajectories_disagree` reports this case.
 
     >>> str(vehicle_trajectory([98, 86]))  # other, and straight paths that intersect
     'intersecting'
@@ -304,7 +305,7 @@ class CriticalEvent:
 
 
 def critical_event(code: int | None) -> CriticalEvent:
-    """Return the meaning of ``P_CRASH2``; everything unknown for codes that do not concern two vehicles' approach.
+    """Return the meaning of ``P_CRASH2``; all unknown for codes that do not concern two vehicles.
 
     >>> critical_event(62).own, str(critical_event(62).relation)  # the other one came from the opposite direction
     (False, 'opposite_direction')
@@ -333,7 +334,7 @@ def critical_event(code: int | None) -> CriticalEvent:
 
 
 def opposite_side(side: Side) -> Side:
-    """Return the other side.
+    """Return the opposite side.
 
     >>> opposite_side(Side.LEFT).value
     'right'

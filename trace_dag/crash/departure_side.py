@@ -45,7 +45,7 @@ _END_OF_ROAD: Final = 14  # ACC_TYPE
 
 
 def side_after(code: int, *, keeps_left: bool) -> DepartureSide:
-    """Return the side of :data:`SIDE_AFTER_EVENT`; of the road's middle it is the other one where traffic keeps left.
+    """Return the side of :data:`SIDE_AFTER_EVENT`; for the road's middle the opposite one in left-hand traffic.
 
     >>> side_after(68, keeps_left=True).value  # SOE: crossed the centreline
     'right'
@@ -54,7 +54,7 @@ def side_after(code: int, *, keeps_left: bool) -> DepartureSide:
 
 
 def departs_at_end(vehicle: VehicleRecord) -> bool:
-    """Return whether a vehicle drove on where its road ended, by its crash type or critical event.
+    """Return whether a vehicle drove off the end of its road, by its crash type or critical event.
 
     >>> from dataclasses import replace
     >>> car = tree_record.vehicles[0]
@@ -65,9 +65,9 @@ def departs_at_end(vehicle: VehicleRecord) -> bool:
 
 
 def departure_side(vehicle: VehicleRecord, by_event: DepartureSide | None) -> DepartureSide | None:
-    """Return the side on which a vehicle left the road before its first harmful event; None where nothing reports it.
+    """Return the side on which a vehicle left the road before its first harmful event, or None if not reported.
 
-    ``by_event``: as its events say it.
+    ``by_event`` is the side given by its events.
 
     >>> str(departure_side(tree_record.vehicles[0], None))  # ACC_TYPE 1
     'right'

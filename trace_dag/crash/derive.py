@@ -1,4 +1,4 @@
-"""Fills in what a report leaves out from what its other fields imply: areas of impact, movements, crash types.
+"""Values that the fields of a report imply for missing ones: areas of impact, movements, crash types.
 
 Rules follow the FARS/CRSS Coding and Validation Manual's definitions of ``ACC_TYPE``, ``P_CRASH1``, ``P_CRASH2`` and
 ``IMPACT1``. The caller marks every implied value as such.
@@ -42,7 +42,7 @@ _SIDE_AREAS: Final[Mapping[int, tuple[float, float]]] = {
 
 
 def impact_area(code: int | None) -> ImpactArea | None:
-    """Return the area of the body a code of ``IMPACT1`` or ``AOI`` names, None for codes that name no side of it.
+    """Return the area of the body for a code of ``IMPACT1`` or ``AOI``, None for codes without a side.
 
     >>> impact_area(3).clock_h, impact_area(13)  # 3 o'clock; 13 is the top
     (3.0, None)
@@ -64,7 +64,7 @@ _CRASH_TYPE_UNKNOWN: Final = 99
 
 
 def add_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]) -> tuple[VehicleRecord, ...]:
-    """Return the vehicles, the one of a pair without ``ACC_TYPE`` with the type its partner's implies, marked.
+    """Return the vehicles; one of a pair without ``ACC_TYPE`` gets the type its partner implies, marked.
 
     >>> silent = replace(record.vehicles[0], crash_type_code=None)
     >>> car, motorcycle = add_crash_types([silent, record.vehicles[1]], record.events)
@@ -85,7 +85,7 @@ def add_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRec
 
 
 def in_one_configuration(one: int | None, other: int | None) -> bool:
-    """Return whether two ``ACC_TYPE`` are the two sides of one configuration, such as 20 and 21.
+    """Return whether two ``ACC_TYPE`` form one configuration, such as 20 and 21.
 
     >>> in_one_configuration(20, 21), in_one_configuration(20, 50)
     (True, False)
@@ -143,7 +143,7 @@ UNSAID_MOVEMENTS: Final = frozenset({PreCrashMovement.OTHER, PreCrashMovement.UN
 
 
 def implied_movement(vehicle: VehicleRecord) -> PreCrashMovement | None:
-    """Return the movement that ``ACC_TYPE``, else ``P_CRASH2``, else a speed of zero says, None if none of them does.
+    """Return the movement implied by ``ACC_TYPE``, else by ``P_CRASH2``, else by a speed of zero; None without them.
 
     >>> implied_movement(record.vehicles[0]).name  # ACC_TYPE 68
     'TURNING_LEFT'
@@ -159,11 +159,11 @@ def implied_movement(vehicle: VehicleRecord) -> PreCrashMovement | None:
 
 
 def movement_of_crash(record: CrashRecord, vehicle: VehicleRecord) -> PreCrashMovement | None:
-    """Return the movement that other fields of the crash imply for a vehicle; None if they imply none.
+    """Return the movement that other fields of the crash imply for a vehicle, or None.
 
-    The typing of a person that it strikes names its manoeuvre (``MOTMAN``, ``PEDCGP``, ``BIKECGP``). A
-    vehicle goes straight on that strikes a person with its front away from intersections, or after another vehicle did,
-    that meets one that has crossed the centreline, or that is too fast to turn.
+    The typing of the person that it strikes names its manoeuvre (``MOTMAN``, ``PEDCGP``, ``BIKECGP``). A vehicle goes
+    straight if it strikes a person with its front away from intersections, strikes one after another vehicle did, meets
+    a vehicle that has crossed the centreline, or is too fast to turn.
 
     >>> silent = replace(pedestrian_record.vehicles[0], movement=PreCrashMovement.UNKNOWN)
     >>> movement_of_crash(pedestrian_record, silent).name
@@ -199,7 +199,7 @@ _FRONT_TO_REAR, _FRONT_TO_FRONT, _REAR_TO_REAR = 1, 2, 10
 
 
 def _implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) -> ImpactArea | None:
-    """Return the area that ``MAN_COLL`` says was struck, given that of the other vehicle."""
+    """Return the area that ``MAN_COLL`` implies for a vehicle, given the other vehicle's area."""
     if man_coll == _FRONT_TO_FRONT:
         return impact_area(_FRONT)
     if man_coll == _REAR_TO_REAR:
@@ -213,7 +213,7 @@ def _implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) 
 
 
 def implied_impact_of_damage(damaged_areas: Sequence[int]) -> ImpactArea | None:
-    """Return the middle of the damaged clock positions, if they lie together; its interval covers them all.
+    """Return the mean of the damaged clock positions with an interval that covers them; None if they are spread.
 
     >>> implied_impact_of_damage([11, 12, 1]).code
     12
@@ -236,7 +236,7 @@ _DAMAGE_CONCENTRATION: Final = 0.7
 
 
 def is_near(area: ImpactArea, clock_h: float, tolerance_h: float = SAME_AREA_H) -> bool:
-    """Return whether a clock position lies in an area, or no more than ``tolerance_h`` from its centre.
+    """Return whether a clock position lies in an area, or within ``tolerance_h`` of its centre.
 
     >>> struck = record.vehicles[0].impact  # at 3 o'clock
     >>> is_near(struck, 4.0), is_near(struck, 6.0)
@@ -249,10 +249,10 @@ def is_near(area: ImpactArea, clock_h: float, tolerance_h: float = SAME_AREA_H) 
 def add_impacts(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
 ) -> tuple[VehicleRecord, ...]:
-    """Return the vehicles with ``impact`` set as far as any field says it, marked as implied unless ``IMPACT1`` does.
+    """Return the vehicles with ``impact`` from any field that gives it, marked as implied unless from ``IMPACT1``.
 
-    ``IMPACT1`` is the vehicle's first impact with anything. A vehicle that struck something else before it collided
-    with the other vehicle has its collision's area in the event, and that is the one a reconstruction needs.
+    ``IMPACT1`` is the vehicle's first impact with anything. If a vehicle struck something else before its collision
+    with the other vehicle, the event has the area of the collision, and a reconstruction needs that one.
 
     >>> silent = [replace(vehicle, impact=None, initial_impact_code=None) for vehicle in record.vehicles]
     >>> [vehicle.impact.clock_h for vehicle in add_impacts(silent, record.events, 6)]  # by the event's areas
@@ -300,7 +300,7 @@ def area_in(event: EventRecord, number: int) -> ImpactArea | None:
 
 
 def _harmful_before(number: int, events: Sequence[EventRecord], collision: EventRecord | None) -> bool:
-    """Return whether the vehicle met something else that did harm, before ``collision`` or, if None, at all."""
+    """Return whether the vehicle had another harmful event before ``collision``, or at all if that is None."""
     for event in events:
         if event is collision:
             return False
@@ -323,7 +323,7 @@ CORNER_H: Final = 2.0
 
 
 def agrees_with_manner(man_coll: int | None, one: ImpactArea | None, other: ImpactArea | None) -> bool | None:
-    """Return whether ``MAN_COLL`` lets these areas meet, None where it says nothing of them or an area is not known."""
+    """Return whether ``MAN_COLL`` allows these areas to meet, or None if it or an area is unknown."""
     needs = _MANNERS.get(man_coll or 0)
     return None if needs is None or one is None or other is None else needs(one, other) or needs(other, one)
 

@@ -32,7 +32,7 @@ _NAMES: Final = {
 
 @dataclass(frozen=True)
 class EventParties:
-    """The events with what they struck; what is ``implied`` for the crash; what disagrees, and what stays open."""
+    """The events with the parties struck, the ``implied`` values, the contradictions and the open questions."""
 
     events: tuple[EventRecord, ...]
     implied: tuple[str, ...] = ()
@@ -95,7 +95,7 @@ def _of_kind(event: EventRecord, persons: Sequence[NonMotorist]) -> list[NonMoto
 
 
 def _possible(event: EventRecord, of_kind: list[NonMotorist], strikes: Sequence[EventRecord]) -> list[NonMotorist]:
-    """Return the persons that this strike can have hit: those of the vehicle by ``STR_VEH``, else any."""
+    """Return the persons that this strike can have hit: those with its vehicle as ``STR_VEH``, or else any."""
     if len(of_kind) == 1:
         return of_kind
     own = [person for person in of_kind if person.striking_vehicle == event.party_1]

@@ -3,9 +3,9 @@
 Estimators plan them, simulations show them and verdicts judge them.
 
 It begins with the first harmful event (``HARM_EV``). Events that follow at once between the same two parties belong to
-the one before: the two are still against each other, or the vehicle runs over whom it has struck. Tables before 2016
-often list no events, and no persons: then the first harmful event tells what the only vehicle struck. Nothing is
-guessed about several vehicles or persons: what is left open is :class:`Missing`, in words.
+the one before: the two are still in contact, or the vehicle runs over the person it has struck. Tables before 2016
+often list no events and no persons; then the first harmful event says what the only vehicle struck. Nothing is guessed
+for several vehicles or persons: an open question is a :class:`Missing` with a sentence.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ Partner: TypeAlias = VehicleRecord | NonMotorist | None
 class CrashEvent:
     """A harmful event that can be simulated.
 
-    ``vehicle`` touches ``partner``: another vehicle, a person or an animal; None where it strikes an object or
-    overturns. ``area`` and ``partner_area`` are where they touch, None where not known. ``side`` is where the vehicle
-    left the road before, by the event ``departure``; None where no event says it. ``going_on`` are the numbers of the
-    events that follow at once between the same two.
+    ``vehicle`` touches ``partner``: another vehicle, a person or an animal, or None if it strikes an object or
+    overturns. ``area`` and ``partner_area`` are the areas in contact, None if unknown. ``side`` is the side on which
+    the vehicle left the road before, by the event ``departure``; None if no event reports it. ``going_on`` has the
+    numbers of the events that follow at once between the same parties.
     """
 
     number: int
@@ -64,7 +64,7 @@ class CrashEvent:
 
     @property
     def party(self) -> int:
-        """Return the number of the second party: that of the vehicle itself where it overturns."""
+        """Return the number of the second party; the vehicle's own if it overturns."""
         if self.kind is EventKind.OBJECT_STRUCK:
             return thing_party(self.number)
         if isinstance(self.partner, VehicleRecord):
@@ -73,7 +73,7 @@ class CrashEvent:
 
     @property
     def pair(self) -> tuple[int, int]:
-        """Return numbers of both parties, the lower one first; an object's is 2000 and the event's."""
+        """Return the numbers of both parties, the lower one first; an object has 2000 plus the event's number."""
         one, two = sorted((self.vehicle.number, self.party))
         return one, two
 
@@ -84,7 +84,7 @@ class CrashEvent:
 
     @property
     def person(self) -> NonMotorist:
-        """Return the person whom the vehicle strikes.
+        """Return the person that the vehicle strikes.
 
         Raises ``TypeError`` for an event of another kind.
         """
@@ -94,7 +94,7 @@ class CrashEvent:
 
     @property
     def vehicles(self) -> tuple[VehicleRecord, ...]:
-        """Return the vehicles that take part, each struck where this event says."""
+        """Return the vehicles of the event, each with the area of impact in this event."""
         own = replace(self.vehicle, impact=self.area)
         return (
             (own, replace(self.partner, impact=self.partner_area))
@@ -103,9 +103,9 @@ class CrashEvent:
         )
 
     def as_struck(self, number: int) -> VehicleRecord:
-        """Return a vehicle that takes part, struck where this event says.
+        """Return a vehicle of the event with the area of impact in this event.
 
-        Raises ``KeyError`` for one that does not.
+        Raises ``KeyError`` for any other vehicle.
         """
         for vehicle in self.vehicles:
             if vehicle.number == number:
@@ -128,9 +128,8 @@ class CrashEvent:
 class EventSequence:
     """The harmful events of a crash that can be simulated, in order, at least one.
 
-    ``not_modelled`` are the harmful events that no simulation here can have, ``unclear`` those whose parties the report
-    does not tell, by number and each with why. ``order_known`` is False where the report does not say in which order
-    the contacts came.
+    ``not_modelled`` are harmful events that cannot be simulated, ``unclear`` those whose parties are not reported, by
+    number with the reason. ``order_known`` is False if the order of the contacts is not reported.
     """
 
     events: tuple[CrashEvent, ...]
@@ -145,30 +144,30 @@ class EventSequence:
 
     @property
     def contacts(self) -> tuple[CrashEvent, ...]:
-        """Return the events in which vehicles touch each other, people or animals."""
+        """Return the contacts of vehicles with vehicles, people or animals."""
         return tuple(event for event in self.events if event.is_contact)
 
     def has(self, number: int) -> bool:
-        """Return whether an event of the report belongs to the sequence, as its own event, part of one, or left out."""
+        """Return whether an event of the report is in the sequence: as an event, as part of one, or as left out."""
         beyond = (event.number for event in self.not_modelled)
         own = (each for event in self.events for each in (event.number, *event.going_on))
         return number in {*own, *beyond, *self.unclear}
 
     def goes_on_with(self, number: int) -> CrashEvent | None:
-        """Return the event to which the report's event of a number belongs; None for one of its own."""
+        """Return the event that continues in the report's event of this number, or None."""
         return next((event for event in self.events if number in event.going_on), None)
 
 
 @dataclass(frozen=True)
 class Missing:
-    """A part of a crash's sequence that is not reported or cannot be simulated, as a sentence."""
+    """A part of the sequence that is not reported or cannot be simulated, with a sentence."""
 
     reason: Reason
     sentence: str
 
 
 def event_sequence(record: CrashRecord) -> EventSequence | Missing:
-    """Return the sequence of a crash, or what of it is missing.
+    """Return the sequence of a crash, or the part of it that is missing.
 
     >>> sequence = event_sequence(queue_record)
     >>> [(event.kind.value, event.pair) for event in sequence.events]
@@ -193,7 +192,7 @@ def event_sequence(record: CrashRecord) -> EventSequence | Missing:
 
 
 def sequence_of(record: CrashRecord) -> EventSequence:
-    """Return the sequence of a crash whose record was checked; ``ValueError`` where something is missing.
+    """Return the sequence of a crash whose record was checked; raise ``ValueError`` if a part is missing.
 
     >>> sequence_of(tree_record).first.side.value  # it leaves the road to the right before it strikes a tree
     'right'
@@ -205,7 +204,7 @@ def sequence_of(record: CrashRecord) -> EventSequence:
 
 
 def first_event_kind(record: CrashRecord) -> EventKind | None:
-    """Return the kind of the first harmful event; None where something is missing.
+    """Return the kind of the first harmful event, or None if a part of the sequence is missing.
 
     >>> str(first_event_kind(pedestrian_record))
     'person_struck'
@@ -216,9 +215,10 @@ def first_event_kind(record: CrashRecord) -> EventKind | None:
 
 # --- which events ----------------------------------------------------------------------------------------------------
 def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord] | Missing:
-    """Return the harmful events from the first one on: that of ``HARM_EV`` where there is one.
+    """Return the harmful events from that of ``HARM_EV`` on, or from the first one.
 
-    Return the implied event if the report lists none."""
+    If the report lists none, return the implied event.
+    """
     harmful = [event for event in record.events if event.is_harmful]
     code = record.first_harmful_event_code
     first = next((place for place, event in enumerate(harmful) if event.code == code), 0)
@@ -227,7 +227,7 @@ def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord] | Missing:
 
 
 def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord] | Missing:
-    """Return the event that the first harmful event's code implies where the crash has one vehicle."""
+    """Return the event that ``HARM_EV`` implies if the crash has one vehicle, else what is missing."""
     if (unlisted := unlisted_vehicles(record)) is not None:
         return Missing(Reason.INCOMPLETE_SEQUENCE, unlisted)
     moving = [vehicle for vehicle in record.vehicles if vehicle.in_transport]
@@ -250,7 +250,7 @@ def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord] | M
 
 
 def unlisted_vehicles(record: CrashRecord) -> str | None:
-    """Return the sentence that the report lists fewer vehicles in transport than ``VE_FORMS``, or None.
+    """Return a sentence if the report lists fewer vehicles in transport than ``VE_FORMS``, else None.
 
     >>> unlisted_vehicles(replace(record, vehicles=record.vehicles[:1]))
     'the report lists 1 of 2 vehicles in transport'
@@ -274,7 +274,7 @@ def _not_modelled(record: CrashRecord, harmful: Sequence[EventRecord]) -> Missin
 
 # --- who takes part --------------------------------------------------------------------------------------------------
 class _Reader:
-    """The events read so far, and what they leave open."""
+    """The events read so far, and the open questions."""
 
     def __init__(self, record: CrashRecord) -> None:
         self._record = record
@@ -289,7 +289,7 @@ class _Reader:
         self.unclear: dict[int, str] = {}
 
     def add(self, event: EventRecord) -> None:
-        """Take one harmful event."""
+        """Add one harmful event."""
         if event.code not in MODELLED:
             return
         vehicle = self._vehicles.get(event.party_1 or 0)
@@ -338,20 +338,18 @@ class _Reader:
         )
 
     def _area(self, vehicle: VehicleRecord, area: ImpactArea | None) -> ImpactArea | None:
-        """Return the area of an event.
-
-        If the event does not say it, a vehicle is first struck at its initial impact."""
+        """Return the area of an event; if none is given, the initial impact of a vehicle not struck before."""
         return vehicle.impact if area is None and vehicle.number not in self._met else area
 
     def _other_vehicle(self, event: EventRecord) -> int | None:
-        """Return the second vehicle of a contact: the only other one, if the event does not say it."""
+        """Return the second vehicle of a contact; if the event does not name it, the only other one."""
         if event.party_2 is not None or event.code not in _OF_TWO_IN_TRANSPORT or self._record.moving_vehicles != 2:
             return event.party_2
         others = [vehicle.number for vehicle in self._record.vehicles if vehicle.number != event.party_1]
         return others[0] if len(others) == 1 else None
 
     def _struck(self, event: EventRecord) -> NonMotorist | None:
-        """Return the person of an event: the one named, or one not listed; None if that is unknown."""
+        """Return the person of an event, named or implied, or a :class:`StruckAnimal`; None if unknown."""
         if event.kind is EventKind.ANIMAL_STRUCK:
             own = event.number if event.party_2 is None else event.party_2 - thing_party(0)
             self._animal = own if self._animal is None else self._animal
@@ -378,9 +376,9 @@ def _last_departure(record: CrashRecord, until: EventRecord) -> EventRecord | No
 
 # --- what is missing -------------------------------------------------------------------------------------------------
 def _missing_from(record: CrashRecord, harmful: Sequence[EventRecord], reader: _Reader) -> str | None:
-    """Return what the sequence leaves open, as a sentence.
+    """Return a sentence on the open questions of the sequence, or None.
 
-    The parties of the first event or of a contact, and each vehicle's part where more than two met.
+    They concern the parties of the first event or of a contact, and each vehicle's part if more than two met.
     """
     several = len(record.vehicles) > 2 or record.moving_vehicles > 2 or record.kind is CrashKind.PARKED
     meet = any(event.kind is EventKind.VEHICLE_CONTACT for event in harmful)

@@ -39,8 +39,8 @@ def malformed(detail: str) -> Rejection:
 class Fields:
     """The values of one row, by name; ``where`` names the row in messages.
 
-    Values are text in the source. Every reader takes the names a value has had over the years, first found first.
-    ``tables`` are those of the whole report.
+    Values are text in the source. Every reader takes the names that a value has had over the years and uses the first
+    one found. ``tables`` has all tables of the report.
     """
 
     def __init__(self, row: Row, where: str, year: int = 0, tables: Mapping[str, Sequence[Row]] | None = None) -> None:
@@ -57,11 +57,11 @@ class Fields:
         return {name for name, value in self._text.items() if value}
 
     def text(self, *names: str) -> str:
-        """Return the first of the named values that is not blank, else ""."""
+        """Return the first of the named values that is not blank, or ""."""
         return next((self._text[name] for name in names if self._text.get(name)), "")
 
     def integer(self, *names: str, low: int | None = None, high: int | None = None) -> int | None:
-        """Return a whole number, None if blank or said to be unknown; outside ``low`` to ``high`` it is malformed."""
+        """Return a whole number, None if blank or unknown; outside ``low`` to ``high`` the report is malformed."""
         value = self._value(*names)
         if value is None:
             return None
@@ -73,7 +73,7 @@ class Fields:
         return number
 
     def decimal(self, *names: str) -> float | None:
-        """Return a decimal number, None if blank or said to be unknown."""
+        """Return a decimal number, None if blank or unknown."""
         value = self._value(*names)
         if value is None:
             return None
@@ -84,17 +84,17 @@ class Fields:
     def code(self, table: CodeTable, *names: str) -> int | None:
         """Return a code of ``table`` in this report's year, None if blank or a word for unknown.
 
-        Raises :class:`UnknownCodeError` for one the table does not hold.
+        Raises :class:`UnknownCodeError` for a code that the table lacks.
         """
         number = self.integer(*(names or (table.element,)))
         return None if number is None else table.check(number, self.year)
 
     def known_code(self, table: CodeTable, *names: str) -> int | None:
-        """Return :meth:`code`, with None also for the codes that mean "unknown"."""
+        """Return :meth:`code`, but None for the codes that mean "unknown"."""
         return table.known(self.code(table, *names))
 
     def rows(self, table: str, what: str = "") -> Iterator[Fields]:
-        """Yield the rows of a table of the report; ``what`` they are goes into their names in messages."""
+        """Yield the rows of a table of the report; ``what`` names them in messages."""
         rows = self._tables.get(table, ())
         if len(rows) > MAX_MEMBERS:
             raise malformed(f"{self.where}: {table} has {len(rows)} rows; expected {MAX_MEMBERS} at most")
@@ -117,7 +117,7 @@ def _cleaned(text: str) -> str:
 
 
 def whole_number(row: Row, name: str) -> int | None:
-    """Return a column's whole number (``7``, or pandas' ``7.0``), None for anything else.
+    """Return a column's whole number (``7``, or pandas' ``7.0``), or None.
 
     >>> whole_number({"VEH_NO": "2.0"}, "VEH_NO")
     2

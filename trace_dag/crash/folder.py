@@ -31,7 +31,7 @@ _COMPRESSED: Final = (b"\x1f\x8b", b"BZh", b"PK\x03\x04", b"7z\xbc\xaf")  # gzip
 
 @dataclass(frozen=True)
 class FoundReport:
-    """A file that holds the report of one crash (or, ``released`` False, the answer that there is none yet)."""
+    """A file with the report of one crash, or (``released`` False) with the answer that there is none yet."""
 
     key: str
     path: Path
@@ -76,10 +76,9 @@ class FolderScan:
 
 
 def scan(paths: Iterable[Path]) -> FolderScan:
-    """Find every report in the given files and folders, folders searched to the bottom.
+    """Find every report in the given files and folders, with subfolders.
 
-    Raises:
-        UserError: for a path that does not exist or cannot be read.
+    Raises: UserError: for a path that does not exist or cannot be read.
 
     >>> scan([Path("no-such-folder")])
     Traceback (most recent call last):
@@ -110,7 +109,7 @@ def scan(paths: Iterable[Path]) -> FolderScan:
 
 
 def identify(data: bytes, *, name: str) -> tuple[str, bool] | None:
-    """Return the key of the crash a response is about and whether it holds the case, None if it is not a response.
+    """Return the crash key of a response and whether it has the case; None if it is no response.
 
     Raises :class:`Rejection` for data that must not be parsed (too large, with a document type).
 
@@ -199,7 +198,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def _best_first(reports: list[FoundReport]) -> list[FoundReport]:
-    """Return the file to read first: one that holds the case before one that does not, well-formed before broken."""
+    """Return the reports in reading order: those with the case first, well-formed before broken."""
     if len(reports) == 1:
         return reports
     return sorted(reports, key=lambda report: (not report.released, _content(report) is None))
@@ -213,7 +212,7 @@ def _same_content(first: FoundReport, second: FoundReport) -> bool:
 
 
 def _content(report: FoundReport) -> str | None:
-    """Return the content of a well-formed report, whatever its indentation; None if it is not well-formed."""
+    """Return the content of a well-formed report without indentation; None if it is not well-formed."""
     try:
         root, _ = parse_untrusted(report.path.read_bytes(), name=report.path.name)
     except Rejection:

@@ -1,7 +1,7 @@
 """Crash types (``ACC_TYPE``) that follow from the manner of collision, the movements and the reported directions.
 
-FARS codes them; a register that has none has what they are coded from. They are set where one configuration alone fits,
-whether a turning vehicle's direction was from before its turn or after it; elsewhere the directions are evidence.
+FARS codes crash types; other registers report the facts behind them. A type is set if only one configuration fits, both
+for a turning vehicle's direction from before its turn and from after it. Otherwise the directions are only evidence.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _TURNED_RIGHT_FROM_LEFT: Final = 80  # likewise (81)
 def add_implied_types(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
 ) -> tuple[VehicleRecord, ...]:
-    """Return the vehicles, the two of the first contact with the types that are implied, marked.
+    """Return the vehicles with the implied types of the two in the first contact, marked.
 
     >>> ahead = replace(queue_record.vehicles[1], crash_type_code=None)  # P_CRASH1 5: stopped
     >>> behind = replace(queue_record.vehicles[0], crash_type_code=None)
@@ -51,10 +51,7 @@ def add_implied_types(
 
 
 def _types(man_coll: int | None, one: VehicleRecord, two: VehicleRecord) -> dict[int, int]:
-    """Return the types of both, by number, where ``one`` strikes ``two`` from behind, or turns.
-
-    Nothing where it does not.
-    """
+    """Return the types of both, by number, if ``one`` strikes ``two`` from behind or turns; else empty."""
     if man_coll == _REAR_END:
         return _rear_end(one, two)
     if man_coll != _ANGLE or one.heading is None or two.heading is None:

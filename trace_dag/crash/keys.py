@@ -32,18 +32,18 @@ class CrashKey:
 
     @property
     def state_case(self) -> int | None:
-        """Return FARS' ``stateCase``; None of other registers."""
+        """Return FARS' ``stateCase``; None for other registers."""
         return None if self.case_year is None else int(self.id)
 
     @property
     def order(self) -> tuple[object, ...]:
-        """Return the sorting key: FARS by year and number, then each register by itself, numbers by their size."""
+        """Return the sorting key: FARS by year and number, then other registers by name, numeric ids by size."""
         number = int(self.id) if self.id.isascii() and self.id.isdigit() else -1
         return (self.register != FARS, self.register, self.case_year or 0, number, self.id)
 
 
 def crash_key(case_year: int, state_case: int) -> str:
-    """Return the key of a crash of FARS.
+    """Return the key of a crash in FARS.
 
     Raises ValueError for numbers that FARS does not use.
 
@@ -60,11 +60,11 @@ def crash_key(case_year: int, state_case: int) -> str:
 
 
 def register_key(register: str, crash_id: str) -> str:
-    """Return the key of a crash of another register.
+    """Return the key of a crash in another register.
 
-    Other characters than a key may have become ``_`` with the two digits of each of their bytes, as ``%`` in a URL.
+    Characters that a key must not have become ``_`` and the two digits of each of their bytes, like ``%`` in a URL.
 
-    Raises ValueError for a blank id and one that is too long.
+    Raises ValueError for a blank or too long id.
 
     >>> register_key("tempe", "2579417"), register_key("utah", "2022/45 A")
     ('tempe-2579417', 'utah-2022_2F45_20A')
@@ -80,9 +80,9 @@ def register_key(register: str, crash_id: str) -> str:
 
 
 def parse_key(key: str) -> CrashKey:
-    """Return a key taken apart.
+    """Return a key's parts.
 
-    Raises UserError for anything that is not one.
+    Raises UserError for text that is no key.
 
     >>> parse_key("2023-510179").state_case, parse_key("tempe-2579417").register
     (510179, 'tempe')
@@ -101,9 +101,9 @@ def parse_key(key: str) -> CrashKey:
 
 
 def fars_case(key: str) -> tuple[int, int]:
-    """Return the case year and state case of a key of FARS.
+    """Return the case year and state case of a FARS key.
 
-    Raises UserError for one of another register.
+    Raises UserError for a key of another register.
 
     >>> fars_case("2023-510179")
     (2023, 510179)

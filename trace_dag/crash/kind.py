@@ -1,4 +1,4 @@
-"""The kind of a crash: a class that every crash has, and which of them the program can judge.
+"""The kind of a crash, a class that every crash has, and the kinds that the program can judge.
 
 The kind comes from the first harmful event if that was with a person, a parked vehicle or an animal. Else it comes from
 the number of vehicles, if several in transport may have touched. Else it comes from the first harmful event again.
@@ -50,12 +50,10 @@ _OF_VEHICLES: Final = frozenset({codes.MOTOR_VEHICLE_IN_TRANSPORT, codes.VEHICLE
 
 
 def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | None) -> CrashKind | None:
-    """Return the kind of a crash, None if neither the first harmful event nor the number of vehicles is known.
+    """Return the kind of a crash, or None if the first harmful event and the number of vehicles are unknown.
 
-    Args:
-        first_harmful: code of the first harmful event, None if it is not known.
-        vehicles: motor vehicles in transport, None if not known.
-        touched: whether the events say that two vehicles touched; None where nothing is told of them.
+    Args: first_harmful: code of the first harmful event, None if it is not known. vehicles: motor vehicles in
+    transport, None if not known. touched: whether two vehicles touched by the events; None without events.
 
     >>> str(crash_kind(8, 1, None)), str(crash_kind(12, 3, True)), str(crash_kind(42, 1, None))  # 42: a tree
     ('pedestrian', 'multi_vehicle', 'fixed_object')
@@ -72,7 +70,7 @@ def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | 
 def kind_of_codes(harm_ev: int | None, vehicles: int | None, events: Sequence[int]) -> CrashKind | None:
     """Return the kind of a crash from its codes: ``HARM_EV``, ``VE_FORMS``, and the ``SOE`` of its events in order.
 
-    If ``HARM_EV`` does not say it, the first harmful event is the first one of the events.
+    If ``HARM_EV`` is unknown, the first harmful one of the events is used.
 
     >>> str(kind_of_codes(8, 1, [8]))  # a pedestrian, and one vehicle
     'pedestrian'

@@ -20,10 +20,10 @@ from trace_dag.crash.sequence import known_by_events_alone
 
 @dataclass(frozen=True, slots=True)
 class CrashListing:
-    """A crash as a source lists it. None where the source does not say; codes are FARS codes as they stand.
+    """A crash as a source lists it. None means not reported; codes are FARS codes, unchanged.
 
-    ``vehicles`` counts motor vehicles in transport (``VE_FORMS``); ``crash_types`` are the ``ACC_TYPE`` of the
-    vehicles that collided, by number.
+    ``vehicles`` counts motor vehicles in transport (``VE_FORMS``); ``crash_types`` are the ``ACC_TYPE`` of the vehicles
+    that collided, by number.
     """
 
     key: str
@@ -67,7 +67,7 @@ class CrashListing:
 
 
 def list_record(record: CrashRecord) -> CrashListing:
-    """Return the line of a crash whose source has read its record.
+    """Return the line of a crash from its record.
 
     >>> list_record(record).manner_of_collision_code  # MAN_COLL 6: angle
     6
@@ -95,7 +95,7 @@ def list_record(record: CrashRecord) -> CrashListing:
 def list_report(data: bytes, *, name: str) -> CrashListing:
     """Return the line of a report in any of its forms.
 
-    Raises :class:`trace_dag.common.errors.Rejection` as reading it does.
+    Raises :class:`trace_dag.common.errors.Rejection` for a report that cannot be read.
 
     >>> list_report(report_xml, name="crash_319003.xml").manner_of_collision_code  # MAN_COLL 6: angle
     6

@@ -2,9 +2,9 @@
 
 That sequence never names the other party.
 
-A contact stands in the sequences of both its vehicles. So every contact in one sequence has its counterpart in another,
-and each sequence is in order of time. Often only one pairing fits: always with two vehicles; with three vehicles and
-two contacts the vehicle with two rows is in the middle.
+A contact is in the sequences of both its vehicles, so every contact in one sequence has its counterpart in another.
+Each sequence is in order of time. Often only one pairing fits: always with two vehicles; with three vehicles and two
+contacts the vehicle with two rows is in the middle.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ def merge_sequences(
 ) -> tuple[tuple[EventRecord, ...], bool]:
     """Return the crash's sequence joined from the vehicles' own, and whether the order of contacts was chosen.
 
-    If several pairings are possible, those stay whose first contact is what ``MAN_COLL`` and the crash types say. If
-    these differ in the order of contacts only, vehicles of lower numbers met first (so in 92.5 % of the 1,712 crashes
-    of three vehicles and two contacts of 2016). If they differ in the parties that met, it was a queue if in one of
-    them every contact is one of a front with a rear: then each ran into its neighbour by number (so in 65 of 66 such
-    crashes of 2016). Else the second party stays None.
+    If several pairings are possible, those remain whose first contact agrees with ``MAN_COLL`` and the crash types. If
+    they differ only in the order of contacts, vehicles with lower numbers met first (true in 92.5 % of the 1,712
+    crashes of three vehicles and two contacts of 2016). If they differ in the parties, and one pairing has only
+    contacts of a front with a rear, it is a queue in which each vehicle ran into its neighbour by number (true in 65 of
+    66 such crashes of 2016). Otherwise the second party stays None.
 
     >>> own = {1: [VehicleEvent(1, 12, None)], 2: [VehicleEvent(2, 12, None)]}  # each met another vehicle in transport
     >>> (event,), chosen = merge_sequences(own, record.vehicles, FirstEvent(contact=True, man_coll=6))
@@ -99,7 +99,7 @@ def merge_sequences(
 
 
 def _only_other(event: VehicleEvent, numbers: Iterable[int], standing: frozenset[int]) -> int | None:
-    """Return the one vehicle an unpaired contact can have been with, None if there are several or none."""
+    """Return the only vehicle that an unpaired contact can be with, or None."""
     if event.code not in VEHICLE_EVENTS:
         return None
     possible = [number for number in numbers if _may_meet(event, number, event.code, standing)]
@@ -134,10 +134,9 @@ def _pairing(
 
 
 def _queue(possible: set[_Pairing], contacts: Mapping[int, Sequence[VehicleEvent]]) -> _Pairing | None:
-    """Return the pairing of a queue.
+    """Return the pairing of a queue, or None if there is none or a tie.
 
-    Every contact is one of a front with a rear and each vehicle ran into its neighbour by number; None if there is
-    none, or more than one that is as near to that.
+    Every contact is of a front with a rear, and each vehicle ran into its neighbour by number.
     """
 
     def apart(pairing: _Pairing) -> float:
@@ -156,7 +155,7 @@ def _queue(possible: set[_Pairing], contacts: Mapping[int, Sequence[VehicleEvent
 
 
 def _pairings(contacts: Mapping[int, Sequence[VehicleEvent]], standing: frozenset[int]) -> set[_Pairing]:
-    """Return every way to pair all contacts; none if one has no counterpart, or if there are too many."""
+    """Return every way to pair all contacts; empty if one has no counterpart, or if there are too many contacts."""
     numbers = sorted(contacts)
     if sum(map(len, contacts.values())) > MOST_CONTACTS:
         return set()

@@ -40,20 +40,17 @@ _NO_NAME: Final = frozenset({"NOT APPLICABLE", "NOT REPORTED", "UNKNOWN", "OTHER
 
 
 def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key: str | None = None) -> CrashRecord:
-    """Return the record of the crash a report describes.
+    """Return the record of the crash in a report.
 
-    Args:
-        data: the report as its source serves it: a CrashAPI ``GetCaseDetails`` response (XML), the rows of FARS tables
-            (:class:`~trace_dag.crash.fars.rows.FarsRows`) or what a register's table says
-            (:mod:`trace_dag.crash.table_reports`), both as JSON.
-        name: what to call it in messages, a file name or URL.
-        settings: ``repair_malformed`` allows badly escaped characters to be repaired; the record is then marked.
-        expected_key: the crash that was asked for, if one was; another one's report is malformed.
+    Args: data: the report as its source serves it: a CrashAPI ``GetCaseDetails`` response (XML), the rows of FARS
+    tables (:class:`~trace_dag.crash.fars.rows.FarsRows`) or a record of a register's table
+    (:mod:`trace_dag.crash.table_reports`), both as JSON. name: a file name or URL for messages. settings:
+    ``repair_malformed`` allows badly escaped characters to be repaired; the record is then marked. expected_key: the
+    key of the requested crash, if any; the report of another crash is malformed.
 
-    Raises:
-        Rejection: ``not_released`` for a response without a case, ``malformed_report`` for anything that cannot be
-            read or holds a code its element does not have in that year, ``incomplete_location`` where no position is
-            reported, since a record without a place cannot exist.
+    Raises: Rejection: ``not_released`` for a response without a case, ``malformed_report`` for anything that cannot be
+    read or holds a code its element does not have in that year, ``incomplete_location`` where no position is reported,
+    since a record without a place cannot exist.
 
     >>> read_report(report_xml, name="crash_319003.xml", settings=CrashSettings()).key
     '2023-319003'
@@ -74,9 +71,9 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
 
 
 def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashRecord | FarsRows, bool]:
-    """Return a report's record or its rows in FARS' own words, and whether its text had to be repaired.
+    """Return a report's record or its FARS rows, and whether its text had to be repaired.
 
-    Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report` does.
+    Raises :class:`~trace_dag.common.errors.Rejection` as :func:`read_report`.
 
     >>> open_report(report_xml, name="crash_319003.xml")[0].tables["accident"][0]["STATENAME"]
     'Nebraska'
@@ -92,7 +89,7 @@ def open_report(data: bytes, *, name: str, repair: bool = False) -> tuple[CrashR
 def crash_element(root: etree._Element, *, name: str) -> etree._Element:
     """Return the one ``CrashResultSet`` of a response.
 
-    Raises ``not_released`` if it holds none, ``malformed_report`` if it is not a response or holds several.
+    Raises ``not_released`` if there is none, ``malformed_report`` if it is no response or has several.
 
     >>> crash_element(etree.fromstring(report_xml), name="crash_319003.xml").findtext("STATENAME")
     'Nebraska'
@@ -117,7 +114,7 @@ def crash_element(root: etree._Element, *, name: str) -> etree._Element:
 
 
 def _not_struck(people_outside: int | None, events: Iterable[EventRecord]) -> Iterator[str]:
-    """Yield the sentence that people outside vehicles are struck in no event and are not simulated."""
+    """Yield a sentence if people outside vehicles are struck in no event and are not simulated."""
     strikes = [event for event in events if event.kind is EventKind.PERSON_STRUCK]
     bodies = len({each.party_2 for each in strikes if each.party_2 is not None} or strikes)
     if people_outside is not None and 0 < bodies < people_outside:
@@ -205,7 +202,9 @@ def case_of(crash: Fields) -> tuple[int, int, str]:
 
 
 def reported_position(latitude: float | None, longitude: float | None) -> tuple[float, float]:
-    """Return latitude and longitude in degrees as reported; :class:`Rejection` for values that stand for unknown ones.
+    """Return the reported latitude and longitude in degrees.
+
+    Raises :class:`Rejection` for missing values and those that mean "unknown".
 
     >>> reported_position(38.5, -77.4)
     (38.5, -77.4)
@@ -250,10 +249,11 @@ def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
 def _unreported_vehicles(
     rows: Iterable[Fields], reported: Sequence[VehicleRecord], crash: Fields
 ) -> Iterator[VehicleRecord]:
-    """Yield the vehicles that only other tables tell of, as far as the counts of the crash leave room for them.
+    """Yield the vehicles that only other tables name, up to the number that the crash counts.
 
-    A vehicle whose events are those of a standing one was parked, if the crash counts more vehicles (``VE_TOTAL``) than
-    vehicles in transport (``VE_FORMS``). A vehicle beyond these counts is left out; its events are a contradiction.
+    If the crash counts more vehicles (``VE_TOTAL``) than vehicles in transport (``VE_FORMS``), such a vehicle was
+    parked if its events are those of a standing one. A vehicle beyond these counts is left out; its events are a
+    contradiction.
     """
     in_transport, total = crash.integer("VE_FORMS"), crash.integer("VE_TOTAL")
     moving = sum(vehicle.in_transport for vehicle in reported)
@@ -269,7 +269,7 @@ def _unreported_vehicles(
 
 
 def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterator[VehicleRecord]:
-    """Yield the parked or working vehicle that the only moving vehicle struck first, where no table lists it.
+    """Yield the standing vehicle that the only moving vehicle struck first, if no table lists it.
 
     The crash counts one vehicle more (``VE_TOTAL``) than it has in transport (``VE_FORMS``).
     """
@@ -280,7 +280,7 @@ def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterat
 
 
 def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
-    """Return ``FUNC_SYS`` and ``RUR_URB``, from ``ROAD_FNC`` where a report of an older year has only that."""
+    """Return ``FUNC_SYS`` and ``RUR_URB``, from ``ROAD_FNC`` in a report of an older year."""
     function_class, land_use = fields.known_code(crash_codes.FUNC_SYS), fields.known_code(crash_codes.RUR_URB)
     older = fields.known_code(crash_codes.ROAD_FNC)
     if older is None or (function_class is not None and land_use is not None):
@@ -294,14 +294,14 @@ def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
 
 
 def _weather(fields: Fields) -> int | None:
-    """Return the first condition that is known: the crash's own, else of the list of them."""
+    """Return the first known weather code: the crash's own, else one of the list."""
     listed = (row.known_code(crash_codes.WEATHER) for row in fields.rows("weather"))
     own = (fields.known_code(crash_codes.WEATHER, name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
     return next((code for code in (*own, *listed) if code), None)
 
 
 def _within(value: int | None, low: int, high: int) -> int | None:
-    """Return the value, or None where it is one of the codes beyond its range that say "unknown"."""
+    """Return the value, or None if it is out of range, as codes for "unknown" are."""
     return value if value is not None and low <= value <= high else None
 
 

@@ -1,9 +1,10 @@
-"""Parties of a crash: kinds of parties and of events, and the numbers that tell parties apart.
+"""Parties of a crash: kinds of parties and of events, and the numbers that identify parties.
 
 Vehicles keep their numbers (``VEH_NO``, 1 to 999), persons outside them have 1000 + ``PER_NO``; objects, animals and
-trains, which no table numbers, 2000 + the number of the event (``EVENTNUM``) in which they were struck. Does not
-belong here: which party an event was with (:mod:`trace_dag.crash.event_parties`). A trailer is no party: it belongs
-to the vehicle that pulls it. If a body of its own needs a number, in logs and pictures, it is 3000 + ``VEH_NO``."""
+trains, which no table numbers, 2000 + the number of the event (``EVENTNUM``) in which they were struck. Does not belong
+here: finding the party of an event (:mod:`trace_dag.crash.event_parties`). A trailer is no party: it belongs to the
+vehicle that pulls it. If a body of its own needs a number, in logs and pictures, it is 3000 + ``VEH_NO``.
+"""
 
 from __future__ import annotations
 
@@ -91,7 +92,7 @@ def event_kind(code: int) -> EventKind:
 
 
 def person_kind(person_type_code: int) -> PartyKind:
-    """Return the kind of a person by ``PER_TYP``; a person in a building or on an animal-drawn vehicle is other.
+    """Return the kind of a person by ``PER_TYP``; other for a person in a building or on an animal-drawn vehicle.
 
     >>> str(person_kind(5)), str(person_kind(6))
     ('pedestrian', 'cyclist')
@@ -100,7 +101,7 @@ def person_kind(person_type_code: int) -> PartyKind:
 
 
 def thing_struck(code: int) -> PartyKind | None:
-    """Return the kind of thing an event with that code strikes; None if it strikes none.
+    """Return the kind of thing that an event with this code strikes, or None.
 
     >>> str(thing_struck(42)), thing_struck(1)  # a tree; an overturn strikes nothing
     ('object', None)
@@ -118,7 +119,7 @@ def person_party(number: int) -> int:
 
 
 def thing_party(event_number: int) -> int:
-    """Return the party number of the object, animal or train struck in the event of that number.
+    """Return the party number of the object, animal or train struck in an event, by the event's number.
 
     >>> thing_party(2)
     2002
@@ -136,7 +137,7 @@ def trailer_body(vehicle: int) -> int:
 
 
 def party_of_body(number: int) -> int:
-    """Return the party that a body belongs to: of a trailer the vehicle that pulls it, of others themselves.
+    """Return the party of a body: for a trailer the vehicle that pulls it, otherwise the body's own number.
 
     >>> party_of_body(3002), party_of_body(1001)
     (2, 1001)
@@ -156,8 +157,8 @@ def is_vehicle(party: int | None) -> bool:
 def party_label(party: int) -> str:
     """Return a short name for pictures, files and tables.
 
-    ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what event 3 struck, ``T2`` for the trailer of vehicle 2,
-    ``S4`` for a vehicle around the crash.
+    ``V2`` is a vehicle, ``P1`` a person, ``O3`` the object of event 3, ``T2`` the trailer of vehicle 2, ``S4`` a
+    vehicle around the crash.
 
     >>> party_label(2), party_label(1001), party_label(2003), party_label(3002), party_label(4004)
     ('V2', 'P1', 'O3', 'T2', 'S4')
@@ -172,7 +173,7 @@ def party_label(party: int) -> str:
 
 
 def party_in_words(party: int) -> str:
-    """Return ``vehicle 2``, ``person 1``; what has no number of its own is named by its event.
+    """Return a party as ``vehicle 2`` or ``person 1``; an object or animal is named by its event.
 
     >>> party_in_words(1001)
     'person 1'

@@ -1,7 +1,8 @@
-"""Persons outside motor vehicles: ``NPersons`` with what the crash's typing and the tables of their acts add.
+"""Persons outside motor vehicles: ``NPersons``, with the crash typing and the tables of their actions.
 
 ``PER_NO`` identifies a person in all tables (``VEH_NO`` is 0). If national files lack the person table, a row in any
-other table of persons is enough to make one."""
+other table of persons is enough to make one.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ _Rows: TypeAlias = dict[int, dict[str, list[Fields]]]
 
 @dataclass(frozen=True)
 class ReadPersons:
-    """The persons in order of their numbers; what disagrees about them, and what stays open, in words."""
+    """The persons in order of their numbers, with sentences on contradictions and open questions."""
 
     non_motorists: tuple[NonMotorist, ...]
     contradictions: tuple[str, ...] = ()
@@ -42,7 +43,7 @@ class ReadPersons:
 
 
 def read_non_motorists(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadPersons:
-    """Return the persons outside the vehicles of a crash, whatever table tells of them.
+    """Return the persons outside the vehicles of a crash, from all tables that name them.
 
     Raises :class:`UnknownCodeError` for a code that its element does not have.
 
@@ -83,7 +84,7 @@ def _strays(persons: Sequence[NonMotorist], vehicles: Sequence[VehicleRecord]) -
 
 
 def _unlisted(rows: _Rows) -> Iterator[str]:
-    """Yield rows of persons that ``NPersons`` does not list, if it lists any."""
+    """Yield sentences on persons missing in ``NPersons``, if that lists any."""
     if not any(of_person["NPersons"] for of_person in rows.values()):
         return
     for number, of_person in sorted(rows.items()):
@@ -93,7 +94,7 @@ def _unlisted(rows: _Rows) -> Iterator[str]:
 
 
 def _in_two_places(rows: _Rows) -> Iterator[str]:
-    """Yield persons with several rows in a table of one row each that say different things of where they were."""
+    """Yield sentences on persons whose rows in a table with one row each give different places."""
     for number, of_person in sorted(rows.items()):
         for name, tables in _PLACES.items():
             for table in tables:
@@ -117,7 +118,7 @@ def _ages_apart(rows: _Rows) -> Iterator[str]:
 
 
 def _unknown_age(of_person: dict[str, list[Fields]]) -> str:
-    """Return the note about a person whose age is stated to be unknown."""
+    """Return a note if a person's age is coded as unknown, else None."""
     stated = [row.integer("AGE", "PBAGE") for row in _aged(of_person)]
     unknown = next((age for age in stated if age in codes.AGE_UNKNOWN), None)
     return f"its age is not known ({unknown})" if unknown is not None and _age(_aged(of_person)) is None else ""

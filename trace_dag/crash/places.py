@@ -1,4 +1,4 @@
-"""States as people write them."""
+"""Names of states as people write them."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _BY_NAME: Final = {name.casefold(): code for names in (STATES, _POSTAL) for code
 
 
 def state_code(text: str) -> int:
-    """Return the ``STATE`` code of a state by its code, postal abbreviation or name.
+    """Return the ``STATE`` code of a state given as code, postal abbreviation or name.
 
-    Raises UserError for anything else.
+    Raises UserError for other text.
 
     >>> state_code('VA'), state_code('virginia'), state_code('51')
     (51, 51, 51)
@@ -40,7 +40,7 @@ def state_code(text: str) -> int:
 
 
 def state_abbreviation(code: int) -> str:
-    """Return the postal abbreviation of a ``STATE`` code, the code itself if no state has it.
+    """Return the postal abbreviation of a ``STATE`` code, or the code if it is no state's.
 
     >>> state_abbreviation(51)
     'VA'

@@ -1,7 +1,7 @@
 """The crash record: one crash, its vehicles and its events, typed, in the project's units, unknown as None.
 
-FARS codes are kept beside what they mean here, so that nothing has to be guessed back. Names in capitals in the
-docstrings are FARS elements (FARS Analytical User's Manual); other registers are read into the same codes.
+FARS codes are kept beside their interpretation. Names in capitals in the docstrings are FARS elements (FARS Analytical
+User's Manual); other registers are read into the same codes.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class Moment(StrEnum):
 
 @dataclass(frozen=True)
 class Heading:
-    """The reported direction of travel of a party; ``moment`` matters of one that turned alone."""
+    """The reported direction of travel of a party; ``moment`` matters only for a party that turned."""
 
     octant: Octant
     moment: Moment = Moment.BEFORE
@@ -164,7 +164,7 @@ _SEVERITY_OF_INJ_SEV: Final = {
 def severity_of(injury_code: int | None) -> Severity | None:
     """Return the letter of an ``INJ_SEV``.
 
-    None for those that give none (injured, how badly is not known; died before).
+    None for codes without one (injured with unknown severity; died before).
 
     >>> severity_of(3).value, severity_of(5)
     ('A', None)
@@ -233,15 +233,13 @@ class VehicleRecord:
 
     @property
     def behind_m(self) -> float:
-        """Return how far a trailer in line with the vehicle reaches beyond its rear."""
+        """Return the distance that a trailer in line reaches behind the vehicle, m."""
         return 0.0 if self.trailer is None else self.trailer.combination_length_m - self.length_m
 
     def clock_body(self, pose: Pose) -> tuple[Pose, float, float]:
-        """Return the body that clock positions are counted on where its centre is at ``pose``.
+        """Return the pose, length and width (m) of the body to which clock positions refer.
 
-        Pose of the middle, length and width (m).
-
-        With a trailer it is both in line.
+        ``pose`` is that of the vehicle's centre. With a trailer the body is both in line.
         """
         if self.trailer is None:
             return pose, self.length_m, self.width_m
@@ -251,10 +249,10 @@ class VehicleRecord:
 
 @dataclass(frozen=True)
 class EventRecord:
-    """One event of the crash's sequence (``CEvent``): what happened between which parties, on which areas of them.
+    """One event of the crash's sequence (``CEvent``), with its parties and their areas of impact.
 
-    Parties are numbered as :mod:`trace_dag.crash.parties` says. ``party_2`` is None of events without a second party,
-    and where nothing tells which it was.
+    Parties are numbered as :mod:`trace_dag.crash.parties` says. ``party_2`` is None for events without a second party,
+    and if it is unknown.
     """
 
     number: int  # EVENTNUM
@@ -272,17 +270,17 @@ class EventRecord:
 
     @property
     def is_harmful(self) -> bool:
-        """Return whether it is one of the events that ``HARM_EV`` can be."""
+        """Return whether the event's code is one of ``HARM_EV``."""
         return bool(HARM_EV.meaning(self.code))
 
     @property
     def is_vehicle_contact(self) -> bool:
-        """Return whether two motor vehicles that are both named touched each other."""
+        """Return whether two motor vehicles touched and both are named."""
         return self.kind is EventKind.VEHICLE_CONTACT and self._names_two
 
     @property
     def is_contact(self) -> bool:
-        """Return whether two vehicles, or a vehicle and a person, that are both named touched each other."""
+        """Return whether two vehicles, or a vehicle and a person, touched and both are named."""
         return self.kind in _CONTACTS and self._names_two
 
     @property
@@ -350,7 +348,7 @@ class NonMotorist:
 
     @property
     def at_near_side(self) -> bool | None:
-        """Return whether a turning motorist met the person on entering the intersection, not on leaving it.
+        """Return whether a turning motorist met the person on entering the intersection rather than on leaving it.
 
         ``PEDSNR`` reports it; None if the report does not.
         """
@@ -358,7 +356,7 @@ class NonMotorist:
 
     @property
     def place_code(self) -> int | None:
-        """Return the first of ``PEDPOS``, ``BIKEPOS`` and ``LOCATION`` that places the person; None if none does."""
+        """Return the first of ``PEDPOS``, ``BIKEPOS`` and ``LOCATION`` that gives a place, or None."""
         of_typing = (self.pedestrian_position_code, self.cyclist_position_code)
         return next((code for code in (*of_typing, self.location_code) if code is not None), None)
 
@@ -374,9 +372,9 @@ class Quotation:
 
 @dataclass(frozen=True)
 class CrashRecord:
-    """One crash as read. ``key`` is ``<caseYear>-<stateCase>``, of other registers than FARS ``<register>-<id>``.
+    """One crash as read. ``key`` is ``<caseYear>-<stateCase>`` for FARS and ``<register>-<id>`` for other registers.
 
-    ``register_lacks`` names the fields that its register has of no crash, such as ``impact``.
+    ``register_lacks`` names the fields that its register never reports, such as ``impact``.
     """
 
     key: str
@@ -428,9 +426,9 @@ class CrashRecord:
 
     @property
     def severity(self) -> Severity | None:
-        """Return the worst reported injury of a person or of the crash; None if none is reported.
+        """Return the worst reported injury of a person or of the crash; None without a report.
 
-        FARS has crashes that killed somebody alone.
+        In FARS the crash counts as fatal by itself.
 
         >>> record.severity.value  # FATALS 1
         'K'
@@ -444,12 +442,12 @@ class CrashRecord:
 
     @property
     def keeps_left(self) -> bool:
-        """Return whether traffic keeps left where the crash was."""
+        """Return whether traffic keeps left at the place of the crash."""
         return any(vehicle.keeps_left for vehicle in self.vehicles)
 
     @property
     def moving_vehicles(self) -> int:
-        """Return the number of motor vehicles in transport, as stated (``VE_FORMS``), else as listed."""
+        """Return the number of motor vehicles in transport: as stated (``VE_FORMS``), or else as listed."""
         listed = sum(vehicle.in_transport for vehicle in self.vehicles)
         return listed if self.vehicles_in_transport is None else self.vehicles_in_transport
 
@@ -461,7 +459,7 @@ class CrashRecord:
 
     @property
     def parties(self) -> Mapping[int, PartyKind]:
-        """Return every party by its number: vehicles, persons, then what was struck."""
+        """Return the kind of every party by number: vehicles, persons, then things struck."""
         vehicles = {
             vehicle.number: PartyKind.MOTOR_VEHICLE if vehicle.in_transport else PartyKind.PARKED_VEHICLE
             for vehicle in self.vehicles
@@ -474,7 +472,7 @@ class CrashRecord:
     def first_contact(self) -> EventRecord | None:
         """Return the first event in which two vehicles, or a vehicle and a person, touched.
 
-        Also None where an earlier contact does not name both parties: then the first one is not known.
+        None also if an earlier contact does not name both parties, because the first one is then unknown.
         """
         first = next((event for event in self.events if event.kind in _CONTACTS), None)
         return first if first is not None and first.is_contact else None
@@ -492,7 +490,7 @@ class CrashRecord:
 def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
     """Return the first event in which two named vehicles touch.
 
-    Also None where an earlier contact in transport does not name its parties: then the first one is not known.
+    None also if an earlier contact in transport does not name its parties, because the first one is then unknown.
 
     >>> contact = first_vehicle_contact(record.events)
     >>> contact.party_1, contact.party_2  # VNUMBER1, VNUMBER2
@@ -538,7 +536,7 @@ _FIELD_NAMES: Final = {
 
 
 def origins(part: CrashRecord | VehicleRecord | EventRecord | NonMotorist) -> dict[str, Origin]:
-    """Return the origin of each field of a crash or a part of it: its report, its other fields, or nowhere.
+    """Return the origin of each field of a crash or a part of it: reported, implied or missing.
 
     >>> origins(record.vehicles[0])["travel_speed_mps"].value, origins(tree_record)["trafficway_2"].value
     ('reported', 'missing')

@@ -1,4 +1,4 @@
-"""Places that a report says in words: where two streets cross, or so far from there along one of them."""
+"""Places that a report gives in words: a crossing of two streets, or a distance from it along one of them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Place(NamedTuple):
 
 
 class FromCrossing(NamedTuple):
-    """A place on ``street``: ``distance_m`` from where ``cross_street`` crosses it, in a direction of the compass.
+    """A place on ``street``: ``distance_m`` from the crossing with ``cross_street``, in a direction of the compass.
 
-    Without a direction the crossing itself.
+    Without a direction it is the crossing itself.
     """
 
     street: str
@@ -28,7 +28,7 @@ class FromCrossing(NamedTuple):
 
     @classmethod
     def said(cls, street: str, cross_street: str, distance_m: float, direction: Octant | None) -> FromCrossing | None:
-        """Return the place; None where a street is missing, or the direction of a distance."""
+        """Return the place, or None if a street is missing, or the direction of a distance."""
         if not street or not cross_street or (distance_m and direction is None):
             return None
         return cls(street, cross_street, distance_m, direction) if distance_m else cls(street, cross_street)
@@ -41,9 +41,9 @@ PlaceFinder: TypeAlias = Callable[[Collection[FromCrossing]], Mapping[FromCrossi
 def look_up(
     wanted: Mapping[str, FromCrossing | None], find: PlaceFinder | None
 ) -> tuple[dict[str, Place], dict[str, str]]:
-    """Return the place of each report, by its name; of the others why it is not known.
+    """Return the place of each report by its name, and for the others the reason why it is unknown.
 
-    None: its words tell no place.
+    A value None means that the report's words give no place.
     """
     found = find({each for each in wanted.values() if each is not None}) if find is not None else {}
     places, unknown = {}, {}

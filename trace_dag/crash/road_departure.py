@@ -34,9 +34,9 @@ _SIDEWAYS: Final = frozenset({3, 4, 5, 7})  # PCRASH4
 
 
 def side_of_first(record: CrashRecord, first: CrashEvent) -> DepartureSide | None:
-    """Return the side on which the vehicle of a first event left the road: ahead for an object on it.
+    """Return the side on which the vehicle of a first event left the road; ahead for an object on the road.
 
-    None where nothing reports it.
+    None if it is not reported.
     """
     if first.code in codes.LYING_OBJECTS and record.road_relation_code in ON_ROADWAY:
         return DepartureSide.AHEAD
@@ -62,8 +62,8 @@ def departure_manner(vehicle: VehicleRecord, side: DepartureSide | None) -> Depa
 class Departure:
     """A vehicle that leaves the road, or overturns on it, before it touches anybody.
 
-    ``objects`` are the events in which it strikes something there, in order, until one of another kind. ``side`` is
-    None where nothing tells it, and of who overturns on the roadway.
+    ``objects`` are its strikes of objects there, in order, up to an event of another kind. ``side`` is None if it is
+    not reported, and for a vehicle that overturns on the roadway.
     """
 
     vehicle: VehicleRecord
@@ -88,5 +88,5 @@ def departure_of(record: CrashRecord, sequence: EventSequence) -> Departure:
 
 
 def overturns_on_road(record: CrashRecord, sequence: EventSequence) -> bool:
-    """Return whether the crash begins with a vehicle that overturns on the roadway, on no side of it."""
+    """Return whether the crash begins with a vehicle that overturns on the roadway."""
     return sequence.first.kind is EventKind.OVERTURN and record.road_relation_code in ON_ROADWAY

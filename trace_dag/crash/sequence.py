@@ -1,14 +1,14 @@
 """The sequence of a crash's events: from ``CEvent``, else ``VEvent``, else put together from the vehicles' (``VSOE``).
 
-Belongs here: reading events, and mending what a table leaves blank; what is not reported as such is marked. Does not
-belong here: who met whom (:mod:`trace_dag.crash.meetings`), and what the events imply for the vehicles
+Belongs here: reading events, and filling blank codes, which are marked as implied. Does not belong here: finding the
+parties that met (:mod:`trace_dag.crash.meetings`), and the values that events imply for vehicles
 (:mod:`trace_dag.crash.derive`).
 
-The table of 2015 leaves 29 % of its codes blank. The national table of 2016 has no blanks, and shows what they stand
-for: among the codes that 2015 lacks, a vehicle's first event without harm is a departure from the roadway in 97 % of
-cases (19,377 of 19,922); half of the later ones are returns to it. So a first blank row becomes a departure, to the
-side of ``ACC_TYPE``, and later ones stay unknown. The first harmful event is ``HARM_EV`` where only one vehicle can
-have had it.
+The table of 2015 leaves 29 % of its codes blank. The national table of 2016 has no blanks, and shows their meaning:
+among the codes that 2015 lacks, a vehicle's first event without harm is a departure from the roadway in 97 % of cases
+(19,377 of 19,922); half of the later ones are returns to it. So a first blank row becomes a departure, to the side of
+``ACC_TYPE``, and later ones stay unknown. The first harmful event is ``HARM_EV`` where only one vehicle can have had
+it.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _DEPARTURES: Final = {Side.RIGHT: codes.RAN_OFF_RIGHT, Side.LEFT: codes.RAN_OFF_
 class ReadSequence:
     """The events in order, parties named where they are vehicles.
 
-    ``implied``: names of what was not read; ``contradictions`` among the rows, in words; ``order_known``: False where
-    the sequence was put together from those of the vehicles.
+    ``implied``: names of values that were not read; ``contradictions``: sentences on the rows; ``order_known``: False
+    if the sequence was joined from those of the vehicles.
     """
 
     events: tuple[EventRecord, ...]
@@ -44,7 +44,7 @@ class ReadSequence:
 
 @dataclass(frozen=True)
 class _Row:
-    """A row of ``VSOE``; ``code`` is None where it is blank."""
+    """A row of ``VSOE``; ``code`` is None if it is blank."""
 
     vehicle: int
     code: int | None
@@ -56,7 +56,7 @@ class _Row:
 
 
 def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSequence:
-    """Return the sequence of a crash whose vehicles were read before.
+    """Return the sequence of a crash, given its vehicles.
 
     >>> from trace_dag.crash.parse import open_report
     >>> report, _ = open_report(report_xml, name="a report")
@@ -84,15 +84,12 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
 
 
 def known_by_events_alone(vehicle: Fields) -> bool:
-    """Return whether a row of a vehicle holds nothing but a number and what other tables say.
-
-    It has no row there.
-    """
+    """Return whether a vehicle has no row of its own, only a number that other tables name."""
     return not vehicle.names() - {"VEH_NO"}
 
 
 def has_struck_standing_only(vehicle: Fields) -> bool:
-    """Return whether a vehicle's own events are those of one that stands: it was struck while parked or at work."""
+    """Return whether a vehicle's own events are only those of a standing one, struck while parked or at work."""
     found = {row.code for row in _rows_of(vehicle)}
     return bool(found) and found <= codes.STRUCK_STANDING
 
@@ -135,12 +132,12 @@ def _event_rows(
 
 
 def _with_pushed(events: Sequence[EventRecord], set_in_motion: Collection[int]) -> tuple[EventRecord, ...]:
-    """Return the events with the vehicle that touched in place of the one that had set it in motion.
+    """Return the events with the pushed vehicle in place of the vehicle that pushed it.
 
-    A standing vehicle has no events of its own. That it was pushed into another one, or into an object, is coded as an
-    event of the vehicle that struck it, with an area of impact that says so (190 of 440 contacts with a second standing
-    vehicle of 2016, 22 of 98 objects after a contact with one). It is the vehicle that was struck just before; where
-    that was an object, the event stays as it is.
+    A standing vehicle has no events of its own. If it was pushed into another vehicle or an object, that is coded as an
+    event of the vehicle that struck it, with an area of impact for "set in motion" (190 of 440 contacts with a second
+    standing vehicle of 2016, 22 of 98 objects after a contact with one). The pushed vehicle is the one struck just
+    before; if that was an object, the event stays as it is.
     """
     found: list[EventRecord] = []
     last: dict[int | None, EventRecord] = {}  # harmful event of each vehicle, as coded
@@ -160,7 +157,7 @@ def _with_pushed(events: Sequence[EventRecord], set_in_motion: Collection[int]) 
 
 
 def _own_rows(own: Sequence[Fields], numbers: set[int]) -> tuple[dict[int, list[_Row]], tuple[str, ...]]:
-    """Return rows of ``VSOE`` by vehicle in order, and what is said of vehicles that are not there."""
+    """Return rows of ``VSOE`` by vehicle in order, and sentences on rows of vehicles that do not exist."""
     rows: dict[int, list[_Row]] = {}
     strays: dict[str, None] = {}
     for vehicle in own:
@@ -182,7 +179,7 @@ def _rows_of(vehicle: Fields) -> list[_Row]:
 
 
 def _differences(events: Sequence[EventRecord], rows: Mapping[int, Sequence[_Row]]) -> tuple[str, ...]:
-    """Return contacts that a vehicle's own sequence has and the crash's has not, or the other way round."""
+    """Return sentences on contacts that only a vehicle's own sequence has, or only the crash's."""
     sentences = []
     for number, own in rows.items():
         of_own = {row.code for row in own if row.code in codes.VEHICLE_CONTACTS}
@@ -202,7 +199,7 @@ def _differences(events: Sequence[EventRecord], rows: Mapping[int, Sequence[_Row
 def _mended(
     rows: Mapping[int, Sequence[_Row]], vehicles: Sequence[VehicleRecord], harm_ev: int | None
 ) -> dict[int, list[VehicleEvent]]:
-    """Return the rows as events, blank codes filled where it is clear what they were, else unknown."""
+    """Return the rows as events, with blank codes filled if their meaning is clear, and else unknown."""
     crash_types = {vehicle.number: vehicle.crash_type_code for vehicle in vehicles}
     blank = _blank_first_events(rows, harm_ev)
     mended: dict[int, list[VehicleEvent]] = {}
@@ -223,7 +220,8 @@ def _mended(
 def _blank_first_events(rows: Mapping[int, Sequence[_Row]], harm_ev: int | None) -> list[_Row]:
     """Return the blank rows that must be the crash's first harmful event.
 
-    They are of one vehicle, or of the two that met in it."""
+    They belong to one vehicle, or to the two that met in it.
+    """
     firsts = [first for own in rows.values() if (first := next((row for row in own if row.harmful), None)) is not None]
     blank = [row for row in firsts if row.code is None]
     parties = 2 if harm_ev in codes.VEHICLE_CONTACTS else 1
@@ -232,9 +230,9 @@ def _blank_first_events(rows: Mapping[int, Sequence[_Row]], harm_ev: int | None)
 
 
 def _first_harmful(crash: Fields, vehicles: Sequence[VehicleRecord], harm_ev: int | None) -> tuple[EventRecord, ...]:
-    """Return the event that ``HARM_EV`` implies in a report without events: a contact of vehicles.
+    """Return the event that ``HARM_EV`` implies in a report without events, if it is a contact of vehicles.
 
-    Its parties are named where the crash has only two.
+    Its parties are named if the crash has only two.
     """
     if harm_ev not in codes.VEHICLE_CONTACTS:
         return ()

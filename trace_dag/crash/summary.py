@@ -1,7 +1,7 @@
 """A crash in words, for people and for language models.
 
-Written from codes alone, never from labels: the same facts give the same words, whatever the source. Units are those of
-US police reports (miles per hour); SI values are in the record.
+Written from codes alone, never from labels, so that the same facts give the same words for every source. Units are
+those of US police reports (miles per hour); SI values are in the record.
 """
 
 from __future__ import annotations
@@ -54,9 +54,7 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 
 
 def summarise(record: CrashRecord) -> str:
-    """Return some sentences on the crash.
-
-    The scene, each vehicle, the sequence of events, what was implied or disagrees.
+    """Return a summary of the crash: scene, vehicles, events, implied values and contradictions.
 
     >>> print(summarise(pedestrian_record).splitlines()[3])
     Person 1: pedestrian, crossing the roadway, in a travel lane, struck by vehicle 1.
@@ -72,9 +70,9 @@ def summarise(record: CrashRecord) -> str:
 
 
 def in_one_sentence(record: CrashRecord) -> str:
-    """Return time, place, parties and event.
+    """Return one sentence with time, place, parties and event.
 
-    The first contact of vehicles, or the first harmful event of another kind of crash.
+    The event is the first contact of vehicles, or the first harmful event of another kind of crash.
 
     >>> in_one_sentence(pedestrian_record)
     'On June 14, 2023 at 15:20 on NE-411, Nebraska, a sedan that was going straight at 45 mph struck a pedestrian.'
@@ -100,7 +98,7 @@ def in_one_sentence(record: CrashRecord) -> str:
 
 
 def classes_in_words(record: CrashRecord) -> tuple[str, ...]:
-    """Return the kind of crash, the kind of place, and the directions of the vehicles; unreported facts are left out.
+    """Return the kind of crash, the kind of place and the directions of the vehicles, without unreported facts.
 
     >>> classes_in_words(pedestrian_record), classes_in_words(tree_record)
     (('pedestrian', 'not an intersection'), ('fixed object', 'not an intersection'))
@@ -115,7 +113,7 @@ def classes_in_words(record: CrashRecord) -> tuple[str, ...]:
 
 
 def _driving(vehicle: VehicleRecord) -> str:
-    """Return a vehicle with what it was doing: "a compact SUV that was going straight at 20 mph"."""
+    """Return a vehicle with its movement, such as "a compact SUV that was going straight at 20 mph"."""
     kind = BODY_TYP.meaning(vehicle.body_type_code) or _CLASS_NAMES.get(vehicle.vehicle_class, vehicle.vehicle_class)
     article = "an" if kind[0] in "aeioAEIO" or kind.startswith("SUV") else "a"
     if not vehicle.in_transport:
@@ -130,9 +128,10 @@ def _driving(vehicle: VehicleRecord) -> str:
 
 
 def _others_involved(record: CrashRecord, event: EventRecord, involved: Set[int]) -> str:
-    """Return the vehicles that the event does not name.
+    """Return a text on the vehicles that the event does not name.
 
-    The result has how many of them struck the same person, and how many are left."""
+    It has the number that struck the same person, and the number of the others.
+    """
     others = {vehicle.number for vehicle in record.vehicles} - involved
     struck_too = {
         each.party_1
@@ -285,7 +284,7 @@ def _sequence(record: CrashRecord) -> str:
 
 
 def event_in_words(event: EventRecord) -> str:
-    """Return an event as a clause: who did what to whom, and at which parts of the bodies.
+    """Return an event as a clause with its parties and the areas of contact.
 
     >>> event_in_words(tree_record.events[1])
     "vehicle 1 struck a tree (at 12 o'clock (front))"
@@ -307,7 +306,7 @@ def event_in_words(event: EventRecord) -> str:
 
 
 def event_named(number: int, code: int) -> str:
-    """Return an event with its ``EVENTNUM`` and ``SOE`` and what the code means, for sentences on what became of it.
+    """Return an event's name for sentences: its ``EVENTNUM``, ``SOE`` and the meaning of the code.
 
     >>> event_named(3, 24), event_named(4, 99)
     ('event 3, struck a guardrail (SOE 24)', 'event 4 (SOE 99)')
@@ -324,7 +323,7 @@ def _non_motorists(record: CrashRecord) -> str:
 
 
 def place_in_words(person: NonMotorist) -> str:
-    """Return a person's place when struck, by the typing, else by ``LOCATION``; empty where neither reports it.
+    """Return a person's place when struck, by the typing, else by ``LOCATION``; empty if not reported.
 
     >>> place_in_words(pedestrian_record.non_motorists[0])  # PEDPOS 3
     'in a travel lane'

@@ -1,7 +1,8 @@
-"""The raw report of a crash that a table tells of, as a JSON document.
+"""The raw report of a crash from a table, as a JSON document.
 
-It holds the rows of FARS' tables as they are. For another register, whose mapping is not kept, it holds the record
-as read, before it is completed: the fields that are not at their defaults."""
+For FARS it has the rows of the tables, unchanged. For another register, whose mapping is not kept, it has the record as
+read, before completion, with the fields that differ from their defaults.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from trace_dag.crash.record import CrashRecord
 
 
 def is_json(data: bytes) -> bool:
-    """Return whether a report is such a document, and not XML.
+    """Return whether a report is such a JSON document rather than XML.
 
     >>> is_json(report_xml), is_json(b'{"key": "tempe-1"}')
     (False, True)
@@ -32,9 +33,9 @@ def report_to_json(report: FarsRows | CrashRecord) -> bytes:
 
 
 def report_from_json(data: bytes, *, name: str) -> FarsRows | CrashRecord:
-    """Return what a document holds.
+    """Return the rows or the record in a document.
 
-    Raises :class:`trace_dag.common.errors.Rejection` (``malformed_report``) for another one.
+    Raises :class:`trace_dag.common.errors.Rejection` (``malformed_report``) for any other document.
 
     >>> report_from_json(report_to_json(record), name="a report").key
     '2023-319003'

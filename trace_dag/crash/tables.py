@@ -1,4 +1,4 @@
-"""The crash record as it is stored: a Parquet file of one row, vehicles, events and non-motorists as lists of structs.
+"""The stored crash record: a Parquet file of one row, with vehicles, events and non-motorists as lists of structs.
 
 Every column is declared once, here: name with its unit, type, meaning and the FARS element it comes from. The schema of
 the files, the conversion both ways and the data dictionary follow from it. All files have the same schema, so that
@@ -244,7 +244,7 @@ def records_table(records: Iterable[CrashRecord]) -> pa.Table:
 
 
 def _row(record: CrashRecord) -> dict[str, Any]:
-    """Return the fields of a record, and what is derived from them for those who read the table and not the record."""
+    """Return the fields of a record, with derived values for readers of the table."""
     row: dict[str, Any] = _adapter().dump_python(record, mode="json")
     events = [{**stored, "kind": event.kind.value} for stored, event in zip(row["events"], record.events, strict=True)]
     persons = [
@@ -261,9 +261,9 @@ def _row(record: CrashRecord) -> dict[str, Any]:
 
 
 def record_from_parquet(data: bytes) -> CrashRecord:
-    """Return the record of a Parquet file.
+    """Return the record in a Parquet file.
 
-    Raises :class:`Failure` if it is damaged or of another schema.
+    Raises :class:`Failure` if the file is damaged or has another schema.
     """
     import pyarrow as pa
 

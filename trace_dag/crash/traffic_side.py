@@ -1,7 +1,8 @@
-"""The side of the road that traffic keeps: of a state in FARS, else of the time zone of a point.
+"""The side of the road that traffic keeps: by state in FARS, else by the time zone of a point.
 
-No time zone lies in countries of both sides, and the zones of ``opening_hours``, made of OpenStreetMap's borders, tell
-neighbours apart (Hong Kong and Shenzhen)."""
+No time zone covers countries of both sides, and the zones of ``opening_hours``, made from OpenStreetMap's borders,
+distinguish neighbours (Hong Kong and Shenzhen).
+"""
 
 from __future__ import annotations
 

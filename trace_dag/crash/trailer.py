@@ -1,10 +1,11 @@
 """A trailer as a body behind the vehicle that pulls it, and the plane geometry of both.
 
-If the hitch is, how the trailer follows, and the clock positions of both together.
+The geometry is the position of the hitch, the path of the trailer, and the clock positions of both together.
 
-A combination vehicle is one vehicle of the report: its front is that of what pulls, its rear that of the trailer, and
-areas of impact (``IMPACT1``, ``AOI``) go around both. The codes have one clock per vehicle and none of a trailer's own;
-in the reports at hand all four combinations that were struck from behind, at their trailer, have 6 o'clock.
+A combination vehicle is one vehicle of the report: its front is that of the pulling vehicle, its rear that of the
+trailer, and areas of impact (``IMPACT1``, ``AOI``) go around both. The codes have one clock per vehicle and none for
+the trailer; in the reports at hand all four combinations that were struck from behind, at their trailer, have 6
+o'clock.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Trailer:
 
     @property
     def is_semitrailer(self) -> bool:
-        """Return whether it rests on a fifth wheel, and rolls with what pulls it."""
+        """Return whether the trailer rests on a fifth wheel, and rolls with the pulling vehicle."""
         return self.coupling_m > 0
 
     @property
@@ -56,7 +57,7 @@ class Trailer:
         return self.hitch_m - self.coupling_m + self.length_m
 
     def hitch(self, puller: Poses, puller_length_m: float) -> tuple[FloatArray, FloatArray]:
-        """Return x and y of the hitch where the pulling vehicle's centre is at ``puller``.
+        """Return x and y of the hitch for a pulling vehicle with its centre at ``puller``.
 
         ``puller`` is x, y, heading, of any shape.
         """
@@ -65,15 +66,15 @@ class Trailer:
         return np.asarray(x - behind_m * np.cos(heading)), np.asarray(y - behind_m * np.sin(heading))
 
     def behind(self, puller: Poses, puller_length_m: float, heading_rad: FloatArray) -> Poses:
-        """Return the trailer's centre and heading where it heads so behind a vehicle."""
+        """Return the trailer's centre and heading for a given heading behind a vehicle."""
         x, y = self.hitch(puller, puller_length_m)
         back_m = self.length_m / 2 - self.coupling_m
         return x - back_m * np.cos(heading_rad), y - back_m * np.sin(heading_rad), heading_rad
 
     def following(self, puller: Poses, puller_length_m: float, *, from_rad: float | None = None) -> FloatArray:
-        """Return headings of the trailer, shape (n,), whose vehicle goes slowly through these poses.
+        """Return headings of the trailer, shape (n,), while its vehicle moves slowly through these poses.
 
-        It begins at the given heading, else in line with the vehicle, and follows the tractrix of its hitch,
+        It begins at the given heading, or in line with the vehicle, and follows the tractrix of its hitch,
         d(heading)/ds = sin(course - heading) / drawbar.
         """
         x, y = self.hitch(puller, puller_length_m)
@@ -89,16 +90,16 @@ class Trailer:
         return np.unwrap(headings) + math.tau * round((float(puller[2][0]) - headings[0]) / math.tau)
 
     def middle_by_puller(self, puller: Poses, puller_length_m: float) -> Poses:
-        """Return the middle and heading of the combination as if it were in line with the vehicle that pulls.
+        """Return the middle and heading of the combination as if in line with the pulling vehicle.
 
-        Clock positions of a contact with that vehicle are counted from it, on a body :attr:`combination_length_m`
-        long."""
+        Clock positions of a contact with that vehicle refer to it, on a body :attr:`combination_length_m` long.
+        """
         x, y, heading = puller
         behind_m = (self.combination_length_m - puller_length_m) / 2
         return x - behind_m * np.cos(heading), y - behind_m * np.sin(heading), heading
 
     def middle_by_trailer(self, trailer: Poses) -> Poses:
-        """Return the same as if it were in line with the trailer: for contacts with that."""
+        """Return the middle and heading of the combination as if in line with the trailer, for contacts with it."""
         x, y, heading = trailer
         ahead_m = (self.combination_length_m - self.length_m) / 2
         return x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), heading

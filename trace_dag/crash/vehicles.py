@@ -108,9 +108,9 @@ def read_vehicle(fields: Fields) -> VehicleRecord:
 
 
 def read_parked_vehicle(fields: Fields) -> VehicleRecord:
-    """Return a motor vehicle that was parked, or at work on the road, of its row in a report.
+    """Return a motor vehicle that was parked, or at work on the road, from its row in a report.
 
-    The names are those of vehicles with a P before.
+    The column names are those of moving vehicles with a leading P.
 
     >>> read_parked_vehicle(Fields({"VEH_NO": "2", "PBODYTYP": "4", "PTYPE": "2"}, "a report", 2023)).travel_speed_mps
     0.0
@@ -154,7 +154,7 @@ def read_parked_vehicle(fields: Fields) -> VehicleRecord:
 
 
 def _number(fields: Fields) -> int:
-    """Return ``VEH_NO``, which names the vehicle in messages from then on."""
+    """Return ``VEH_NO``, and add it to the vehicle's name in messages."""
     report, fields.where = fields.where, f"{fields.where}: vehicle"
     number = fields.integer("VEH_NO", low=1, high=999)
     if number is None:

@@ -31,7 +31,7 @@ _REMEDY: Final = "fetch the report again, or set crash.repair_malformed to have 
 def parse_untrusted(data: bytes, *, name: str, repair: bool = False) -> tuple[etree._Element, bool]:
     """Return the root element, and whether the text had to be repaired.
 
-    Raises :class:`Rejection` (``malformed_report``) naming ``name``, line and column.
+    Raises :class:`Rejection` (``malformed_report``) that names ``name``, line and column.
 
     >>> parse_untrusted(b"<ROAD>Main & Elm</ROAD>", name="crash.xml", repair=True)[0].text
     'Main & Elm'
@@ -49,7 +49,7 @@ def parse_untrusted(data: bytes, *, name: str, repair: bool = False) -> tuple[et
 
 
 def parse_leniently(data: bytes, *, name: str) -> etree._Element | None:
-    """Parse as much as possible of a file that may not be well-formed, to look at only; None if nothing can be read.
+    """Parse as much as possible of a file that may not be well-formed; return None if nothing can be read.
 
     >>> parse_leniently(b"<ROAD>Main", name="crash.xml").text
     'Main'
@@ -71,7 +71,7 @@ def local_name(element: etree._Element) -> str:
 
 
 def values_of(element: etree._Element) -> Row:
-    """Return the texts of an element's children that have no children themselves, but for blank ones.
+    """Return the non-blank texts of an element's children that have no children themselves.
 
     >>> values_of(etree.fromstring("<Vehicle><VEH_NO>1</VEH_NO><Persons><Person/></Persons></Vehicle>"))
     {'VEH_NO': '1'}
@@ -84,7 +84,7 @@ def values_of(element: etree._Element) -> Row:
 
 
 def _check_harmless(data: bytes, *, name: str) -> None:
-    """Raise :class:`Rejection` for files too large or too full of markup to be a report, or with a document type."""
+    """Raise :class:`Rejection` for files with a document type, or with too much data or markup for a report."""
     if len(data) > MAX_REPORT_BYTES:
         raise Rejection(
             Reason.MALFORMED_REPORT,

@@ -1,4 +1,4 @@
-"""Zones across the road in which a person was, so coarse that codes of two tables with one meaning share a zone."""
+"""Coarse zones across the road for a person's place; codes of two tables with one meaning share a zone."""
 
 from __future__ import annotations
 
@@ -53,20 +53,20 @@ _CROSSWALK: Final = 2  # PEDPOS
 
 
 def is_in_crosswalk(person: NonMotorist) -> bool:
-    """Return whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``."""
+    """Return whether the report places the person in a crosswalk, marked or not: by the typing or ``LOCATION``."""
     return person.pedestrian_position_code == _CROSSWALK or person.location_code in _IN_CROSSWALK
 
 
 def may_have_crossed_in_crosswalk(person: NonMotorist) -> bool:
-    """Return whether the report leaves open where on the road a person on foot was: a crosswalk, or somewhere else."""
+    """Return whether the report allows a person on foot to have crossed in a crosswalk or elsewhere."""
     told = person.pedestrian_position_code in ZONES_OF_PEDPOS or person.location_code in ZONES_OF_LOCATION
     return person.kind is not PartyKind.CYCLIST and not told
 
 
 def reported_zones(record: CrashRecord, person: NonMotorist) -> frozenset[Zone]:
-    """Return the zones in which the person was struck: by the typing, else by ``LOCATION``, else by ``REL_ROAD``.
+    """Return the zones in which the person was struck, by the typing, else ``LOCATION``, else ``REL_ROAD``.
 
-    Empty if none reports it.
+    Empty if none is reported.
 
     >>> sorted(zone.value for zone in reported_zones(pedestrian_record, pedestrian_record.non_motorists[0]))  # PEDPOS 3
     ['carriageway']

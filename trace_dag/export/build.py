@@ -1,10 +1,11 @@
 """The benchmark: a scenario package for every accepted crash, and a static site about all crashes.
 
 ``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
-``thumbnails/`` moving pictures of accepted crashes, ``replays/`` what ``replay.html`` shows of every crash that got so
-far. Nothing is stored twice: pages link to the artefacts and pictures of the root. A crash whose artefacts, outcome and
-code have not changed is not made again. Belongs here: pages, and what goes where. Does not belong here: the other files
-of a crash (:mod:`trace_dag.export.crash_files`), and what packages and pages look like (:mod:`trace_dag.scenario`).
+``thumbnails/`` moving pictures of accepted crashes, ``replays/`` the data that ``replay.html`` shows for every
+simulated crash. Nothing is stored twice: pages link to the artefacts and pictures of the root. A crash whose artefacts,
+outcome and code have not changed is not made again. Belongs here: pages, and the layout of the folder. Does not belong
+here: the other files of a crash (:mod:`trace_dag.export.crash_files`), and the contents of packages and pages
+(:mod:`trace_dag.scenario`).
 """
 
 from __future__ import annotations
@@ -114,9 +115,9 @@ class _Crash:
 
 
 def build_benchmark(workspace: Workspace, *, contents: bool = False) -> BenchmarkReport:
-    """Bring packages and site up to date with the warehouse, and make again what is not as it was made.
+    """Bring packages and site up to date with the warehouse, and make damaged files again.
 
-    That is seen by its size, with ``contents`` by its SHA-256.
+    Damage is found by size, with ``contents`` by SHA-256.
     """
     storage, warehouse = workspace.storage, workspace.warehouse
     *of_table, outcomes = query.rows_of(warehouse, (*_TABLE, "stage_outcomes"))
@@ -159,7 +160,7 @@ _TABLE = ("judged_crashes", "vehicles")
 
 
 def _table(table: list[dict[str, Any]], vehicles: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the warehouse's crashes, each with its verdict's grade and the classes of its vehicles."""
+    """Return the warehouse's crashes, each with the grade of its verdict and the classes of its vehicles."""
     classes: defaultdict[str, set[str]] = defaultdict(set)
     for row in vehicles:
         classes[row["key"]].add(row["vehicle_class"])
@@ -167,7 +168,7 @@ def _table(table: list[dict[str, Any]], vehicles: Sequence[Mapping[str, Any]]) -
 
 
 def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
-    """Write the leaderboard and the index that links it anew, without the pages of the crashes."""
+    """Write the leaderboard and the index that links to it, without the pages of the crashes."""
     table, before = _table(*query.rows_of(warehouse, _TABLE)), sound_manifest(storage, FOLDER)
     rights = _rights(table, read_records(storage, [row["key"] for row in table]))
     pages = {page.name: page for page in _write_index(storage, warehouse, table, rights, before.files)}
@@ -175,7 +176,7 @@ def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
 
 
 def benchmark_is_whole(storage: Storage) -> bool:
-    """Return whether every file of the benchmark is there with the size it was made with."""
+    """Return whether every file of the benchmark exists with its recorded size."""
     files = sound_manifest(storage, FOLDER).files
     return bool(files) and not any(not_as_listed(storage, files.values()))
 
@@ -203,7 +204,7 @@ def _crashes(
 
 
 def _rights(table: Sequence[Mapping[str, Any]], records: Mapping[str, Records]) -> dict[str, Rights]:
-    """Return the attribution of each crash's map; of a crash without one, that of the maps of its cohort."""
+    """Return the attribution of each crash's map; for a crash without a map, that of its cohort's maps."""
     own = {row["key"]: attribution for row in table if (attribution := map_attribution(records[row["key"]]))}
     cohorts: dict[str, set[str]] = {}
     for row in table:
@@ -222,17 +223,18 @@ def _tasks(workspace: Workspace, crashes: Sequence[_Crash], workers: int) -> lis
 
 @dataclass(frozen=True)
 class _Made:
-    """The files of some crashes, and what went wrong by crash."""
+    """The files of some crashes, and the errors by crash."""
 
     files: Sequence[StoredFile]
     errors: Mapping[str, str]
 
 
 def get_ready() -> None:
-    """Import the modules of a worker before its first page.
+    """Import a worker's modules before its first page.
 
-    Objects made until then are exempt from the garbage collector, which runs after each crash and need not look
-    through them every time."""
+    Existing objects are then exempt from the garbage collector, which runs after each crash and would otherwise examine
+    them every time.
+    """
     for name in (*MADE_WITH, "trace_dag.pages.crash_page"):
         import_module(name)
     gc.collect()
@@ -294,9 +296,9 @@ def is_made_by_this_code(storage: Storage) -> bool:
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
-    """Remove, by folder, files of crashes that are not among these keys.
+    """Remove files of crashes that are not among the kept keys, by folder.
 
-    Packages of crashes that are no longer accepted.
+    These are packages of crashes that are no longer accepted.
     """
     for folder, keys in kept.items():
         for name in storage.list(f"{FOLDER}/{folder}"):
@@ -313,7 +315,7 @@ def _write_index(
 ) -> list[StoredFile]:
     """Return the pages about all crashes together.
 
-    ``files``: those of the single crashes that have been made.
+    ``files`` are the files made for single crashes.
     """
     from trace_dag.pages.site import IndexRows, static_files, write_index
 

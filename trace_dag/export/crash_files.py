@@ -1,9 +1,9 @@
 """Files of one crash in the benchmark beside its page: replay, scenario package, moving picture.
 
-A run lets its workers make them when the last stage of a crash is done (:func:`make_at_once`): all that the stages
-made is at hand then, where whoever builds the benchmark would have to read it back, and the workers have something to
-do to the end. The manifest of the benchmark says what was made so; the rest is made when the benchmark is built. Does
-not belong here: pages, and what all crashes have together (:mod:`trace_dag.export.build`).
+A run lets its workers make them when the last stage of a crash is done (:func:`make_at_once`): the results of the
+stages are still in memory then, while a build would have to read them back, and the workers stay busy to the end. The
+benchmark's manifest lists the files made in this way; the others are made when the benchmark is built. Does not belong
+here: pages, and files about all crashes (:mod:`trace_dag.export.build`).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def package_name(key: str) -> str:
 
 
 def replay_name(key: str) -> str:
-    """Return the path below the root of the data that ``replay.html`` shows of a crash."""
+    """Return the path below the root of a crash's data for ``replay.html``."""
     return f"{FOLDER}/{REPLAYS}/{key}.js"
 
 
@@ -58,7 +58,7 @@ def thumbnail_name(key: str) -> str:
 
 
 def make_files(files: CrashFiles, *, accepted: bool, traffic: StoredTraffic | None = None) -> tuple[StoredFile, ...]:
-    """Make and store what there can be of a crash: a replay if it was simulated, the rest if it is accepted."""
+    """Make and store the files of a crash: a replay if it was simulated, the others if it is accepted."""
     from trace_dag.agents.replays import content_of
     from trace_dag.export.package import zip_files
     from trace_dag.pages.replay import replay_script
@@ -76,7 +76,7 @@ def make_files(files: CrashFiles, *, accepted: bool, traffic: StoredTraffic | No
 
 
 def made_of(records: Records, traffic: Sequence[StoredFile] = ()) -> str:
-    """Return a digest of what the files of a crash are made of: its artefacts, picture and traffic, and the code."""
+    """Return a digest of the inputs of a crash's files: its artefacts, picture and traffic, and the code."""
     artefacts = (file for record in records.values() for file in (*record.artefacts, *record.pictures))
     listed = [file.sha256 for file in (*artefacts, *traffic)]
     return hashlib.sha256(json.dumps([VERSION, listed]).encode()).hexdigest()
@@ -85,10 +85,10 @@ def made_of(records: Records, traffic: Sequence[StoredFile] = ()) -> str:
 def make_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:
     """Return the function that makes the files of a crash at its end, for :func:`trace_dag.flow.batch.run_stages`.
 
-    It makes none where some are there already, which its manifest lists: they are for whoever builds it to replace;
-    nor where a later stage's record is from before this run. Traffic around a crash is left for the build, too. The
-    files present are listed once for the whole run: an object store takes two requests, one of them a listing, to
-    report one missing file."""
+    It makes none if the manifest lists some already, which only a build may replace, or if a later stage's record is
+    older than this run. Traffic around a crash is also left to the build. The present files are listed once for the
+    whole run, because an object store needs two requests, one of them a listing, to report one missing file.
+    """
     names = [name(key) for name in (replay_name, package_name, thumbnail_name) for key in keys]
     already = frozenset(crash_of(name) for name in storage.sizes(names))
     return partial(_made_at_once, already=already)
@@ -104,7 +104,7 @@ def _made_at_once(files: CrashFiles, already: Set[str]) -> MadeFiles | None:
 
 
 def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:
-    """Note what the workers of a run made at once, by crash."""
+    """Record the files that the workers of a run made, by crash."""
     if not made:
         return
     before = sound_manifest(storage, FOLDER)
@@ -116,9 +116,9 @@ def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:
 
 
 def read_notes(storage: Storage) -> dict[str, MadeFiles]:
-    """Return the files that workers have made since the benchmark was last built, by crash.
+    """Return the files that workers have made since the last build of the benchmark, by crash.
 
-    Crashes of which a file is missing are left out.
+    Crashes with a missing file are left out.
     """
     manifest = sound_manifest(storage, FOLDER)
     files: dict[str, list[StoredFile]] = {}
@@ -132,5 +132,5 @@ def read_notes(storage: Storage) -> dict[str, MadeFiles]:
 
 
 def _at_once(key: str) -> str:
-    """Return the name of the manifest of the files beside a crash's page, which is still to be made."""
+    """Return the name of the manifest of a crash's files that were made before its page."""
     return f"beside the page of {key}"

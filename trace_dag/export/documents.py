@@ -22,7 +22,7 @@ class _Markdown(str):
 
 
 def render_document(template: str, **values: Any) -> bytes:
-    """Return a template of this package, filled in, UTF-8.
+    """Return a template of this package, filled in, as UTF-8.
 
     A missing value is an error.
     """

@@ -1,7 +1,7 @@
 """Verified crashes written out for use elsewhere, by an exporter (:mod:`trace_dag.export.formats`).
 
-One crash at a time, whatever their number; a file that is already there as it should be is left alone, so an
-interrupted export goes on where it stopped.
+One crash at a time, whatever their number; files that are already there unchanged are kept, so an interrupted export
+resumes.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _AT_A_TIME = 200  # crashes whose records are read together
 def accepted_keys(
     workspace: Workspace, cohort: str | None = None, only: Sequence[str] = (), *, on_problem: OnProblem = log_problem
 ) -> list[str]:
-    """Return the keys of the accepted crashes (verified, first_event_only), of a cohort or among those named, in order.
+    """Return the keys of accepted crashes, of a cohort or among those named, in order.
 
-    ``on_problem`` is called for damaged records, whose crash may have been accepted. Raises :class:`UserError` if there
-    is none, or if one of those named is no key or not accepted.
+    Accepted are ``verified`` and ``first_event_only``. ``on_problem`` is called for damaged records, whose crash may
+    have been accepted. Raises :class:`UserError` if no crash is left, or if a named one is no key or not accepted.
     """
     for key in only:
         parse_key(key)  # a path would lead elsewhere
@@ -59,13 +59,12 @@ def export(
     on_problem: OnProblem = raise_problem,
     left_out: Callable[[str], None] = lambda _why: None,
 ) -> int:
-    """Write verified crashes below ``folder`` in a format that an installed exporter writes.
+    """Write verified crashes below ``folder`` in a format of an installed exporter.
 
     Return the number of files written or replaced.
 
-    ``told`` is called with each crash, ``on_problem`` of each that cannot be written because something stored of it is
-    damaged, ``left_out`` of each that the format has no words for. Raises :class:`UserError` for a format that nobody
-    offers.
+    ``told`` is called with each crash, ``on_problem`` for each crash with damaged files, ``left_out`` for each crash
+    that the format cannot express. Raises :class:`UserError` for an unknown format.
     """
     exporter = load(PluginKind.EXPORTER, export_format)(keys)
     target, written = Storage.open(folder, output=True), 0
@@ -84,7 +83,7 @@ def export(
 
 
 def write_if_changed(target: Storage, name: str, data: bytes) -> bool:
-    """Write a file unless it is there with the same content; whether it was written."""
+    """Write a file unless it exists with the same content; return whether it was written."""
     try:
         if target.read(name) == data:
             return False

@@ -16,7 +16,7 @@ def geoparquet(table: pa.Table) -> bytes:
 
     The column ``geometry`` has points as well-known binary, longitude first.
 
-    The same table gives the same bytes.
+    Equal tables give equal bytes.
 
     >>> import pyarrow as pa
     >>> geoparquet(pa.table({"latitude_deg": [41.8], "longitude_deg": [-101.5]}))[:4]
@@ -29,7 +29,7 @@ def geoparquet(table: pa.Table) -> bytes:
 
 
 def geoparquet_of(table: pa.Table, shapes: NDArray[Any]) -> bytes:
-    """Return a table with a shapely geometry per row, (n,), WGS84, longitude first, as its column ``geometry``.
+    """Return a table as GeoParquet with ``shapes`` (WGS84, longitude first), shape (n,), as column ``geometry``.
 
     >>> import pyarrow as pa
     >>> import shapely

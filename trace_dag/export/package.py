@@ -59,10 +59,10 @@ class PackageInput:
     """One crash's artefacts. ``log`` is of the hypothesis that ``verdict`` names.
 
     ``report`` (its file's name and content), ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as
-    read, ``surroundings`` lie behind its roads. ``sampled`` is what the draws of the estimate came to. ``drives`` are
-    what everybody was going to do. ``picture`` is the crash from above as PNG, ``replay`` what its replay shows; they
-    are made where they are not at hand. ``traffic`` is what drives around the crash. ``variation`` says what
-    was changed, as JSON, where this is not the crash itself.
+    read, ``surroundings`` lie behind its roads. ``sampled`` has the outcomes of the estimate's draws, ``drives`` the
+    planned motion of all parties without the crash. ``picture`` is the crash from above as PNG, ``replay`` the content
+    of its replay; they are made if missing. ``traffic`` has the vehicles around the crash. ``variation`` describes the
+    changes, as JSON, if this is a variation.
     """
 
     record: CrashRecord
@@ -97,7 +97,7 @@ class _File(NamedTuple):
 
 
 def package_files(crash: PackageInput) -> dict[str, bytes]:
-    """Return the files of a package by name, ``manifest.json`` with their SHA-256 checksums among them."""
+    """Return the files of a package by name, including ``manifest.json`` with their SHA-256 checksums."""
     files = [
         *_sources(crash),
         *_scenarios(crash),
@@ -210,7 +210,7 @@ def _scenarios(crash: PackageInput) -> list[_File]:
 
 
 def _left_free(log: SimulationLog) -> list[int]:
-    """Return the vehicles that a controller can drive: each in turn, if there is another party."""
+    """Return the vehicles that a controller can drive: each one, if there is another party."""
     if len(log.parties) < 2:
         return []
     return sorted(each.number for each in log.parties if not log.is_figure(each.number))

@@ -1,7 +1,7 @@
 """Stored crashes as scenario packages.
 
-Belongs here: which stored artefacts make up a package or an exported scenario. Does not belong here: what either looks
-like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.export.build`,
+Belongs here: the choice of stored artefacts for a package or an exported scenario. Does not belong here: the files
+themselves (:mod:`trace_dag.scenario`), and the choice of crashes (:mod:`trace_dag.export.build`,
 :mod:`trace_dag.export.export`).
 """
 
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 def package_of(
     files: CrashFiles, replay: ReplayContent | None = None, *, traffic: StoredTraffic | None = None
 ) -> dict[str, bytes]:
-    """Return the scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand.
+    """Return the scenario package of a verified crash, by file name.
 
-    ``traffic`` is what was made for the crash as it is.
+    ``replay`` is the content of its replay, if already made; ``traffic`` is the traffic made for its present verdict.
     """
     from trace_dag.agents.stored_cases import case_of
     from trace_dag.export.package import PackageInput, package_files
@@ -77,7 +77,7 @@ def package_of(
 
 
 def package_of_variation(stored: StoredCase) -> dict[str, bytes]:
-    """Return the scenario package of a variation, by file name, with a verdict that compares it with the report."""
+    """Return the scenario package of a variation, by file name, with a verdict against the report."""
     from trace_dag.agents.stored_cases import load_case
     from trace_dag.agents.stored_variations import abouts, read_variation
     from trace_dag.export.package import PackageInput, package_files
@@ -111,6 +111,6 @@ def package_of_variation(stored: StoredCase) -> dict[str, bytes]:
 
 
 def map_attribution(records: Records) -> str:
-    """Return the attribution that a crash's map needs; empty if there is no map."""
+    """Return the required attribution of a crash's map; empty without a map."""
     record = records.get(Stage.OSM_EXTRACT)
     return str(record.figures.get("attribution") or "") if record else ""

@@ -1,8 +1,7 @@
 """A version of the benchmark, brought together from the warehouse and the packages.
 
-Packages go through memory one at a time. An interrupted release goes on where it stopped; a version that is complete is
-never changed. Belongs here: what is copied where. Does not belong here: what the documents say
-(:mod:`trace_dag.export.release_files`).
+Packages go through memory one at a time. An interrupted release resumes; a complete version is never changed. Belongs
+here: copying the files. Does not belong here: the contents of the documents (:mod:`trace_dag.export.release_files`).
 """
 
 from __future__ import annotations
@@ -99,14 +98,14 @@ def build_release(
 ) -> ReleaseReport:
     """Release the accepted crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
-    Packages are brought up to date with the warehouse first, those that are not as they were made included. The
-    workspace's ``page_listener`` receives how many of how many are, and then how many are in place. ``unknown`` are
-    crashes of which something stored is damaged, so that the warehouse does not hold all of them. While there is one of
-    the cohort, or a package cannot be made, which ``on_problem`` is called with, the other packages are put in place
-    and the release is left unfinished. A file of a finished release that is damaged is replaced by what it was.
-    ``bench`` is a definition of others to be made again: of its crashes, on its date. ``national`` are FARS's accident
-    tables to weigh the crashes by. Raises :class:`UserError` for a malformed version, for a finished release of this
-    version that has other content, and saying which input differs from the definition's.
+    Packages are first brought up to date with the warehouse, and damaged ones are made again. The workspace's
+    ``page_listener`` receives the numbers of packages done and in total, and then those copied. ``unknown`` are crashes
+    with damaged files, which the warehouse may lack. If one of them is in the cohort, or a package cannot be made,
+    ``on_problem`` is called; the other packages are copied and the release is left unfinished. A damaged file of a
+    finished release is restored. ``bench`` is a definition by others to reproduce, with its crashes and date.
+    ``national`` are FARS's accident tables for weighting the crashes. Raises :class:`UserError` for a malformed
+    version, for a finished release of this version with other content, and for each input that differs from the
+    definition's.
     """
     check_version(version)
     given = None if bench is None else _given(bench)
@@ -168,7 +167,7 @@ def _given(bench: Path) -> dict[str, Any]:
 
 
 def _weigh(rows: Sequence[dict[str, Any]], national: Sequence[Path]) -> dict[str, Any] | None:
-    """Give each crash its weight, and say what the weights are of; None where there are no national tables."""
+    """Set the weight of each crash; return a description of the weights, or None without national tables."""
     if not national:
         for row in rows:
             row["weight"] = None
@@ -182,7 +181,7 @@ def _weigh(rows: Sequence[dict[str, Any]], national: Sequence[Path]) -> dict[str
 
 
 def _bring_up_to_date(workspace: Workspace, on_problem: OnProblem) -> set[str]:
-    """Return the crashes whose package or page could not be made."""
+    """Update the benchmark; return the crashes whose package or page could not be made."""
     errors = build_benchmark(workspace, contents=True).errors
     for key, error in errors.items():
         on_problem(Failure(f"{key}: no package: {error.strip().splitlines()[-1]}"))
@@ -190,7 +189,7 @@ def _bring_up_to_date(workspace: Workspace, on_problem: OnProblem) -> set[str]:
 
 
 def _complete(folder: Path) -> dict[str, str]:
-    """Return the checksums of a finished release in this folder; empty if there is none."""
+    """Return the checksums of a finished release in this folder; empty without one."""
     sums = folder / CHECKSUMS
     try:
         return read_checksums(sums.read_bytes()) if sums.is_file() else {}
@@ -201,7 +200,7 @@ def _complete(folder: Path) -> dict[str, str]:
 
 
 def _finish(target: Storage, documents: Mapping[str, bytes], sums: Mapping[str, str]) -> int:
-    """Write what stands beside the packages, remove packages of an earlier attempt, and the checksums last."""
+    """Write the documents, remove packages of an earlier attempt, write the checksums; return the number written."""
     for name in target.list("packages"):
         if name not in sums:
             target.delete(name)

@@ -3,8 +3,8 @@
 A release is a folder ``trace-dag-benchmark-<version>``: ``packages/<key>.zip``, ``index.parquet`` and ``index.json``
 with a row per package, ``README.md`` (with the head of a data set card), ``PROTOCOL.md``, ``croissant.json``,
 ``datacite.json``, ``DATASHEET.md`` (after Gebru et al., Datasheets for Datasets, CACM 64(12), 2021), ``LICENSES.md``,
-``CITATION.cff`` and ``SHA256SUMS`` over all of them. The same crashes give the same bytes.
-Belongs here: what these say. Does not belong here: collecting it (:mod:`trace_dag.export.release`).
+``CITATION.cff`` and ``SHA256SUMS`` over all of them. The same crashes give the same bytes. Belongs here: the contents
+of these files. Does not belong here: collecting it (:mod:`trace_dag.export.release`).
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class BenchmarkRelease:
     ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not (warehouse table
     ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`.
 
-    ``made_on`` is the day on which the newest of them was verified, as ISO 8601 has it.
+    ``made_on`` is the day on which the newest of them was verified, in ISO 8601.
     """
 
     version: str
@@ -205,7 +205,7 @@ def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
 
 
 def _registers(release: BenchmarkRelease) -> dict[str, Any]:
-    """Return the sources of the reports for the documents: whether FARS is among the registers, and the others."""
+    """Return the registers of the reports for the documents, and whether FARS is among them."""
     return {
         "registers": sorted({row["attribution"] for row in release.packages if row.get("attribution")}),
         "fars": any(row.get("register") in (None, FARS) for row in release.packages),
@@ -232,9 +232,9 @@ def read_checksums(data: bytes) -> dict[str, str]:
 
 
 def write_archive(folder: Path, names: Iterable[str], target: Path, archive_format: ArchiveFormat) -> None:
-    """Write an archive of a release's files, the same bytes for the same files, never more than one in memory.
+    """Write an archive of a release's files, one file in memory at a time; equal files give equal bytes.
 
-    Packages are compressed already, so the archive stores them as they are.
+    Packages are compressed already, so the archive stores them unchanged.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as made:
@@ -260,7 +260,7 @@ def write_archive(folder: Path, names: Iterable[str], target: Path, archive_form
 
 # --- documents ---------------------------------------------------------------------------------------------------
 def _card(release: BenchmarkRelease) -> bytes:
-    """Return the head of a data set card as the Hugging Face hub reads it, in front of the README."""
+    """Return the head of a data set card, in the form of the Hugging Face hub, for the README."""
     names = [each.rpartition("/")[2].lower() for each in licences(release.rights)]
     lines = [
         "---",
@@ -353,7 +353,7 @@ def _estimator(row: Row) -> str:
 
 
 def _kinds(release: BenchmarkRelease) -> list[tuple[str, int, int, int]]:
-    """Return each kind of crash with how many are registered, packed, and corroborated."""
+    """Return each kind of crash with the numbers of registered, packed and corroborated crashes."""
     registered = Counter(crash["kind"] for crash in release.crashes)
     packed = Counter(row["kind"] for row in release.packages)
     sure = Counter(row["kind"] for row in release.packages if row["grade"] == Grade.CORROBORATED)
@@ -362,20 +362,20 @@ def _kinds(release: BenchmarkRelease) -> list[tuple[str, int, int, int]]:
 
 
 def _by_class(release: BenchmarkRelease, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:
-    """Return each class with its crashes registered and packed; those that occur nowhere left out."""
+    """Return each class that occurs with the numbers of registered and packed crashes."""
     registered = Counter(crash[name] for crash in release.crashes)
     packed = Counter(row[name] for row in release.packages)
     return [(each.value, registered[each.value], packed[each.value]) for each in values if registered[each.value]]
 
 
 def _reasons(release: BenchmarkRelease) -> list[tuple[str, str, int]]:
-    """Return the reasons that keep registered crashes out: stage, reason, crashes."""
+    """Return the reasons for rejections: stage, reason, number of crashes."""
     rejected = Counter(crash["reason"] for crash in release.crashes if crash["final_state"] == "rejected")
     return [(reason.stage.value, reason.value, rejected[reason.value]) for reason in Reason if rejected[reason.value]]
 
 
 def _figures(release: BenchmarkRelease) -> list[tuple[str, str, int, float, float, float]]:
-    """Return figures of the scenarios: column, unit, number with a value, least, median and largest."""
+    """Return figures of the scenarios: column, unit, number of values, least, median and largest."""
     rows = []
     for column in RELEASE_INDEX.columns:
         if column.unit in ("m", "h", "mps") or column.name.endswith("_rel"):

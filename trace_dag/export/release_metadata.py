@@ -2,8 +2,8 @@
 
 Croissant (``croissant.json``) and DataCite (``datacite.json``).
 
-Croissant 1.1 describes files and columns for tools of machine learning (Akhtar et al., Croissant: A metadata format
-for ML-ready datasets, 2024). DataCite's metadata schema 4.5 is what a repository asks for when it gives a DOI.
+Croissant 1.1 describes files and columns for tools of machine learning (Akhtar et al., Croissant: A metadata format for
+ML-ready datasets, 2024). A repository needs DataCite's metadata schema 4.5 to give a DOI.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def croissant(
 def datacite(
     name: str, version: str, published: str, title: str, about: str, rights: Rights, box_deg: Sequence[float]
 ) -> bytes:
-    """Return ``datacite.json``: what a repository needs to give a DOI, all but the DOI.
+    """Return ``datacite.json``: all that a repository needs to give a DOI, without the DOI.
 
     ``box_deg`` is west, south, east, north of the crashes.
 
@@ -190,7 +190,7 @@ def datacite(
 
 
 def licences(rights: Rights) -> list[str]:
-    """Return addresses of the licences of a release: its own, and those of its maps.
+    """Return addresses of the licences of a release: its own and those of its maps.
 
     >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
     >>> licences(Rights.of([OSM_ATTRIBUTION]))

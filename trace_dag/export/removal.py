@@ -20,7 +20,10 @@ _FOLDERS = (
 
 
 def delete_artefacts(storage: Storage, keys: Collection[str]) -> int:
-    """Delete every file of some crashes below the root: artefacts, records, copies of reports, pages; how many."""
+    """Delete every file of some crashes below the root and return the number.
+
+    These are artefacts, records, copies of reports, and pages.
+    """
     wanted = set(keys)
     names = [
         name

@@ -1,11 +1,10 @@
 """The definition of a benchmark, ``trace-bench.json``: its contents and the comparison of agents on it.
 
-With it two groups find out whether they have the same.
+Two groups can compare their benchmarks by it.
 
-It names every crash with the digests of its report, of what the map files have around it and of its package, the part
-it is in, the code and settings of every stage, and the rules of comparison. :func:`differences` says which input of a
-group is another. Belongs here: what the definition says. Does not belong here: releasing it
-(:mod:`trace_dag.export.release`).
+It names every crash with the digests of its report, of the map data around it and of its package, the crash's part, the
+code and settings of every stage, and the rules of comparison. :func:`differences` lists the inputs that differ. Belongs
+here: the content of the definition. Does not belong here: releasing it (:mod:`trace_dag.export.release`).
 """
 
 from __future__ import annotations
@@ -31,11 +30,9 @@ _SHOWN: Final = 5
 def definition(
     rows: Sequence[Mapping[str, Any]], records: Mapping[str, Records], made_on: str, weights: Mapping[str, Any] | None
 ) -> bytes:
-    """Return the definition of the crashes ``rows``, of the index of a release, as UTF-8 JSON.
+    """Return the definition of the crashes in ``rows`` of a release's index, as UTF-8 JSON.
 
-    The same bytes for the same input.
-
-    ``weights`` says what the weights of the rows are of, None where there are none.
+    Equal input gives equal bytes. ``weights`` describes the weights of the rows, or is None.
     """
     usual = Conditions(traffic=Traffic.PERSISTENT)
     document = {
@@ -57,7 +54,7 @@ def definition(
 
 
 def _stages(records: Sequence[Records]) -> dict[str, list[Any]]:
-    """Return, for each stage, its codes with settings and libraries: one, where all crashes were made alike."""
+    """Return the code, settings and libraries of each stage, as a list; one entry if all crashes were made alike."""
     found: dict[str, list[Any]] = {}
     for stage in Stage:
         made = [record[stage].provenance for record in records if stage in record]
@@ -82,7 +79,7 @@ def _crash(row: Mapping[str, Any], record: Records) -> dict[str, Any]:
 def read_definition(data: bytes, name: str) -> dict[str, Any]:
     """Return a definition as read.
 
-    Raises :class:`UserError` for what is none of this version.
+    Raises :class:`UserError` for other content or another version.
     """
     try:
         document = json.loads(data)
@@ -94,9 +91,9 @@ def read_definition(data: bytes, name: str) -> dict[str, Any]:
 
 
 def differences(given: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:
-    """Return the inputs that differ from those of a given definition, a sentence each.
+    """Return one sentence for each input that differs from a given definition.
 
-    Inputs that follow from others are listed only where these are the same.
+    An input that follows from others is listed only if those are equal.
 
     >>> crash = {"report_sha256": "1", "map_sha256": "2", "package_sha256": "3"}
     >>> given = {"stages": {}, "weights": None, "crashes": {"2023-1": crash, "2023-2": crash}}

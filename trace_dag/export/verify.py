@@ -14,9 +14,9 @@ from trace_dag.flow.verify import Disagreement, DisagreementKind, Quarantine
 
 
 def verify_benchmark(storage: Storage, *, contents: bool = False) -> Iterator[Disagreement]:
-    """Yield pages and packages that are not as their manifest says; with ``contents`` every file is read.
+    """Yield pages and packages that differ from their manifest; ``contents`` compares the bytes as well.
 
-    Without a manifest that can be read no file is known to be whole.
+    Without a readable manifest every file counts as suspect.
     """
     name = manifest_name(FOLDER)
     there = [each for folder in (FOLDER, *FOLDERS_OF_CRASHES) for each in storage.list(folder) if each != name]
@@ -40,7 +40,7 @@ def verify_benchmark(storage: Storage, *, contents: bool = False) -> Iterator[Di
 
 
 def repair_benchmark(found: Iterable[Disagreement], aside: Quarantine) -> None:
-    """Put aside what is damaged, so that building the benchmark makes it again."""
+    """Put damaged files aside, so that the next build of the benchmark makes them again."""
     for each in found:
         if each.kind is DisagreementKind.DAMAGED_PAGE and each.file:
             aside.move(each.file, each.detail)

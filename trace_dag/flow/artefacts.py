@@ -1,7 +1,7 @@
-"""The stored artefacts of a crash, each with the files it consists of and what reads them.
+"""The stored artefacts of a crash, each with its files and their reader.
 
-``crash.load(RECORD)`` is the crash record of a crash, for stages and for everything else that works on what is stored.
-A stage function is given an artefact by naming a parameter after it: ``record``, ``road_map``.
+``crash.load(RECORD)`` is the crash record of a crash, for stages and for all other users of stored crashes. A stage
+function is given an artefact by naming a parameter after it: ``record``, ``road_map``.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Artefact(Generic[T]):
-    """An artefact of a stage. ``reader`` (``module:function``) is given the bytes of each of its files.
+    """An artefact of a stage. ``reader`` (``module:function``) takes the bytes of each of its files.
 
-    Without a reader it is the bytes themselves. A ``named`` reader is told the file's name too, for its messages.
+    Without a reader the artefact is the bytes. A ``named`` reader also takes the file's name, for its messages.
     """
 
     stage: Stage
@@ -39,22 +39,22 @@ class Artefact(Generic[T]):
 
 
 class CrashArtefacts(Protocol):
-    """A crash as it is stored, in a root or in a package: what there is of it, and how to read it."""
+    """A stored crash, in a root or in a package: its artefacts and their reading."""
 
     @property
     def key(self) -> str:
         """Return the crash's key."""
 
     def has(self, artefact: Artefact[Any]) -> bool:
-        """Return whether there is such an artefact."""
+        """Return whether the artefact is stored."""
 
     def load(self, artefact: Artefact[T]) -> T:
         """Return an artefact as its reader reads it, read once."""
 
     def shown_log(self) -> SimulationLog | None:
-        """Return the log that the verdict is about, the first one without a verdict.
+        """Return the log that the verdict judges, or without a verdict the first one.
 
-        None where nothing was simulated.
+        None if nothing was simulated.
         """
 
 
@@ -106,11 +106,11 @@ ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
 
 
 def report_file(crash: CrashArtefacts) -> tuple[str, bytes]:
-    """Return the report of a crash with the name it has in packages: CrashAPI's XML, or what a table says as JSON."""
+    """Return the report of a crash with its file name in packages: CrashAPI's XML, or JSON from a table."""
     artefact = REPORT_XML if crash.has(REPORT_XML) else REPORT_JSON
     return f"report.{artefact.extensions[0]}", crash.load(artefact)
 
 
 def surroundings_of(crash: CrashArtefacts) -> tuple[OsmFeature, ...]:
-    """Return the features beside the roads around a crash; none where they were not kept."""
+    """Return the features beside the roads around a crash; empty if they were not kept."""
     return crash.load(EXTRACT).surroundings if crash.has(EXTRACT) else ()

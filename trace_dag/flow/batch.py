@@ -1,8 +1,8 @@
 """A batch: some stages for many crashes, through an executor, one event per crash and stage.
 
-Belongs here: what is left to do for each crash, cutting the rest into chunks, putting the answers together. The same
-for every executor, and the only place that talks to one. Does not belong here: the work on a crash
-(:mod:`trace_dag.flow.worker`) and telling Dagster about it.
+Belongs here: finding the remaining work for each crash, cutting it into chunks, and joining the results. It is the same
+for every executor, and only this module calls one. Does not belong here: the work on a crash
+(:mod:`trace_dag.flow.worker`) and its report to Dagster.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def work_of(
 
 
 def first_stale(workspace: Workspace, keys: Sequence[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Stage]:
-    """Return, for each outdated crash, the first of some stages that would have to run."""
+    """Return, for each outdated crash, the first of the given stages that would have to run."""
     records = read_records(workspace.storage, keys, stages)
     crashes = _Crashes(work_of(workspace, ""), records, workspace.registry.sources(keys))
     first = {key: crashes.first_to_run(crash, stages) for key, crash in crashes.by_key.items()}
@@ -71,12 +71,11 @@ class StaleResult:
 
 
 def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[StaleResult]:
-    """Return the first result of each crash that is out of date, though nothing has failed.
+    """Return the first outdated result of each crash without a failure.
 
-    The later ones depend on it.
+    Later results depend on it.
 
-    ``records`` are those stored of some crashes. Results that were never made, or that a run tried to make again
-    without success, are not listed.
+    ``records`` are stored ones. Results that were never made, or that a run failed to make again, are not listed.
     """
     records = {key: of_crash for key, of_crash in records.items() if of_crash}
     recipes, sources = work_of(workspace, "").recipes, workspace.registry.sources(records)
@@ -94,10 +93,10 @@ def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[
 
 
 def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: str = "") -> None:
-    """Raise :class:`trace_dag.common.errors.UserError` if this machine lacks what the settings ask of some stages.
+    """Raise :class:`trace_dag.common.errors.UserError` if this machine lacks a requirement of some stages.
 
-    A paid question that is asked here counts towards the run's budget. The workers of a cluster have an installation of
-    their own, which is not checked.
+    A paid request to a language model counts towards the run's budget. The workers of a cluster have their own
+    installation, which is not checked.
     """
     if workspace.settings.execution.executor == "dask":
         return
@@ -116,14 +115,13 @@ def run_stages(
     force: Collection[Stage] = (),
     afterwards: Callable[[CrashFiles], MadeFiles | None] | None = None,
 ) -> Iterator[StageEvent]:
-    """Run the selected stages for some crashes: one event for each crash and selected stage, as they come.
+    """Run the selected stages for some crashes; yield one event for each crash and stage when it is done.
 
     A current result is not made again unless its stage is in ``force``. A crash that fails does not stop the others.
-    Events of one crash come in the order of the stages. Workers call ``afterwards``, which can be pickled, with each
-    crash that they are done with and have changed; the last event of the crash has what it returns.
+    Events of one crash come in the order of the stages. Workers call ``afterwards``, which must be picklable, with each
+    finished crash that they changed; the crash's last event has the result.
 
-    Raises :class:`trace_dag.common.errors.UserError`, before anything is touched, for what :func:`check_requirements`
-    finds.
+    Raises the errors of :func:`check_requirements` before anything is changed.
     """
     with workspace.executing() as executor:
         work = _shared_out(work_of(workspace, run_id, force, afterwards), executor.machines)
@@ -133,7 +131,7 @@ def run_stages(
 
 
 class _Crashes:
-    """Some crashes as they are stored, and what a run would have to do for each."""
+    """Some stored crashes, and the remaining work for each."""
 
     def __init__(self, work: Work, records: Mapping[str, Records], sources: Mapping[str, CrashSource]) -> None:
         self.work = work
@@ -149,7 +147,7 @@ class _Crashes:
     def first_to_run(self, crash: CrashTask, stages: Collection[Stage]) -> Stage | None:
         """Return the first of some stages that has to run.
 
-        None where all are current, or an earlier one ends the crash.
+        None if all are current, or if an earlier one ends the crash.
         """
         for definition in self.work.flow.stages:
             if definition.stage in stages and self.has_work(crash, definition):
@@ -179,7 +177,7 @@ class _Batch:
         self._ended: set[str] = set()  # keys of crashes that do not go on to the next stage
 
     def to_run(self) -> set[Stage]:
-        """Return the stages that some crash may have to go through: from the first that is not current on."""
+        """Return the stages that some crash may need: from the first one that is not current."""
         before = self.stages  # those that no crash seen so far has to go through
         for crash in self.crashes.values():
             first = self._stored.first_to_run(crash, before)
@@ -221,7 +219,7 @@ class _Batch:
                 yield from self._with_later(crash, event)
 
     def _without_work(self, crash: CrashTask, segment: Sequence[StageDefinition]) -> list[StageEvent] | None:
-        """Return the events of a segment all of whose stages are current or out of reach.
+        """Return the events of a segment whose stages are all current or out of reach.
 
         None if there is work to do.
         """
@@ -240,9 +238,9 @@ class _Batch:
         return events
 
     def _ended_before(self, crash: CrashTask, stage: Stage) -> StageEvent | None:
-        """Return the reason why a crash cannot reach a stage that this run did not end.
+        """Return the event that tells why a crash cannot reach a stage, if an earlier run ended it.
 
-        An earlier stage was not selected.
+        This concerns earlier stages that are not selected. None if the stage can be reached.
         """
         for definition in self.work.flow.stages:
             if definition.stage is stage:
@@ -255,7 +253,7 @@ class _Batch:
         return None
 
     def _with_later(self, crash: CrashTask, event: StageEvent) -> list[StageEvent]:
-        """Return an event, and if it ends the crash, those of all later selected stages."""
+        """Return an event, with those of all later selected stages if it ends the crash."""
         record = event.record
         if record is not None and record.outcome is Outcome.ACCEPTED and event.action is not Action.BLOCKED:
             return [event]
@@ -279,7 +277,7 @@ class _Batch:
         return [Chunk(self.work, tuple(tasks[key] for key in group), stages, last) for group in groups]
 
     def _groups(self, crashes: Sequence[CrashTask], definition: StageDefinition) -> list[list[str]]:
-        """Return the groups a batch stage is best called with; none if it does not say, or if finding them fails."""
+        """Return the groups of crashes for a batch stage; empty if it has no grouping, or if grouping fails."""
         if definition.grouping is None:
             return []
         try:
@@ -296,7 +294,7 @@ class _Batch:
         return CrashFiles.recorded(crash.key, crash.source, self.work.settings, self.work.storage, crash.records)
 
     def _lost(self, task: CrashTask, segment: Sequence[StageDefinition], lost: Lost) -> list[StageEvent]:
-        """Return a crash whose worker died every time: a failure of the first stage it had not finished."""
+        """Return a crash whose worker died every time, with a failure of the first unfinished stage."""
         records = read_records(self.work.storage, [task.key])[task.key]
         events: list[StageEvent] = []
         for stuck in segment:
@@ -317,9 +315,9 @@ class _Batch:
 
 
 def _shared_out(work: Work, machines: int) -> Work:
-    """Return the work with each machine's part of the rate at which public services may be asked.
+    """Return the work with a share of the request rate of public services for each machine.
 
-    All processes of a machine keep one rate between them; machines know nothing of each other.
+    All processes of a machine keep one rate together, but machines do not coordinate.
     """
     if machines == 1:
         return work

@@ -1,22 +1,21 @@
-"""The contract of a stage: a function of what it needs, and the files of a crash as it is given them.
+"""The contract of a stage: a function of its inputs, and the files of a crash that it takes.
 
 Belongs here: the contract between the runner and the stage functions. The functions of the seven real stages are in
 :mod:`trace_dag.flow.stages`; a test may hand the runner a flow of its own.
 
-A stage is a function that is given what its parameters ask for, by name:
+The parameters of a stage function name its inputs:
 
-* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.flow.artefacts`): its inputs; one annotated
-  ``| None`` is None where that stage has made none;
-* ``report``, ``maps``, ``map_service``: where the report and the maps come from;
-* ``settings``: the section of the settings that its annotation names;
-* ``key``: the crash; ``services``: what may be asked of the world outside.
+* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.flow.artefacts`): its inputs; one annotated ``|
+None`` is None where that stage has made none; * ``report``, ``maps``, ``map_service``: where the report and the maps
+come from; * ``settings``: the section of the settings that its annotation names; * ``key``: the crash; ``services``:
+external services.
 
 It returns a :class:`StageProduct` and raises :class:`trace_dag.common.errors.Rejection` or
 :class:`trace_dag.common.errors.Failure`. A function that returns a ``Mapping`` makes its stage for several crashes at
-once, where that is cheaper: whatever belongs to one crash is given to it by key, and it answers every key, what breaks
-for one crash alone with the failure.
+once, if that is cheaper: inputs of single crashes are mappings by key, and it returns a product, rejection or failure
+for every key.
 
-All of it is read from the function's source, so that asking what a stage depends on loads nothing.
+The inputs are read from the function's source, so that no module is loaded to find what a stage depends on.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ _SOURCES = {"report": "report", "maps": "maps", "map_service": "maps"}  # parame
 
 
 class DamagedArtefactError(DamagedFile):
-    """An artefact or a picture is not what its record says; the stage that made it has to run again."""
+    """An artefact or picture that differs from its record; the stage that made it has to run again."""
 
     def __init__(self, key: str, stage: Stage, name: str, found: str) -> None:
         super().__init__(name, found, f"trace-dag run --only {key} --from {stage} makes it again")
@@ -73,8 +72,8 @@ def read_artefact(storage: Storage, record: OutcomeRecord, file: StoredFile) -> 
 class CrashFiles:
     """One crash as a stage function sees it: its key, source, settings, and the artefacts of earlier stages.
 
-    ``run_id`` is the run it is worked on in, "" where it is only looked at. Artefacts are read from storage when first
-    asked for, checked against their record, and kept, parsed too, for the later stages of the same crash.
+    ``run_id`` is the current run, or "" if the crash is only read. Artefacts are read from storage on first use,
+    checked against their record, and kept, also parsed, for later stages of the same crash.
     """
 
     def __init__(
@@ -100,17 +99,14 @@ class CrashFiles:
         *,
         run_id: str = "",
     ) -> CrashFiles:
-        """Return a crash with the outcomes of its stages so far.
-
-        Nothing is read yet.
-        """
+        """Return a crash with the outcomes of its stages so far; nothing is read yet."""
         files = cls(key, source, settings, storage, run_id=run_id)
         for record in records.values():
             files.accept(record)
         return files
 
     def unread(self) -> CrashFiles:
-        """Return the same crash with nothing read yet: for work on many, so that what each has read is released."""
+        """Return the same crash with nothing read yet, so that work on many crashes releases memory."""
         return self.recorded(self.key, self.source, self.settings, self.storage, self._records, run_id=self.run_id)
 
     def accept(
@@ -119,7 +115,7 @@ class CrashFiles:
         contents: Mapping[str, bytes] | None = None,
         parsed: Mapping[str, object] | None = None,
     ) -> None:
-        """Take over the outcome of a stage, with its artefacts by name, as bytes and parsed, where they are at hand."""
+        """Add the outcome of a stage, with its artefacts by name, as bytes or parsed, if they are at hand."""
         self._records[record.stage] = record
         stale = f"{record.stage}/"
         self._contents = {name: data for name, data in self._contents.items() if not name.startswith(stale)}
@@ -128,12 +124,12 @@ class CrashFiles:
         self._parsed.update(parsed or {})
 
     def amend(self, record: OutcomeRecord) -> None:
-        """Take over a record that says more than before of the same artefacts."""
+        """Replace a record by one with more information on the same artefacts."""
         self._records[record.stage] = record
 
     @property
     def services(self) -> Services:
-        """Return the services that this crash may use."""
+        """Return the services of this crash's run."""
         return Services(self.storage, self.settings.services, self.run_id)
 
     @property
@@ -142,16 +138,16 @@ class CrashFiles:
         return self._records
 
     def has(self, artefact: Artefact[Any]) -> bool:
-        """Return whether there is such an artefact."""
+        """Return whether the artefact is stored."""
         record = self._records.get(artefact.stage)
         return record is not None and all(record.artefact(extension) for extension in artefact.extensions)
 
     def figures(self, stage: Stage) -> Mapping[str, Figure]:
-        """Return the figures an earlier stage recorded: enough to arrange work by, without reading its artefacts."""
+        """Return the figures recorded by an earlier stage; they suffice to group work without reading artefacts."""
         return self._records[stage].figures
 
     def load(self, artefact: Artefact[T]) -> T:
-        """Return an artefact as its reader reads it, read once per crash.
+        """Return an artefact from its reader, which runs once per crash.
 
         Raises :class:`DamagedArtefactError`.
         """
@@ -166,9 +162,9 @@ class CrashFiles:
         return value
 
     def shown_log(self) -> SimulationLog | None:
-        """Return the log that the verdict is about, the first one without a verdict; None where nothing was simulated.
+        """Return the log that the verdict judges, or without a verdict the first one.
 
-        Raises :class:`DamagedArtefactError`.
+        None if nothing was simulated. Raises :class:`DamagedArtefactError`.
         """
         if not self.has(LOGS):
             return None
@@ -195,12 +191,12 @@ class CrashFiles:
                 read_artefact(self.storage, record, file)
 
     def stored(self, artefact: Artefact[Any]) -> StoredFile | None:
-        """Return the file of an artefact, the first of several; None if there is none."""
+        """Return the (first) file of an artefact, or None."""
         record = self._records.get(artefact.stage)
         return record.artefact(artefact.extensions[0]) if record else None
 
     def picture(self, extension: str) -> StoredFile | None:
-        """Return the picture drawn of the crash as it stands; None if there is none."""
+        """Return the picture of the crash in its present state, or None."""
         if not self._records:
             return None
         return self._records[max(self._records, key=lambda stage: stage.position)].picture(extension)
@@ -208,13 +204,12 @@ class CrashFiles:
 
 @dataclass(frozen=True)
 class StageDefinition:
-    """One stage. ``function`` makes it; everything it depends on is in its signature and its code.
+    """One stage. ``function`` makes it; all its dependencies are in its signature and code.
 
-    ``version`` is the number of that code, to be raised when other results come out of it: then they are made again.
-    ``grouping`` divides crashes, as :class:`CrashFiles`, into the lists of keys that a function for several crashes is
-    best called with. ``requires`` is asked before a run in which the stage has work to do, with the settings and the
-    services, and raises :class:`trace_dag.common.errors.UserError` for what no crash could be done without. Both as
-    ``module:function``.
+    ``version`` is the number of that code, raised if its results change, which makes them anew. ``grouping`` divides
+    crashes, as :class:`CrashFiles`, into lists of keys, one for each call of a function for several crashes.
+    ``requires`` is called with settings and services before a run with work for the stage, and raises
+    :class:`trace_dag.common.errors.UserError` for a missing requirement of all crashes. Both are ``module:function``.
     """
 
     stage: Stage
@@ -245,10 +240,10 @@ class StageDefinition:
 
 @dataclass(frozen=True)
 class Flow:
-    """The stages in order, the artefacts they pass on, by parameter, and what draws a crash.
+    """The stages in order, their artefacts by parameter, and the function that draws a crash.
 
-    ``picture`` (``module:function``) is given the :class:`CrashFiles` of a crash and returns files by extension:
-    ``png`` the picture, ``svg`` a sketch; none where nothing can be drawn yet.
+    ``picture`` (``module:function``) takes the :class:`CrashFiles` of a crash and returns files by extension: ``png``
+    the picture, ``svg`` a sketch; none if nothing can be drawn yet.
     """
 
     stages: tuple[StageDefinition, ...]
@@ -293,7 +288,7 @@ class Flow:
     def make_for_several(
         self, definition: StageDefinition, crashes: Sequence[CrashFiles]
     ) -> Mapping[str, StageProduct | Rejection | Exception]:
-        """Return a stage made for several crashes at once; products, rejections or failures by key."""
+        """Run a stage for several crashes at once; return products, rejections or failures by key."""
         arguments = {crash.key: self._arguments(definition, crash) for crash in crashes}
         of_crash = {*self.artefacts, *_SOURCES}
         given = {
@@ -324,7 +319,10 @@ class Flow:
         return given
 
     def segments(self, stages: Sequence[Stage]) -> list[tuple[StageDefinition, ...]]:
-        """Return the selected stages cut into runs of one crash at a time; stages for several crashes stand alone."""
+        """Return the selected stages as segments that run crash by crash.
+
+        Each stage for several crashes is a segment of its own.
+        """
         segments: list[list[StageDefinition]] = []
         for definition in self.stages:
             if definition.stage not in stages:

@@ -25,17 +25,15 @@ def negative_controls(
     on_progress: OnProgress = silent,
     on_problem: OnProblem = raise_problem,
 ) -> list[ControlRow]:
-    """Return the controls of a cohort.
+    """Judge the controls of a cohort, store them for the warehouse, and return them.
 
-    Every judged crash is set against its own report; every verified one against every other's report of its kind, and
-    with one vehicle late; a crash with people with the person late, and from the other side; a vehicle that leaves the
-    road with the side mirrored, and the object moved.
+    Every judged crash is compared with its own report, and every verified one with all other reports of its kind.
+    Verified crashes are also run with one vehicle or the person late, or with the person from the other side; a
+    departure from the road is run with the side mirrored and the object moved.
 
-    Stored for the warehouse.
-
-    Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
-    at random. ``on_progress`` receives how many of how many are read, and then judged; ``on_problem`` of those left
-    out.
+    The number of comparisons grows with the square of the cohort, so at most ``most`` verdicts, drawn at random, are
+    used. ``on_progress`` receives the numbers done and in total, first for reading and then for judging; ``on_problem``
+    is called for omitted crashes.
 
     Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
     """

@@ -1,4 +1,4 @@
-"""The picture of a crash, from what is stored of it."""
+"""The picture of a stored crash."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from trace_dag.pages.pictures import WIDTH_PX, draw_crash, draw_rejected_map
 
 
 def crash_picture(crash: CrashFiles) -> dict[str, bytes]:
-    """Return the crash drawn from above, with all that is known so far.
+    """Return a picture of the crash from above with all that is known so far.
 
-    Nothing before it has a map, even a rejected one.
+    Empty before the crash has a map, even a rejected one.
     """
     svg = draw_sketch(crash)
     return {} if svg is None else {"png": as_png(pixels_of(svg, WIDTH_PX))}
 
 
 def draw_sketch(crash: CrashArtefacts) -> str | None:
-    """Return the same as an SVG; None before it has a map, even a rejected one."""
+    """Return the sketch of the crash as SVG; None before it has a map, even a rejected one."""
     if isinstance(crash, CrashFiles) and crash.has(REJECTED_MAP):
         why = crash.records[Stage.ROAD_MAP].detail
         network, report = crash.load(REJECTED_MAP), crash.load(REJECTED_REPORT)

@@ -17,7 +17,7 @@ from trace_dag.verdict.types import Grade, Label
 
 
 class FinalState(StrEnum):
-    """Every registered crash is in exactly one of these."""
+    """Final states; every registered crash is in exactly one."""
 
     VERIFIED = "verified"
     FIRST_EVENT_ONLY = "first_event_only"
@@ -37,10 +37,10 @@ class CrashStatus:
 
     ``stage_reached`` is the stage that ended it, or the last one that accepted it.
 
-    ``corroborated``: verified, and borne out by more than the criteria. ``without_areas``: verified, and its register
-    has no areas of impact, so that it can be no more than consistent. ``made``: what made its estimate, if any.
-    ``outdated`` is the first stage whose result was to be made anew, which failed, and ``outdated_because`` says why:
-    the crash stands where it stood.
+    ``corroborated``: verified, and supported by more than the criteria. ``without_areas``: verified, but at most
+    consistent, since its register has no areas of impact. ``made``: the estimator of its estimate, if any. ``outdated``
+    is the first stage whose result could not be made anew, and ``outdated_because`` has the reason; the crash keeps its
+    earlier state.
     """
 
     key: str
@@ -58,9 +58,9 @@ class CrashStatus:
 def valid_records(records: Records) -> Records:
     """Return the records that still count.
 
-    Up to the first that did not accept, each built on what those before it list.
+    These are the records up to the first that did not accept, each built on the outputs of those before it.
 
-    A later stage's record from before an earlier stage was run again is history, not a standing.
+    A later stage's record from before an earlier stage was run again no longer counts.
     """
     valid: Records = {}
     made: dict[str, str] = {}  # digests of the artefacts so far, as the inputs of a record name them
@@ -127,7 +127,7 @@ def crash_statuses(records: Mapping[str, Records]) -> dict[str, CrashStatus]:
 
 @dataclass(frozen=True)
 class FunnelStep:
-    """A step of the funnel: crashes that got past it, here and in the published benchmark (None: not published)."""
+    """A step of the funnel: crashes that passed it, here and in the published benchmark (None: not published)."""
 
     step: str
     crashes: int

@@ -1,16 +1,16 @@
 """One crash in storage while a run works on it: its lock, its records, its artefacts and its picture.
 
-Belongs here: everything that is written of a single crash, and in which order. Does not belong here: which stages run
+Belongs here: all writes for a single crash, and their order. Does not belong here: which stages run
 (:mod:`trace_dag.flow.worker`), and reading many crashes at once (:mod:`trace_dag.flow.records`).
 
-The order makes an interruption harmless: once a new result is at hand an older record is marked as started, then the
-artefacts are written, then the record that lists them. An attempt that fails before has touched nothing, and the older
-result stands, marked as outdated.
+The order makes an interruption harmless: with a new result at hand, an older record is marked as started, then the
+artefacts are written, then the record that lists them. An attempt that fails earlier changes nothing, and the older
+result is kept, marked as outdated.
 
-Two runs may be given the same crash. Each file would still be whole, but files of one could end up beside the record
-of the other. So a worker locks the crash while it works on it, and the other waits. A lock goes with the process that
-holds it. An object store has no locks: there the last record counts, and a file that is not the one it lists is
-noticed when it is read, and made again.
+Two runs may work on the same crash. Each file would still be whole, but files of one run could lie beside the record of
+the other. So a worker locks the crash while it works on it, and the other waits. A lock ends with its process. An
+object store has no locks: there the last record counts, and a file that differs from it is detected when it is read,
+and made again.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ def picture_name(key: str, extension: str = "png") -> str:
 
 @contextmanager
 def open_crashes(work: Work, crashes: Sequence[CrashTask]) -> Iterator[list[CrashStore]]:
-    """Open some crashes, locked against other runs; where another run held one, with the records it has left."""
+    """Open some crashes, locked against other runs.
+
+    After waiting for another run, their records are read again.
+    """
     keys = [crash.key for crash in crashes]
     with _locked(work.storage, keys) as waited:
         if waited:
@@ -53,7 +56,7 @@ def open_crashes(work: Work, crashes: Sequence[CrashTask]) -> Iterator[list[Cras
 
 
 class CrashStore:
-    """The records and artefacts of one crash, as they were when its task was made and as a run changes them."""
+    """The records and artefacts of one crash: the state at the making of its task, then the changes of the run."""
 
     def __init__(self, work: Work, crash: CrashTask) -> None:
         self.key = crash.key
@@ -67,9 +70,9 @@ class CrashStore:
         self._pictures = {file.name for record in self.records.values() for file in record.pictures}
 
     def put(self, attempt: Attempt, product: StageProduct | Exception) -> OutcomeRecord:
-        """Store what a stage made, then the record of the attempt, which is returned.
+        """Store a stage's product, then the record of the attempt, which is returned.
 
-        A stage that fails leaves nothing but its record, or the earlier result, where that outlasts the failure.
+        A failed stage leaves only its record, or keeps the earlier result if that is still usable.
         """
         earlier = self.records.get(attempt.stage)
         old = {file.name for file in earlier.artefacts} if earlier else set()
@@ -90,7 +93,7 @@ class CrashStore:
         return record
 
     def doubt(self, damaged: DamagedArtefactError) -> None:
-        """Let the stage that made a damaged artefact run again, now or next time."""
+        """Mark the stage of a damaged artefact, so that it runs again, now or next time."""
         record = self.records[damaged.stage]
         write_record(self._storage, replace(record, fingerprint="").superseding(record))
 
@@ -108,7 +111,7 @@ class CrashStore:
         return record
 
     def delete_pictures(self, record: OutcomeRecord | None = None) -> OutcomeRecord | None:
-        """Delete the crash's pictures, which show an earlier state of it; ``record`` no longer lists any."""
+        """Delete the crash's outdated pictures; return ``record`` without them."""
         self._delete(self._pictures)
         if record is None or not record.pictures:
             return record
@@ -124,7 +127,7 @@ class CrashStore:
             self.records[begun.stage] = begun
 
     def _failed(self, attempt: Attempt, error: Exception, files: Set[str]) -> OutcomeRecord:
-        """Record a failure; of the ``files`` of the stage those stay that belong to what stands then."""
+        """Record a failure, and delete ``files`` of the stage that do not belong to the remaining result."""
         failed, standing = build_failed_record(attempt, error), self.records.get(attempt.stage)
         try:
             stands = _after_failure(self._storage, standing, failed)
@@ -158,12 +161,10 @@ class CrashStore:
 
 
 def _after_failure(storage: Storage, earlier: OutcomeRecord | None, failed: OutcomeRecord) -> OutcomeRecord:
-    """Return the record that stands after an attempt that failed.
+    """Return the record that counts after a failed attempt: the failure, or the outdated earlier result.
 
-    The failure, or the earlier result, marked as outdated.
-
-    An earlier result is kept while its files are whole and its inputs are still the same. After a change of its inputs
-    it would contradict them.
+    An earlier result is kept while its files are whole and its inputs are the same. After a change of its inputs it
+    would contradict them.
     """
     if (
         earlier is not None
@@ -178,7 +179,7 @@ def _after_failure(storage: Storage, earlier: OutcomeRecord | None, failed: Outc
 
 @contextmanager
 def _locked(storage: Storage, keys: Iterable[str]) -> Iterator[bool]:
-    """Lock some crashes. Yields whether it had to wait for another worker: then records read before may be outdated."""
+    """Lock some crashes; yield whether another worker held one, which makes records read before outdated."""
     if storage.local_root is None:
         yield False
         return

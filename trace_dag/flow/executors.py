@@ -1,8 +1,8 @@
 """Executors of chunks of work: this process, a pool of processes, a Dask cluster.
 
-The work is the same function for all of them, called with one picklable task. A task whose worker died is not lost:
-it is split as far as it can be and each part is tried alone, so that the one crash that kills its worker is found and
-the others are done. Does not belong here: what the work is.
+The work is the same function for all of them, called with one picklable task. A task whose worker died is not lost: it
+is split as far as possible and each part is tried alone, so that a crash that kills its worker is found and the others
+are done. Does not belong here: the work itself.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ _MOST_WITHOUT_WORKERS_S = 300.0  # a cluster that restarts its workers has some 
 class Executor(Protocol):
     """Runs a function over tasks and yields each with its result as they come, in any order.
 
-    ``machines`` counts those the workers are on: what all processes of one machine share, such as the rate at which a
-    public service is asked, has to be divided by it.
+    ``machines`` is the number of machines with workers, by which limits per machine, such as the request rate of a
+    public service, are divided.
     """
 
     workers: int
     machines: int
 
     def prepare(self, function: Callable[[], object]) -> None:
-        """Let the workers start now, each calling ``function``, if starting them takes time; waits for nothing."""
+        """Start the workers early, each calling ``function``, if starting takes time; return without waiting."""
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
         """Return all tasks, each answered once.
@@ -48,7 +48,7 @@ class Executor(Protocol):
         """
 
     def close(self) -> None:
-        """Release the workers; safe to call twice."""
+        """Release the workers; it is safe to call this twice."""
 
 
 def make_executor(settings: ExecutionSettings) -> Executor:
@@ -69,7 +69,7 @@ def available_cores() -> int:
 def run_redoing_lost(
     executor: Executor, function: Callable[[T], R], tasks: Sequence[T], split: Callable[[T], Sequence[T]]
 ) -> Iterator[tuple[T, R | Lost]]:
-    """Run all tasks; one whose worker died is split by ``split`` and its parts are run alone, each at most twice."""
+    """Run all tasks; if a worker dies, split its task by ``split`` and run each part alone, at most twice."""
     lost: list[T] = []
     for task, found in executor.run(function, tasks):
         if isinstance(found, Lost):
@@ -158,7 +158,7 @@ class ProcessExecutor:
             yield answer.step.task, result
 
     def processes(self) -> list[SpawnProcess]:
-        """Return the worker processes there are."""
+        """Return the present worker processes."""
         return self._pool.processes()
 
     def close(self) -> None:
@@ -169,8 +169,8 @@ class ProcessExecutor:
 class DaskExecutor:
     """The workers of a running Dask scheduler, which need nothing but this package and the storage root.
 
-    A cluster may lose all its workers and get new ones. If it has none for :attr:`most_without_workers_s`, the run ends
-    with :class:`trace_dag.common.errors.UserError`; what was finished by then is stored.
+    A cluster may lose all its workers and get new ones. Without workers for :attr:`most_without_workers_s`, the run
+    ends with :class:`trace_dag.common.errors.UserError`; finished results are stored.
     """
 
     most_without_workers_s = _MOST_WITHOUT_WORKERS_S

@@ -1,4 +1,4 @@
-"""Estimators of some estimates, in words: how many estimated as asked, and how many others stood in."""
+"""The estimators of some estimates, and the numbers of fallbacks, as a sentence."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from trace_dag.common.provenance import OutcomeRecord
 
 
 class Made(NamedTuple):
-    """The estimator that made an estimate, and the one that was asked for, if that was another."""
+    """The estimator of an estimate, and the requested one if that was another."""
 
     estimator: str
     fallback_from: str | None = None
 
 
 def maker_of(record: OutcomeRecord) -> Made | None:
-    """Return the estimator of a stage's record; None where there is no estimate."""
+    """Return the estimator in a stage's record; None without an estimate."""
     estimator, asked = record.figures.get("estimator"), record.figures.get("fallback_from")
     if not estimator or not record.artefacts or record.reason is not None:
         return None
@@ -26,9 +26,9 @@ def maker_of(record: OutcomeRecord) -> Made | None:
 
 
 def makers_in_words(estimates: Iterable[Made]) -> str:
-    """Return the estimators in words, such as "50 estimates: 14 by llm, 36 by analytic in place of llm (72 %)".
+    """Return a sentence such as "50 estimates: 14 by llm, 36 by analytic in place of llm (72 %)".
 
-    "" where there are none.
+    "" without estimates.
     """
     counts = Counter(estimates)
     total = counts.total()

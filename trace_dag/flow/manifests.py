@@ -38,7 +38,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Manifest:
-    """The files of a folder by name. ``made_of`` says, by crash or other subject, what files were made from."""
+    """The files of a folder by name. ``made_of`` has digests of the files' inputs, by crash or other subject."""
 
     files: dict[str, StoredFile] = field(default_factory=dict)
     made_of: dict[str, str] = field(default_factory=dict)
@@ -54,7 +54,7 @@ def manifest_name(folder: str) -> str:
 
 
 def read_manifest(storage: Storage, folder: str) -> Manifest:
-    """Return the manifest of a folder, an empty one if there is none.
+    """Return the manifest of a folder, empty if there is none.
 
     Raises :class:`DamagedFile`.
     """
@@ -70,7 +70,7 @@ def read_manifest(storage: Storage, folder: str) -> Manifest:
 
 
 def sound_manifest(storage: Storage, folder: str) -> Manifest:
-    """Return the manifest of a folder whose files can be made again: an empty one if it is missing or damaged."""
+    """Return the manifest of a folder whose files can be made again; empty if missing or damaged."""
     try:
         return read_manifest(storage, folder)
     except DamagedFile:
@@ -78,18 +78,18 @@ def sound_manifest(storage: Storage, folder: str) -> Manifest:
 
 
 def write_manifest(storage: Storage, folder: str, manifest: Manifest) -> None:
-    """Store the manifest of a folder in place of the one before."""
+    """Store the manifest of a folder, replacing the present one."""
     in_order = Manifest(dict(sorted(manifest.files.items())), dict(sorted(manifest.made_of.items())))
     storage.write(manifest_name(folder), add_checksum(_manifests().dump_json(in_order)))
 
 
 def is_of_older_version(storage: Storage) -> bool:
-    """Return whether a version of the program before manifests made what is there, and no run of this one has since."""
+    """Return whether the files were made by a version without manifests, and no run of this version has followed."""
     return bool(storage.list(_OLDER))
 
 
 def adopt_files(storage: Storage, folder: str) -> list[str]:
-    """Make the manifest of a folder from the files that are there; those that cannot be read are left out and named."""
+    """Make the manifest of a folder from its files; return the unreadable ones, which are left out."""
     files, unreadable = {}, []
     listed = sorted(set(storage.list(folder)) - {manifest_name(folder)})
     read = storage.read_many(listed, unreadable=lambda _: None)
@@ -106,7 +106,7 @@ def adopt_files(storage: Storage, folder: str) -> list[str]:
 
 
 def bring_up_to_date(storage: Storage) -> None:
-    """List in manifests what a version before them made, copy its cohorts, and let its own lists go."""
+    """Add manifests to the files of a version without them, copy its cohorts, and delete its lists."""
     if not is_of_older_version(storage):
         return
     registry = Registry(storage)
@@ -121,7 +121,7 @@ def bring_up_to_date(storage: Storage) -> None:
 
 
 def list_files(storage: Storage, folder: str, files: Iterable[StoredFile], gone: Iterable[str] = ()) -> None:
-    """Add files to the manifest of a folder, and take out others by name."""
+    """Add files to the manifest of a folder, and remove others by name."""
     with _alone(storage, folder):
         before, left = sound_manifest(storage, folder), set(gone)
         kept = {name: file for name, file in before.files.items() if name not in left}
@@ -131,7 +131,7 @@ def list_files(storage: Storage, folder: str, files: Iterable[StoredFile], gone:
 def read_listed(storage: Storage, name: str, *, remedy: str) -> bytes:
     """Return the content of a file that agrees with its manifest.
 
-    :class:`DamagedFile`, naming the remedy, if it does not.
+    Raises :class:`DamagedFile` with the remedy if it does not.
     """
     folder = name.partition("/")[0]
 
@@ -145,9 +145,9 @@ def read_listed(storage: Storage, name: str, *, remedy: str) -> bytes:
 
 
 def check_listed(look: Callable[[], T], *, remedy: str) -> T:
-    """Return what ``look`` finds; it raises :class:`DamagedFile` where a file is not as listed.
+    """Return the result of ``look``, which raises :class:`DamagedFile` if a file is not as listed.
 
-    Files that are being replaced agree with their list a moment later, so it looks several times.
+    It is tried several times, since files that are being replaced agree with their list a moment later.
     """
     from tenacity import Retrying, retry_if_exception_type, stop_after_attempt, wait_fixed  # 0.05 s of start-up
 
@@ -170,11 +170,9 @@ def not_as_listed(
     contents: bool = False,
     told: Callable[[int], None] = lambda _: None,
 ) -> Iterator[tuple[StoredFile, str]]:
-    """Yield files that are missing or of another size, with ``contents`` also those of another content.
+    """Yield files that are missing or have another size, each with its fault; ``contents`` compares the bytes as well.
 
-    And what is found.
-
-    ``told`` receives how many have been read.
+    ``told`` receives the number of files read.
     """
     files = list(files)
     sizes = storage.sizes([file.name for file in files])

@@ -1,4 +1,4 @@
-"""Groups of crashes whose maps are best cut together."""
+"""Groups of crashes for cutting their maps together."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from trace_dag.flow.stages.osm_extract import catalog_of
 
 
 def by_map_files(crashes: Sequence[CrashFiles]) -> list[list[str]]:
-    """Return crashes that lie in the same map files together, so that a file is read once; small groups joined.
+    """Return groups of crashes in the same map files, so that each file is read once; small groups are joined.
 
-    Crashes outside every map file share no reading and fill up the groups.
+    Crashes outside all map files fill up the groups.
     """
     most = crashes[0].settings.execution.chunk_size
     groups: dict[tuple[tuple[RegisteredMap, ...], tuple[int, ...]], list[str]] = {}

@@ -1,8 +1,8 @@
 """Worker processes, each with one task at a time, that may be killed without harm to the others' work.
 
-A task is a sequence of steps. Its worker answers after each one, so a worker that dies, is stopped or takes longer than
-it may loses the step it was in and no other, and a new worker does the rest. Our own work runs here
-(:mod:`trace_dag.flow.executors`), and other people's (agents under test), with limits of time and memory.
+A task is a sequence of steps. Its worker answers after each one, so if a worker dies, is stopped or exceeds its time,
+only the current step is lost, and a new worker does the rest. The project's own work runs here
+(:mod:`trace_dag.flow.executors`), and foreign code (agents under test), with limits of time and memory.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _CONTEXT = multiprocessing.get_context("spawn")  # never forked: MuJoCo, Arrow a
 
 @dataclass(frozen=True)
 class Task(Generic[S]):
-    """Steps that one worker does one after the other, with what they share made once from ``name``."""
+    """Steps that one worker does one by one; their shared state is made once from ``name``."""
 
     name: str
     steps: tuple[S, ...]
@@ -48,14 +48,14 @@ class Task(Generic[S]):
 
 @dataclass(frozen=True)
 class Lost:
-    """The answer for work that was not finished; ``detail`` says why."""
+    """The answer for unfinished work; ``detail`` is the reason."""
 
     detail: str
 
 
 @dataclass(frozen=True)
 class StepAnswer(Generic[S, R]):
-    """A step of a task and what came of it."""
+    """A step of a task and its result."""
 
     task: str
     step: S
@@ -66,7 +66,7 @@ class StepWork(Protocol[C, S_in, R_out]):
     """The work of the workers; picklable."""
 
     def prepare(self, name: str) -> C:
-        """Prepare what the steps of a task share."""
+        """Prepare the shared state of a task's steps."""
 
     def do(self, shared: C, step: S_in) -> R_out:
         """Return one step."""
@@ -113,7 +113,7 @@ class Pool(Generic[C, S, R]):
         self._running: list[_Worker[S]] = []
 
     def start(self, step: S) -> None:
-        """Let all workers start now, each with a step whose answer nobody waits for."""
+        """Start all workers now, each with a step whose answer is ignored."""
         while len(self._running) < self.workers:
             self._give(self._started(), Task("", (step,)), told=False)
 
@@ -135,12 +135,12 @@ class Pool(Generic[C, S, R]):
             raise
 
     def close(self) -> None:
-        """End the workers; safe to call twice."""
+        """End the workers; it is safe to call this twice."""
         while self._running:
             self._end(self._running[-1])
 
     def processes(self) -> list[SpawnProcess]:
-        """Return the worker processes there are."""
+        """Return the present worker processes."""
         return [worker.process for worker in self._running]
 
     def _started(self) -> _Worker[S]:
@@ -172,7 +172,7 @@ class Pool(Generic[C, S, R]):
         return min(_LOOK_S, max(0.0, min(deadlines, default=_LOOK_S + time.monotonic()) - time.monotonic()))
 
     def _too_long(self, worker: _Worker[S]) -> str:
-        """Return the reason to give a worker up; "" while there is none."""
+        """Return the reason to give up a worker; "" if there is none."""
         now_s = time.monotonic()
         if worker.deadline_s is not None and now_s > worker.deadline_s:
             return f"took longer than {self._step_limit_s:g} s"
@@ -206,7 +206,7 @@ class Pool(Generic[C, S, R]):
                 yield StepAnswer(task.name, step, message)
 
     def _lost(self, worker: _Worker[S], waiting: deque[Task[S]], detail: str) -> Iterator[StepAnswer[S, R]]:
-        """Yield the loss of the step a worker was in; the rest of its task goes to a new worker."""
+        """Yield the lost step of a worker, and give the rest of its task to a new worker."""
         task, done, told = worker.task, worker.done, worker.told
         self._end(worker)
         if task is None or not told:
@@ -225,7 +225,7 @@ class Pool(Generic[C, S, R]):
 
 
 def _serve(connection: Connection, lifeline: Connection, memory_mb: int | None) -> None:
-    """Run a worker's life: its work, then tasks in, an answer after each step out, until the parent hangs up."""
+    """Run a worker: prepare its work, then answer each step of the received tasks until the parent closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle; it ends its workers in good order
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the processes are the parallelism

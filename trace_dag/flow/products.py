@@ -12,11 +12,11 @@ Figure = str | float | int | bool | None
 
 @dataclass(frozen=True)
 class StageProduct:
-    """The product of a stage: contents by file extension, and the few figures that a person looks at first.
+    """The product of a stage: contents by file extension, and the main figures.
 
-    A crash can be rejected and still leave artefacts to look at (a log without a collision, a negative verdict): then
-    ``rejection`` says why. Without artefacts a stage raises the :class:`Rejection` instead. ``parsed`` holds, by
-    extension, what the artefact's reader would make of it, to the bit, where the stage has it at hand.
+    A rejected crash can still have artefacts (a log without a collision, a negative verdict); ``rejection`` then has
+    the reason. Without artefacts a stage raises the :class:`Rejection` instead. ``parsed`` has, by extension, the exact
+    result of the artefact's reader, if the stage has it at hand.
     """
 
     files: Mapping[str, bytes]

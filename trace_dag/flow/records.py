@@ -43,7 +43,7 @@ def raise_problem(failure: Failure) -> None:
 
 
 def log_problem(failure: Failure) -> None:
-    """Log the error, for callers that go on without the damaged part."""
+    """Log a failure, for callers that continue without the damaged part."""
     log.warning("%s", failure)
 
 
@@ -57,8 +57,7 @@ def read_records(
 ) -> dict[str, Records]:
     """Return the stored records of some crashes, by key and stage; every key has an entry.
 
-    A record that is damaged or cannot be read is left out, so that its stage runs again and writes it anew;
-    ``on_problem`` is called with it.
+    A damaged record is left out, so that its stage runs again; ``on_problem`` is called with its error.
     """
     by_key: dict[str, Records] = {key: {} for key in keys}
     for name, data in _contents(storage, by_key, stages, on_problem).items():
@@ -69,9 +68,10 @@ def read_records(
 
 
 def readable_record(storage: Storage, name: str, data: bytes, on_problem: OnProblem) -> OutcomeRecord | None:
-    """Return a record from its bytes; None, and ``on_problem`` is called, if it is damaged.
+    """Return a record from its bytes; if it is damaged, call ``on_problem`` and return None.
 
-    An unreadable record is read once more, since the file may just have been replaced."""
+    An unreadable record is read once more, since the file may just have been replaced.
+    """
     try:
         return record_from_json(data, name=name)
     except DamagedFile:
@@ -102,7 +102,7 @@ def _contents(
 
 
 def write_record(storage: Storage, record: OutcomeRecord) -> None:
-    """Store a record in place of the one before."""
+    """Store a record, replacing the present one."""
     storage.write(record.name, record_to_json(record))
 
 
@@ -114,7 +114,7 @@ def intact(storage: Storage, records: Iterable[OutcomeRecord]) -> dict[str, bool
 
 
 def write_index(storage: Storage, run_id: str, records: Iterable[OutcomeRecord]) -> None:
-    """Store the records of a run in one file; nothing where the root is local and reading one by one costs nothing."""
+    """Store the records of a run in one file, if the root is not local."""
     lines = [json.dumps({"name": each.name, "record": record_to_json(each).decode()}) for each in records]
     if not lines or storage.local_root is not None:
         return
@@ -125,7 +125,7 @@ def write_index(storage: Storage, run_id: str, records: Iterable[OutcomeRecord])
 
 
 def read_index(storage: Storage, names: Collection[str], listed: Mapping[str, Entry]) -> dict[str, bytes]:
-    """Return contents of those of the records ``names`` that an index holds as they are now, by the record's name."""
+    """Return contents of the records ``names`` that an index has in their present version, by the record's name."""
     wanted, found = set(names), {}
     for file, data in storage.read_many(storage.list(FOLDER)).items():
         try:

@@ -1,4 +1,4 @@
-"""Registering crashes again whose cohorts are lost, from what is stored of them."""
+"""Registration of crashes whose cohorts are lost, from their stored records."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ COHORT = "recovered"
 
 
 def register_again(storage: Storage, lost: Iterable[str]) -> None:
-    """Forget lost cohorts, and register their crashes in new ones called ``recovered``.
+    """Delete lost cohorts, and register their crashes in new ones called ``recovered``.
 
     These are all crashes with a record of a report that are in no cohort.
 
-    Its report is the one that the first stage kept, or asked of the service again. Only a digest of the maps is
-    known, so that their results stay as they are; crashes that still need one fail until maps are registered again."""
+    The report is the one that the first stage kept, or is requested from the service again. Only a digest of the maps
+    is known, so the results stay as they are; crashes that still need a map fail until maps are registered again.
+    """
     left_out, registry = [], Registry(storage)
     for cohort in lost:
         registry.forget(cohort)

@@ -17,10 +17,10 @@ def road_map(settings: Settings, services: Services) -> None:
 
 
 def state_estimate(settings: Settings, services: Services) -> None:
-    """Check that the estimator named in the settings is installed and that the services it needs answer."""
+    """Check that the estimator in the settings is installed and that its services answer."""
     services.estimator(settings.states).require()
 
 
 def simulation_log(settings: Settings, services: Services) -> None:
-    """Check that the simulator named in the settings can be used."""
+    """Check that the simulator in the settings is usable."""
     backend_factory(settings.sim).require(settings.sim)

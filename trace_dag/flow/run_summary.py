@@ -1,7 +1,7 @@
 """The summary of a run, counted from its events as they come: throughput, slowest crashes, retries, cost.
 
-Over what stands in storage, whichever runs it came from, the warehouse's ``run_summary`` and ``stage_outcomes`` say
-the same in SQL.
+For all stored results, of whatever run, the warehouse's ``run_summary`` and ``stage_outcomes`` have the same figures in
+SQL.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _USUAL_ESTIMATOR = StateSettings().estimator
 
 @dataclass
 class RunSummary:
-    """Takes in a run's events. Times in seconds; ``computing_s`` is summed over crashes, by stage.
+    """A count of a run's events. Times are in seconds; ``computing_s`` is summed over crashes, by stage.
 
-    ``without_picture`` holds, by crash, why its picture could not be drawn.
+    ``without_picture`` has, by crash, the reason why its picture could not be drawn.
     """
 
     began: float = field(default_factory=time.monotonic)
@@ -41,7 +41,7 @@ class RunSummary:
     _crashes: set[str] = field(default_factory=set)
 
     def note(self, event: StageEvent) -> None:
-        """Count one event; a stage that was skipped because an earlier one ended the crash adds nothing."""
+        """Count one event; a stage skipped because an earlier one ended the crash adds nothing."""
         self._crashes.add(event.key)
         if event.no_picture:
             self.without_picture[event.key] = event.no_picture

@@ -1,8 +1,8 @@
 """The selection of crashes and stages to run, cut into Dagster runs.
 
-A run covers one contiguous range of partition keys in the order they were added, all of one register. Crashes between
-two stale ones may be taken along (they cost a look and are reported unchanged) where the caller asked for them too;
-others split the range.
+A run covers one contiguous range of partition keys in the order they were added, all of one register. Current crashes
+between two stale ones may be included if the caller selected them too (checking them is cheap, and they are reported
+unchanged); others split the range.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _LARGE_MAP = 50_000_000  # bytes, which take some 10 s
 
 @dataclass(frozen=True)
 class Selection:
-    """Crashes asked for, and for those that have to run the stage they start at.
+    """The selected crashes, and the first stage of those that have to run.
 
-    ``force``: stages computed again even where nothing has changed. ``exact``: run these crashes from these stages and
-    nothing beside them, the first stage of each computed again even if unchanged.
+    ``force``: stages computed again even if unchanged. ``exact``: run only these crashes, from these stages on, and
+    compute the first stage of each again even if unchanged.
     """
 
     asked: tuple[str, ...]
@@ -38,7 +38,10 @@ class Selection:
 
 
 def select_registered(workspace: Workspace, cohort: str | None, only: Collection[str]) -> tuple[str, ...]:
-    """Return the crashes asked for, in order; :class:`UserError` for keys or cohorts that are not registered."""
+    """Return the selected crashes in order.
+
+    Raises :class:`UserError` for keys or cohorts that are not registered.
+    """
     keys = workspace.registry.keys(cohort)
     if not keys:
         raise UserError(f"no crash is registered in {workspace.storage.root}; see trace-dag ingest --help")
@@ -52,7 +55,7 @@ def select_registered(workspace: Workspace, cohort: str | None, only: Collection
 
 
 def not_released(storage: Storage, keys: Collection[str]) -> list[str]:
-    """Return the crashes among ``keys`` whose report had not been released when it was last requested."""
+    """Return the crashes among ``keys`` whose report was not yet released at the last request."""
     return [
         key
         for key, records in read_records(storage, keys, [Stage.RAW_REPORT]).items()
@@ -63,7 +66,7 @@ def not_released(storage: Storage, keys: Collection[str]) -> list[str]:
 def select_stale(
     workspace: Workspace, cohort: str | None = None, only: Collection[str] = (), first: Stage | None = None
 ) -> Selection:
-    """Return crashes that are not up to date; with ``first`` all crashes, from that stage on at the latest."""
+    """Select crashes that are not up to date; with ``first`` select all, at the latest from that stage on."""
     asked = select_registered(workspace, cohort, only)
     start = first_stale(workspace, asked)
     if first is None:
@@ -82,10 +85,7 @@ def select_again(
     reason: Reason | None = None,
     first: Stage | None = None,
 ) -> Selection:
-    """Return crashes to run again.
-
-    That failed or are outdated, that were rejected for a reason, or that reached a stage.
-    """
+    """Select crashes to run again: failed or outdated, rejected for a reason, or from a stage on."""
     asked = select_registered(workspace, cohort, only)
     records = read_records(workspace.storage, asked)
     start: dict[str, Stage] = {}
@@ -108,7 +108,7 @@ def select_again(
 class PlannedBatch:
     """One run: a contiguous range of keys, in partition order, and the stages to run for all of them.
 
-    It also has the keys that are computed again even where nothing has changed.
+    It also has the keys that are computed again even if unchanged.
     """
 
     keys: tuple[str, ...]
@@ -117,12 +117,12 @@ class PlannedBatch:
 
 
 def has_large_map(workspace: Workspace) -> bool:
-    """Return whether a registered map file is so large that it had better be read once than once for each batch."""
+    """Return whether a registered map file is so large that one reading for all batches is worthwhile."""
     return any(file.size >= _LARGE_MAP for cohort in workspace.registry.cohorts().values() for file in cohort.maps)
 
 
 def plan_maps_first(partitions: Sequence[str], selection: Selection, *, size: int) -> list[PlannedBatch]:
-    """Return batches as of :func:`plan`, after others of any size that take every crash to its extract."""
+    """Return batches as :func:`plan` does, after batches of any size that run every crash up to its extract."""
     first_half = Stage.OSM_EXTRACT.position
     early = {key: stage for key, stage in selection.start.items() if stage.position <= first_half}
     late = {key: max(stage, Stage.ROAD_MAP, key=lambda each: each.position) for key, stage in selection.start.items()}
@@ -137,8 +137,7 @@ def plan_maps_first(partitions: Sequence[str], selection: Selection, *, size: in
 def plan(partitions: Sequence[str], selection: Selection, *, size: int) -> list[PlannedBatch]:
     """Return batches of at most ``size`` keys that run every crash of a selection from its stage on.
 
-    An exact selection is kept to the letter, at the price of more runs: no crash is taken along, and none starts at an
-    earlier stage than its own.
+    An exact selection needs more runs: no other crash is included, and none starts before its own stage.
     """
     start, asked = selection.start, set(selection.asked)
     batches: list[PlannedBatch] = []

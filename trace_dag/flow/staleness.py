@@ -1,7 +1,7 @@
 """Staleness of stored results: the one decision that runs, ``status`` and ``verify`` share.
 
-Belongs here: what results are made from (:class:`Recipe`), and why a stored one does not hold. Does not belong here:
-what to do about it (:mod:`trace_dag.flow.batch`).
+Belongs here: the inputs of results (:class:`Recipe`), and the reasons why a stored one is stale. Does not belong here:
+running stale stages (:mod:`trace_dag.flow.batch`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MISSING, FAILED, FILES = "never made", "failed", "files"
 
 @dataclass(frozen=True)
 class Recipe:
-    """The inputs of a stage's results that are the same for all crashes, and the names of the others.
+    """The inputs of a stage that are the same for all crashes, and the names of its other inputs.
 
     ``sources`` are "report" and "maps"; ``artefacts`` those of earlier stages, each with its stage and extension.
     """
@@ -35,7 +35,7 @@ class Recipe:
 
 
 def current_inputs(recipe: Recipe, source: CrashSource, records: Mapping[Stage, OutcomeRecord]) -> Provenance:
-    """Return the inputs that a stage's result would have now, for a crash with that source and those records."""
+    """Return the present inputs of a stage for a crash with that source and those records."""
     inputs = {}
     if "report" in recipe.sources:
         report = source.report
@@ -50,10 +50,10 @@ def current_inputs(recipe: Recipe, source: CrashSource, records: Mapping[Stage, 
 
 
 def why_to_run(record: OutcomeRecord | None, now: Provenance, whole: Mapping[str, bool]) -> tuple[str, ...]:
-    """Return the reason to run a stage for a crash that reaches it; none where its stored result holds.
+    """Return the reasons to run a stage for a crash that reaches it; empty if its stored result is current.
 
-    ``now`` is what it would be made from. ``whole`` says of records by name whether their artefacts are there, as
-    :func:`trace_dag.flow.records.intact` finds; those it does not name count as whole.
+    ``now`` has the present inputs. ``whole`` gives, by the record's name, whether artefacts are intact, as from
+    :func:`trace_dag.flow.records.intact`; records without an entry count as intact.
     """
     if record is None or record.outcome is Outcome.STARTED:
         return (MISSING,)

@@ -1,7 +1,8 @@
 """Reading many stored crashes, for the studies.
 
-Belongs here: which crashes, and reading them. The stored parts of a crash are its
-:class:`~trace_dag.flow.contract.CrashFiles`."""
+Belongs here: choosing crashes, and reading them. The stored parts of a crash are its
+:class:`~trace_dag.flow.contract.CrashFiles`.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True, eq=False)
 class StoredCrash:
-    """A crash that reached a verdict: its files, and the hypothesis the verdict is about."""
+    """A crash that reached a verdict: its files, and the judged hypothesis."""
 
     files: CrashFiles
     judged: JudgedCrash
@@ -36,7 +37,10 @@ class StoredCrash:
 
 
 def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
-    """Return the cohort named, or all; :class:`UserError` where it is not registered, or nothing is."""
+    """Return the named cohort, or all.
+
+    Raises :class:`UserError` if it is not registered, or if there is none.
+    """
     if cohort is not None:
         return [workspace.registry.cohort(cohort).name]
     names = list(workspace.registry.cohorts())
@@ -46,9 +50,9 @@ def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
 
 
 def study_each(cohorts: Iterable[str], study: Callable[[str], Found]) -> dict[str, Found]:
-    """Return a study's results for every cohort it can be made of.
+    """Return a study's results by cohort, without cohorts that it does not apply to.
 
-    The last cohort's :class:`UserError` if there is none.
+    If there is no result, raises the last cohort's :class:`UserError`.
     """
     found: dict[str, Found] = {}
     nothing: UserError | None = None
@@ -63,7 +67,10 @@ def study_each(cohorts: Iterable[str], study: Callable[[str], Found]) -> dict[st
 
 
 def stored_crash(workspace: Workspace, key: str) -> CrashFiles:
-    """Return one crash's artefacts; :class:`UserError` for a key that is not registered."""
+    """Return one crash's artefacts.
+
+    Raises :class:`UserError` for a key that is not registered.
+    """
     return next(crash_files(workspace, [key]))
 
 
@@ -74,7 +81,7 @@ def crash_files(
 
     ``on_problem`` is called with records that are damaged.
 
-    ``run_id`` is the run that is going to work on them. Raises :class:`UserError` for a key that is not registered.
+    ``run_id`` is the run that will work on them. Raises :class:`UserError` for a key that is not registered.
     """
     settings, storage = workspace.settings, workspace.storage
     sources, records = workspace.registry.sources(keys), read_records(storage, keys, on_problem=on_problem)
@@ -92,10 +99,10 @@ def judged_crashes(
     on_progress: OnProgress = silent,
     on_problem: OnProblem = raise_problem,
 ) -> list[StoredCrash]:
-    """Return those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
+    """Return crashes with a verdict on a simulation; if more than ``most``, that many drawn at random.
 
-    The same crashes give the same draw. ``on_progress`` receives how many of how many have been read, ``on_problem`` of
-    those left out because something stored of them is damaged.
+    The same crashes give the same draw. ``on_progress`` receives the numbers read and in total, ``on_problem`` the
+    errors of crashes left out because of damaged files.
     """
     judged = [each for each in crash_files(workspace, keys, on_problem=on_problem) if each.has(VERDICT)]
     if most is not None:

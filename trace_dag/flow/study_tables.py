@@ -1,4 +1,4 @@
-"""Tables of comparisons: ``ROOT/comparisons/<kind>-<cohort>.json``, from where the warehouse takes them."""
+"""Tables of comparisons: ``ROOT/comparisons/<kind>-<cohort>.json``, which the warehouse reads."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def is_comparison_whole(storage: Storage, name: str, on_problem: OnProblem) -> b
 def store_comparison(
     storage: Storage, kind: str, cohort: str, rows: Sequence[Mapping[str, Any]], beside: Sequence[StoredFile] = ()
 ) -> None:
-    """Keep the rows of a comparison of a cohort, and list them with the files made ``beside``."""
+    """Store the rows of a comparison of a cohort, and list them with the files made ``beside``."""
     subject = f"{FOLDER}/{kind}-{cohort}"
     try:
         file = storage.write(f"{subject}.json", json.dumps(rows, indent=0).encode())

@@ -1,8 +1,8 @@
 """The messages between a run and its workers, and the records of their work.
 
-Belongs here: crashes and stages to run and what each stage did, and the words and numbers of a record. Does not belong
-here: doing the work (:mod:`trace_dag.flow.worker`) or dividing it (:mod:`trace_dag.flow.batch`), and whether a stored
-result still holds (:mod:`trace_dag.flow.staleness`).
+Belongs here: crashes and stages to run, the action of each stage, and the content of a record. Does not belong here:
+the work (:mod:`trace_dag.flow.worker`), its division (:mod:`trace_dag.flow.batch`), and the staleness of stored results
+(:mod:`trace_dag.flow.staleness`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Action(StrEnum):
 
 @dataclass(frozen=True)
 class MadeFiles:
-    """Files that were made of a crash as it stands, and a digest of what they were made of."""
+    """Files made from the present results of a crash, with a digest of these."""
 
     files: tuple[StoredFile, ...]
     made_of: str
@@ -50,8 +50,8 @@ class StageEvent:
 
     ``record`` is the stage's own, or the earlier one that ended it.
 
-    The last event of a crash says in ``no_picture`` why its picture could not be drawn, and in ``made`` what was made
-    of the crash afterwards.
+    The last event of a crash has in ``no_picture`` the reason why its picture could not be drawn, and in ``made`` the
+    files made afterwards.
     """
 
     key: str
@@ -63,7 +63,7 @@ class StageEvent:
 
     @property
     def failed(self) -> bool:
-        """Return whether the crash stands failed at this stage after the run."""
+        """Return whether the crash is failed at this stage after the run."""
         if self.action is Action.BLOCKED:
             return True
         return self.record is not None and self.record.outcome is Outcome.FAILED
@@ -71,10 +71,10 @@ class StageEvent:
 
 @dataclass(frozen=True)
 class Work:
-    """The shared facts of all chunks of a run; travels to the workers.
+    """The shared facts of all chunks of a run, sent to the workers.
 
-    ``installed`` holds the versions of this package, its stages and libraries that all workers have to have.
-    ``afterwards`` is called with each crash whose last stage of the run is done, where any stage was computed.
+    ``installed`` has the versions of this package, its stages and libraries that all workers need. ``afterwards`` is
+    called with each crash after its last stage of the run, if any stage was computed.
     """
 
     storage: Storage
@@ -102,9 +102,9 @@ class CrashTask:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Some crashes and the stages to run for them. ``last``: no later chunk of this run goes on with them.
+    """Some crashes and the stages to run for them. ``last``: no later chunk of this run has these crashes.
 
-    ``again``: the chunk was with a worker that died; what it finished is in storage and is looked up.
+    ``again``: the chunk's worker died; its finished results are in storage.
     """
 
     work: Work
@@ -123,7 +123,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Attempt:
-    """A stage as carried out for a crash: when it began (ISO 8601, UTC), from what, how long and how often it tried."""
+    """An attempt at a stage for a crash: its start (ISO 8601, UTC), inputs, duration and number of tries."""
 
     key: str
     stage: Stage
@@ -152,7 +152,7 @@ class Attempt:
 
 
 def build_record(attempt: Attempt, product: StageProduct, stored: Sequence[StoredFile]) -> OutcomeRecord:
-    """Return the record of a stage that accepted or rejected the crash, with the files it stored."""
+    """Return the record of a stage that accepted or rejected the crash, with its stored files."""
     rejection = product.rejection
     return replace(
         attempt.record(Outcome.ACCEPTED if rejection is None else Outcome.REJECTED),

@@ -1,9 +1,9 @@
 """A limit on the time a stage may take for a crash.
 
-In the main thread an alarm interrupts Python code. Other threads (those of a Dask worker) get no alarm: there the
-stage has a thread of its own, which is interrupted when it is next in Python, and not waited for if that is never.
-If a library hangs that lets no Python run, a worker ends itself a while later, by a thread that needs no interpreter;
-its crash is then treated like that of any lost worker.
+In the main thread an alarm interrupts Python code. Other threads (those of a Dask worker) get no alarm: there the stage
+has a thread of its own, which is interrupted at its next Python instruction, or abandoned. If a library hangs without
+letting Python run, the worker ends itself later, by a thread that needs no interpreter; its crash is then treated like
+that of any lost worker.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class _TimeIsUpError(BaseException):
 
 
 def within(limit_s: float, what: str, function: Callable[[], T]) -> T:
-    """Call a function. Raises :class:`Failure` where it takes longer than ``limit_s``; ``what`` begins its sentence."""
+    """Call a function. Raises :class:`Failure` if it takes longer than ``limit_s``; ``what`` begins the message."""
     alarms = threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
     try:
         with _ending_a_hung_worker(limit_s):
@@ -65,7 +65,7 @@ def _with_an_alarm(limit_s: float, function: Callable[[], T]) -> T:
 
 @contextmanager
 def _ending_a_hung_worker(limit_s: float) -> Iterator[None]:
-    """Kill the process that hangs; where threads share it, the last stage to begin counts."""
+    """Kill the process if it hangs; if threads share it, the last stage to begin counts."""
     if multiprocessing.parent_process() is None:
         yield
         return

@@ -4,10 +4,10 @@ Belongs here: a disagreement with its remedy, and those between outcome records,
 results of studies. Those of pages and packages are in :mod:`trace_dag.export.verify`, the warehouse's in
 :mod:`trace_dag.warehouse.verify`, Dagster's in :mod:`trace_dag.assets.verify`.
 
-Sizes are compared over listings, so that a large cohort on an object store costs no request per crash; the contents
-are read only where that is asked for. Records and manifests are read always, and prove themselves by their checksums.
-Repair deletes nothing but what killed processes left half-written and damaged answers of services: what else is
-damaged, or in no record, moves to ``ROOT/quarantine/<time>/``, and the next run makes it again.
+Sizes are compared over listings, so that a large cohort on an object store costs no request per crash; the contents are
+read only on request. Records and manifests are always read, and checked by their checksums. Repair deletes only
+half-written files of killed processes and damaged answers of services. Other files that are damaged, or in no record,
+move to ``ROOT/quarantine/<time>/``, and the next run makes them again.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _VARIATION = re.compile(r"-v\d+$")
 
 
 class DisagreementKind(Enum):
-    """A way in which two of storage, Dagster and the warehouse disagree: its name, and what mends it."""
+    """A kind of disagreement between storage, Dagster and the warehouse: its name and remedy."""
 
     LOST_COHORT = "lost or damaged cohort", "--repair puts it back, from its copy or from records"
     LOST_REGISTRY = "lost cohorts", "--repair registers the crashes again from their records; ingest their maps again"
@@ -92,7 +92,7 @@ class DisagreementKind(Enum):
 
 @dataclass(frozen=True)
 class Disagreement:
-    """One thing that does not agree; ``file`` is a name below the root, or a path outside it."""
+    """One disagreement; ``file`` is a name below the root, or a path outside it."""
 
     kind: DisagreementKind
     detail: str
@@ -103,11 +103,11 @@ class Disagreement:
 
 @dataclass(frozen=True)
 class StorageReport:
-    """The contents of storage: the registered crashes' records, and what does not agree.
+    """The contents of storage: the registered crashes' records, and the disagreements.
 
-    ``interrupted`` counts stages that were being run again when their process ended; ``unregistered`` the crashes
-    that something was made of and that are registered no more. ``older``: an earlier version of the program made what
-    is there. None of these is a disagreement.
+    ``interrupted`` counts stages whose process ended while they ran again; ``unregistered`` counts crashes with files
+    that are no longer registered. ``older``: an earlier version of the program made the files. None of these is a
+    disagreement.
     """
 
     records: dict[str, Records]
@@ -121,9 +121,10 @@ class StorageReport:
 def verify_storage(
     storage: Storage, local_folder: Path, *, contents: bool = False, progress: OnProgress | None = None
 ) -> StorageReport:
-    """Compare what records and manifests list with the files that are there.
+    """Compare the lists of records and manifests with the files.
 
-    With ``contents`` every file is read and compared with its SHA-256; ``progress`` receives how many of how many.
+    With ``contents`` every file is read and compared with its SHA-256; ``progress`` receives the numbers done and in
+    total.
     """
     registry, older = Registry(storage), is_of_older_version(storage)
     lost = [each for each in registry.damage() if _is_first(each) or not older]  # which made no copies
@@ -183,7 +184,7 @@ _PUT_ASIDE = frozenset(
 
 
 def repair_storage(storage: Storage, found: Iterable[Disagreement], aside: Quarantine) -> None:
-    """Repair storage where possible, and put aside files that are damaged or of no record.
+    """Repair storage where possible, and put aside files that are damaged or in no record.
 
     The next run makes these again.
     """
@@ -217,7 +218,7 @@ def repair_storage(storage: Storage, found: Iterable[Disagreement], aside: Quara
 
 
 class Quarantine:
-    """Puts files aside in ``ROOT/quarantine/<time>/``, under the names they had; at its end it lists them and why."""
+    """Puts files aside in ``ROOT/quarantine/<time>/``, under their names; at its end it lists them with the reasons."""
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
@@ -225,7 +226,7 @@ class Quarantine:
         self._why: dict[str, str] = {}
 
     def move(self, name: str, why: str) -> None:
-        """Put a file aside; on this machine also one that has no name of ours."""
+        """Put a file aside; on a local root also one with a name that storage does not allow."""
         if _can_be_ours(name) or self._storage.local_root is None:
             self._storage.move(name, f"{self._folder}/{name}")
         else:
@@ -235,7 +236,7 @@ class Quarantine:
         self._why[name] = why
 
     def copy(self, name: str, why: str) -> None:
-        """Keep what a file holds that is going to be replaced."""
+        """Keep a copy of a file before it is replaced."""
         try:
             self._storage.write(f"{self._folder}/{name}", self._storage.read(name))
         except (FileNotFoundError, DamagedFile):
@@ -293,7 +294,7 @@ def _stage_disagreements(
 def _has_lost_its_record(stage: Stage, key: str, listing: Mapping[str, Entry], of_crash: Records) -> bool:
     """Return whether a stage ran for a crash and its record is lost.
 
-    A run makes both again, its files are no strays.
+    Its files are then no strays, since a run makes both again.
     """
     later = any(each.position > stage.position for each in of_crash)
     return stage not in of_crash and (later or record_name(stage, key) in listing)
@@ -303,7 +304,7 @@ _Drawn = dict[str, tuple[str, Stage, StoredFile]]  # pictures by name: of which 
 
 
 def _pictures(records: Mapping[str, Records]) -> _Drawn:
-    """Return the pictures of all crashes as they stand."""
+    """Return the pictures of all crashes in their present state."""
     found = {}
     for key, of_crash in records.items():
         standing = valid_records(of_crash)
@@ -345,7 +346,7 @@ def _damaged(
     known: Sequence[Disagreement],
     progress: OnProgress | None,
 ) -> Iterator[Disagreement]:
-    """Yield artefacts and pictures of the right size whose content is not what was recorded."""
+    """Yield artefacts and pictures of the right size whose content differs from their record."""
     skipped = {each.file for each in known}
     files = {
         file.name: (key, stage, file)
@@ -388,7 +389,7 @@ def _result_disagreements(storage: Storage, contents: bool) -> Iterator[Disagree
 
 
 def _report_disagreements(storage: Storage, cohorts: Iterable[Cohort], contents: bool) -> Iterator[Disagreement]:
-    """Yield reports kept below the root that are lost or, with ``contents``, not as they were registered."""
+    """Yield reports kept below the root that are lost or, with ``contents``, differ from their registration."""
     reports = storage.list(FOLDER)
     for cohort in cohorts:
         for key, report in cohort.reports.items():
@@ -428,7 +429,7 @@ def _cache_disagreements(storage: Storage) -> Iterator[Disagreement]:
 
 
 def _copy_of_report(storage: Storage, each: Disagreement, aside: Quarantine) -> None:
-    """Put a report back from what the first stage kept of it, if that is the one that was registered."""
+    """Restore a report from the first stage's copy, if that is the registered one."""
     assert each.key is not None
     assert each.file is not None
     registered = Registry(storage).sources([each.key])[each.key]
@@ -446,7 +447,7 @@ def _copy_of_report(storage: Storage, each: Disagreement, aside: Quarantine) -> 
 
 
 def _put_aside_made_together(storage: Storage, name: str, why: str, aside: Quarantine) -> None:
-    """Put aside a damaged result with what was made together, which its manifest lists no more."""
+    """Put aside a damaged result with the files made together with it, and remove them from the manifest."""
     folder, _, file = name.partition("/")
     manifest = sound_manifest(storage, folder)
     if folder == "variations":
@@ -472,7 +473,7 @@ def _remove(path: Path) -> None:
 
 
 def _can_be_ours(name: str) -> bool:
-    """Return whether the program could have given a file this name; a file manager's ``Copy of ...`` has spaces."""
+    """Return whether the program could have given a file this name, unlike a file manager's ``Copy of ...``."""
     try:
         check_name(name)
     except ValueError:

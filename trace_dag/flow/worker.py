@@ -1,7 +1,8 @@
-"""The work itself: some stages for some crashes, wherever an executor calls it.
+"""The work of a worker: some stages for some crashes.
 
-Each crash is isolated: whatever one raises becomes its outcome, and the next is worked on. The order of its writes
-is in :mod:`trace_dag.flow.crash_store`."""
+Each crash is isolated: any exception becomes its outcome, and the next crash follows. The order of its writes is in
+:mod:`trace_dag.flow.crash_store`.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +50,7 @@ _IMPORTED_WHERE_USED = ("mujoco", "pyarrow.parquet", "pyproj")  # by stages, and
 
 
 def _may_pass(error: BaseException) -> bool:
-    """Return whether trying again may help: not if the code that raised the error has tried several times already."""
+    """Return whether a retry may help, which it does not after an error that was already retried."""
     return isinstance(error, TransientFailure) and not error.tried_again
 
 
@@ -60,10 +61,11 @@ def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
 
 @gc_paused()
 def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
-    """Import the modules of a worker before its first chunk, ``modules`` among them.
+    """Import a worker's modules, also ``modules``, before its first chunk.
 
-    Objects made until then are exempt from the garbage collector, which runs after each crash and need not look
-    through them every time."""
+    Existing objects are then exempt from the garbage collector, which runs after each crash and would otherwise examine
+    them every time.
+    """
     for definition in flow.stages:
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:
@@ -75,7 +77,7 @@ def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
 
 
 def installed_versions() -> dict[str, str]:
-    """Return versions of this package, of its stages and of the libraries that decide, in this process."""
+    """Return this process's versions of this package, of its stages and of the libraries that affect results."""
     from trace_dag.flow.stages import VERSIONS
 
     stages = {f"{stage} (stage)": str(version) for stage, version in VERSIONS.items()}
@@ -83,7 +85,7 @@ def installed_versions() -> dict[str, str]:
 
 
 def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
-    """Run the chunk's stages; one event for each crash and stage it got to, in order."""
+    """Run the chunk's stages; return one event for each crash and stage reached, in order."""
     work = chunk.work
     for name, version in installed_versions().items():
         if version != work.installed[name]:
@@ -113,7 +115,7 @@ class _CrashWorker:
         self.damaged: DamagedArtefactError | None = None
 
     def run(self, stages: Sequence[Stage], last: bool) -> list[StageEvent]:
-        """Return the stages in order, up to the first that does not accept the crash."""
+        """Run the stages in order, up to the first that does not accept the crash; return their events."""
         events = self._in_order(stages, self.work.force)
         damaged = self.damaged
         if damaged is not None and damaged.stage in stages:
@@ -133,7 +135,7 @@ class _CrashWorker:
         return events
 
     def one_stage(self, definition: StageDefinition, force: bool) -> StageEvent:
-        """Run a stage unless its record is current; the stages before it were accepted."""
+        """Run a stage unless its record is current; the earlier stages must have accepted the crash."""
         provenance = self.provenance(definition)
         earlier = self.store.records.get(definition.stage)
         if not force and self.holds(earlier, provenance):
@@ -142,7 +144,7 @@ class _CrashWorker:
         return StageEvent(self.store.key, definition.stage, Action.COMPUTED, record)
 
     def holds(self, earlier: OutcomeRecord | None, provenance: Provenance) -> bool:
-        """Return whether an outcome, which another run may have stored meanwhile, is what this one would make."""
+        """Return whether an outcome, perhaps stored by another run meanwhile, equals what this run would make."""
         whole = {} if earlier is None else intact(self.work.storage, [earlier])
         return not why_to_run(earlier, provenance, whole)
 
@@ -181,7 +183,7 @@ class _CrashWorker:
         duration_s: float,
         attempts: int = 1,
     ) -> OutcomeRecord:
-        """Store what a stage made, and its record, which is returned; a damaged input is noted."""
+        """Store a stage's product and its record, which is returned; remember a damaged input."""
         if isinstance(product, DamagedArtefactError):
             self.damaged = product
             try:
@@ -218,7 +220,7 @@ class _CrashWorker:
         return [*events[:-1], last]
 
     def ended(self, events: list[StageEvent]) -> list[StageEvent]:
-        """Make the files of a crash that the run has changed and is done with, and return the events."""
+        """Make the files of a crash that the run changed and finished, and return the events."""
         afterwards, last = self.work.afterwards, events[-1]
         if afterwards is None or last.failed or not any(event.action is Action.COMPUTED for event in events):
             return events
@@ -231,7 +233,7 @@ class _CrashWorker:
 
 
 def _work_on_group(chunk: Chunk, stores: Sequence[CrashStore], definition: StageDefinition) -> list[StageEvent]:
-    """Return a batch stage for a group: one call for all crashes whose record is not current."""
+    """Return the events of a batch stage for a group: one call for all crashes without a current record."""
     events, open_workers = [], []
     for store in stores:
         worker = _CrashWorker(chunk.work, store)

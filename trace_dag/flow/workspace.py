@@ -30,17 +30,16 @@ BUILDING = ".building-"  # folders in which a warehouse is being built begin so
 
 
 def storage_root(chosen: str | None = None) -> str:
-    """Return the storage root: the one chosen, else ``TRACE_DAG_ROOT``, else ``./trace_dag_home``."""
+    """Return the storage root: ``chosen``, else ``TRACE_DAG_ROOT``, else ``./trace_dag_home``."""
     return chosen or os.environ.get(ROOT_VARIABLE) or DEFAULT_ROOT
 
 
 @dataclass(frozen=True)
 class Workspace:
-    """A storage root: what is stored, the settings in force, and the flow that makes it.
+    """A storage root with its settings and its flow.
 
-    For progress bars, ``listener`` is called with every stage and crash as it is done, and ``page_listener`` how many
-    crashes have got their page and package, of how many. ``executor`` is used instead of one made for each piece of
-    work.
+    For progress bars, ``listener`` is called with every finished stage and crash, and ``page_listener`` with the
+    numbers of crashes that have their page and package, and in total. ``executor``, if given, is used for all work.
     """
 
     storage: Storage
@@ -54,23 +53,20 @@ class Workspace:
     def open(
         cls, root: str, flow: Flow = FLOW, overrides: Mapping[str, Any] | None = None, *, to_read: bool = False
     ) -> Workspace:
-        """Return the workspace of a root, with its ``settings.toml``, the environment and ``overrides`` over them.
+        """Return the workspace of a root, with its ``settings.toml``, the environment and ``overrides``, in that order.
 
-        With ``to_read`` the root need not be writable. Raises :class:`trace_dag.common.errors.UserError` for a root
-        that cannot be used and settings that do not hold.
+        Later ones win. With ``to_read`` the root need not be writable. Raises
+        :class:`trace_dag.common.errors.UserError` for an unusable root and invalid settings.
         """
         storage = Storage.open(root, to_read=to_read)
         return cls(storage, _settings(storage, overrides), flow)
 
     def with_settings(self, overrides: Mapping[str, Any]) -> Workspace:
-        """Return a copy with ``overrides`` in place of the ones it was opened with.
-
-        Itself if ``overrides`` is empty.
-        """
+        """Return a copy with ``overrides`` in place of the present ones, or the workspace if ``overrides`` is empty."""
         return replace(self, settings=_settings(self.storage, overrides)) if any(overrides.values()) else self
 
     def with_one_ledger(self, overrides: Mapping[str, Any]) -> tuple[Workspace, Mapping[str, Any]]:
-        """Return the workspace, and the overrides, with a name under which several runs share one budget for models."""
+        """Return the workspace and ``overrides`` with a name under which several runs share one model budget."""
         if self.settings.states.llm_ledger is not None:
             return self, overrides
         named = {**overrides, "states": {**overrides.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
@@ -88,23 +84,20 @@ class Workspace:
 
     @property
     def pages_in_runs(self) -> bool:
-        """Return whether runs make packages and pages.
-
-        Not where there are many crashes, of which few will be looked at.
-        """
+        """Return whether runs make packages and pages, which they do not for many crashes."""
         return len(self.registry.keys()) <= self.settings.execution.pages_up_to
 
     @property
     def local_folder(self) -> Path:
-        """Return a local folder for what must be local (Dagster's database, the warehouse being built).
+        """Return the local folder for Dagster's database and the warehouse.
 
-        The root itself if it is local; else a folder of the user's own for this root.
+        It is the root itself if that is local, else a folder of the user for this root.
         """
         return self.storage.local_folder
 
     @property
     def warehouse(self) -> Path:
-        """Return the warehouse as it is read on this machine."""
+        """Return the path of the warehouse on this machine."""
         return self.local_folder / WAREHOUSE_FILE
 
     @property
@@ -114,7 +107,7 @@ class Workspace:
 
     @contextmanager
     def executing(self) -> Iterator[Executor]:
-        """Provide the executor given, or one of the settings' kind that is closed in the end."""
+        """Yield the given executor, or a new one of the settings' kind that is closed afterwards."""
         if self.executor is not None:
             yield self.executor
             return
@@ -123,13 +116,13 @@ class Workspace:
 
 
 def settings_of(root: str) -> list[DescribedSetting]:
-    """Return every setting in force for a root, with where its value comes from."""
+    """Return every setting of a root with its value and the value's source."""
     storage = Storage(root)
     return described_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE))
 
 
 def stored_settings(root: str) -> Settings:
-    """Return the settings in force for a root, which is only read and need not be there."""
+    """Return the settings of a root, which is only read and need not exist."""
     return _settings(Storage(root), None)
 
 

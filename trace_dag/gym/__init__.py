@@ -1,7 +1,7 @@
-"""Crashes as environments for learning, for Gymnasium and PettingZoo: the loop that evaluates agents. Extra ``gym``.
+"""Crashes as environments for learning, for Gymnasium and PettingZoo, on the loop that evaluates agents. Extra ``gym``.
 
-Belongs here: what is observed and done as arrays, the reward, an episode taken step by step, and the environments. Does
-not belong here: simulating and measuring, which :mod:`trace_dag.simulation` and :mod:`trace_dag.agents.evaluation` do;
+Belongs here: observations and actions as arrays, the reward, an episode step by step, and the environments. Does not
+belong here: simulating and measuring, which :mod:`trace_dag.simulation` and :mod:`trace_dag.agents.evaluation` do;
 learning.
 
 Importing this package registers ``trace_dag/Crash-v0`` with Gymnasium.

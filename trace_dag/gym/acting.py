@@ -42,9 +42,9 @@ wheel to the recorded driver; the way of the others is the one the vehicle took,
 
 
 def action_space(kind: ActionKind) -> spaces.Space[Any]:
-    """Return ``continuous``: acceleration and steering, each from -1 to 1 (left is positive).
+    """Return the action space of a kind.
 
-    ``discrete``: :data:`MANOEUVRES`.
+    ``continuous``: acceleration and steering, each from -1 to 1 (left is positive). ``discrete``: :data:`MANOEUVRES`.
     """
     if kind == "discrete":
         return spaces.Discrete(len(MANOEUVRES))
@@ -52,7 +52,7 @@ def action_space(kind: ActionKind) -> spaces.Space[Any]:
 
 
 class Hands:
-    """Turns the actions of one driver in one scenario into what the loop takes."""
+    """Turns the actions of one driver in one scenario into motions for the loop."""
 
     def __init__(self, scenario: Scenario, kind: ActionKind) -> None:
         self._kind = kind
@@ -60,10 +60,10 @@ class Hands:
         self._ways = {aside_m: _beside(scenario.recorded_path, aside_m) for aside_m in (0.0, ASIDE_M, -ASIDE_M)}
 
     def act(self, action: Any) -> Motion | Recorded:
-        """Return the motion that an action stands for.
+        """Return the motion for an action.
 
-        Raises :class:`UserError` for what is not in the space's shape, or not finite, as an evaluation refuses it of an
-        agent.
+        Raises :class:`UserError` for an action of another shape, or with numbers that are not finite, as an evaluation
+        refuses it.
         """
         given = np.asarray(action, float)
         if given.shape != (() if self._kind == "discrete" else (2,)) or not np.isfinite(given).all():
@@ -82,7 +82,7 @@ class Hands:
 
 
 def _beside(path: Path, aside_m: float) -> FloatArray:
-    """Return points x, y so far left of a path, shape (n, 2)."""
+    """Return points ``aside_m`` left of a path, x and y, shape (n, 2)."""
     x = path.x_m - aside_m * np.sin(path.heading_rad)
     y = path.y_m + aside_m * np.cos(path.heading_rad)
     return np.column_stack([x, y])

@@ -1,4 +1,4 @@
-"""A crash as it is being driven, from above: a picture for ``rgb_array``, a page for ``human``."""
+"""A crash during a run, from above: a picture for ``rgb_array``, a page for ``human``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SIZE_PX = 480
 
 
 class Camera:
-    """Looks at one case from above, on all that happened in the recorded crash."""
+    """A view of one case from above that covers all positions of the recorded crash."""
 
     def __init__(self, case: Case) -> None:
         self._view = View(case.network, replay_windows(case.recorded).overview, _SIZE_PX)
@@ -43,7 +43,7 @@ class Camera:
 
 
 def show_page(track: Track, log: SimulationLog) -> Path:
-    """Write a run as a page and open it in a browser; where it is."""
+    """Write a run as a page, open it in a browser, and return its path."""
     page = write_html_player(track.crash.load(RECORD), track.case.network, log)
     with tempfile.NamedTemporaryFile(prefix=f"crash-{track.case_id}-", suffix=".html", delete=False) as file:
         file.write(page)

@@ -1,8 +1,8 @@
 """One run of a crash, taken step by step from outside.
 
-A back-end runs a simulation to its end and asks its drivers as it goes. Here it runs in a greenlet: a driver that is
-asked hands over to whoever called :meth:`Episode.step`, and goes on when there is an answer. So every back-end can be
-stepped, in one thread, and the same actions give the same bits as in an evaluation.
+A back-end runs a simulation to its end and asks its drivers as it goes. Here it runs in a greenlet: when a driver is
+asked, control returns to the caller of :meth:`Episode.step`, and the run continues with the next action. So every
+back-end can be stepped in one thread, and equal actions give results bit for bit as in an evaluation.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ States = Mapping[int, BodyState]
 
 @dataclass(frozen=True)
 class EpisodeMoment:
-    """The time since the scenario began (s), and the true state of everybody by number."""
+    """The time since the scenario began (s), and the true states of all parties by number."""
 
     time_s: float
     states: States
@@ -62,19 +62,19 @@ class _Seat:
         return self._controller.pedals(act, self.observe(EpisodeMoment(time_s, states)).own)
 
     def observe(self, moment: EpisodeMoment) -> Observation:
-        """Return the observation at a moment, once: a sensor's noise is drawn once for each."""
+        """Return the observation at a moment; a sensor's noise is drawn only once for each moment."""
         if self.seen is None or self.seen[0] != moment.time_s:
             self.seen = moment.time_s, self.sensor.observe(moment.time_s, moment.states)
         return self.seen[1]
 
 
 class Episode:
-    """A case with some of its vehicles, ``egos``, driven from outside every ``period_s``. ``seed`` is the sensors'.
+    """A case with some vehicles, ``egos``, driven from outside every ``period_s``; ``seed`` is that of the sensors.
 
-    With reactive ``traffic`` the others keep their distance from the one ego, with persistent one they keep its
-    conflict, as in an evaluation, and look :data:`trace_dag.agents.evaluation.evaluate.LEAST_RATE_HZ` times a second
-    however seldom the ego acts. A run without a contact ends once every ego has arrived, at the latest after twice the
-    recorded time.
+    With reactive ``traffic`` the others keep their distance from the ego, with persistent traffic they keep its
+    conflict, as in an evaluation. They observe at least :data:`trace_dag.agents.evaluation.evaluate.LEAST_RATE_HZ`
+    times a second, even if the ego acts less often. A run without a contact ends once every ego has arrived, at the
+    latest after twice the recorded time.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Episode:
 
     @property
     def over(self) -> bool:
-        """Return whether the run has ended; :attr:`log` is there then."""
+        """Return whether the run has ended, which sets :attr:`log`."""
         return self.log is not None
 
     def scenario(self, ego: int) -> Scenario:
@@ -124,21 +124,18 @@ class Episode:
         return self._seats[ego].observe(self.moment)
 
     def step(self, acts: Mapping[int, Act]) -> None:
-        """Go on with these acts, by vehicle, until the drivers are asked again or the run ends."""
+        """Continue with these actions, by vehicle, until the next observation or the end of the run."""
         self._acts = acts
         self._resume()
 
     def close(self) -> None:
-        """Give up a run that has not ended."""
+        """Abandon a run that has not ended."""
         if self._running:
             self._running.parent = getcurrent()
             self._running.throw(GreenletExit)
 
     def asked(self, moment: EpisodeMoment) -> Mapping[int, Act]:
-        """Call the function that a seat asked for, in the run: act for a moment.
-
-        The first seat asked hands over.
-        """
+        """Return the actions for a moment; the first seat to ask hands control to the caller."""
         if self.moment is None or moment.time_s != self.moment.time_s:
             self.moment = moment
             caller = self._running.parent

@@ -1,7 +1,7 @@
 """Observations as arrays of fixed shapes in the vehicle's own axes: x ahead, y to the left, metres.
 
-Everything is ``float32``, clipped to the bounds of its space; rows that are not there are 0, and the mask beside says
-which are. Nothing tells an agent that or where the crash happened.
+Everything is ``float32``, clipped to the bounds of its space; missing rows are 0, and a mask marks the present ones. An
+observation does not reveal the crash or its place.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class LanePoints:
         """Shape (n, 5): x, y (m), heading (rad), width (m), speed limit (m/s)."""
 
     def nearest(self, x_m: float, y_m: float, count: int) -> NDArray[np.float64]:
-        """Return those nearest to a place, nearest first, shape (up to ``count``, 5)."""
+        """Return the points nearest to a place, nearest first, shape (up to ``count``, 5)."""
         square = (self.table[:, 0] - x_m) ** 2 + (self.table[:, 1] - y_m) ** 2
         near = np.argpartition(square, count)[:count] if len(square) > count else np.arange(len(square))
         near = near[np.argsort(square[near], kind="stable")]
@@ -96,7 +96,7 @@ class LanePoints:
 
 
 class Eyes:
-    """Turns what one driver sees in one scenario into arrays."""
+    """Turns the observations of one driver in one scenario into arrays."""
 
     def __init__(self, scenario: Scenario, lanes: LanePoints) -> None:
         self._scenario = scenario
@@ -141,7 +141,7 @@ def _others(seen: Observation, c: float, s: float) -> NDArray[np.float64]:
 def _placed(
     x_m: NDArray[np.float64], y_m: NDArray[np.float64], heading_rad: NDArray[np.float64], own: OwnState
 ) -> NDArray[np.float64]:
-    """Return places in the vehicle's axes, shape (n, 4): x, y, cosine and sine of the heading."""
+    """Return positions in the vehicle's axes, shape (n, 4): x, y, cosine and sine of the heading."""
     c, s = math.cos(own.heading_rad), math.sin(own.heading_rad)
     dx, dy, turned = x_m - own.x_m, y_m - own.y_m, heading_rad - own.heading_rad
     return np.column_stack([dx * c + dy * s, dy * c - dx * s, np.cos(turned), np.sin(turned)])

@@ -24,7 +24,7 @@ _SEEDS = 2**31
 class ParallelCrashEnv(OneEpisode, ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # PettingZoo has no types
     """Every driver of one verified crash, each an agent: ``V1``, ``V2``, ... by the vehicle's number in the report.
 
-    People and parked vehicles do as was recorded. The other arguments, observations, actions, the reward and the end
+    People and parked vehicles follow the recording. The other arguments, observations, actions, the reward and the end
     are those of :class:`trace_dag.gym.single.CrashEnv`; an episode ends for all at once.
     """
 

@@ -35,7 +35,7 @@ LOADED_AT_ONCE = 64
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A case made ready to be driven: read, and its map given to the simulator.
+    """A case ready for runs: read, and its map loaded in the simulator.
 
     No run changes it, so environments share it.
     """
@@ -66,7 +66,7 @@ class Track:
 
     @property
     def loaded(self) -> Loaded:
-        """Return the case made ready; loaded again where too many others were driven since."""
+        """Return the loaded case; it is loaded again if too many others were driven since."""
         return _loaded(self)
 
     @property
@@ -97,10 +97,10 @@ _known: WeakKeyDictionary[Crashes, dict[str, Track]] = WeakKeyDictionary()
 
 
 def tracks(home: Place | None, keys: Sequence[str], *, variations: bool, courses: bool) -> dict[str, Track]:
-    """Return the verified crashes of a place in which somebody met somebody, all or those of ``keys``, by case id.
+    """Return the verified crashes of a place in which two parties met, all or those of ``keys``, by case id.
 
-    ``variations``: with the stored variations of each; ``courses``: the likely courses of each in its place. Only a
-    root has these. Raises :class:`UserError` where there are none.
+    ``variations``: also the stored variations of each; ``courses``: the likely courses in place of each crash. Only a
+    root has these. Raises :class:`UserError` if there are none.
     """
     crashes = home if isinstance(home, Crashes) else open_place(home)
     if isinstance(crashes, Home):

@@ -15,11 +15,11 @@ _WORST = 2.0
 class Reward:
     """Weights of the reward.
 
-    While it drives an agent gets ``progress`` for driving as far as was recorded, in parts, and never more than that:
-    who stands still gets none. In the end it gets ``avoided`` if nobody touched anybody and it finished its way in
-    twice the recorded time (:mod:`trace_dag.scenario.progress`), nothing if it did not; who touches loses ``contact``
-    times the larger delta-v of the contact over that of the recorded crash (2 at most). It loses ``off_road`` and
-    ``wrong_way`` for each second of these (1 at most of each), and ``comfort`` times its hardest braking in g.
+    During a run an agent gets shares of ``progress`` for the distance driven, up to the recorded distance; standing
+    still gives none. At the end it gets ``avoided`` if no parties touched and it finished within twice the recorded
+    time (:mod:`trace_dag.scenario.progress`), else nothing. A contact costs ``contact`` times the ratio of its larger
+    delta-v to that of the recorded crash (2 at most). It loses ``off_road`` and ``wrong_way`` for each second of these
+    (1 at most of each), and ``comfort`` times its hardest braking in g.
     """
 
     avoided: float = 1.0
@@ -54,7 +54,7 @@ class Reward:
     def on_the_way(self, driven_m: float, before_m: float, recorded_m: float) -> float:
         """Return the reward of a step from ``before_m`` to ``driven_m``.
 
-        In that time ``recorded_m`` were driven in the recorded crash.
+        ``recorded_m`` is the whole distance driven in the recorded crash.
         """
         whole = max(recorded_m, 1.0)
         return self.progress * (min(driven_m / whole, 1.0) - min(before_m / whole, 1.0))

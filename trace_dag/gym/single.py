@@ -28,7 +28,7 @@ _SEEDS = 2**31
 
 
 class EpisodeDriver:
-    """One driver of an episode: eyes, hands, and how far it has driven of what was recorded."""
+    """One driver of an episode: its observations, its actions, and its progress along the recorded distance."""
 
     def __init__(self, episode: Episode, ego: int, lanes: LanePoints, actions: ActionKind, reward: Reward) -> None:
         scenario = episode.scenario(ego)
@@ -46,10 +46,7 @@ class EpisodeDriver:
         return self._eyes.as_seen(self._episode.observe(self.ego))
 
     def rewarded(self) -> tuple[float, dict[str, Any]]:
-        """Return the reward of the last step, and what there is to say about it.
-
-        The measures of a run that has ended.
-        """
+        """Return the reward of the last step, and its ``info``, with the measures once the run has ended."""
         assert self._episode.moment is not None
         state, before_m = self._episode.moment.states[self.ego], self._driven_m
         self._driven_m += max(state.speed_mps, 0.0) * self._period_s
@@ -63,7 +60,7 @@ class EpisodeDriver:
 def about(case: Case, ego: int) -> dict[str, Any]:
     """Return the ``info`` of any step.
 
-    The crash's ``key``, the ``case_id`` (a variation's where it is one), ``ego``.
+    It has the crash's ``key``, the ``case_id`` (the variation's id for a variation) and ``ego``.
     """
     return {"key": case.key, "case_id": case.case_id, "ego": ego}
 
@@ -74,12 +71,12 @@ def build_final_info(metrics: Metrics) -> dict[str, Any]:
 
 
 class OneEpisode:
-    """Keep the episode of an environment that is under way, at most one."""
+    """Holder of the current episode of an environment, at most one."""
 
     _episode: Episode | None = None
 
     def close(self) -> None:
-        """Give up the episode."""
+        """Abandon the episode."""
         if self._episode is not None:
             self._episode.close()
 
@@ -103,7 +100,7 @@ class OneEpisode:
 def period_of(rate_hz: float) -> float:
     """Return the time between two steps, s.
 
-    Raises :class:`UserError` for a rate that no environment has.
+    Raises :class:`UserError` for a rate out of bounds.
     """
     if not 1.0 <= rate_hz <= 100.0:
         raise UserError(f"rate_hz {rate_hz:g}: expected 1 to 100 steps a second")
@@ -111,23 +108,18 @@ def period_of(rate_hz: float) -> float:
 
 
 class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
-    """Somebody else at the wheel of one vehicle of a verified crash.
+    """An agent at the wheel of one vehicle of a verified crash.
 
-    The others do as was recorded until they are hit, keep their distance (``traffic="reactive"``), or come when it
-    comes (``traffic="persistent"``).
+    The others follow the recording until they are hit, keep their distance (``traffic="reactive"``), or keep the
+    conflict with the agent (``traffic="persistent"``).
 
-    Args:
-        home: a storage root, a package or a release, or what ``trace_dag.open`` gave; by default as it does.
-        key: one crash or several; all in which somebody met somebody by default.
-        ego: whose place, as ``trace-dag evaluate --ego`` has it, or a vehicle's number.
-        variations: with the stored variations of the crashes.
-        courses: the likely courses of each crash in its place, drawn by their weights.
-        actions: ``continuous`` or ``discrete``; see :mod:`trace_dag.gym.acting`.
-        rate_hz: steps per second, 1 to 100.
-        sensing: how well it sees.
-        traffic: how everybody else moves, as ``trace-dag evaluate --traffic`` has it.
-        reward: weights; see :class:`trace_dag.gym.rewards.Reward`.
-        render_mode: ``rgb_array``, or ``human``: the replay of each episode as a page in the browser.
+    Args: home: a storage root, a package or a release, or what ``trace_dag.open`` gave; by default as it does. key: one
+    crash or several; all in which somebody met somebody by default. ego: whose place, as ``trace-dag evaluate --ego``
+    has it, or a vehicle's number. variations: with the stored variations of the crashes. courses: the likely courses of
+    each crash in its place, drawn by their weights. actions: ``continuous`` or ``discrete``; see
+    :mod:`trace_dag.gym.acting`. rate_hz: steps per second, 1 to 100. sensing: how well it sees. traffic: how everybody
+    else moves, as ``trace-dag evaluate --traffic`` has it. reward: weights; see :class:`trace_dag.gym.rewards.Reward`.
+    render_mode: ``rgb_array``, or ``human``: the replay of each episode as a page in the browser.
 
     ``reset(seed=..., options={"key": ..., "case_id": ...})`` chooses a crash, or one variation or course; of what they
     leave the seed draws one, every crash and variation as often, a course by its weight. The same seed, options and
@@ -201,7 +193,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         return driver.look(), reward, touched, episode.log is not None and not touched, info
 
     def render(self) -> Any:
-        """Return the picture of now for ``rgb_array``; ``human`` shows whole episodes by itself."""
+        """Return a picture of the present moment for ``rgb_array``; ``human`` shows whole episodes by itself."""
         if self.render_mode != "rgb_array":
             return None
         episode = self._running()
@@ -212,11 +204,11 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
 
 
 def chosen(tracks: Mapping[str, Track], options: Mapping[str, Any] | None, random: np.random.Generator) -> Track:
-    """Return the case that ``options`` name, or one drawn by weight of all that they leave.
+    """Return the case that ``options`` name, or one drawn by weight among those that they allow.
 
-    Options of others are left alone.
+    Other options are ignored.
 
-    Raises :class:`UserError` for a crash that is not there.
+    Raises :class:`UserError` for an unknown crash.
     """
     asked = options or {}
     case_id, key = asked.get("case_id"), asked.get("key")
@@ -234,7 +226,7 @@ def chosen(tracks: Mapping[str, Track], options: Mapping[str, Any] | None, rando
 def ego_of(case: Case, ego: str | int) -> int:
     """Return the number of the vehicle in a role, or of that number.
 
-    Raises :class:`UserError` for who drives nothing.
+    Raises :class:`UserError` for a party that drives no vehicle.
     """
     if isinstance(ego, str):
         try:
@@ -247,5 +239,5 @@ def ego_of(case: Case, ego: str | int) -> int:
 
 
 def drivers_of(case: Case) -> list[int]:
-    """Return numbers of the vehicles that somebody drives."""
+    """Return the numbers of the vehicles with a driver."""
     return [each.number for each in case.participants if not each.body.is_figure and each.number not in case.parked]

@@ -107,7 +107,7 @@ def form(kind: Kind) -> type[SegmentsAnswer] | type[CoordinatesAnswer]:
 
 
 def schema_of(kind: Kind, choices: Choices) -> dict[str, Any]:
-    """Return the JSON schema that an answer about one crash has to keep to: a candidate is one of those offered.
+    """Return the JSON schema for an answer about one crash, with the offered candidates as the allowed ones.
 
     >>> schema_of("segments", Choices(scene, ()))["$defs"]["SegmentChoice"]["properties"]["candidate"]["enum"]
     []
@@ -122,7 +122,7 @@ def schema_of(kind: Kind, choices: Choices) -> dict[str, Any]:
 def text_of(answer: StoredAnswer) -> str:
     """Return the text of an answer.
 
-    Raises :class:`WrongAnswer` for one that was refused or is not whole.
+    Raises :class:`WrongAnswer` for a refused or incomplete one.
 
     >>> text_of(StoredAnswer("{", "length", "a-model", 900, 5, 0.0, 1.0))
     Traceback (most recent call last):
@@ -134,7 +134,7 @@ def text_of(answer: StoredAnswer) -> str:
 
 
 def parse(text: str, wanted: type[T]) -> T:
-    """Read an answer; fences of Markdown around the JSON are tolerated. Raises :class:`WrongAnswer`.
+    """Read an answer; Markdown fences around the JSON are allowed. Raises :class:`WrongAnswer`.
 
     >>> parse("", SegmentsAnswer)
     Traceback (most recent call last):
@@ -177,7 +177,7 @@ def decide(
 ) -> Decision:
     """Return the approaches that an answer chooses.
 
-    Raises :class:`WrongAnswer` with everything that is wrong with it.
+    Raises :class:`WrongAnswer` with all faults of the answer.
 
     >>> answer = SegmentsAnswer(reasoning="", vehicles=[], crash=Place(x_m=0.0, y_m=0.0))
     >>> decide(answer, Choices(scene, ()), record, (1, 2), lead_time_s=5.0)
@@ -218,7 +218,7 @@ def decide(
 def _leading_to_the_crash(
     found: dict[int, list[tuple[OfferedApproach, float]]], choices: Choices
 ) -> dict[int, tuple[OfferedApproach, float]]:
-    """Return, of the approaches of each vehicle, the first two on which some candidate meets; else the nearest."""
+    """Return the first approaches, one per vehicle, on which some candidate meets; else the nearest ones."""
     known = {number: offered for number, offered in found.items() if offered}
     pairs = [dict(zip(known, pair, strict=True)) for pair in product(*known.values())]
     if len(known) < len(found):

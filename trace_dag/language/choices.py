@@ -26,7 +26,7 @@ class OfferedApproach:
 
     @property
     def length_m(self) -> float:
-        """Return how far upstream of the crash the map follows it (or its straight continuation, off the map)."""
+        """Return how far upstream of the crash the map contains the approach, m."""
         begin = self.approach.mapped_from_m
         return self.approach.station_m - begin
 
@@ -36,7 +36,7 @@ class OfferedApproach:
         return math.degrees(pose.heading_rad) % 360.0
 
     def described(self) -> dict[str, object]:
-        """Return the approach as the model is told of it."""
+        """Return the description of the approach for the model."""
         approach, road = self.approach, self.approach.road
         movement = f"turns {approach.turn.value} here" if approach.turn is not None else "passes the crash"
         if approach.turn is not None and approach.exit_road is not None and approach.exit_road.name:
@@ -78,7 +78,7 @@ class Choices:
 
     @cached_property
     def offered(self) -> tuple[OfferedApproach, ...]:
-        """Return every approach on which some reading of the record puts a vehicle, in order of first mention."""
+        """Return every approach that some reading of the record gives to a vehicle, in order of first mention."""
         approaches: dict[str, Approach] = {}
         vehicles: dict[str, set[int]] = {}
         for candidate in self.found:
@@ -94,13 +94,13 @@ class Choices:
         )
 
     def by_id(self, approach_id: str) -> OfferedApproach | None:
-        """Return the approach with that id; None if there is none."""
+        """Return the approach with that id, or None."""
         return next((offered for offered in self.offered if offered.id == approach_id), None)
 
     def at(self, x_m: float, y_m: float, heading_deg: float, vehicle_number: int) -> list[OfferedApproach]:
-        """Return the approaches of a vehicle on which a point lies, travelled in that direction; the nearest first.
+        """Return a vehicle's approaches through a point in a direction, the nearest first.
 
-        Several share a lane until they part at the crash, and lie equally near: those keep their order.
+        Several approaches share a lane until they part at the crash and are equally near there; these keep their order.
         """
         near: list[tuple[float, OfferedApproach]] = []
         for offered in self.offered:

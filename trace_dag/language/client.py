@@ -1,4 +1,4 @@
-"""Asking a model through litellm: any provider, one question at a time.
+"""Requests to a model through litellm: any provider, one question at a time.
 
 Keys and endpoints are read by litellm from the provider's usual environment variables (``GEMINI_API_KEY``,
 ``OPENAI_API_KEY``, ``OPENAI_API_BASE``, ``OLLAMA_API_BASE``, ...); no key passes through this project, and keys are
@@ -76,7 +76,8 @@ class LlmClient:
         """Check that the model answers: one short question, unless it has answered within the last minute.
 
         The content of the answer does not matter. The question shows whether key, model, budget and connection are
-        right. Raises as :meth:`ask`."""
+        right. Raises the errors of :meth:`ask`.
+        """
         if time.monotonic() - self._answered_s > _ANSWERING_FOR_S:
             self._ask(_TRIAL, _TRIAL_ANSWER)
 
@@ -140,9 +141,9 @@ class LlmClient:
         return answer
 
     def _request(self, messages: list[Message], schema: Mapping[str, Any], timeout_s: float) -> StoredAnswer:
-        """Return one request.
+        """Return the answer to one request.
 
-        Raises :class:`_NoAnswer` if another request may be answered, :class:`Failure` if none will.
+        Raises :class:`_NoAnswer` if a repeated request may be answered, :class:`Failure` if none will.
         """
         litellm = _litellm()
         started = time.monotonic()
@@ -216,13 +217,13 @@ class LlmClient:
 
 
 def _model_name(said: str) -> str:
-    """Return the name of a model; llama.cpp's server says the path of its file, which is nobody's business."""
+    """Return the name of a model; llama.cpp's server gives a file path, of which only the name is shown."""
     path = PureWindowsPath(said)  # parts at both kinds of slashes
     return path.name if path.root else said
 
 
 class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if all tries end so
-    """A request that was not answered, though a later one may be; ``wait_s`` is the pause the provider asks for."""
+    """A request without an answer that may be repeated; ``wait_s`` is the pause that the provider asks for."""
 
     def __init__(self, message: str, wait_s: float | None) -> None:
         super().__init__(message)
@@ -230,9 +231,10 @@ class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if all tries end s
 
 
 def _pause_s(state: RetryCallState) -> float:
-    """Return seconds before a question is asked again.
+    """Return the pause before a question is repeated, s.
 
-    The pause is as long as the provider asks for, else twice as long each time."""
+    It is the pause that the provider asks for, or else doubles each time.
+    """
     error = state.outcome.exception() if state.outcome else None
     asked_s = error.wait_s if isinstance(error, _NoAnswer) else None
     return asked_s if asked_s is not None else _BACK_OFF(state)
@@ -244,10 +246,7 @@ def _say_asking_again(state: RetryCallState) -> None:
 
 
 def _missing_keys(litellm: Any, model: str) -> list[str]:
-    """Return the environment variables with keys that the model's provider needs and that are not set.
-
-    They are known as far as litellm knows them.
-    """
+    """Return the missing environment variables with keys for the model's provider, as far as litellm knows them."""
     try:
         missing = litellm.validate_environment(model)["missing_keys"]
     except Exception:  # litellm raises for a model that it does not know
@@ -280,9 +279,8 @@ class _TooSlowError(Exception):
 def _within(limit_s: float, call: Callable[[], T]) -> T:
     """Return the result of a call.
 
-    Raise :class:`_TooSlowError` after ``limit_s``, however much of an answer has come by then.
-
-    The time-outs of HTTP clients begin anew with every byte. The call goes on in its thread, unheard.
+    Raises :class:`_TooSlowError` after ``limit_s``, also for a partial answer, since the time-outs of HTTP clients
+    begin anew with every byte. The call continues in its thread, and its result is ignored.
     """
     answer: Future[T] = Future()
 
@@ -299,7 +297,7 @@ def _within(limit_s: float, call: Callable[[], T]) -> T:
 
 
 def endpoint_of(model: str) -> str:
-    """Return the endpoint of a model, as far as the environment has it; "" is its provider's own address.
+    """Return the endpoint of a model from the environment; "" means its provider's own address.
 
     >>> endpoint_of("a-provider/a-model")
     ''
@@ -311,7 +309,7 @@ def endpoint_of(model: str) -> str:
 
 
 def mask_secrets(text: str) -> str:
-    """Return the text with secret environment variables' values, and anything shaped like a key, as stars.
+    """Return the text with values of secret environment variables, and other text shaped like a key, as stars.
 
     >>> mask_secrets("invalid key sk-0123456789abcdefghijklmnop")
     'invalid key ***'

@@ -49,7 +49,7 @@ class LlmEstimator:
         return replace(made, run=asked[0] if asked else _in_place_of(self._settings, made.run))
 
     def require(self) -> None:
-        """Raise UserError unless the language model answers: prompt, key, model, budget and the way to it are right."""
+        """Raise UserError unless the language model answers, which needs prompt, key, model, budget and connection."""
         Prompt.load(self._settings.llm_prompt)
         try:
             self._client.try_out()
@@ -71,6 +71,6 @@ class LlmEstimator:
 
 
 def _in_place_of(settings: StateSettings, run: EstimatorRun) -> EstimatorRun:
-    """Return the reason why the language model was not asked: its questions are about two vehicles."""
+    """Return a run by the fallback, because language models only answer questions about two vehicles."""
     reason = "language models are asked about first contacts of two vehicles only"
     return replace(run, model=settings.llm_model, attempts=0, fallback_from=NAME, fallback_reason=reason)

@@ -1,6 +1,6 @@
 """The estimator that asks a language model.
 
-It checks the answer, asks again with the faults, and lets the solver turn the choice into states.
+It checks the answer, asks again with a list of faults, and has the solver turn the choice into states.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class LlmFiles(AnswerFiles, SharedFiles, Protocol):
 
 
 def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger: str = "run") -> LlmClient:
-    """Return a client by the settings: answers, budget and rate kept in ``files`` (a storage root), else in memory.
+    """Return a client by the settings, with answers, budget and rate in ``files`` (a storage root) or in memory.
 
-    Clients with the same ``files`` and the same ``ledger`` share budget and rate, over all processes and machines.
+    Clients with the same ``files`` and ``ledger`` share budget and rate, over all processes and machines.
 
     >>> llm_client(StateSettings(llm_model="a-model")).model
     'a-model'
@@ -101,16 +101,14 @@ class _Tally:
 
 
 def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, client: LlmClient) -> StateEstimate:
-    """Return the contact of two vehicles with the approaches a language model chose.
+    """Return the contact of two vehicles on the approaches that a language model chose.
 
-    A wrong answer is a counted attempt; after ``llm_max_attempts`` of them, or once they have taken
-    ``llm_question_time_s``, the fallback of the settings follows.
+    A wrong answer counts as an attempt; after ``llm_max_attempts`` of them, or after ``llm_question_time_s``, the
+    fallback of the settings follows.
 
-    Raises:
-        Rejection: ``no_feasible_state``: no approach lets the vehicles meet, or no answer was usable and the fallback
-            is "reject" (:class:`UnusableAnswers`).
-        TransientFailure, Failure: the provider failed or the budget is spent, see :meth:`LlmClient.ask`.
-        UserError: no such prompt.
+    Raises: Rejection: ``no_feasible_state``: no approach lets the vehicles meet, or no answer was usable and the
+    fallback is "reject" (:class:`UnusableAnswers`). TransientFailure, Failure: the provider failed or the budget is
+    spent, see :meth:`LlmClient.ask`. UserError: no such prompt.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.reconstruction.analytic_hypotheses import build_scene
@@ -176,7 +174,10 @@ def _decision(
 
 
 def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
-    """Return hypotheses on the chosen approaches; if they fail their checks, the model is told and asked again."""
+    """Return hypotheses on the chosen approaches.
+
+    Raises :class:`WrongAnswer` if they fail their checks, so that the model is asked again.
+    """
     chosen = choices.chosen(decision.offered)
     ids = " and ".join(f"{offered.id} for vehicle {number}" for number, offered in decision.offered.items())
     if not chosen:
@@ -197,7 +198,7 @@ def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tu
 def _unavoidable(choices: Choices, settings: StateSettings) -> set[str]:
     """Return checks that fail for every choice of approaches.
 
-    The record contradicts itself or the map, and another answer would not help.
+    The record then contradicts itself or the map, and another answer would not help.
     """
     best, _ = rank_hypotheses(choices.scene, solve_all(choices.scene, list(choices.found)), settings)
     return {check.name for check in best[0].checks if not check.passed} if best else set()

@@ -82,9 +82,8 @@ class SpendingLedger:
     def reserve(self) -> None:
         """Wait for this request's turn.
 
-        Raises:
-            BudgetSpent: the budget is spent. TransientFailure: the provider has left several questions in a row
-            unanswered; after a pause asking is allowed again.
+        Raises: BudgetSpent: the budget is spent. TransientFailure: the provider has left several questions in a row
+        unanswered; after a pause asking is allowed again.
         """
         with self._lock:
             now = self.clock()
@@ -152,7 +151,7 @@ class SpendingLedger:
             self.files.write(f"{self._folder}/{self._page.owner}.json", add_checksum(_pages.dump_json(self._page)))
 
     def _all_pages(self) -> list[Page]:
-        """Return the pages of all processes; this one's own from memory."""
+        """Return the pages of all processes, with this process's own from memory."""
         pages = [self._page]
         if self.files is not None:
             for data in self.files.read_many(sorted(self.files.list(self._folder))).values():

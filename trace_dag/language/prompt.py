@@ -1,7 +1,7 @@
-"""From a prompt file and a crash to messages.
+"""Messages from a prompt file and a crash.
 
 Text from reports and maps goes into the prompt as JSON with its angle brackets escaped, inside a fence that the system
-message declares to be data. So no text of a report can close the fence or pass for a message.
+message declares to be data. So no text of a report can close the fence or look like a message.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Prompt:
     def load(cls, version: str) -> Prompt:
         """Return the prompt of that name.
 
-        If there is none, raises :class:`UserError`, which lists the known names.
+        Raises :class:`UserError` that lists the known names if it is unknown.
         """
         folder = files("trace_dag.language") / "prompts"
         known = sorted(entry.name.removesuffix(".md") for entry in folder.iterdir() if entry.name.endswith(".md"))
@@ -63,7 +63,7 @@ class Prompt:
 
 
 def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> list[Message]:
-    """Return the conversation so far and a new question that says what was wrong with the last answer.
+    """Return the conversation with a new question that lists the faults of the last answer.
 
     >>> [each["role"] for each in ask_again([], "{}", ["crash: Field required"])]
     ['assistant', 'user']

@@ -25,9 +25,9 @@ class AnswerFiles(Protocol):
     """Named files; :class:`trace_dag.common.storage.files.Storage` is one."""
 
     def read(self, name: str) -> bytes:
-        """Return the whole file.
+        """Return the content of a file.
 
-        Raises ``FileNotFoundError`` if there is none.
+        Raises ``FileNotFoundError`` if it is missing.
         """
 
     def write(self, name: str, data: bytes) -> object:
@@ -58,7 +58,7 @@ class AnswerStore:
         self._memory: dict[str, StoredAnswer] = {}
 
     def get(self, key: str) -> StoredAnswer | None:
-        """Return the answer stored under ``key``; None if there is none or its file cannot be read."""
+        """Return the answer stored under ``key``; None if it is missing or unreadable."""
         if self._files is None:
             return self._memory.get(key)
         try:
@@ -75,7 +75,7 @@ class AnswerStore:
 
 
 def question_key(**question: object) -> str:
-    """Return the key of a question: a digest of everything that defines it, given by name."""
+    """Return the key of a question: a digest of all its named parts."""
     return hashlib.sha256(json.dumps(question, sort_keys=True).encode()).hexdigest()
 
 

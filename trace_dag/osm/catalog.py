@@ -1,4 +1,4 @@
-"""A set of OSM files, and for each crash the one that covers it."""
+"""A set of OSM files, and the choice of the covering file for each crash."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True)
 class MapFile:
-    """One OSM file, and what its header says."""
+    """One OSM file, and its header."""
 
     path: Path
     header: FileHeader
@@ -43,30 +43,30 @@ class MapFile:
 
 @dataclass(frozen=True)
 class MapCatalog:
-    """OSM files that maps are cut from. ``unreadable`` says why the other files of the set cannot be read."""
+    """OSM files from which maps are cut. ``unreadable`` has the reasons why other files of the set cannot be read."""
 
     files: tuple[MapFile, ...]
     unreadable: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, paths: Iterable[Path | str]) -> MapCatalog:
-        """Return the files that :func:`map_files` finds.
+        """Return the catalog of the files that :func:`map_files` finds.
 
-        Raises :class:`UserError` for those that are not OSM data, all of them at once.
+        Raises one :class:`UserError` for all that are not OSM data.
         """
         return cls(tuple(_each(map_files(paths), lambda path: MapFile(path, read_header(path)))))
 
     @classmethod
     def checked(cls, paths: Iterable[Path | str]) -> MapCatalog:
-        """Return files that may be anybody's: they are opened after :func:`check_maps` has read them."""
+        """Return the catalog of untrusted files, which are opened after :func:`check_maps` has read them."""
         check_maps(files := map_files(paths))
         return cls.open(files)
 
     @classmethod
     def of_registered(cls, files: Iterable[Path | Failure]) -> MapCatalog:
-        """Return files that were read before.
+        """Return the catalog of registered files.
 
-        One that cannot be read or reached any more does not affect the others.
+        A file that can no longer be read does not affect the others.
         """
         readable: list[MapFile] = []
         unreadable: list[str] = []
@@ -89,8 +89,8 @@ class MapCatalog:
         own bounds hold the whole box is taken, then the one with most road in the box, then the newest, then the first
         by name. Files of neighbouring ground, which share nodes with it, are joined to it.
 
-        A site that no file covers is rejected, with the distance to the nearest data; where some file cannot
-        be read to its end that could have covered it, it is a failure that names the file.
+        A site that no file covers is rejected, with the distance to the nearest data. If a file that might cover it
+        cannot be read to its end, the result is a failure that names the file.
         """
         boxes = {site.key: box_around(site, settings.radius_m) for site in sites if is_on_earth(site)}
         parts: dict[str, list[_Part]] = {site.key: [] for site in sites}
@@ -137,9 +137,9 @@ class MapCatalog:
 
     @property
     def bounds(self) -> BoundingBox:
-        """Return the box of everything in the files.
+        """Return the box of all data in the files.
 
-        Raises :class:`UserError` where they have no drivable way.
+        Raises :class:`UserError` if they have no drivable way.
         """
         boxes = [box for _, box in self._boxes()]
         if not boxes:
@@ -152,7 +152,7 @@ class MapCatalog:
         )
 
     def _boxes(self) -> list[tuple[MapFile, BoundingBox]]:
-        """Return files and what they cover: as they say, else the box of their roads; without those that have none."""
+        """Return files with their box: as stated, or else that of their roads; files without either are left out."""
         boxes = [
             (file, file.header.box or read_around(file.path, file.header, [], OsmSettings()).road_bounds)
             for file in self.files
@@ -162,9 +162,9 @@ class MapCatalog:
     def extract_box(self, box: BoundingBox, settings: OsmSettings, *, surroundings: bool) -> OsmExtract:
         """Return the roads in a box, from the file that covers it and its neighbours.
 
-        With ``surroundings`` also what stands and lies beside them.
+        ``surroundings`` adds the features beside them.
 
-        Raises :class:`UserError` where no file has a drivable way there, with the distance to the nearest data.
+        Raises :class:`UserError`, with the distance to the nearest data, if no file has a drivable way there.
         """
         parts = []
         for file in self.files:
@@ -202,7 +202,7 @@ class MapCatalog:
 
 
 def map_files(paths: Iterable[Path | str]) -> list[Path]:
-    """Return the files given, and the OSM files in folders given, to any depth.
+    """Return the given files, and the OSM files in given folders and their subfolders.
 
     Their suffixes are ``.osm``, ``.osm.gz``, ``.osm.bz2`` and ``.pbf``.
 
@@ -225,7 +225,7 @@ def map_files(paths: Iterable[Path | str]) -> list[Path]:
 
 
 def check_maps(files: Iterable[Path]) -> None:
-    """Read each file to its end, within bounds. Raises :class:`UserError` that names all that cannot be read."""
+    """Read each file to its end, within limits. Raises :class:`UserError` that names all unreadable files."""
     with MapChecker() as checker:
         _each(files, checker.check)
 
@@ -302,7 +302,7 @@ class _Part:
 
     @property
     def rank(self) -> tuple[bool, int, str]:
-        """Return the rank of a file: its bounds hold the whole box, most road, newest."""
+        """Return the rank of a file by three criteria: its bounds contain the whole box, length of road, date."""
         bounds, box = self.file.header.box, self.box
         whole = bounds is not None and (
             bounds.contains(box.south_deg, box.west_deg) and bounds.contains(box.north_deg, box.east_deg)
@@ -311,7 +311,7 @@ class _Part:
 
 
 def _joined(parts: Sequence[_Part]) -> OsmExtract:
-    """Return the best part, with those of neighbouring ground."""
+    """Return the extract of the best part, joined with those of neighbouring files."""
     best, *others = sorted(
         sorted(parts, key=lambda part: part.file.path.name), key=lambda part: part.rank, reverse=True
     )
@@ -340,7 +340,7 @@ def _cut(parts: Sequence[_Part]) -> OsmExtract:
 
 
 def _with_data_ends(extract: OsmExtract, parts: Sequence[_Part]) -> dict[int, OsmNode]:
-    """Return the nodes, those marked at which a road ends on the border of all the files, where the data end."""
+    """Return the nodes, marking those at which a road ends on the border of all files, where the data end."""
     bounds = [part.file.header.box for part in parts]
     if None in bounds:
         return extract.nodes
@@ -354,7 +354,7 @@ def _with_data_ends(extract: OsmExtract, parts: Sequence[_Part]) -> dict[int, Os
 
 
 def _is_within(box: BoundingBox, node: OsmNode) -> bool:
-    """Return whether a node lies in a box, farther from its border than a few metres."""
+    """Return whether a node lies in a box, more than a few metres from its border."""
     return (
         box.south_deg + _BORDER_DEG < node.latitude_deg < box.north_deg - _BORDER_DEG
         and box.west_deg + _BORDER_DEG < node.longitude_deg < box.east_deg - _BORDER_DEG
@@ -362,7 +362,7 @@ def _is_within(box: BoundingBox, node: OsmNode) -> bool:
 
 
 def may_cover(header: FileHeader, box: BoundingBox) -> bool:
-    """Return whether a file can have something in a box, by what it says that it covers."""
+    """Return whether a file may have data in a box, by its stated bounds."""
     bounds = header.box
     return bounds is None or (
         bounds.south_deg <= box.north_deg

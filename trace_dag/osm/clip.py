@@ -23,11 +23,11 @@ def clip_roads(
     node_tags: Mapping[int, Mapping[str, str]],
     restrictions: Iterable[OsmRelation],
 ) -> OsmExtract:
-    """Cut ``ways`` at ``box``: roads and walkways by ascending id, and the restrictions whose members are all there.
+    """Cut roads and walkways at ``box``; return them by ascending id, with the restrictions that are complete.
 
-    If a way crosses the border a node is made there (``clipped``, negative id). A way that comes into the box several
-    times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative ones,
-    and restrictions are told which part they mean. All ids made here depend on nothing but the data and the box.
+    If a way crosses the border a node is made there (``clipped``, negative id). A way that enters the box several
+    times, or lacks nodes in the source, becomes several ways: the first keeps the id, the others get negative ones, and
+    restrictions refer to the right part. All new ids depend only on the data and the box.
 
     >>> from trace_dag.osm.types import RawWay
     >>> way = RawWay(7, np.array([1, 2]), np.array([0.5, 1.5]), np.array([0.5, 0.5]), {"highway": "primary"})
@@ -95,7 +95,7 @@ class _Clipper:
         self._inside, self._enters, self._leaves = inside.tolist(), enters.tolist(), leaves.tolist()
 
     def cut(self) -> None:
-        """Fill ``ways``, and ``nodes`` with those made on the border."""
+        """Add the cut ways to ``ways``, and the nodes made on the border to ``nodes``."""
         end = 0
         for way, is_whole in zip(self._raw_ways, self._whole, strict=True):
             start, end = end, end + len(way.node_ids)
@@ -128,7 +128,7 @@ class _Clipper:
         return OsmMember("way", (touching or parts)[0].id, member.role)
 
     def _pieces(self, start: int, end: int) -> Iterator[tuple[int, ...]]:
-        """Yield the stretches of a way inside the box as node ids, with the nodes from ``start`` to before ``end``."""
+        """Yield the parts of a way inside the box as node ids; its nodes are those from ``start`` to before ``end``."""
         piece: list[int] = []
         for index in range(start, end):
             if not self._inside[index]:
@@ -159,10 +159,10 @@ class _Clipper:
 
 
 def _inside_spans(x_deg: FloatArray, y_deg: FloatArray, box: BoundingBox) -> tuple[FloatArray, FloatArray]:
-    """Return the part in the box of the segment from each point to the next: where it enters and leaves, (n,) each.
+    """Return, for each segment between successive points, where it enters and leaves the box, (n,) each.
 
-    Both are fractions of the segment. One that misses the box, or lacks an end, as the one from the last point on does,
-    does not enter before it leaves (Liang and Barsky 1984).
+    Both are fractions of the segment. For a segment that misses the box or lacks an end, such as the one after the last
+    point, the entry is not before the exit (Liang and Barsky 1984).
     """
     start = np.array([x_deg, y_deg])
     low = np.array([[box.west_deg], [box.south_deg]])

@@ -25,7 +25,7 @@ CAR_POOLS: Final = frozenset({"designated", "yes", "only"})
 def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
     """Return whether a way with ``tags`` belongs to the map; ``service_roads`` adds service roads and driveways.
 
-    Private roads stay: a crash at a driveway needs the driveway. Areas (``area=yes``) are not driven along.
+    Private roads are included, because a crash at a driveway needs the driveway. Areas (``area=yes``) are not.
     """
     highway = tags.get("highway")
     if highway in TRACK_HIGHWAYS:
@@ -50,8 +50,8 @@ _PASSABLE: Final = frozenset({"yes", "permissive", "designated", "destination", 
 def blocks_cars(tags: Mapping[str, str]) -> bool:
     """Return whether a node of a way ends it for cars.
 
-    Bollards and their like, unless their access opens them, and gates with ``access=no``; gates of private driveways
-    let those in who live there.
+    Bollards and similar barriers do, unless their access opens them, and so do gates with ``access=no``. Gates of
+    private driveways do not, since residents may pass.
 
     >>> blocks_cars({"barrier": "bollard"}), blocks_cars({"barrier": "gate"})
     (True, False)

@@ -1,9 +1,9 @@
 """Reads one OSM file for all sites of a batch.
 
 Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``). libosmium locates the nodes of ways and
-drops objects without the tags asked for; of the others Python looks at those that begin near a site. A file whose nodes
-come first is read once, any other twice. Memory holds what lies around the sites, and the locations of nodes, those of
-a large file on disk (``osm.node_memory_mb``).
+drops objects without the wanted tags; Python examines the others that begin near a site. A file whose nodes come first
+is read once, any other twice. Memory has the objects around the sites, and the locations of nodes; for a large file
+these are on disk (``osm.node_memory_mb``).
 
 Cutting the ways at the boxes is :mod:`trace_dag.osm.clip`'s task, choosing the file :mod:`trace_dag.osm.catalog`'s.
 """
@@ -72,7 +72,7 @@ _MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
 class FileHeader:
     """The header of a file.
 
-    ``box`` is None if it does not say what it covers.
+    ``box`` is None if the file does not state its bounds.
     """
 
     box: BoundingBox | None
@@ -83,7 +83,7 @@ class FileHeader:
 
 
 class Around(NamedTuple):
-    """A site, the box around it in which roads are wanted, and the nearer one for things beside them."""
+    """A site with two boxes: one for roads, and a smaller one for features beside them."""
 
     key: str
     box: BoundingBox
@@ -94,11 +94,11 @@ class Around(NamedTuple):
 class FilePass:
     """Objects around some sites.
 
-    For each the roads and walkways whose bounds overlap its box, by id, the ways that are things beside roads and
-    overlap its nearer box, and the nodes that are such things; node tags; restriction relations.
+    For each site these are the roads and walkways that overlap its box, by id; the ways and nodes that are features
+    beside roads in its smaller box; node tags; and restriction relations.
 
-    ``restrictions_of`` has them by the id of each way they speak of. ``road_bounds`` is the box of all roads of the
-    file, None if there is none or the file itself says what it covers.
+    ``restrictions_of`` has the relations by the id of each way in them. ``road_bounds`` is the box of all roads of the
+    file, None if it has no roads or states its bounds.
     """
 
     sites: Sequence[Around]
@@ -146,7 +146,7 @@ def read_header(path: Path) -> FileHeader:
 
 
 def _attribution(path: Path) -> str:
-    """Return the libosmium drops these attributes of a root element; binary files have no place for them."""
+    """Return the attribution on the root element of an XML file, which libosmium drops; binary files have none."""
     opener = xml_opener(path)
     if opener is None:
         return OSM_ATTRIBUTION
@@ -161,12 +161,12 @@ def _attribution(path: Path) -> str:
 def read_around(
     path: Path, header: FileHeader, sites: Sequence[Around], settings: OsmSettings, *, surroundings: bool = True
 ) -> FilePass:
-    """Return everything a road map around each of some sites needs, and what stands and lies beside the roads there.
+    """Return all data for a road map around each site, with the features beside the roads.
 
-    Without ``surroundings`` there are roads and walkways alone: two of three ways in a town are buildings.
+    Without ``surroundings`` there are only roads and walkways: two of three ways in a town are buildings.
 
-    Raises :class:`UnreadableMapError` if the file cannot be read to its end as OSM data, :class:`UserError` if the
-    locations of its nodes find no room on the disk.
+    Raises :class:`UnreadableMapError` if the file cannot be read to its end as OSM data, :class:`UserError` if there is
+    no disk space for the locations of its nodes.
     """
     import osmium
 
@@ -207,7 +207,7 @@ def _filters(*, surroundings: bool) -> Iterator[Any]:
 
 @contextmanager
 def _node_locations(path: Path, settings: OsmSettings) -> Iterator[Any]:
-    """Return the locator of a file's nodes: in memory or, where that is short, in the temporary folder."""
+    """Return the locator of a file's nodes: in memory, or for a large file in the temporary folder."""
     import osmium
 
     def kept_in(table: str) -> Any:
@@ -232,7 +232,7 @@ def _node_locations(path: Path, settings: OsmSettings) -> Iterator[Any]:
 
 @functools.cache
 def _threads(process: int) -> Any:
-    """Return one pool for all files of a process; a forked one has none of its parent's threads."""
+    """Return one thread pool for all files of a process; a forked process has none of its parent's threads."""
     import osmium
 
     # Left to itself libosmium spares two cores; of many, most would wait for Python, each with a stack of 8 MB.
@@ -261,10 +261,10 @@ def reading(path: Path) -> Iterator[None]:
 
 
 class _Finder:
-    """Looks at the objects of a file, one by one, and keeps those near a site.
+    """Keeps the objects of a file that are near a site.
 
-    Most are not. A way no longer than :data:`_LONG_M` is near a site only if it begins in a cell, of 0.01 degrees, that
-    is no farther than that from it; others need no closer look.
+    Most are not. A way up to :data:`_LONG_M` long can only be near a site if it begins in a cell (0.01 degrees) within
+    that distance of it; all others are skipped at once.
     """
 
     def __init__(
@@ -296,7 +296,7 @@ class _Finder:
         self.forget_ways()
 
     def forget_ways(self) -> None:
-        """Forget the ways: they will all be read once more."""
+        """Forget the ways before all are read once more."""
         self._ways: list[dict[int, RawWay]] = [{} for _ in self._sites]
         self._things: list[dict[int, RawWay]] = [{} for _ in self._sites]
         self._bounds = [math.inf, math.inf, -math.inf, -math.inf]  # west, south, east, north of all roads, 1e-7 degrees
@@ -371,7 +371,7 @@ class _Finder:
             kept[site][raw.id] = raw
 
     def _line(self, way: Any) -> shapely.Geometry:
-        """Return a way, or those of its nodes that are located."""
+        """Return a way as a line, reduced to its located nodes."""
         try:
             return shapely.from_wkb(self._wkb.create_linestring(way, self._all_nodes))
         except self._not_located:
@@ -422,7 +422,7 @@ def _tree_of(boxes: Sequence[BoundingBox]) -> shapely.STRtree:
 
 
 def _cells(box: BoundingBox) -> Iterator[tuple[int, int]]:
-    """Return the cells no farther from a box than :data:`_LONG_M`."""
+    """Return the cells within :data:`_LONG_M` of a box."""
     farthest_deg = min(max(abs(box.south_deg), abs(box.north_deg)) + _LONG_DEG, 90.0)
     east_deg = _LONG_DEG / max(math.cos(math.radians(farthest_deg)), _MIN_COS_LATITUDE)
     sides = (

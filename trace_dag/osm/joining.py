@@ -1,4 +1,4 @@
-"""Joins what several map files have around one site: files of neighbouring states end at the line between them.
+"""Joining of several map files around one site, since files of neighbouring states end at their border.
 
 Two files are neighbours if they share some nodes, at the same places, and most of their nodes are in one of them alone.
 Files that cover the same ground, perhaps at different times, are not joined.
@@ -21,7 +21,7 @@ _SAME_GROUND: Final = 0.5  # share of the nodes of the smaller one that both hav
 
 
 def neighbours(first: Ways, others: Sequence[Ways]) -> list[int]:
-    """Return the numbers of those of some other files' ways that ``first`` is joined to, also through each other.
+    """Return the numbers of the other files that neighbour ``first``, directly or through each other.
 
     >>> west = {1: RawWay(1, np.array([1, 2, 3]), np.array([0.0, 0.1, 0.2]), np.zeros(3), {})}
     >>> east = {2: RawWay(2, np.array([3, 4, 5]), np.array([0.2, 0.3, 0.4]), np.zeros(3), {})}
@@ -38,7 +38,7 @@ def neighbours(first: Ways, others: Sequence[Ways]) -> list[int]:
 
 
 def join_ways(parts: Iterable[Ways]) -> dict[int, RawWay]:
-    """Return the ways of several files; one that is in several is the most complete."""
+    """Return the ways of several files; of a way in several files, the most complete version."""
     ways: dict[int, RawWay] = {}
     for part in parts:
         for way_id, way in part.items():

@@ -1,9 +1,9 @@
-"""Reads new map files to their end, in a process that may die of it and has bounds in memory and time.
+"""Reading of new map files in a separate process, with limits of memory and time.
 
-libosmium believes what a ``.osm.pbf`` says: a zero byte within a name makes it read on beyond its memory, which is no
-exception but the end of the process. A packed text can hold a thousand times what its size says. So a new file is read
-once where nothing else is lost, before anything else looks at it, its header included. One process reads all files
-that are checked together, so that many small ones cost one start of Python; after a death there is another.
+libosmium trusts a ``.osm.pbf``: a zero byte within a name makes it read beyond its memory, which ends the process
+without an exception. A packed text can unpack to a thousand times its size. So a new file is first read to its end in a
+process that may die without harm. One process reads all files that are checked together, so that many small ones cost
+one start of Python; after a death there is another.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class MapChecker:
         self.close()
 
     def check(self, path: Path) -> None:
-        """Read a file to its end. Raises :class:`UserError` for one that cannot be read, or not within its time."""
+        """Read a file to its end. Raises :class:`UserError` for one that cannot be read, or not in time."""
         if self._process is None:
             self._process = _started(self._memory_mb)
         process = self._process
@@ -80,7 +80,7 @@ class MapChecker:
                 return
 
     def close(self) -> None:
-        """End the process, whatever it is doing."""
+        """End the process at once."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
@@ -88,7 +88,7 @@ class MapChecker:
 
 
 def _started(memory_mb: int) -> subprocess.Popen[str]:
-    """Return the Python with :func:`serve`, which finds this package where this process has found it."""
+    """Return a Python process that runs :func:`serve`, and imports this package from the same place."""
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)  # noqa: PTH109 - as Python has it there
     return subprocess.Popen(  # noqa: S603 - our own command
         (sys.executable, "-P", "-c", _COMMAND, str(memory_mb)),
@@ -103,7 +103,7 @@ def _started(memory_mb: int) -> subprocess.Popen[str]:
 def serve(memory_mb: int) -> None:
     """Read the files named on standard input, a JSON string in a line each.
 
-    Answers each with how many ways it has seen so far, then with what is wrong (a string, empty if nothing is).
+    It answers each with the number of ways read so far, and at last with the error (a string, empty if there is none).
     """
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # its death is nothing to be looked into
     with suppress(OSError, ValueError):  # not everywhere, and there may be a lower one
@@ -120,7 +120,7 @@ def serve(memory_mb: int) -> None:
 
 
 def _read(path: Path) -> None:
-    """Write all objects to nowhere as text, so that libosmium looks at every letter of them."""
+    """Write all objects as text to the null device, so that libosmium reads every character of them."""
     import osmium
 
     check_text(path)
@@ -133,7 +133,7 @@ def _read(path: Path) -> None:
 
 
 class _Looking:
-    """Looks at each way, for :func:`osmium.apply`, and answers how many there were so far."""
+    """A handler for :func:`osmium.apply` that reports the number of ways so far."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._ways, self._told_s = path, 0, time.monotonic()

@@ -16,7 +16,7 @@ _MARGIN_M: Final = 500.0
 
 
 def osmium_config(sites: Iterable[Site], radius_m: float, output: str) -> str:
-    """Return one file, ``output``, with everything within ``radius_m`` and a margin of some sites, as JSON.
+    """Return, as JSON, a configuration that cuts one file, ``output``, around sites by ``radius_m`` and a margin.
 
     >>> config = json.loads(osmium_config([Site("2023-319003", 41.8, -101.5)], 300.0, "crashes.osm.pbf"))
     >>> (area,) = config["extracts"]

@@ -1,8 +1,8 @@
-"""OSM XML as editors, histories and Overpass write it, rewritten as what it means today.
+"""OSM XML as editors, histories and Overpass write it, rewritten in its present state.
 
 JOSM gives new objects ids below 0 and leaves deleted ones in the file; a history has every version of an object;
-Overpass, asked for ``out geom``, writes the places of nodes into the ways. libosmium does not locate the first, keeps
-the others, and misses or refuses the last.
+Overpass, asked for ``out geom``, writes the places of nodes into the ways. libosmium does not locate nodes with such
+ids, keeps deleted and old objects, and misses or refuses places within ways.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _Element = etree._Element
 def as_plain_xml(path: Path) -> Iterator[Path]:
     """Return a file in plain XML: the file itself, or a copy.
 
-    A copy has the newest version of each object that exists, ids above 0, and nodes at their places.
+    A copy has the newest version of each existing object, ids above 0, and nodes with places.
 
-    Binary files are left as they are, as is XML that cannot be parsed.
+    Binary files and XML that cannot be parsed are returned unchanged.
 
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     town = Path(folder) / "town.osm"
@@ -99,7 +99,7 @@ def _rewrite(source: Path, target: Path) -> None:
 
 
 def age(element: _Element) -> tuple[int, int]:
-    """Return the newer ones after older ones; of one version, as Overpass repeats ways, the one with more in it last.
+    """Return a sorting key by version; of equal versions, as in ways that Overpass repeats, the fuller is last.
 
     >>> age(etree.Element("way", version="3")) > age(etree.Element("way"))
     True
@@ -109,7 +109,7 @@ def age(element: _Element) -> tuple[int, int]:
 
 
 def is_gone(element: _Element) -> bool:
-    """Return whether a history or an editor says that the object exists no more.
+    """Return whether the object was deleted, by a history or an editor.
 
     >>> is_gone(etree.Element("way", visible="false")), is_gone(etree.Element("way"))
     (True, False)

@@ -1,6 +1,6 @@
 """Limits beyond which a file is not a map of OpenStreetMap, checked before time is spent on it.
 
-Belongs here: the limits and their sources. They are far above anything real, so that no real map exceeds them.
+Belongs here: the limits and their sources. They are far above the values of any real map.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class UnreadableMapError(UserError):
 
 
 def xml_opener(path: Path) -> Callable[..., Any] | None:
-    """Return the function that opens a file as text of XML; None for a binary one.
+    """Return the function that opens a file as XML text; None for a binary file.
 
     >>> xml_opener(Path("town.osm")).__name__, xml_opener(Path("town.osm.pbf"))
     ('open', None)
@@ -50,7 +50,7 @@ def xml_opener(path: Path) -> Callable[..., Any] | None:
 
 
 def check_text(path: Path) -> None:
-    """Raise :class:`UnreadableMapError` for XML with a tag or comment that never ends, or that unpacks without end."""
+    """Raise :class:`UnreadableMapError` for XML with an endless tag or comment, or with endless unpacked text."""
     opener = xml_opener(path)
     if opener is None:
         return
@@ -73,11 +73,9 @@ def check_text(path: Path) -> None:
 
 
 def _longest(block: bytes, begun: int, ends: bytes) -> tuple[int, bytes]:
-    """Return the length of what is unfinished at the end of a block and what ends it.
+    """Return the length of the longest token of a block, and the terminator of an unfinished one at its end.
 
-    Or of something too long within it.
-
-    ``begun`` bytes of a token came before, which ``ends`` ends, or any tag where that is empty.
+    ``begun`` bytes of an earlier token, which ``ends`` terminates, came before; ``ends`` is empty for any tag.
     """
     at = 0
     while at < len(block):
@@ -98,7 +96,7 @@ def _longest(block: bytes, begun: int, ends: bytes) -> tuple[int, bytes]:
 
 
 def check_roads(extract: OsmExtract, path: Path, *, area_km2: float, length_m: float) -> None:
-    """Raise :class:`UnreadableMapError` for roads that no road network has.
+    """Raise :class:`UnreadableMapError` for roads of impossible density.
 
     ``length_m`` is that of all roads of the extract, within ``area_km2``.
     """

@@ -1,7 +1,7 @@
 """Attribution and licence of maps, and whether they show a real place.
 
-A file says it on its root element; data of OpenStreetMap are attributed as its licence asks. A map that calls itself
-fictional belongs to crashes that never happened, and everything that shows those has to say so.
+An XML file states it on its root element; data of OpenStreetMap are attributed as its licence requires. A map that
+calls itself fictional belongs to invented crashes, and everything that shows them has to say so.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ _UNKNOWN: Final = "NOASSERTION"  # SPDX 2.3, section 8.5: nobody has said which 
 def read_attribution(root: Mapping[str, str]) -> str:
     """Read a map's attribution from the attributes of its ``<osm>`` element.
 
-    ``attribution`` where it is words, else ``copyright`` with ``license``. Servers of OpenStreetMap put addresses
-    there (``attribution="http://www.openstreetmap.org/copyright"``): theirs is :data:`OSM_ATTRIBUTION`, as is that of a
-    file that says nothing.
+    It is ``attribution`` if that is text, else ``copyright`` with ``license``. Servers of OpenStreetMap put addresses
+    there (``attribution="http://www.openstreetmap.org/copyright"``); for them, and for a file without these attributes,
+    it is :data:`OSM_ATTRIBUTION`.
 
     >>> read_attribution({"copyright": "City of Lincoln", "license": "CC0"})
     'City of Lincoln, CC0'
@@ -51,17 +51,17 @@ class Rights:
 
     @property
     def fictional(self) -> bool:
-        """Return whether every one of the maps is of a place that does not exist."""
+        """Return whether all the maps show places that do not exist."""
         return bool(self.attributions) and all("fictional" in each.lower() for each in self.attributions)
 
     @property
     def openstreetmap(self) -> bool:
-        """Return whether OpenStreetMap is in any of them; the pages ask."""
+        """Return whether OpenStreetMap is the source of any map."""
         return any(_licence(each) == "ODbL-1.0" for each in self.attributions)
 
     @property
     def licence(self) -> str:
-        """Return the SPDX licence expression that holds for all of them together."""
+        """Return the SPDX licence expression for all maps together."""
         return " AND ".join(sorted({_licence(each) for each in self.attributions})) or _UNKNOWN
 
 

@@ -1,7 +1,7 @@
-"""Road classes: what OSM's ``highway`` says of a road by itself, before any other tag does.
+"""Road classes: the defaults that OSM's ``highway`` implies without other tags.
 
-One row per class, links (ramps and slip roads) with the class they belong to. Widths and speeds are what US roads of a
-class commonly have, for where nothing is tagged or posted. Lanes of public roads are AASHTO's Green Book widths of 3.35
+There is one row per class, links (ramps and slip roads) included in their class. Widths and speeds are those common on
+US roads of a class, used if nothing is tagged or posted. Lanes of public roads are AASHTO's Green Book widths of 3.35
 to 3.65 m (11 to 12 ft); that of service roads, the lanes of a one-way carriageway and the speeds are judgement.
 """
 
@@ -53,7 +53,7 @@ _OTHER: Final = RoadClass(7, public=False)
 
 
 def road_class(highway: str) -> RoadClass:
-    """Return the row of a ``highway``; for one that is not a road class, or none at all, what is commonest.
+    """Return the row of a ``highway``; the commonest row for other values and None.
 
     >>> road_class("primary").rank, road_class("primary_link").lanes_one_way
     (2, 1)
@@ -71,7 +71,7 @@ _LEFT_SHOULDER_M: Final = 1.2
 
 
 def is_high_speed(highway: str, limit_mps: float | None) -> bool:
-    """Return whether traffic on a road is fast: a freeway, or one with such a limit, where it is posted, else usually.
+    """Return whether traffic on a road is fast: a freeway, or a road with a high posted or usual limit.
 
     >>> is_high_speed("motorway_link", None), is_high_speed("primary", None), is_high_speed("primary", 24.6)
     (True, False, True)
@@ -81,7 +81,7 @@ def is_high_speed(highway: str, limit_mps: float | None) -> bool:
 
 
 def usual_shoulder_m(highway: str, *, left: bool) -> float:
-    """Return the usual width of the shoulder on a side of a road class's traffic, where there is one.
+    """Return the usual width of the shoulder on one side of a road class.
 
     AASHTO, ibid., chapters 4 to 8: 3.0 m right of freeways, 2.4 m of arterials, 1.5 m of collectors, 0.6 m of local
     roads; left of one-way carriageways 1.2 m at most.

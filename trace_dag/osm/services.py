@@ -44,28 +44,28 @@ class MapSource(Protocol):
     """Sources of extracts: files, or one of the services."""
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
-        """Return the roads around each site by its key, or why there are none."""
+        """Return the roads around each site by its key, or the reason why there are none."""
         ...
 
 
 @dataclass(frozen=True)
 class OverpassSource:
-    """Overpass. An endpoint that does not give a right answer is followed by the next."""
+    """Overpass. If an endpoint gives no right answer, the next one is asked."""
 
     http: HttpClient
     endpoints: tuple[str, ...] = OVERPASS_ENDPOINTS
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
-        """Return one request per site.
+        """Return the extract of each site, from one request per site.
 
-        Raises :class:`TransientFailure` or :class:`Failure` as the last endpoint did.
+        Raises the last endpoint's :class:`TransientFailure` or :class:`Failure`.
         """
         return {site.key: _extract(site, settings, self._download, "Overpass") for site in sites}
 
     def extract_box(self, box: BoundingBox, settings: OsmSettings, *, surroundings: bool) -> OsmExtract:
-        """Return the roads in a box, from one request, and with ``surroundings`` what stands and lies beside them.
+        """Return the roads in a box from one request; ``surroundings`` adds the features beside them.
 
-        Raises :class:`UserError` where there is none.
+        Raises :class:`UserError` if there are no roads.
         """
         beside = box if surroundings else BoundingBox(box.south_deg, box.west_deg, box.south_deg, box.west_deg)
         found = _extract_box(box, beside, settings, self._download, "Overpass")
@@ -96,9 +96,9 @@ class OsmApiSource:
     url: str = OSM_API
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
-        """Return one request per site.
+        """Return the extract of each site, from one request per site.
 
-        Raises :class:`TransientFailure` or :class:`Failure` as the service does.
+        Raises the service's :class:`TransientFailure` or :class:`Failure`.
         """
         return {site.key: _extract(site, settings, self._download, "the OSM API") for site in sites}
 
@@ -114,7 +114,7 @@ class MapSourceFactory(Protocol):
     def __call__(self, settings: ServiceSettings, http: HttpClient) -> MapSource:
         """Return the source by the settings.
 
-        All it asks goes through ``http``, which keeps the rate and the answers.
+        All its requests go through ``http``, which keeps the rate and caches answers.
         """
         ...
 
@@ -145,7 +145,7 @@ class _Download(Protocol):
 def _overpass_query(box: BoundingBox, nearer: BoundingBox) -> str:
     """Return the Overpass QL for the roads, walkways, nodes and restrictions of a box.
 
-    It also asks for the things beside roads in a ``nearer`` box.
+    It also requests the features beside roads in a ``nearer`` box.
     """
     bbox, nearer_bbox = _corners(box), _corners(nearer)
     classes = "|".join(sorted(DRIVABLE_HIGHWAYS))
@@ -164,7 +164,7 @@ def _corners(box: BoundingBox) -> str:
 
 
 def whats_wrong(answer: bytes) -> str | None:
-    """Return the fault of an answer that is not the data asked for, None if there is none.
+    """Return the fault of an answer that is not the requested data, or None.
 
     >>> whats_wrong(b"<html>Too many requests</html>")
     'the answer is not OSM data, or not all of it'

@@ -1,9 +1,10 @@
-"""The extract of a crash as it is stored: the streets as OSM PBF, what stands and lies beside them as GeoJSON.
+"""The stored extract of a crash: the streets as OSM PBF, the features beside them as GeoJSON.
 
 Any OSM program reads the PBF: objects by type and id, ``version="1"`` on each since some readers insist on it. Facts
-without a field in PBF stand elsewhere: nodes that were made at the border of the box carry the tag :data:`CLIPPED`;
-the box (to the last digit, which libosmium cuts off), the source, its date and its attribution are foreign members
-of the GeoJSON (RFC 7946, section 6.1)."""
+without a field in PBF stand elsewhere: nodes that were made at the border of the box carry the tag :data:`CLIPPED`; the
+box (to the last digit, which libosmium cuts off), the source, its date and its attribution are foreign members of the
+GeoJSON (RFC 7946, section 6.1).
+"""
 
 from __future__ import annotations
 
@@ -45,7 +46,7 @@ def write_extract(extract: OsmExtract) -> tuple[bytes, bytes]:
 def read_extract(pbf: bytes, geojson: bytes, *, name: str) -> OsmExtract:
     """Read an extract written by :func:`write_extract`; ``name`` is for messages.
 
-    Raise :class:`UserError` for anything else.
+    Raises :class:`UserError` for any other content.
 
     >>> len(read_extract(*write_extract(extract), name="2023-319003").ways)
     14

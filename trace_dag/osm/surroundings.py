@@ -1,7 +1,8 @@
-"""Things beside the roads in OpenStreetMap: those that a vehicle can strike, and the background of pictures.
+"""Features beside the roads in OpenStreetMap: those that a vehicle can strike, and the background of pictures.
 
-Belongs here: which tags are kept, the features around one crash, and the file that holds them, GeoJSON (RFC 7946) with
-the tags of each object as its properties. Reading them out of a map file is :mod:`trace_dag.osm.extraction`'s task.
+Belongs here: the tags that are kept, the features around one crash, and the file that holds them, GeoJSON (RFC 7946)
+with the tags of each object as its properties. Reading them out of a map file is :mod:`trace_dag.osm.extraction`'s
+task.
 
 Areas drawn by one way are kept. Those of relations (multipolygons) are not: their ways carry no tags of their own.
 """
@@ -58,7 +59,7 @@ _DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 degrees
 
 
 def is_thing(tags: Mapping[str, str], *, way: bool) -> bool:
-    """Return whether a way, or a node, with ``tags`` is one of the things beside roads that are kept.
+    """Return whether a way, or a node, with ``tags`` is a feature beside roads that is kept.
 
     >>> is_thing({"natural": "tree"}, way=False), is_thing({"natural": "peak"}, way=False)
     (True, False)
@@ -77,9 +78,9 @@ def feature_of_node(node_id: int, longitude_deg: float, latitude_deg: float, tag
 
 
 def features_of_ways(ways: Sequence[RawWay], box: BoundingBox) -> list[OsmFeature]:
-    """Return things that are ways, cut at ``box``: areas and lines; without those of which nothing lies in the box.
+    """Return features that are ways, areas or lines, cut at ``box``; those outside it are left out.
 
-    Nodes that the source lacks are passed over.
+    Nodes that the source lacks are skipped.
 
     >>> corners_x, corners_y = np.array([0.0, 2.0, 2.0, 0.0, 0.0]), np.array([0.0, 0.0, 2.0, 2.0, 0.0])
     >>> house = RawWay(7, np.array([1, 2, 3, 4, 1]), corners_x, corners_y, {"building": "yes"})

@@ -32,8 +32,8 @@ class Site:
 class OsmNode(NamedTuple):
     """A node in WGS84 degrees.
 
-    ``clipped`` marks one where a road ends and goes on in reality: one below 0 was made where a way was cut at the box,
-    at others the data end.
+    ``clipped`` marks a node where a road ends in the data but not in reality. Those with an id below 0 were made where
+    a way was cut at the box.
     """
 
     id: int
@@ -52,7 +52,7 @@ class OsmWay(NamedTuple):
 
 
 class RawWay(NamedTuple):
-    """A way as the file has it: (n,) nodes, WGS84 degrees, NaN where the file lacks the node."""
+    """A way as in the file: (n,) nodes, WGS84 degrees, NaN for nodes that the file lacks."""
 
     id: int
     node_ids: npt.NDArray[np.int64]
@@ -94,7 +94,7 @@ class BoundingBox:
 
 
 class OsmFeature(NamedTuple):
-    """A thing beside the roads: a tree, a building, a wood.
+    """A feature beside the roads: a tree, a building, a wood.
 
     ``id`` is that of OpenStreetMap with its type ("node/12", "way/7"); the geometry has longitude and latitude, WGS84
     degrees: a point, or a line or area cut at the box of the extract.

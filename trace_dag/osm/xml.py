@@ -64,9 +64,9 @@ def write_osm(extract: OsmExtract) -> bytes:
 def read_osm(data: bytes, *, name: str) -> OsmExtract:
     """Read OSM XML; ``name`` (a path or address) is for error messages.
 
-    The newest of several versions of an object counts. A way's references to nodes that are not in the data are
-    dropped, as are ways with fewer than two nodes left and deleted objects, so that the result keeps the promise of
-    :class:`OsmExtract`. Without ``<bounds>`` the box is that of the nodes.
+    The newest version of an object counts. References of ways to missing nodes are dropped, and so are
+    deleted objects and ways with fewer than two nodes left, as :class:`OsmExtract` requires. Without ``<bounds>`` the
+    box is that of the nodes.
 
     Raises :class:`UserError` for anything that is not OSM XML.
 
@@ -210,5 +210,5 @@ def _complaint(element: etree._Element, key: str, name: str, expected: str) -> s
 
 @lru_cache(maxsize=2**14)  # most tags of a place are among a few hundred
 def _text(value: str) -> str:
-    """Return a value as it stands in an attribute, in double quotes."""
+    """Return a value escaped for an attribute in double quotes."""
     return escape(_NOT_XML.sub("\N{REPLACEMENT CHARACTER}", value), _IN_ATTRIBUTES)

@@ -58,8 +58,8 @@ def write_animation(
 ) -> bytes:
     """Return the moving picture as WebP, twice ``panel_px`` wide.
 
-    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``; ``surroundings`` lie behind the
-    roads.
+    ``log`` is that of the hypothesis that ``verdict`` judges, or of an agent's ``drive``; ``surroundings`` are drawn
+    behind the roads.
 
     >>> write_animation(record, network, log, panel_px=60)[8:12]
     b'WEBP'
@@ -80,7 +80,7 @@ def write_animation(
 
 
 def _frame_times(log: SimulationLog) -> list[tuple[float, float]]:
-    """Return the simulated time of each frame and the rate it is shown at; frames are equally far apart as watched."""
+    """Return the simulated time of each frame and its playback rate; frames are evenly spaced in playback time."""
     moment = moment_of(log)
     end_s = log.duration_s if moment is None else min(log.duration_s, moment.time_s + _AFTER_IMPACT_S)
     time_s = 0.0 if moment is None else max(0.0, moment.time_s - _BEFORE_IMPACT_S)
@@ -95,7 +95,7 @@ def _frame_times(log: SimulationLog) -> list[tuple[float, float]]:
 
 
 class View:
-    """A window of the map as a picture, on which what moves is drawn."""
+    """A window of the map as a picture, on which moving bodies are drawn."""
 
     def __init__(
         self,
@@ -112,11 +112,11 @@ class View:
         self._background = pixels_of(canvas.svg(), size_px).convert("RGBA")
 
     def canvas(self) -> Canvas:
-        """Return an empty canvas of the window, to draw what moves on."""
+        """Return an empty canvas of the window, for moving bodies."""
         return Canvas(self._window, self._size_px * _PT_PER_PX)
 
     def picture(self, moving: Canvas) -> Image:
-        """Return the map with what was drawn on a canvas above it."""
+        """Return the map with a canvas drawn above it."""
         from PIL import Image
 
         above = pixels_of(moving.svg(), self._size_px, background=None).convert("RGBA")
@@ -181,7 +181,7 @@ def _header(
     rate: float,
     width_px: int,
 ) -> Image:
-    """Draw the crash's name and outcome, below them the clock, and the speed of each party in its colour."""
+    """Draw the crash's name and outcome, the clock below, and each party's speed in its colour."""
     canvas = Canvas((0.0, 0.0, float(width_px), float(_HEADER_PX)), float(width_px))
     outcome = "" if verdict is None else label_in_words(verdict)
     if drive is not None:

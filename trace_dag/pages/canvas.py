@@ -1,9 +1,8 @@
-"""A window of the ground as an SVG, and SVGs as pixels: the one place that knows how anything is drawn.
+"""A window of the ground as an SVG, and SVGs as pixels; all drawing goes through this module.
 
-Whoever draws gives shapes in metres of the local frame and a height in the pile (``z``); strokes, symbols and letters
-have sizes in points, whatever the window's scale. Coordinates in the SVG are whole centimetres from the north-western
-corner, y downward, and points that a line can do without by less than two centimetres are left out. The same shapes
-give the same text.
+Callers give shapes in metres of the local frame with an order (``z``); strokes, symbols and letters have sizes in
+points at any scale of the window. Coordinates in the SVG are whole centimetres from the north-western corner, y
+downward, and points that change a line by less than two centimetres are left out. The same shapes give the same text.
 """
 
 from __future__ import annotations
@@ -75,7 +74,7 @@ class Canvas:
 
     @property
     def points_per_m(self) -> float:
-        """Scale: points to a metre."""
+        """Return the scale, points to a metre."""
         return self.width_pt / (self.window[2] - self.window[0])
 
     @property
@@ -86,7 +85,7 @@ class Canvas:
 
     # --- shapes -------------------------------------------------------------------------------------------------
     def polygons(self, rings_m: Sequence[FloatArray], ink: Ink, z: float) -> None:
-        """Draw rings, shape (n, 2): one path, unless they can be seen through and show where they overlap."""
+        """Draw rings, shape (n, 2): as one path, or separately if they are transparent and would show overlaps."""
         clear = min(ink.opacity, ink.fill_opacity) < 1.0
         for rings in [[ring] for ring in rings_m] if clear else [rings_m]:
             self._path(self._joined(rings, closed=True), ink, z)
@@ -145,13 +144,13 @@ class Canvas:
         return "".join(element for _, _, element in sorted(self._drawn))
 
     def svg(self, place: str = "") -> str:
-        """Return the SVG; ``place`` are attributes where it stands in another one."""
+        """Return the SVG; ``place`` has attributes for its position in another one."""
         return self._framed(self.elements(), place)
 
     def with_panels(self, panels: Iterable[tuple[float, float, float, float, Canvas]]) -> str:
-        """Return the SVG with others in it, above what it has below ``z`` 1.
+        """Return the SVG with others in it, above its own shapes below ``z`` 1.
 
-        Left, bottom, width and height (m) of each.
+        Each panel has left, bottom, width and height (m).
         """
         inner = []
         for left, bottom, width, height, canvas in panels:
@@ -205,9 +204,9 @@ class Canvas:
         return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points.tolist()) + "z"
 
     def _joined(self, lines: Sequence[FloatArray], *, closed: bool = False) -> str:
-        """Return lines as one path, as far as the window goes.
+        """Return lines as one path, clipped to the window.
 
-        Rings all one way round, so that where they lie on each other is filled.
+        Rings have the same orientation, so that overlaps are filled.
         """
         seen = self._clipped([line[:, :2] for line in lines if len(line) > 1], closed=closed)
         if not len(seen):
@@ -227,7 +226,7 @@ class Canvas:
         return "".join(words)
 
     def _clipped(self, lines: Sequence[FloatArray], *, closed: bool) -> FloatArray:
-        """Return lines, or the rims of areas, as shapely's, cut where they leave the window."""
+        """Return lines, or the outlines of areas, as shapely geometries clipped to the window."""
         if not lines:
             return np.array([])
         numbers = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
@@ -258,7 +257,7 @@ def _turns_left(ring: FloatArray) -> bool:
 
 
 def length_pt(text: str, size_pt: float) -> float:
-    """Return the length of a line of text in the letters of pictures; other fonts differ by a tenth."""
+    """Return the length of a line of text in the font of pictures; other fonts differ by a tenth."""
     from PIL import ImageFont
 
     return float(ImageFont.load_default(_MEASURED_PX).getlength(_english(text)) / _MEASURED_PX * size_pt)
@@ -266,9 +265,9 @@ def length_pt(text: str, size_pt: float) -> float:
 
 # --- as pixels -----------------------------------------------------------------------------------------------------
 def pixels_of(svg: str, width_px: int, *, background: str | None = "white") -> Image:
-    """Return an SVG as a picture of that width, by resvg; with no background what is not drawn can be seen through.
+    """Return an SVG as a picture of that width, by resvg; without ``background`` it is transparent.
 
-    Letters are of Pillow's own font, so that a picture is the same on every machine; it has those of English, to which
+    Text is in Pillow's own font, so that a picture is the same on every machine. The font has English letters, to which
     others are reduced.
 
     >>> pixels_of(Canvas((0.0, 0.0, 20.0, 10.0), 72.0).svg(), 40).size
@@ -295,7 +294,7 @@ def pixels_of(svg: str, width_px: int, *, background: str | None = "white") -> I
 
 
 def as_png(picture: Image, colours: int = 128) -> bytes:
-    """Return a picture as a file with a palette: since a map has few colours, it has a third of the size.
+    """Return a picture as PNG with a palette, a third of the size, since a map has few colours.
 
     >>> from PIL import Image as Images
     >>> as_png(Images.new("RGB", (4, 4)))[1:4]
@@ -312,7 +311,7 @@ def as_png(picture: Image, colours: int = 128) -> bytes:
 
 
 def reduce_picture(png: bytes, width_px: int) -> bytes:
-    """Return a picture as a smaller one of few colours, to be shown in a table."""
+    """Return a picture as a smaller one with few colours, for a table."""
     import io
 
     from PIL import Image as Images

@@ -1,8 +1,9 @@
-"""The page of one crash: what happened and how it was judged at a glance, then all there is, folded.
+"""The page of one crash: events and verdict at a glance, then all details, folded.
 
-At a glance: the replay, one sentence, a few numbers, how many of the reported events happen, what else is as likely,
-where each vehicle was struck as reported and as simulated, and the reasons for and against. Everything shown comes
-from the warehouse's row and the artefacts. All text is escaped by the templates: reports and maps are not trusted.
+At a glance it has the replay, one sentence, a few numbers, the number of reported events that happen, other likely
+courses, the reported and simulated impact areas of each vehicle, and the evidence for and against. Everything shown
+comes from the warehouse's row and the artefacts. All text is escaped by the templates: reports and maps are not
+trusted.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ _GRADES = {
 
 
 def _happens(verdict: Verdict) -> list[tuple[bool, str]]:
-    """Return the reported harmful events: whether each happens in the simulation, and the reason if not, in words."""
+    """Return each reported harmful event: whether it happens in the simulation, and its name with the reason if not."""
     return [
         (
             each.outcome is EventResult.HAPPENED,
@@ -132,7 +133,7 @@ _CRASH_TYPE = re.compile(r"ACC_TYPE (\d+)")
 
 
 def _without_codes(sentence: str) -> str:
-    """Return a sentence with the meaning of each crash type in place of its number."""
+    """Return a sentence with each crash type's meaning in place of its number."""
     return _CRASH_TYPE.sub(lambda found: ACC_TYPE.meaning(int(found[1])) or "the crash type", sentence)
 
 
@@ -178,7 +179,7 @@ def _picture_alt(page: CrashPage) -> str:
 
 
 def _objects(page: CrashPage) -> list[str]:
-    """Return the fixed objects of the hypothesis that was judged, and who placed them."""
+    """Return the fixed objects of the judged hypothesis, and who placed them."""
     if page.estimate is None:
         return []
     chosen = page.verdict.hypothesis if page.verdict else 0
@@ -198,7 +199,7 @@ _MARGIN = 0.04  # of a band's width
 
 @dataclass(frozen=True)
 class Band:
-    """An interval in words, and where it lies on a scale of 0 to 100 that it shares with those of its quantity."""
+    """An interval in words, with its position on a scale of 0 to 100 common to all intervals of the quantity."""
 
     what: str
     best: str
@@ -242,7 +243,7 @@ def _band(found: Interval, scale: Sequence[float]) -> Band:
 
 
 def report_rights(crash: Row) -> str:
-    """Return the source of the report of a row of ``crashes``, and the rights in it.
+    """Return the source of a crash's report, by its row of ``crashes``, and the rights in it.
 
     >>> report_rights({"register": "fars"}), report_rights({"register": "tempe", "attribution": None})
     ('NHTSA FARS, public domain', 'register tempe')
@@ -252,9 +253,9 @@ def report_rights(crash: Row) -> str:
 
 
 def _elsewhere(crash: Row) -> list[tuple[str, str]]:
-    """Return other sites that show the place: label and address.
+    """Return links to other sites that show the place: label and address.
 
-    Nothing is asked of them until somebody follows one.
+    The page makes no request to them by itself.
     """
     latitude_deg, longitude_deg = crash.get("latitude_deg"), crash.get("longitude_deg")
     if latitude_deg is None or longitude_deg is None:
@@ -276,10 +277,7 @@ _BEARS = {True: "the reported name", False: "another name", None: "no name to co
 
 
 def _streets(page: CrashPage) -> list[tuple[str, str, str, str]]:
-    """Return the streets around a point that the map is rejected for.
-
-    Name, class, distance, and what the report says.
-    """
+    """Return the streets around the point of a rejected map: name, class, distance, agreement with the report."""
     rows = []
     for street in page.rejected_map.streets if page.rejected_map else ():
         said = _BEARS[street.bears_reported_name]
@@ -292,7 +290,7 @@ _CLOCK_RADIUS, _HOURS_RADIUS = 44.0, 56.0  # of the dials and of the hours aroun
 
 @dataclass(frozen=True)
 class Dial:
-    """The position struck on a vehicle, in hours of a clock whose 12 is its front, and the points to draw on a dial."""
+    """The struck position on a vehicle, in clock hours with 12 at its front, and the points of its drawing."""
 
     vehicle_number: int
     event_number: int | None

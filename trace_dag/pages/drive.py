@@ -1,4 +1,4 @@
-"""An agent's drive as a replay shows it: who drove, how it ended, and the recorded vehicle as a ghost."""
+"""An agent's drive in a replay: the agent, the outcome, and the recorded vehicle as a ghost."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class AgentDrive:
     def ghost(self, times_s: FloatArray) -> FloatArray:
         """Return poses of the recorded vehicle at some times, columns x, y (m) and heading (rad), shape (n, 3).
 
-        After coming to rest it stays there.
+        After its end the vehicle stays at rest.
         """
         log = self.recorded.vehicle_log(self.number)
         columns = (log.x_m, log.y_m, np.unwrap(log.heading_rad))

@@ -69,7 +69,7 @@ class Shade(NamedTuple):
 
 
 def height_shades(scene: MapScene) -> Shade | None:
-    """Return colours for the heights in sight; none where the ground is flat."""
+    """Return colours for the heights in sight; None on flat ground."""
     heights = [lane.inner_m[:, 2] for lane in scene.lanes]
     if not heights:
         return None
@@ -104,7 +104,7 @@ class Surfaces:
         self._shapes, self.colours = Shapes(rings), colours
 
     def draw(self, canvas: Canvas, z: float, *, bridge: bool) -> None:
-        """Draw what the window shows; a bridge's deck has a dark rim against what lies below."""
+        """Draw the surfaces in the window; a bridge's deck has a dark rim."""
         shown = self._shapes.within(canvas.window)
         if bridge:
             deck = [self._shapes.points_m[number] for number in shown if number >= self._first_lane]
@@ -115,18 +115,18 @@ class Surfaces:
 
 
 def _order(scene: MapScene, lane: SeenLane) -> tuple[bool, bool, bool]:
-    """Return the order of drawing, later over earlier.
+    """Return the drawing order of a lane as a sorting key; later lanes cover earlier ones.
 
-    Drivable lanes, greater roads, centre lanes that go on past a driveway.
+    Drivable lanes cover others, then greater roads cover minor ones, then two-way centre lanes cover the rest.
     """
     lane_type = lane.geometry.lane.type
     return lane_type.drivable, not _is_minor(scene, lane), lane_type is LaneType.BIDIRECTIONAL
 
 
 def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> list[tuple[FloatArray, str]]:
-    """Return the pavement between the lanes of junctions, drawn below the lanes so that no seams show.
+    """Return the pavement between the lanes of junctions as rings with colours.
 
-    Rings and their colours.
+    It is drawn below the lanes, so that no seams show.
     """
     paved: list[SeenLane] = []
     through: dict[str, list[int]] = defaultdict(list)
@@ -167,7 +167,7 @@ _NOT_PAINTED: Final = frozenset({"none", "grass", "curb"})
 
 
 class Marks:
-    """The marks of one level. ``legal`` takes the marks as the law has them, else those written in the map."""
+    """The marks of one level. ``legal`` takes the marks that the law requires, else those written in the map."""
 
     def __init__(self, sections: Sequence[SeenSection], *, legal: bool) -> None:
         found = list(_marks(sections, legal))
@@ -177,7 +177,7 @@ class Marks:
     def draw(self, canvas: Canvas, z: float) -> None:
         """Draw the marks in the window.
 
-        Also at a small scale double lines are told apart and thin lines are visible.
+        Double lines stay separate and thin lines visible at small scales.
         """
         apart_m = max(_APART_M, 0.8 / canvas.points_per_m)
         width_pt = min(max(STROKE_M * canvas.points_per_m, 0.45), 3.0)
@@ -187,7 +187,7 @@ class Marks:
     def strokes(self, window: Window, apart_m: float = _APART_M) -> dict[str, list[FloatArray]]:
         """Return the painted lines in a window, by colour: lines, shape (n, 2), m.
 
-        The parts of double ones lie ``apart_m`` from the middle.
+        The parts of double lines are ``apart_m`` from their middle.
         """
         found: dict[str, list[FloatArray]] = defaultdict(list)
         for number in self._lines.within(window):
@@ -203,7 +203,7 @@ class Marks:
 
 
 def _marks(sections: Sequence[SeenSection], legal: bool) -> Iterator[tuple[FloatArray, RoadMark]]:
-    """Yield the lines of marks, shape (n, 2), and their types; junctions have no painted marks."""
+    """Yield the lines of marks, shape (n, 2), and their types; there are none in junctions."""
     for section in sections:
         if section.road.junction_id is not None:
             continue
@@ -278,7 +278,7 @@ class Arrows:
 
 
 def _strokes(turn: str) -> list[FloatArray]:
-    """Return the shaft and head of a turn arrow, in lane axes; nothing if the turn has no arrow."""
+    """Return the shaft and head of a turn arrow, in lane axes; empty for a turn without an arrow."""
     if turn not in _TURN_SHAFTS:
         return []
     shaft = np.array(_TURN_SHAFTS[turn])
@@ -305,7 +305,7 @@ class Crosswalks:
         self.outlines = Shapes([place.corners_m for place in places if not place.crosswalk.marked])
 
     def draw(self, canvas: Canvas, z: float) -> None:
-        """Draw what the window shows."""
+        """Draw the crosswalks in the window."""
         canvas.polygons(self.bars.seen(canvas.window), Ink(WHITE), z)
         canvas.polygons(
             self.outlines.seen(canvas.window), Ink(stroke=WHITE, width_pt=_OUTLINE_PT, dash_pt=(2.7, 1.8)), z
@@ -313,7 +313,7 @@ class Crosswalks:
 
 
 def _bars(place: CrosswalkPlace) -> list[FloatArray]:
-    """Return bars from end to end of a crosswalk of four corners; an outline of another shape is filled as it is."""
+    """Return bars from end to end of a crosswalk of four corners; an outline of another shape is filled."""
     corners = place.corners_m
     if len(corners) != 4:
         return [corners]

@@ -1,8 +1,7 @@
-"""The part of a road network in a window, for what is drawn of it.
+"""The part of a road network in a window, for drawing.
 
-Belongs here: which stretches of which roads are visible. Does not belong here: lanes as points, which the network keeps
-for all that look at them (:mod:`trace_dag.roads.map.lane_geometry`), and how they look (:mod:`trace_dag.pages.maps`
-and the modules it draws with).
+Belongs here: the visible parts of roads. Does not belong here: lanes as points, which the network keeps
+(:mod:`trace_dag.roads.map.lane_geometry`), and their look (:mod:`trace_dag.pages.maps` and the modules it draws with).
 """
 
 from __future__ import annotations
@@ -50,9 +49,9 @@ def window_of(network: RoadNetwork) -> Window:
 
 @dataclass(frozen=True, eq=False)
 class SeenLane:
-    """A lane of a road in sight: its borders next to the reference line and away from it, shape (n, 3).
+    """A lane in sight, with its inner and outer border as seen from the reference line, x, y, z, shape (n, 3).
 
-    X, y, z, and its surface, a ring of shape (k, 2) without needless points.
+    Its surface is a ring of shape (k, 2) without needless points.
     """
 
     geometry: LaneGeometry
@@ -100,7 +99,7 @@ class MapScene:
         return {road.junction_id for road in self.network.roads if road.highway != "service"} - {None}
 
     def sections_by_layer(self) -> list[tuple[int, list[SeenSection]]]:
-        """Return the sections from the lowest layer to the highest, so that a bridge covers what passes under it."""
+        """Return the sections from the lowest layer to the highest, so that a bridge covers roads below it."""
         layers: dict[int, list[SeenSection]] = defaultdict(list)
         for section in self.sections:
             road = section.road
@@ -155,7 +154,7 @@ def _sections(network: RoadNetwork, stretches: Sequence[_Stretch]) -> tuple[Seen
 
 
 def _outlines(borders: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
-    """Return the rings around lanes, the borders of all simplified together: that takes a fifth of the time."""
+    """Return the rings around lanes; all borders are simplified in one call, in a fifth of the time."""
     if not borders:
         return []
     lines = [line[:, :2] for inner, outer in borders for line in (inner, outer[::-1])]
@@ -168,7 +167,7 @@ def _outlines(borders: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArr
 
 
 def inside(points_m: FloatArray, window: Window, margin_m: float = 0.0) -> FloatArray:
-    """Return which points, shape (n, 2 or more), lie in a window widened by a margin, shape (n,).
+    """Return a mask of the points, shape (n, 2 or more), in a window widened by a margin; shape (n,).
 
     >>> inside(np.array([[0.0, 0.0], [12.0, 0.0]]), (-10.0, -10.0, 10.0, 10.0)).tolist()
     [True, False]

@@ -40,7 +40,7 @@ _MOST_STEPS: Final = 9  # of a quarter of its height, that a sign is moved away 
 
 
 class Signs:
-    """The signals and signs in a scene, by kind; of speed limits, by what they say."""
+    """The signals and signs in a scene, by kind; speed limits by their value."""
 
     def __init__(self, scene: MapScene) -> None:
         self._surfaces = scene.surfaces
@@ -55,7 +55,7 @@ class Signs:
         return {kind for kind, _ in self._kinds}
 
     def draw(self, canvas: Canvas, z: float) -> None:
-        """Draw what the window shows, farther from the road where a sign would cover it; limits only beside it."""
+        """Draw the signs in the window, moved away from the road if they would cover it; limits only beside it."""
         half_pt = _NEAR_HALF_PT if canvas.span_m < _NEAR_M else _FAR_HALF_PT
         for (kind, text), places in self._kinds.items():
             _, symbol, ink = SIGNS[kind]
@@ -79,7 +79,7 @@ class Signs:
                         canvas.discs([(x, y + up * half_m[1])], 0.27 * half_m[1], Ink(colour), z + 0.1)
 
     def _beside(self, xy_m: FloatArray, outward_rad: float, half_m: FloatArray) -> FloatArray | None:
-        """Return the first place outward from the road where a sign covers no lane, None if there is none near."""
+        """Return the first position outward from the road where a sign covers no lane; None if none is near."""
         step = np.array([math.cos(outward_rad), math.sin(outward_rad)]) * half_m.min() / 2
         places = (xy_m + steps * step for steps in range(_MOST_STEPS))
         return next((each for each in places if not len(self._surfaces.query(_box(each, half_m), "intersects"))), None)
@@ -145,7 +145,7 @@ class Names:
         self._surfaces = scene.surfaces
 
     def draw(self, canvas: Canvas, z: float, backing: str) -> None:
-        """Write the names of streets in the window beside them, on a ground that keeps the letters readable.
+        """Write the names of streets in the window beside them, on a background that keeps the letters readable.
 
         No name covers a lane; one without room beside its street is left out.
         """

@@ -1,7 +1,7 @@
 """Road networks drawn from above: surfaces by lane type, marks, crosswalks, turn arrows, signs, names, heights.
 
 Draws in metres of the local frame, everything except names below z-order 15. It draws maps only, no crashes. Geometry
-is made once for all windows, and what lies outside of one is not drawn.
+is made once for all windows, and only the part in a window is drawn.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ NAMES_Z: Final = 22.0
 class MapDrawing:
     """A map ready to be drawn in any windows inside an extent (m).
 
-    ``legal_marks`` shows marks as the law has them, else as written in the map for the reconstruction. ``heights``
-    colours the surfaces by height where they differ. ``surroundings`` lie behind the roads, ``dark`` is the night,
-    ``fading`` lets a map that was cut out around its origin fade at its edge.
+    ``legal_marks`` shows the marks that the law requires, else those in the map for the reconstruction. ``heights``
+    colours the surfaces by height where they differ. ``surroundings`` are drawn behind the roads, ``dark`` means night,
+    ``fading`` fades the edge of a map that was cut out around its origin.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class MapDrawing:
         self._reach_m = map_reach_m(network) if fading else 0.0
 
     def draw(self, canvas: Canvas, *, names: bool = True) -> None:
-        """Draw what lies in a canvas' window."""
+        """Draw the part of the map in a canvas' window."""
         canvas.polygons([corners_of(canvas.window)], Ink(GROUND), 0.0)
         self._scenery.draw(canvas)
         if self._reach_m:
@@ -93,7 +93,7 @@ class MapDrawing:
             self._names.draw(canvas, NAMES_Z, GROUND)
 
     def legend(self, canvas: Canvas) -> list[Sign]:
-        """Return the signs of what the map has and a canvas of this scale shows."""
+        """Return the legend of the features of the map that a canvas of this scale shows."""
         colours = {colour for _, surfaces, _, _ in self._layers for colour in surfaces.colours}
         found = [
             Sign(name, Ink(stroke=colour, width_pt=7.0)) for colour, name in SURFACE_NAMES.items() if colour in colours
@@ -127,7 +127,7 @@ def draw_network(
 
 
 def draw_whole(network: RoadNetwork) -> str:
-    """Return a whole map as an SVG, wider where the map is large, with a scale and a legend below.
+    """Return a whole map as an SVG, with a scale and a legend below; large maps are wider.
 
     >>> "traffic light</text>" in draw_whole(network)
     True

@@ -31,7 +31,7 @@ def words(value: object) -> str:
 
 
 def _party(number: int | None) -> str:
-    """Return ``V2``, ``P1``, ``what event 3 struck``: a party as tables and pictures name it."""
+    """Return ``V2``, ``P1`` or ``the object of event 3``: a party's name in tables and pictures."""
     if number is None:
         return "–"
     return party_label(number) if number < thing_party(0) else party_in_words(number)
@@ -49,9 +49,7 @@ def _holds(passed: bool | None, threshold: float | None) -> str:
 
 @cache
 def templates() -> Environment:
-    """Return the environment of all pages.
-
-    It escapes everything: reports and maps are not trusted.
+    """Return the environment of all pages, which escapes all text: reports and maps are not trusted.
 
     >>> templates().from_string("{{ name }}").render(name="<b>")  # nothing of a report is taken for HTML
     '&lt;b&gt;'
@@ -92,9 +90,7 @@ def compress(data: bytes) -> bytes:
 
 
 def encode_base64(data: bytes) -> str:
-    """Return bytes as a page holds them.
-
-    ``bytes_of_base64`` of its script (``templates/unzipped.js``) makes them again.
+    """Return bytes in base64 for a page, whose script (``bytes_of_base64`` in ``templates/unzipped.js``) decodes them.
 
     >>> encode_base64(b"a log")
     'YSBsb2c='
@@ -103,7 +99,7 @@ def encode_base64(data: bytes) -> str:
 
 
 def read(name: str) -> str:
-    """Return a file of the folder of templates as it is."""
+    """Return a file of the folder of templates, unchanged."""
     from importlib import resources
 
     return resources.files("trace_dag.pages").joinpath("templates", name).read_text(encoding="utf-8")

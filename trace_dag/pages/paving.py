@@ -1,7 +1,7 @@
 """The asphalt of a junction between its lanes.
 
-A map has lanes. In a junction there are paved places between the lanes that belong to none of them. Belongs here: where
-they are. Does not belong here: drawing them (:mod:`trace_dag.pages.maps`).
+A junction has paved places that belong to no lane of the map. Belongs here: finding them. Does not belong here: drawing
+them (:mod:`trace_dag.pages.maps`).
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ class PavedGap(NamedTuple):
 def find_paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) -> Iterator[PavedGap]:
     """Yield the paved places beside the lanes of some junctions.
 
-    ``lanes`` are outlines of lanes on one level, shape (n, 2), m: those through junctions, of which ``junctions`` has
-    the numbers, and those in the middle of a road, which end before one. Inside a junction, which is the convex hull of
-    its lanes, a gap is paved where it is narrower than a lane: islands are wider. A separation of carriageways outside
-    is not a gap.
+    ``lanes`` are outlines of lanes on one level, shape (n, 2), m: lanes through junctions, whose numbers are in
+    ``junctions``, and lanes of the roads that end there. Inside a junction, which is the convex hull of its lanes, a
+    gap is paved where it is narrower than a lane: islands are wider. A separation of carriageways outside is not a gap.
 
     >>> lane = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 3.5], [0.0, 3.5]])
     >>> list(find_paved_gaps([lane], [[0]]))  # a single lane leaves nothing between

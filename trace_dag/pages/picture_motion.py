@@ -28,7 +28,7 @@ _RIDDEN_COLOUR, _HEAD_COLOUR = "#1D2024", "#3B2A20"
 
 @dataclass(frozen=True)
 class SampledBody:
-    """A vehicle from above; an ``opacity`` of 0 leaves the outline."""
+    """A vehicle from above; with an ``opacity`` of 0 only its outline."""
 
     pose: Pose
     length_m: float
@@ -117,7 +117,7 @@ class DrawnMotion:
 
 
 def draw_objects(canvas: Canvas, objects: Sequence[FixedObject]) -> None:
-    """Draw fixed objects: ours with a broken rim, the map's with a solid one."""
+    """Draw fixed objects, with a broken outline if placed by the program, else with a solid one."""
     for item in objects:
         dash = (3.7, 1.6) if is_ours(item) else ()
         ink = Ink(OBJECT_COLOUR, OBJECT_COLOUR, 1.0, fill_opacity=_OBJECT_OPACITY, dash_pt=dash)
@@ -125,7 +125,7 @@ def draw_objects(canvas: Canvas, objects: Sequence[FixedObject]) -> None:
 
 
 def draw_body(canvas: Canvas, body: SampledBody) -> None:
-    """Draw a vehicle as a box with its windscreen and a stroke ahead of it."""
+    """Draw a vehicle as a box with its windscreen and a line ahead of it."""
     corners = rectangle_corners(body.pose, body.length_m, body.width_m)
     canvas.polygons([corners], Ink(body.colour, body.colour, 1.2, fill_opacity=body.opacity), 30)
     for line, colour, width_pt in _fronts(body):
@@ -133,16 +133,16 @@ def draw_body(canvas: Canvas, body: SampledBody) -> None:
 
 
 def _fronts(body: SampledBody) -> Iterator[tuple[FloatArray, str, float]]:
-    """Yield the marks of a body's front, a windscreen and a stroke ahead: line, colour, width (points)."""
+    """Yield the marks of a body's front, a windscreen and a line ahead: line, colour, width (points)."""
     screen, half, front = 0.22 * body.length_m, 0.42 * body.width_m, 0.5 * body.length_m
     yield body.pose.to_world(np.array([[screen, half], [screen, -half]])), "white" if body.opacity else body.colour, 1.6
     yield body.pose.to_world(np.array([[front, 0.0], [front + _NOSE_M, 0.0]])), body.colour, 1.2
 
 
 def draw_figure(canvas: Canvas, figure: DrawnFigure) -> None:
-    """Draw limbs, torso, head and bicycle to scale in a ring that is seen from afar.
+    """Draw limbs, torso, head and bicycle to scale, in a ring that is visible from afar.
 
-    A rim parts them from the road.
+    A rim separates them from the road.
     """
     shape, least_m = figure.shape, _LEAST_LIMB_PT / canvas.points_per_m
     ring_m = max(_RING_M, _LEAST_RING_PT / canvas.points_per_m)
@@ -179,7 +179,7 @@ def draw_cross(canvas: Canvas) -> None:
 
 
 def draw_reported_point(canvas: Canvas, report: MapReport) -> None:
-    """Draw the reported point, and the point on the road to which it was moved, if it was."""
+    """Draw the reported point, and the point on the road to which it was moved, if any."""
     x, y = report.placement.x_m, report.placement.y_m
     draw_cross(canvas)
     if math.hypot(x, y) > 0.5:

@@ -51,7 +51,7 @@ _CROWD: Final = LegendColumn(3, 5.6, 8.0, 115.0)
 
 
 class Sheet:
-    """A sheet to draw on; :meth:`svg` is what was drawn."""
+    """A sheet to draw on; :meth:`svg` returns the drawing."""
 
     def __init__(self) -> None:
         self._canvas = Canvas((0.0, 0.0, WIDTH_PT, HEIGHT_PT), WIDTH_PT)
@@ -59,7 +59,7 @@ class Sheet:
         self._panels: list[tuple[float, Canvas]] = []
 
     def headline(self, line: int, text: str) -> None:
-        """Write one of the two lines of the headline, smaller or cut where it is too long."""
+        """Write one of the two lines of the headline, in smaller letters or cut if it is too long."""
         if not text:
             return
         room_pt = WIDTH_PT - 2 * _MARGIN_PT
@@ -80,7 +80,7 @@ class Sheet:
         return panel
 
     def write_at(self, panel: Canvas, xy_m: tuple[float, float], text: str) -> None:
-        """Write beside a place of a panel, on white, clear of what stands there; nothing if the place is outside."""
+        """Write beside a position in a panel, on white, without covering it; do nothing if it is outside."""
         west, south, east, north = panel.window
         if west < xy_m[0] < east and south < xy_m[1] < north:
             half_pt = length_pt(text, _SIZE_PT) / 2 + 4.0

@@ -1,10 +1,10 @@
 """The pictures of a crash: two views of the ground side by side, north up, with a headline and a legend.
 
-The usual picture has the approach (everything from the start of the reconstruction on) and the impact (close up): the
-road with its lanes, the paths, the bodies at contact and at rest, the reported point. Values that are not known yet are
-left out, so it can be drawn after any stage from ``road_map`` on. The picture of a crash that is rejected for its map
-has all relevant streets around the reported point, and the point itself: OpenStreetMap's own lines are drawn over the
-map made from them, so that differences are visible.
+The usual picture shows the approach (from the start of the reconstruction) and the impact (close up): the road with its
+lanes, the paths, the bodies at contact and at rest, the reported point. Unknown values are left out, so it can be drawn
+after any stage from ``road_map`` on. The picture of a crash that is rejected for its map shows all relevant streets
+around the reported point. There OpenStreetMap's lines are drawn over the map made from them, so that differences are
+visible.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def draw_crash(
 ) -> str:
     """Return the picture as an SVG.
 
-    ``log`` is of the hypothesis that ``verdict`` names (else of the estimate's best). ``surroundings`` lie behind the
-    roads.
+    ``log`` is of the hypothesis that ``verdict`` names (else of the estimate's best). ``surroundings`` are drawn behind
+    the roads.
     """
     hypothesis = _shown_hypothesis(estimate, verdict)
     sheet = Sheet()
@@ -91,7 +91,7 @@ def _shown_hypothesis(estimate: StateEstimate | None, verdict: Verdict | None) -
 
 
 def _approach_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -> Window:
-    """Return a square that holds the reported point, all starts and all places of rest."""
+    """Return a square around the reported point, all starts and all positions of rest."""
     points: list[tuple[float, float]] = [(0.0, 0.0)]
     if hypothesis:
         points += [(p.initial_pose.x_m, p.initial_pose.y_m) for p in hypothesis.participants]
@@ -105,7 +105,7 @@ def _approach_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -
 
 
 def _impact_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -> Window:
-    """Return a square around the first contact; if several vehicles meet, around all planned contacts that are near."""
+    """Return a square around the first contact; if several vehicles meet, around all planned contacts nearby."""
     contact = log.first_contact if log else None
     if log is None or contact is None:
         return square(hypothesis.impact_point_xy_m if hypothesis else (0.0, 0.0), _IMPACT_HALF_WINDOW_M)
@@ -160,7 +160,7 @@ def draw_rejected_map(
 
 
 def _pointed_at(report: RejectedMapReport) -> list[NearStreet]:
-    """Return the nearest street, and of the others with a name those of a reported one first."""
+    """Return the nearest street, then other named streets, those with a reported name first."""
     named = [street for street in report.streets[1:] if street.name]
     order = sorted(named, key=lambda street: (not street.bears_reported_name, street.distance_m))
     return [*report.streets[:1], *order][:_STREETS]
@@ -211,7 +211,7 @@ _MOST_DESCRIBED: Final = 6  # parties; of more there is room for their kind alon
 
 
 def place_line(record: CrashRecord) -> str:
-    """Return the first line of a headline: which crash it is, of what kind and where.
+    """Return the first line of a headline: the crash's key, kind and place.
 
     >>> place_line(record)[:40]
     '2023-319003   NE-411/MAIN ST / ELDER ST,'

@@ -1,9 +1,8 @@
-"""A simulated crash to watch: an HTML page with everything in it, to be opened anywhere, from a stick or a mail.
+"""A replay of a simulated crash: one HTML page with all its data, which opens anywhere.
 
-The map is drawn once, as SVG, by the same hand as the pictures; the page moves the bodies of the log over it. No
-network, no library, no CDN. A site has one such page for all of its crashes
-(:mod:`trace_dag.pages.replay_library`), and a file with what is shown of each. The animated pictures of the same
-thing are in :mod:`trace_dag.pages.animation`.
+The map is drawn once, as SVG, by the code of the pictures; the page moves the bodies of the log over it. No network, no
+library, no CDN. A site has one such page for all of its crashes (:mod:`trace_dag.pages.replay_library`), and a data
+file for each. The animated pictures of the same thing are in :mod:`trace_dag.pages.animation`.
 """
 
 from __future__ import annotations
@@ -38,11 +37,11 @@ if TYPE_CHECKING:
 
 
 def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = False) -> bytes:
-    """Return a page that stands alone, with the plan alone if not ``in_3d`` or where the content is not.
+    """Return a self-contained page, in plan view only without ``in_3d`` or content in 3D.
 
-    One that is ``paired`` has no time line: that is the page's around (:func:`write_html_pair`).
+    A ``paired`` page has no time line, because the surrounding page has one (:func:`write_html_pair`).
 
-    The same content gives the same bytes.
+    Equal content gives equal bytes.
 
     >>> from trace_dag.pages.replay_content import replay_content
     >>> replay_page(replay_content(record, network, log, in_3d=False))[:15]
@@ -66,7 +65,7 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
 
 
 def replay_script(content: ReplayContent) -> bytes:
-    """Return the script that the page of a site reads for one crash.
+    """Return the script with one crash for the replay page of a site.
 
     It calls the page with the parts of the content, as gzip in base64.
 
@@ -93,10 +92,9 @@ def write_html_player(
 ) -> bytes:
     """Return the page: roads, vehicles, people, paths, contact and speeds over time, with a slider.
 
-    One file, no other needed.
+    It is one self-contained file.
 
-    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. The same input gives the same
-    bytes.
+    ``log`` is of the hypothesis that ``verdict`` judges, or of an agent's ``drive``. Equal input gives equal bytes.
     """
     return replay_page(replay_content(record, network, log, verdict, drive, surroundings=surroundings))
 
@@ -146,6 +144,6 @@ def write_html_pair(
 
 
 def _script_safe(data: Mapping[str, Any]) -> str:
-    """Return the JSON that can stand inside a script element whatever text the report holds."""
+    """Return JSON that is safe within a script element for any text of a report."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -49,7 +49,7 @@ _CLOSE_UP_M, _CLOSE_UP_ON_A_PERSON_M = 32.0, 16.0
 
 @dataclass(frozen=True)
 class ReplayWindows:
-    """Windows of a replay: everything that happens, and the impact close up."""
+    """Windows of a replay: the whole motion, and the impact close up."""
 
     overview: Window
     impact: Window
@@ -58,7 +58,7 @@ class ReplayWindows:
 def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
     """Return the square windows (m, local frame).
 
-    The motion from a time on, and the first contact (or the middle of it all).
+    They are around the motion from a time on, and around the first contact (or the middle of the motion).
     """
     points = np.concatenate([np.stack([v.x_m, v.y_m], axis=-1)[v.time_s >= from_s] for v in log.vehicles])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -84,7 +84,7 @@ def square(centre: FloatArray, half_m: float) -> Window:
 
 @dataclass(frozen=True, eq=False)
 class ReplayContent:
-    """``said`` is for JSON, ``map_svg`` the map behind it all, ``solid`` a GLB, None where the plan is all there is."""
+    """``said`` is for JSON, ``map_svg`` is the map in the background, ``solid`` a GLB, or None for a plan view only."""
 
     said: Mapping[str, Any]
     map_svg: str
@@ -152,7 +152,7 @@ def replay_content(
 
 
 def choose_windows(log: SimulationLog, drive: AgentDrive | None) -> ReplayWindows:
-    """Return the windows; where an agent drives, around the conflict that it was to avoid."""
+    """Return the windows; for an agent's drive, those around the conflict that it had to avoid."""
     windows = replay_windows(log)
     return windows if drive is None else replace(windows, impact=replay_windows(drive.recorded).impact)
 
@@ -168,7 +168,7 @@ def place_in_words(record: CrashRecord) -> str:
 
 
 def _events(verdict: Verdict) -> list[dict[str, object]]:
-    """Return a mark of the time line for each reported harmful event: when it happens, if it does, and in words."""
+    """Return a time-line mark for each reported harmful event, with its time, if it happens, and a text."""
     marks: list[dict[str, object]] = []
     for each in verdict.events:
         what = event_named(each.event_number, each.code)
@@ -284,7 +284,7 @@ def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
 
 
 def _traffic(traffic: SurroundingTraffic, window: Window) -> Iterator[dict[str, Any]]:
-    """Yield the vehicles that come into the window, each from when it is there, in steps of simulated time."""
+    """Yield the vehicles that enter the window, from their first time there, in steps of simulated time."""
     west, south, east, north = window
     for each in traffic.vehicles:
         t = each.trajectory
@@ -322,7 +322,8 @@ def _motion(vehicle: VehicleLog) -> dict[str, list[float]]:
 def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
     """Return the height of a person's body above the road (m), and the figure from above at each time.
 
-    Ends of lines x, y, x, y with their widths and whether they are of the body or of what it rides, and the head.
+    The figure has lines x, y, x, y with their widths, a flag for lines of the body, as opposed to the mount, and the
+    head.
     """
     shapes = [logged_shape(person, k, body) for k in range(len(person.time_s))]
     widths = [*([WHEEL_M] * len(shapes[0].ridden)), *(round(width_m, 3) for _, width_m in shapes[0].lines)]
@@ -338,7 +339,7 @@ def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
 
 
 def _delta_v(log: SimulationLog, number: int) -> dict[str, float] | None:
-    """Return the change of velocity of a party in the first contact that it takes part in, and when that is."""
+    """Return a party's change of velocity in its first contact, with the time."""
     for contact in filter(None, (log.first_contact, *log.first_of_each)):
         if number in (contact.number_1, contact.number_2):
             x, y = contact.delta_v_1_mps if number == contact.number_1 else contact.delta_v_2_mps

@@ -1,7 +1,7 @@
-"""Files common to all replays: the script of the 3D view, and the one page of a site that shows every crash.
+"""Files common to all replays: the script of the 3D view, and the one page of a site for every crash.
 
-The script is within a page that stands alone, or once beside all pages of a site. It is built from ``web/replay3d``
-with three.js, whose licence stands at its beginning.
+The script is in each self-contained page, or once beside all pages of a site. It is built from ``web/replay3d`` with
+three.js, whose licence is at its beginning.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ LIBRARY: Final = "replay3d.js"
 
 @cache
 def pack_library() -> str:
-    """Return the script, for a page that stands alone."""
+    """Return the compressed script for a self-contained page."""
     return encode_base64(compress(read(LIBRARY).encode()))
 
 
 def site_files() -> dict[str, bytes]:
-    """Return the files of a site for its replays, but for the 3D library: the page and its script.
+    """Return the files of a site for its replays without the 3D library: the page and its script.
 
     >>> sorted(site_files())
     ['replay.html', 'replay.js']

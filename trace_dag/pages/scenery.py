@@ -1,7 +1,7 @@
 """Scenery behind the roads of a drawn map: woods, water, parking, buildings, railways, trees; night; the map's edge.
 
-Draws what OpenStreetMap has beside the roads, in z-orders below them, so that a place is recognised. Knows nothing of
-crashes.
+It draws OpenStreetMap's features beside the roads, in z-orders below them, so that a place is recognised. It does not
+depend on crashes.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Scenery:
         self._trees = np.array([(x, y) for x, y in trees if west < x < east and south < y < north]).reshape(-1, 2)
 
     def draw(self, canvas: Canvas) -> None:
-        """Draw what the canvas' window shows, between z-orders 0.1 and 0.9."""
+        """Draw the features in the canvas' window, between z-orders 0.1 and 0.9."""
         for look, shapes in self._areas:
             edge = look.colour if look.edge == "none" else look.edge
             canvas.polygons(shapes.seen(canvas.window), Ink(look.colour, edge, 0.5), look.z)
@@ -100,7 +100,7 @@ class Scenery:
 
 
 def look_of(feature: OsmFeature) -> Appearance | None:
-    """Return the look of a feature beside the roads, None if it is not drawn."""
+    """Return the look of a feature beside the roads, or None if it is not drawn."""
     for (key, value), look in _LOOKS.items():
         if key in feature.tags and value in ("", feature.tags[key]):
             return look
@@ -154,7 +154,7 @@ def map_reach_m(network: RoadNetwork) -> float:
 
 
 def draw_fading(canvas: Canvas, reach_m: float, ground: str) -> None:
-    """Let the map fade into the ground at its edge, if a window shows that."""
+    """Fade the map into the ground at its edge, if that is in the window."""
     fade_m = _FADE_SHARE * reach_m
     if max(map(abs, canvas.window)) < reach_m - fade_m:
         return

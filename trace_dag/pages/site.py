@@ -41,7 +41,7 @@ class IndexRows:
 
 
 def write_index(rows: IndexRows, rights: Rights) -> bytes:
-    """Return ``index.html``; ``rights`` of all crashes' maps."""
+    """Return ``index.html``; ``rights`` are those of all crashes' maps."""
     crashes, funnel = rows.crashes, rows.funnel
     page = (
         templates()
@@ -69,7 +69,7 @@ def write_index(rows: IndexRows, rights: Rights) -> bytes:
 
 
 def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
-    """Return some of the crashes: of each kind and collision type one, then a second of each, and so on."""
+    """Return a varied selection of crashes: one of each kind and collision type, then a second of each, and so on."""
     turn: Counter[tuple[Any, Any]] = Counter()
     order = []
     for crash in crashes:
@@ -132,7 +132,7 @@ _NUMBERS = {"latitude_deg": 5, "longitude_deg": 5, "contact_distance_m": 2}
 
 
 def _text_of(crash: Row, name: str) -> str | None:
-    """Return the text about a crash in a column of the list; months with their year, limits in whole mph."""
+    """Return the text for a crash in a column of the list; months with their year, limits in whole mph."""
     value = crash.get(name)
     if value is None or value == "":
         return None
@@ -142,7 +142,7 @@ def _text_of(crash: Row, name: str) -> str | None:
 
 
 def _columns_of(crashes: Sequence[Row]) -> dict[str, Any]:
-    """Return the crashes by column, each text once: a fraction of the size of one object per crash."""
+    """Return the crashes by column, with each text once, which is much smaller than one object per crash."""
     coded = {}
     for name in (*_FILTERS, "place", "trafficway_1", "trafficway_2"):
         numbers: dict[Any, int] = {}
@@ -175,5 +175,5 @@ def _by_dimension(coverage: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def _json_for_script(value: object) -> str:
-    """Return the JSON that cannot end the script element it stands in."""
+    """Return JSON that cannot end its script element."""
     return json.dumps(value, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c")

@@ -30,9 +30,9 @@ _PERSON_RADIUS_M = 1.1  # drawn larger than to scale, to be visible
 
 
 def draw_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Sequence[OsmFeature] = ()) -> str:
-    """Return the SVG of a crash; ``surroundings`` lie behind the roads.
+    """Return the SVG of a crash; ``surroundings`` are drawn behind the roads.
 
-    Raises ValueError if there was neither a contact nor an overturn: there is no moment to show.
+    Raises ValueError without a contact or an overturn to show.
 
     >>> draw_thumbnail(network, log)[:4]
     '<svg'
@@ -52,7 +52,7 @@ def draw_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Seque
 
 
 def _window(log: SimulationLog, moment: Moment, time_s: FloatArray) -> Window:
-    """Return the window that holds the parties from first to last, near enough that they are seen to be vehicles."""
+    """Return a window around the parties from first to last, close enough to recognise vehicles."""
     both = [each for each in log.vehicles if each.number in moment.numbers]
     ways = [[np.interp(time_s, each.time_s, values) for values in (each.x_m, each.y_m)] for each in both]
     points = np.concatenate([*(np.stack(way, axis=-1) for way in ways), [[moment.x_m, moment.y_m]]])

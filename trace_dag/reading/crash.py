@@ -1,4 +1,4 @@
-"""One crash, wherever it is stored: each part of it read when it is asked for."""
+"""One crash, wherever it is stored; each part is read on first use."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class CrashReplay:
-    """A crash to watch. A notebook shows it; ``save`` writes it to a file."""
+    """A replay of a crash. A notebook shows it; ``save`` writes it to a file."""
 
     content: bytes = field(repr=False)
     format: ReplayFormat
@@ -72,10 +72,11 @@ class CrashReplay:
 class Crash:
     """One crash of a root, a package or a release.
 
-    Every part is read when first asked for, checked against what was written, and kept. A part that the crash did
-    not reach (an estimate of one that was rejected at its map) raises :class:`trace_dag.common.errors.UserError`; a
-    damaged one raises :class:`trace_dag.common.errors.Failure`. Frame: local transverse Mercator at the reported
-    point, x east, y north, metres, radians counter-clockwise from east, m/s."""
+    Every part is read on first use, checked against its digest, and kept. A part that the crash did not reach (an
+    estimate after a rejection at the map) raises :class:`trace_dag.common.errors.UserError`; a damaged one raises
+    :class:`trace_dag.common.errors.Failure`. Frame: local transverse Mercator at the reported point, x east, y north,
+    metres, radians counter-clockwise from east, m/s.
+    """
 
     def __init__(self, stored: CrashArtefacts) -> None:
         self._stored = stored
@@ -100,7 +101,7 @@ class Crash:
 
     @property
     def report(self) -> bytes:
-        """Return the report: XML as NHTSA's CrashAPI serves it, or what a table says, as JSON."""
+        """Return the report: XML from NHTSA's CrashAPI, or JSON from a table."""
         return self._load(REPORT_XML if self._stored.has(REPORT_XML) else REPORT_JSON, "report")
 
     @property
@@ -120,7 +121,7 @@ class Crash:
 
     @property
     def estimate(self) -> StateEstimate:
-        """Return hypotheses about where everybody came from, best first."""
+        """Return the estimate: hypotheses about the initial states of all parties, best first."""
         return self._load(ESTIMATE, "estimate")
 
     @property
@@ -133,7 +134,7 @@ class Crash:
 
     @property
     def verdict(self) -> Verdict:
-        """Return every criterion with its value, and what came of them."""
+        """Return every criterion with its value, and the verdict."""
         return self._load(VERDICT, "verdict")
 
     # --- tables ----------------------------------------------------------------------------------------------------
@@ -141,21 +142,21 @@ class Crash:
     def steps(self) -> pd.DataFrame:
         """Return the log as a table.
 
-        A row per party and logged step, columns as :data:`trace_dag.simulation.log_io.SIMULATION_STEPS`.
+        It has a row per party and logged step, with columns as in :data:`trace_dag.simulation.log_io.SIMULATION_STEPS`.
         """
         frame: pd.DataFrame = self.steps_arrow.to_pandas()
         return frame
 
     @cached_property
     def steps_arrow(self) -> pa.Table:
-        """Return the :attr:`steps` as an Arrow table, with the unit and meaning of each column in its schema."""
+        """Return :attr:`steps` as an Arrow table, with the unit and meaning of each column in its schema."""
         from trace_dag.simulation.log_io import steps_table
 
         return steps_table([self.log]).drop_columns(["hypothesis"])
 
     @property
     def contacts(self) -> pd.DataFrame:
-        """Return a row per contact: when, where, who, closing speed, impulse, delta-v."""
+        """Return a row per contact: time, place, parties, closing speed, impulse, delta-v."""
         from dataclasses import fields
 
         import pandas as pd
@@ -178,10 +179,10 @@ class Crash:
     def intervals(self) -> pd.DataFrame:
         """Return the uncertainty of the estimate.
 
-        A row per quantity and party (None for the crash as a whole), with unit.
+        It has a row per quantity and party (None for the crash as a whole), with unit.
 
         ``best`` is the value in the best hypothesis; four in five draws lie between ``low`` and ``high``, ``middle`` is
-        their median. No rows where nothing was drawn.
+        their median. There are no rows if nothing was drawn.
         """
         from dataclasses import asdict, fields
 
@@ -196,10 +197,10 @@ class Crash:
     def likely_courses(self) -> pd.DataFrame:
         """Return other likely courses of the crash, the likeliest first.
 
-        A row per ``course`` (from 1), body and tenth of a second from its contact (``time_s``), with ``weight`` (of all
-        draws together 1), ``number``, ``x_m``, ``y_m`` (to 5 cm), ``heading_rad``.
+        It has a row per ``course`` (from 1), body and tenth of a second from its contact (``time_s``), with ``weight``
+        (1 for all draws together), ``number``, ``x_m``, ``y_m`` (to 5 cm), ``heading_rad``.
 
-        No rows where nothing was drawn.
+        There are no rows if nothing was drawn.
         """
         import numpy as np
         import pandas as pd
@@ -223,7 +224,7 @@ class Crash:
     # --- what everybody was going to do ----------------------------------------------------------------------------
     @property
     def courses(self) -> pd.DataFrame:
-        """Return everybody's course without the crash.
+        """Return the courses of all parties without the crash.
 
         A row per party or trailer and tenth of a second, columns ``number``, ``time_s``, ``x_m``, ``y_m``, ``z_m`` (the
         middle of the body), ``heading_rad``, ``speed_mps``.
@@ -243,10 +244,10 @@ class Crash:
 
     @property
     def routes(self) -> pd.DataFrame:
-        """Return a row per driver, indexed by ``number``: ``lanes`` along which they were going, in order.
+        """Return a row per driver, indexed by ``number``, with the ``lanes`` of the intended course, in order.
 
-        ``route`` (shapely ``LineString`` with heights); ``goal`` (``Polygon``), to be reached between ``from_s`` and
-        ``to_s``.
+        Other columns are ``route`` (shapely ``LineString`` with heights) and ``goal`` (``Polygon``), to be reached
+        between ``from_s`` and ``to_s``.
         """
         import numpy as np
         import pandas as pd
@@ -313,9 +314,9 @@ class Crash:
         return pixels_of(svg, WIDTH_PX)
 
     def replay(self, replay_format: ReplayFormat = "html") -> CrashReplay:
-        """Return the simulated crash to watch.
+        """Return the replay of the simulated crash.
 
-        A page with a time slider, a moving picture, or glTF in three dimensions.
+        It is a page with a time slider, a moving picture, or glTF in three dimensions.
         """
         from trace_dag.agents.replays import replay
 

@@ -1,4 +1,4 @@
-"""Crashes by key, as ``trace_dag.open`` gives them: of a root, of a release, or of one package."""
+"""Crashes by key, as ``trace_dag.open`` returns them: of a root, a release, or one package."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class Crashes(Mapping[str, Crash], ABC):
     """A mapping from keys to crashes, in their order, and tables over all of them.
 
-    Nothing is read before it is asked for; a crash is read once.
+    Crashes are read on first use, and once.
     """
 
     def __init__(self, place: str) -> None:
@@ -49,7 +49,7 @@ class Crashes(Mapping[str, Crash], ABC):
     def steps(self, keys: Iterable[str] | None = None) -> pd.DataFrame:
         """Return the steps of many crashes in one table, indexed by key.
 
-        Those asked for, or all that were simulated.
+        These are the crashes of ``keys``, or all simulated ones.
         """
         import pandas as pd
 
@@ -58,13 +58,13 @@ class Crashes(Mapping[str, Crash], ABC):
         return pd.concat(tables).set_index("key") if tables else pd.DataFrame()
 
     def sql(self, query: str) -> duckdb.DuckDBPyRelation:
-        """Return a question in SQL (DuckDB), read-only.
+        """Return the result of a query in SQL (DuckDB), read-only.
 
-        ``.df()`` is its answer for pandas, ``.to_arrow_table()`` for Arrow.
+        ``.df()`` converts it for pandas, ``.to_arrow_table()`` for Arrow.
 
         A root has the tables that ``trace-dag tables`` lists; packages and releases have ``crashes``. Raises
-        :class:`UserError` for what DuckDB refuses, and where a root has no warehouse yet. DuckDB bounds neither the
-        time nor the memory of a question: see :meth:`interrupt`.
+        :class:`UserError` for a query that DuckDB refuses, and for a root without a warehouse. DuckDB limits neither
+        the time nor the memory of a query; see :meth:`interrupt`.
         """
         import duckdb
 
@@ -79,7 +79,7 @@ class Crashes(Mapping[str, Crash], ABC):
         return found
 
     def interrupt(self) -> None:
-        """Break off what :meth:`sql` is answering in other threads."""
+        """Stop the queries of :meth:`sql` that run in other threads."""
         for cursor in list(self._asked):
             cursor.interrupt()
 
@@ -90,9 +90,9 @@ class Crashes(Mapping[str, Crash], ABC):
 
     @property
     def only(self) -> Crash:
-        """Return the crash, where there is one.
+        """Return the only crash.
 
-        Raises :class:`UserError` where there are several.
+        Raises :class:`UserError` if there are several.
         """
         if len(self) != 1:
             raise UserError(f"{self.place} holds {len(self)} crashes; take one by its key")
@@ -116,7 +116,7 @@ class Crashes(Mapping[str, Crash], ABC):
         return frozenset(self._keys)
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both are one: comparing what is in them would read all of it."""
+        """Return whether both are the same object; a comparison of contents would read all of it."""
         return self is other
 
     __hash__ = object.__hash__
@@ -149,7 +149,8 @@ class Home(Crashes):
     def crashes(self) -> pd.DataFrame:
         """Return the warehouse's view ``judged_crashes``, indexed by key.
 
-        If each stands and why, its grade and change of velocity, place, time, kind, classes."""
+        It has the state and reason of each crash, its grade and change of velocity, place, time, kind, classes.
+        """
         frame: pd.DataFrame = self.sql("FROM judged_crashes").df()
         return frame.set_index("key")
 

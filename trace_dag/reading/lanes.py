@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 def lane_table(network: RoadNetwork) -> pd.DataFrame:
     """Return a row per lane, indexed by ``lane`` (:class:`trace_dag.roads.map.model.LaneRef`), local frame, metres.
 
-    Columns: ``type``, ``speed_mps`` (its limit, NaN where the map has none), ``junction_id`` (None outside junctions),
-    ``length_m``, ``centre`` (shapely ``LineString`` with heights, in the direction of travel), ``surface``
-    (``Polygon``), ``predecessors`` and ``successors`` (lists of lanes), ``left`` and ``right`` (the drivable lane
-    directly beside it, or None).
+    Columns: ``type``, ``speed_mps`` (its limit, or NaN), ``junction_id`` (None outside junctions), ``length_m``,
+    ``centre`` (shapely ``LineString`` with heights, in the direction of travel), ``surface`` (``Polygon``),
+    ``predecessors`` and ``successors`` (lists of lanes), ``left`` and ``right`` (the drivable lane directly beside it,
+    or None).
     """
     import pandas as pd
 
@@ -33,9 +33,9 @@ def lane_graph(network: RoadNetwork) -> nx.DiGraph[Any]:
     """Return the drivable lanes as a directed graph of networkx, the extra ``graph``.
 
     A node per lane (:class:`trace_dag.roads.map.model.LaneRef`) with the columns of :func:`lane_table` that are not
-    lanes themselves. Edges have a ``kind``: ``successor`` where one drives on into a lane, weighted with the
-    ``length_m`` of the lane that is left; ``left`` and ``right`` where the lane beside goes the same way. Raises
-    :class:`UserError` where networkx is missing.
+    lanes themselves. Edges have a ``kind``: ``successor`` for the next lane along the road, weighted with the
+    ``length_m`` of the earlier lane; ``left`` and ``right`` for an adjacent lane in the same direction. Raises
+    :class:`UserError` without networkx.
     """
     try:
         import networkx as nx

@@ -1,4 +1,4 @@
-"""Crashes out of packages and releases, without the root they were made in."""
+"""Crashes from packages and releases, without their root."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Files(Protocol):
         """
 
     def has(self, name: str) -> bool:
-        """Return whether there is such a file."""
+        """Return whether the file exists."""
 
 
 class FolderFiles:
@@ -123,7 +123,7 @@ class FolderFiles:
 
 
 class ArchiveFiles:
-    """The files of a zip or tar archive, read one at a time into memory, and no more of each than is read of any."""
+    """The files of a zip or tar archive, read into memory one at a time, up to a common size limit."""
 
     def __init__(self, place: str, archive: zipfile.ZipFile | tarfile.TarFile) -> None:
         self.place = place
@@ -145,7 +145,7 @@ class ArchiveFiles:
     def of(cls, data: Path | bytes, place: str) -> ArchiveFiles:
         """Return an archive on disk or in memory.
 
-        Raises :class:`UserError` for what is none.
+        Raises :class:`UserError` for any other file.
         """
         source = io.BytesIO(data) if isinstance(data, bytes) else data.open("rb")
         try:
@@ -203,7 +203,7 @@ class ArchiveFiles:
 
 
 class _Bounded:
-    """A file that is read in pieces of a bounded size: tarfile takes headers for names as large as they say."""
+    """A file that is read in pieces of a limited size, because tarfile trusts the sizes in headers."""
 
     def __init__(self, file: IO[bytes], place: str) -> None:
         self.tell, self.seek = file.tell, file.seek
@@ -211,7 +211,7 @@ class _Bounded:
         self._place = place
 
     def read(self, size: int) -> bytes:
-        """Read some bytes. Raises :class:`DamagedFile` for more than a file of ours has."""
+        """Read some bytes. Raises :class:`DamagedFile` for more than the size limit."""
         check_size(self._place, size - 1)
         return self._file.read(size)
 
@@ -226,7 +226,7 @@ class _Manifest(BaseModel):
 
 
 class PackedCrash:
-    """A crash as its package has it. Each file is checked against the package's manifest when it is read."""
+    """A crash of a package. Each file is checked against the package's manifest when it is read."""
 
     def __init__(self, files: Files) -> None:
         self._files = files
@@ -253,7 +253,7 @@ class PackedCrash:
         return self._name(artefact) in self._manifest.files
 
     def _name(self, artefact: Artefact[Any]) -> str:
-        """Return the file that holds an artefact: of the record the report that it was read from."""
+        """Return the file of an artefact; for the record, the report from which it was read."""
         if artefact is RECORD:
             return next(name for name in _REPORTS if name in self._manifest.files or name == _REPORTS[-1])
         return _FILES.get(artefact, "")
@@ -334,7 +334,7 @@ class Package(Crashes):
     def crashes(self) -> pd.DataFrame:
         """Return a row of reported facts (place, time, kind, classes) and the verdict's figures.
 
-        The names are those in a root.
+        Columns are named as in a root.
         """
         import pandas as pd
 
@@ -394,19 +394,19 @@ class Release(Crashes):
 
 
 def list_packages(files: Files) -> Crashes | None:
-    """Return the package or release that some files are; None if they are neither."""
+    """Return the package or release that the files form, or None."""
     if files.has(MANIFEST):
         return Package(files)
     return Release(files) if files.has(INDEX) else None
 
 
 def _with_mph(crashes: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with the change of velocity in miles per hour, too, as a root has it."""
+    """Return the table with the change of velocity also in miles per hour, as in a root."""
     return crashes.assign(delta_v_max_mph=crashes["delta_v_max_mps"].map(mps_to_mph, na_action="ignore"))
 
 
 def _connection(crashes: pd.DataFrame) -> duckdb.DuckDBPyConnection:
-    """Return a database of one table, ``crashes``, that reaches nothing else."""
+    """Return a database with one table, ``crashes``, and no access to anything else."""
     import duckdb
 
     connection = duckdb.connect(":memory:")

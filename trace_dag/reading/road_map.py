@@ -1,7 +1,7 @@
 """Road maps without crashes.
 
-From OpenStreetMap to OpenDRIVE and the forms of other tools, for Python and the command ``map``. Nothing is kept but
-what is saved: no storage root, no Dagster.
+From OpenStreetMap to OpenDRIVE and the forms of other tools, for Python and the command ``map``. Only saved files are
+kept: no storage root, no Dagster.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _WORDS: Final = "latitude within 90, longitude within 180 degrees, west less tha
 class MadeMap:
     """A road map without a crash.
 
-    ``extract`` is the OpenStreetMap data that it was ``made`` of, ``source`` where that came from.
+    ``extract`` is its OpenStreetMap data, ``source`` the origin of that, ``made`` the map.
     """
 
     extract: OsmExtract
@@ -50,7 +50,7 @@ class MadeMap:
 
     @property
     def network(self) -> RoadNetwork:
-        """Return roads, lanes and junctions as the file has them, in the local frame of the place."""
+        """Return roads, lanes and junctions of the file, in the local frame of the place."""
         return self.made.stored.network
 
     @property
@@ -72,7 +72,7 @@ class MadeMap:
 
     @cached_property
     def surroundings(self) -> tuple[OsmFeature, ...]:
-        """Return the features beside the roads, such as buildings and trees, read when first asked for."""
+        """Return the features beside the roads, such as buildings and trees, read on first use."""
         return self.source.extract_box(self.extract.box, OsmSettings(), surroundings=True).surroundings
 
     def picture(self) -> str:

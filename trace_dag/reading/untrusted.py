@@ -21,7 +21,7 @@ _NO_NUMBER: Final = re.compile(rb"NaN|Infinity|[0-9][eE]\+?[0-9]{3}")
 
 
 def check_size(name: str, size: int) -> None:
-    """Raise :class:`DamagedFile` for a file that is larger than any of ours.
+    """Raise :class:`DamagedFile` for a file above the size limit.
 
     >>> check_size("manifest.json", 1_200_000_000)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
@@ -32,7 +32,7 @@ def check_size(name: str, size: int) -> None:
 
 
 def check_json(name: str, data: bytes) -> None:
-    """Raise :class:`DamagedFile` for JSON that has too many elements, is nested too deep, or has numbers that are none.
+    """Raise :class:`DamagedFile` for JSON with too many elements, too deep nesting, or NaN or infinite numbers.
 
     >>> check_json("manifest.json", b'{"key": "[[[[", "files": {}}')
     """

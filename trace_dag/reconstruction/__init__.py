@@ -1,5 +1,5 @@
-"""Estimates of the states before a crash: hypotheses, their search through the events, and what supports them.
+"""Estimates of the states before a crash: hypotheses, their search through the events, and their evidence.
 
-``scene`` is the crash on its map, ``motion`` paths, manoeuvres and speeds, ``planners`` the ways in which one kind of
-event can come about, ``samples`` the draws of what a report leaves open. Excluded: verdicts, Dagster.
+``scene`` is the crash on its map, ``motion`` paths, manoeuvres and speeds, ``planners`` the plans for one kind of event
+each, ``samples`` draws of unreported quantities. Excluded: verdicts, Dagster.
 """

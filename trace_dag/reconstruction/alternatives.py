@@ -1,7 +1,7 @@
-"""Says in words what else can have happened: from where the parties come in the likeliest hypotheses.
+"""Sentences on other possible courses: the sides from which the parties come in the likeliest hypotheses.
 
-A report seldom says from which side a vehicle came. The share of a side is its posterior probability; those of sides
-that were not kept are missing from their sum, as is what nobody thought of.
+A report seldom names the side from which a vehicle came. The share of a side is its posterior probability; the sum
+lacks the sides that were not kept and hypotheses that were not considered.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Approached:
 class Alternatives:
     """Other likely courses as a clause, and the shares of each side from which a party can have come.
 
-    None where the other courses differ in lanes or speeds alone.
+    None if the other courses differ only in lanes or speeds.
     """
 
     clause: str
@@ -50,9 +50,10 @@ class Alternatives:
 
 
 def alternatives(estimate: StateEstimate) -> Alternatives | None:
-    """Return other possible courses.
+    """Return other possible courses, or None.
 
-    Other sides where they have a quarter together, other courses from the same sides where they have half.
+    These are other sides with a total share of a quarter or more, or other courses from the same sides with half or
+    more.
 
     >>> from dataclasses import replace
     >>> alternatives(replace(state_estimate, ambiguity=0.63)).clause.split(":")[0]
@@ -79,13 +80,13 @@ def alternatives(estimate: StateEstimate) -> Alternatives | None:
 
 
 def ambiguity_of(hypotheses: Sequence[Hypothesis]) -> float:
-    """Return the posterior share of the sides that the first hypothesis does not come from, 0 to 1."""
+    """Return the posterior share of sides other than those of the first hypothesis, 0 to 1."""
     best = hypotheses[0].score
     return ambiguity(best, (min(each.score, best) for each in first_of_groups(hypotheses, _sides)))
 
 
 def _sides(hypothesis: Hypothesis) -> tuple[tuple[int, int | None], ...]:
-    """Return the eighth of the compass that each party comes from; None for one that stands."""
+    """Return the compass octant from which each party comes; None for a standing one."""
     bearings = {state.vehicle_number: bearing_from_rad(state) for state in hypothesis.participants}
     return tuple(
         (number, None if bearing is None else _octant(bearing)) for number, bearing in sorted(bearings.items())
@@ -97,9 +98,10 @@ def _octant(bearing_rad: float) -> int:
 
 
 def _approaches(estimate: StateEstimate, number: int) -> list[Approached]:
-    """Return the sides that a party can have come from, the likeliest first. Less than 45 degrees apart is one.
+    """Return the sides from which a party can have come, the likeliest first.
 
-    The share of hypotheses from the same sides is that of the first of them.
+    Directions less than 45 degrees apart count as one side. Hypotheses from the same sides have the share of their
+    first.
     """
     shares: list[tuple[float, float]] = []  # bearing (rad), share
     for each in first_of_groups(estimate.hypotheses, _sides):
@@ -120,7 +122,7 @@ def _approaches(estimate: StateEstimate, number: int) -> list[Approached]:
 
 
 def bearing_from_rad(state: ParticipantState) -> float | None:
-    """Return the direction a party comes from (rad, counter-clockwise from east); None for one that stands.
+    """Return the direction from which a party comes (rad, counter-clockwise from east); None if it stands.
 
     >>> [round(math.degrees(bearing_from_rad(each))) for each in hypothesis.participants]
     [-173, 7]

@@ -14,7 +14,7 @@ from trace_dag.simulation.states import StateEstimate
 
 
 class AnalyticEstimator:
-    """Asks nobody, and gives the same estimate for the same crash."""
+    """An estimator without a language model; it gives the same estimate for the same crash."""
 
     paid = False
 
@@ -30,5 +30,5 @@ class AnalyticEstimator:
 
     @staticmethod
     def variant(settings: StateSettings, name: str) -> StateSettings:
-        """Return the settings: there is only one variant."""
+        """Raise UserError, because there is only one variant."""
         raise UserError(f"{NAME + name!r} is not an estimator; {NAME} has no variants")

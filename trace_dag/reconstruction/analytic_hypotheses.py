@@ -35,7 +35,7 @@ _MARGIN_M = 40.0
 
 
 def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *, lead_time_s: float) -> Scene:
-    """Return the approaches past the crash, long enough for the fastest vehicle of the record."""
+    """Return the scene with approaches past the crash that are long enough for the fastest vehicle of the record."""
     placement = report.placement
     speeds = [vehicle.travel_speed_mps or vehicle.speed_limit_mps or 30.0 for vehicle in record.vehicles]
     reach = min(max([*speeds, 25.0]) * 1.3, _FASTEST_MPS) * lead_time_s + _MARGIN_M
@@ -60,7 +60,7 @@ def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> t
 
     The doubt is the posterior share of all the others.
 
-    Raises :class:`Rejection` (``no_feasible_state``) where no reading of the record lets the vehicles meet.
+    Raises :class:`Rejection` (``no_feasible_state``) if the vehicles meet in no reading of the record.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> scene = build_scene(record, network, map_report, lead_time_s=5.0)
@@ -100,9 +100,9 @@ def rank_hypotheses(
 ) -> tuple[tuple[Hypothesis, ...], float]:
     """Return the hypotheses to keep, those that pass every check first, and the posterior share of all but the best.
 
-    ``solutions``: best first, as :func:`solve_all` has them.
+    ``solutions`` come from :func:`solve_all`, best first.
 
-    Hypotheses from the same sides, with the same roles, differ in detail only. The best of each such group comes first,
+    Hypotheses from the same sides, with the same roles, differ only in detail. The best of each such group comes first,
     then all the others.
 
     >>> rank_hypotheses(scene, [], StateSettings())  # nothing to keep

@@ -1,4 +1,4 @@
-"""From a solution to a hypothesis: participants with timed trajectories, and its checks."""
+"""Hypotheses from solutions: participants with timed trajectories, and checks."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Drive:
 
 
 def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: float) -> Hypothesis:
-    """Return the solution as states: each vehicle's profile run backward from the impact along its path.
+    """Return a solution's hypothesis: each vehicle's profile run backward from the impact along its path.
 
     >>> made = hypothesis_of(solution, network, lead_time_s=5.0)
     >>> [(each.vehicle_number, each.manoeuvre.value) for each in made.participants]
@@ -170,7 +170,7 @@ def after_impact_s(profile: SpeedProfile, most_s: float) -> float:
 
 
 def stand_still(network: RoadNetwork, vehicle: VehicleRecord, pose: Pose) -> ParticipantState:
-    """Return a vehicle that stands at a pose throughout.
+    """Return a vehicle that stands at a pose.
 
     >>> state = stand_still(network, record.vehicles[0], Pose(1.0, 2.0, 0.5))
     >>> state.initial_speed_mps, (state.initial_pose.x_m, state.initial_pose.y_m)
@@ -193,7 +193,7 @@ def _of_vehicle(
     trajectory: Trajectory,
     impact: int,
 ) -> ParticipantState:
-    """Return the body of a vehicle along a trajectory, at ``impact`` of it when it is struck."""
+    """Return the state of a vehicle on a trajectory, with its pose ``impact`` when it is struck."""
     initial_pose, impact_pose = pose_of(trajectory, 0), pose_of(trajectory, impact)
     return ParticipantState(
         vehicle_number=vehicle.number,
@@ -216,7 +216,7 @@ def _of_vehicle(
 
 
 def _trailing(vehicle: VehicleRecord, path: Path, stations_m: FloatArray, heading_rad: FloatArray) -> FloatArray:
-    """Return headings of what a vehicle pulls along a path; in line with it where it pulls nothing."""
+    """Return headings of a vehicle's trailer along a path; those of the vehicle without one."""
     if vehicle.trailer is None:
         return heading_rad
     from_m = min(float(stations_m[0]), float(path.s_m[0])) - _TRAILS_M
@@ -251,7 +251,7 @@ def pose_of(trajectory: Trajectory, index: int) -> Pose:
 
 
 def lane_under(network: RoadNetwork, pose: Pose) -> LaneMatch | None:
-    """Return the lane a body stands in: the nearest one; of several equally near, the one in its direction of travel.
+    """Return the lane under a body: the nearest one, and among equally near ones that in its direction of travel.
 
     >>> turning, riding = hypothesis.participants
     >>> lane_under(network, riding.initial_pose).outside_m  # between the edges of a lane

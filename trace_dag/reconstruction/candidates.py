@@ -68,7 +68,7 @@ def candidates(scene: Scene, scenario: PreCrashScenario) -> list[Candidate]:
 
 
 def _at_one_time(one: Approach, two: Approach) -> bool:
-    """Return whether both can be there at one time: the traffic of reversible roads goes one way."""
+    """Return whether both paths can be used at one time, since traffic on reversible roads goes one way."""
     if not (one.goes_either_way and two.goes_either_way) or one.wrong_way or two.wrong_way:
         return True
     return one.other_way == two.other_way

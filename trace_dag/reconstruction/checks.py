@@ -1,8 +1,8 @@
 """The checks of every hypothesis, whichever estimator made it.
 
-Some check what estimators promise: the bodies touch at the impact and not before, reported speeds are kept, paths can
-be driven. The others are the published criteria, measured on the plan. Each check says what was measured. A hypothesis
-that fails one of ``ESSENTIAL`` is dropped.
+Some check the contract of estimators: the bodies touch at the impact and not before, reported speeds are kept, paths
+can be driven. The others are the published criteria, measured on the plan. Each check has its measured value. A
+hypothesis that fails one of ``ESSENTIAL`` is dropped.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def check(
 ) -> tuple[EstimateCheck, ...]:
     """Return all checks of one hypothesis.
 
-    ``beyond_map`` says for each vehicle number whether it starts where the map has no road.
+    ``beyond_map`` gives, for each vehicle number, whether it starts beyond the roads of the map.
 
     >>> states, lead_s = hypothesis.participants, hypothesis.impact_time_s
     >>> done = check(solution, states, lead_time_s=lead_s, beyond_map={1: False, 2: False})

@@ -1,4 +1,4 @@
-"""The crash as far as it is planned, what that comes to in simulation, and the plans that go on from it."""
+"""The crash as planned so far, its simulation, and the search for further plans."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _States: TypeAlias = tuple[ParticipantState, ...]
 class Plan:
     """A plan for an event: its parties, its objects, and the log-likelihood.
 
-    ``detail`` says in words what is assumed. Plans of one ``group`` differ in detail only.
+    ``detail`` is a text on its assumptions. Plans of one ``group`` differ only in detail.
     """
 
     states: tuple[ParticipantState, ...]
@@ -38,9 +38,9 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The crash so far: who takes part, what stands there, what comes of it, and the events planned so far.
+    """The crash so far: its parties, objects, simulated log, and the events planned so far.
 
-    ``run`` is what ``log`` was logged of, to be gone on with; None where that came to its end.
+    ``run`` is the unfinished simulation of ``log``, or None after its end.
     """
 
     states: tuple[ParticipantState, ...]
@@ -55,17 +55,17 @@ class Course:
 
     @property
     def numbers(self) -> frozenset[int]:
-        """Return numbers of those who take part."""
+        """Return the numbers of the parties that take part."""
         return frozenset(state.vehicle_number for state in self.states)
 
     @property
     def rank(self) -> tuple[int, int, float]:
-        """Return the more of the events first, then fewer contacts that nobody reported, then the likelier."""
+        """Return the sorting key: more events that happen, fewer unreported contacts, higher likelihood."""
         return -self.matching.happened, len(self.matching.strange), -round(self.score, 6)
 
     @property
     def comes_right(self) -> bool:
-        """Return whether every required event happens, and no contact that nobody reported."""
+        """Return whether every required event happens, and no unreported contact."""
         needed = zip(self.matching.matched, expect_events(self.events), strict=True)
         return not self.matching.strange and all(seen is not None or not each.required for seen, each in needed)
 
@@ -74,16 +74,17 @@ class Course:
         return next(each for each in self.states if each.vehicle_number == number)
 
     def last_event_s(self, number: int) -> float | None:
-        """Return the time of a party's last event planned so far; None if there is none.
+        """Return the time of a party's last planned event; None without one.
 
-        Parties touched again, as bodies come to lie against each other, do not count."""
+        Repeated touches, as bodies come to rest against each other, do not count.
+        """
         seen = (each for each in self.matching.matched if each is not None and number in each.pair)
         return max((each.time_s for each in seen), default=None)
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The facts about the crash throughout a search: its scene, its events, and the simulation to look ahead with."""
+    """The fixed facts of a search: the scene, the events, and the simulation for looking ahead."""
 
     scene: Scene
     sequence: EventSequence
@@ -101,7 +102,7 @@ class Search:
         before: Course | None = None,
         tolerated: Sequence[SimulatedEvent] = (),
     ) -> Course:
-        """Return a plan simulated to its end, or to a contact that is too early or not reported.
+        """Return a plan simulated to its end, or to a premature or unreported contact.
 
         Tolerated contacts do not end it.
         """
@@ -129,7 +130,7 @@ class Search:
         )
 
     def with_event(self, course: Course, event: CrashEvent) -> Course:
-        """Return the course as it is, with one event more that it is asked for."""
+        """Return the course with one more event to happen."""
         events = tuple(each for each in self.sequence.events if each in course.events or each is event)
         return replace(course, events=events, matching=self.matching(course.log, events))
 
@@ -146,7 +147,7 @@ class Search:
         return replace(course, states=states, run=None, log=log, matching=self.matching(log, course.events))
 
     def to_the_end(self, course: Course) -> Course:
-        """Return the course simulated on until everybody is at rest, whatever touches."""
+        """Return the course simulated on to the rest of all parties, whatever contacts occur."""
         if course.run is None:
             return course
         log = course.run.log()

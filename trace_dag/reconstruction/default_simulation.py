@@ -1,6 +1,6 @@
-"""The simulation that estimators look ahead with: the embedded back-end with its default settings.
+"""The simulation with which estimators look ahead: the embedded back-end with its default settings.
 
-Never with the settings of a run: an estimate follows from the record and the map alone.
+The settings of a run are not used, because an estimate must follow from the record and the map alone.
 """
 
 from __future__ import annotations

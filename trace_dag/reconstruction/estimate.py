@@ -1,7 +1,7 @@
-"""Estimating states: the interface of an estimator, and the estimator that the settings name.
+"""The interface of an estimator, and the estimator that the settings name.
 
 Belongs here: the interface, which packages implement and offer by name (:mod:`trace_dag.common.plugins`). Does not
-belong here: how an estimator finds its hypotheses.
+belong here: the search for hypotheses.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from trace_dag.simulation.states import EstimatorRun, StateEstimate
 
 
 class Estimator(Protocol):
-    """Makes hypotheses of how a crash came about."""
+    """Makes hypotheses of the states before a crash."""
 
     def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
         """Return states of the vehicles and people of one crash: ranked hypotheses, at least one.
 
-        Raises :class:`trace_dag.common.errors.Rejection` with ``no_feasible_state``, :class:`UnusableAnswers` among
-        them; one that asks a service :class:`trace_dag.common.errors.Failure` and
+        Raises :class:`trace_dag.common.errors.Rejection` with ``no_feasible_state``, also as :class:`UnusableAnswers`.
+        An estimator with a service also raises :class:`trace_dag.common.errors.Failure` and
         :class:`trace_dag.common.errors.TransientFailure`.
         """
 
@@ -49,14 +49,14 @@ class EstimatorFactory(Protocol):
     def variant(self, settings: StateSettings, name: str) -> StateSettings:
         """Return the settings for a name such as ``llm:PROMPT@MODEL``.
 
-        The part behind the estimator's own name, never empty.
+        ``name`` is the part behind the estimator's own name, never empty.
 
         Raises :class:`trace_dag.common.errors.UserError` if the estimator has no such variant.
         """
 
 
 class UnusableAnswers(Rejection):
-    """A service gave no usable answer; ``run`` holds its answers and what they cost."""
+    """A service gave no usable answer; ``run`` has its answers and their cost."""
 
     def __init__(self, detail: str, run: EstimatorRun, *, threshold: float) -> None:
         super().__init__(Reason.NO_FEASIBLE_STATE, detail, measured=run.attempts, threshold=threshold)
@@ -77,7 +77,7 @@ def estimator_factory(settings: StateSettings) -> EstimatorFactory:
 
 
 def estimate(record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings) -> StateEstimate:
-    """Return one crash estimated by the estimator the settings name, see :meth:`Estimator.estimate`.
+    """Estimate one crash by the estimator in the settings; see :meth:`Estimator.estimate`.
 
     Answers of a service are kept in memory, and the budget is for this call alone.
     """

@@ -1,8 +1,8 @@
 """Log-likelihoods of the record's evidence, term by term.
 
 Every function returns named terms, natural logarithms, 0 at best agreement. They are set by judgement, not fitted: each
-is a Gaussian or a fixed penalty whose width says how far reports and maps usually differ. Hypotheses are ranked by the
-sum; the terms are stored with each, so that a reader sees what supported it.
+is a Gaussian or a fixed penalty whose width reflects the usual differences between reports and maps. Hypotheses are
+ranked by the sum; the terms are stored with each hypothesis as its evidence.
 """
 
 from __future__ import annotations
@@ -76,14 +76,14 @@ def _ends(road: Road) -> set[str]:
 
 
 def is_main(network: RoadNetwork, placement: CrashPlacement, road: Road) -> bool:
-    """Return whether a road is the first trafficway of the record, by the crash's placement."""
+    """Return whether a road is the first trafficway of the record, by the placement of the crash."""
     return _same_street(network, placement.road_id, road)
 
 
 def is_cross(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, road: Road) -> bool:
-    """Return whether a road is the other street of the crash's crossing.
+    """Return whether a road is the other street at the crossing.
 
-    By its placement, or by the name the record gives.
+    It is compared by the placement, or by the name in the record.
     """
     if any(_same_street(network, road_id, road) for road_id in placement.cross_road_ids):
         return True
@@ -98,12 +98,12 @@ def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
 
 
 def crossing_ahead_terms(scene: Scene, relation: Relation, approach: Approach) -> Terms:
-    """Score two vehicles in one direction at a crash related to an intersection as on their way to it.
+    """Score that two vehicles in one direction, in a crash related to an intersection, are on their way to it.
 
-    ``RELJCT2`` 3 is the code.
+    The code is ``RELJCT2`` 3.
 
-    Measured on 3,089 rear ends and 587 sideswipes of a city whose table has directions and distances from the crossing:
-    91 and 78 % (88 % of leaders that slowed down, 92 % of those that stood).
+    In 3,089 rear ends and 587 sideswipes of a city whose table has directions and distances from the crossing, this is
+    true in 91 and 78 % (88 % of leaders that slowed down, 92 % of those that stood).
 
     >>> crossing_ahead_terms(scene, Relation.SAME_LANE, scene.through[0])  # this crash was in the intersection
     {}
@@ -119,12 +119,13 @@ def crossing_ahead_terms(scene: Scene, relation: Relation, approach: Approach) -
 
 
 def first_street_terms(scene: Scene, keep_on: Sequence[Approach], *, cross: bool = False) -> Terms:
-    """Score the first of two recorded streets.
+    """Score that a vehicle travelled on the first of two recorded streets.
 
-    A vehicle that keeps on went along it, and of two that ``cross`` one did.
+    A vehicle that goes straight did so; if two vehicles ``cross``, one of them did.
 
-    ``keep_on``: the approaches of those who neither turn nor back. Measured on a city's table with directions: 99 % of
-    5,300 rear ends, 94 % of 2,700 who met one that turned, 87 % of 220 drivers who struck a person.
+    ``keep_on`` has the approaches of vehicles that neither turn nor back. In a city's table with directions this is
+    true in 99 % of 5,300 rear ends, for 94 % of 2,700 vehicles that met a turning one, and for 87 % of 220 drivers who
+    struck a person.
 
     >>> first_street_terms(scene, scene.through[:1])  # along the street named first
     {}
@@ -173,7 +174,7 @@ def road_terms(vehicle: VehicleRecord, approach: Approach) -> Terms:
 
 
 def heading_terms(vehicle: VehicleRecord, option: Option) -> Terms:
-    """Score the vehicle's way against its reported direction of travel, if there is one.
+    """Score the vehicle's direction against its reported direction of travel, if there is one.
 
     >>> heading_terms(record.vehicles[0], None)  # FARS gives none
     {}
@@ -189,7 +190,7 @@ def heading_terms(vehicle: VehicleRecord, option: Option) -> Terms:
 
 
 def heading_log_likelihood(heading: Heading, heading_rad: float, turned_rad: float | None = None) -> float:
-    """Return the log-likelihood of a reported direction of travel of a party that turns by ``turned_rad``.
+    """Return the log-likelihood of a reported direction of travel for a party that turns by ``turned_rad``.
 
     >>> from trace_dag.crash.record import Octant
     >>> north = Heading(Octant.NORTH)
@@ -275,7 +276,7 @@ def speed_terms(vehicle: VehicleRecord, approach: Approach, turn: Turn | None) -
 def _usual_speed(road: Road, sigma_mph: float) -> tuple[float, float]:
     """Return the usual speed and its spread, from the road's limit.
 
-    If the map does not have it, from the road's class, with more spread.
+    If the map has no limit, it is from the road's class, with more spread.
     """
     if road.speed_mps:
         return road.speed_mps, sigma_mph
@@ -283,7 +284,7 @@ def _usual_speed(road: Road, sigma_mph: float) -> tuple[float, float]:
 
 
 def driveway_speed_terms(approach: Approach, speed_mps: float) -> Terms:
-    """Score speeds out of a driveway: lower than along a road, whether reported or inferred.
+    """Score speeds out of a driveway, reported or inferred, which are lower than along a road.
 
     >>> driveway_speed_terms(scene.through[0], 20.0)  # a road of the map
     {}
@@ -296,7 +297,7 @@ def driveway_speed_terms(approach: Approach, speed_mps: float) -> Terms:
 
 @dataclass(frozen=True)
 class CrossingVehicle:
-    """One of two vehicles whose paths cross: its report, where it came from and how fast it was."""
+    """One of two vehicles whose paths cross: its report, approach and speed."""
 
     vehicle: VehicleRecord
     approach: Approach
@@ -304,7 +305,7 @@ class CrossingVehicle:
 
 
 def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
-    """Score two vehicles that cross straight: the one on the lesser road is expected to stop or slow down.
+    """Score two vehicles that cross straight; the one on the lesser road should stop or slow down.
 
     >>> one = CrossingVehicle(record.vehicles[1], scene.through[0], 13.4)
     >>> crossing_terms(one, one)  # neither road is the lesser one
@@ -323,12 +324,12 @@ def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
 
 
 def _rank(road: Road | None) -> int:
-    """Return the rank of a road's class, the most important first; a vehicle without a road came out of a driveway."""
+    """Return the rank of a road's class, 0 for the most important; a vehicle without a road came from a driveway."""
     return road_class(road.highway if road is not None else "service").rank
 
 
 def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) -> FloatArray:
-    """Return the log-likelihood of contact bearings, shape (n,), given the reported area; 0 without one."""
+    """Return the log-likelihood of contact bearings, shape (n,), given the reported area; 0 without an area."""
     if vehicle.impact is None:
         return np.zeros_like(bearing_rad)
     apart = np.abs(np.remainder(bearing_rad - vehicle.impact.centre_rad + math.pi, math.tau) - math.pi)
@@ -340,7 +341,7 @@ def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) 
 def manner_log_likelihood(record: CrashRecord, bearing_1_rad: FloatArray, bearing_2_rad: FloatArray) -> FloatArray:
     """Return the log-likelihood of the struck faces, bearings of shape (n,), given ``MAN_COLL``.
 
-    Useful if the areas of impact are not reported. The manner is that of the first harmful event.
+    It matters if the areas of impact are not reported. The manner is that of the first harmful event.
 
     >>> ahead, behind = np.zeros(1), np.full(1, math.pi)
     >>> manner_log_likelihood(queue_record, ahead, behind).tolist()  # MAN_COLL 1: front to rear
@@ -381,9 +382,9 @@ _FACE_COSINE = math.cos(math.radians(55))  # corners belong to both faces
 
 
 def place_log_likelihood(record: CrashRecord, distance_m: FloatArray) -> FloatArray:
-    """Return the log-likelihood of a contact at this distance (metres) from the reported place.
+    """Return the log-likelihood of a contact at a distance (metres) from the reported place.
 
-    A register says how far its points usually are from the crash; FARS' are taken for good to 2.5 m.
+    A register states the usual error of its points; FARS' points are taken as exact to 2.5 m.
 
     >>> place_log_likelihood(record, np.array([PLACE_SIGMA_M])).tolist()
     [-0.5]

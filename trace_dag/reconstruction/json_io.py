@@ -29,7 +29,7 @@ def estimate_to_json(estimate: StateEstimate) -> bytes:
 
 
 def run_to_json(run: EstimatorRun) -> bytes:
-    """Return the run of an estimator that found no estimate, as UTF-8 JSON, ending with a newline."""
+    """Return the run of an estimator without an estimate, as UTF-8 JSON, ending with a newline."""
     return _runs().dump_json(run, indent=1) + b"\n"
 
 
@@ -39,9 +39,9 @@ def _runs() -> TypeAdapter[EstimatorRun]:
 
 
 def estimate_from_json(data: bytes, *, name: str = "state estimate") -> StateEstimate:
-    """Read what :func:`estimate_to_json` wrote.
+    """Read an estimate written by :func:`estimate_to_json`.
 
-    Raises :class:`Failure`, which names the file ``name``, if it is something else.
+    Raises :class:`Failure`, which names the file ``name``, for other content.
 
     >>> estimate_from_json(estimate_to_json(state_estimate)).hypotheses[0].participants[0].vehicle_number
     1

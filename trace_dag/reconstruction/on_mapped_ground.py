@@ -1,7 +1,8 @@
-"""Hypotheses in which all parties are where they can be before the first event.
+"""Hypotheses with all parties on possible ground before the first event.
 
-If the map's data end before a vehicle's beginning, the time before the first event is shortened: what happens before
-is not known. Roads that end are no reason to drive over gardens."""
+If the map's data end before a vehicle's beginning, the time before the first event is shortened, so that no vehicle
+drives over gardens where the roads end.
+"""
 
 from __future__ import annotations
 
@@ -32,12 +33,11 @@ def on_mapped_ground(
 ) -> StateEstimate:
     """Return the estimate of ``made_with``, without hypotheses off mapped ground or in a building.
 
-    The time before the first event is shortened where the best one only begins there.
+    The time before the first event is shortened if only the beginning of the best one is off the ground. If none is
+    left, less likely ones are requested.
 
-    If none is left, less likely ones are asked for.
-
-    Raises :class:`Rejection`: ``map_too_small`` where the data end too near to the crash, ``no_feasible_state`` where a
-    party strays later on in every hypothesis.
+    Raises :class:`Rejection`: ``map_too_small`` if the data end too near to the crash, ``no_feasible_state`` if a party
+    strays later in every hypothesis.
     """
 
     def strays(each: Hypothesis) -> tuple[Astray, ...]:

@@ -1,8 +1,9 @@
-"""Encounters: how the two vehicles met, as far as the record tells.
+"""Encounters: the possible readings of how two vehicles met.
 
 Crash types, critical events, movements and the sequence of events give a short list of readings of the record. A
-reading says how the two approaches relate and which vehicle entered the other's path. If the record says nothing,
-every reading stays, with its prior."""
+reading says how the two approaches relate and which vehicle entered the other's path. If the record is silent, every
+reading stays, with its prior.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +55,7 @@ _KEEP_WITHIN = 3.0
 
 @dataclass(frozen=True)
 class Party:
-    """One of the two vehicles with everything the record says about its part."""
+    """One of the two vehicles with all facts of the record about its part."""
 
     vehicle: VehicleRecord
     crash_type: CrashType
@@ -70,7 +71,7 @@ class Party:
 
     @property
     def stationary(self) -> bool:
-        """Return whether it stood still: by its reported speed or, if none is reported, by its movement."""
+        """Return whether the vehicle stood still, by its reported speed or else by its movement."""
         if self.vehicle.travel_speed_mps is not None:
             return self.vehicle.travel_speed_mps == 0 and self.vehicle.movement is not PreCrashMovement.STARTING
         return self.crash_type.stopped or self.vehicle.movement in (
@@ -80,10 +81,7 @@ class Party:
 
     @property
     def encroached(self) -> float:
-        """Return the log-odds that this vehicle left its path or struck the other.
-
-        0 if they say nothing.
-        """
+        """Return the log-odds that this vehicle left its path or struck the other; 0 without evidence."""
         role = {
             EncounterRole.ENCROACHING: 1.0,
             EncounterRole.STRIKING: 1.0,
@@ -102,8 +100,8 @@ class Party:
 class PreCrashScenario:
     """One reading: ``mover`` left its path, turned, backed, or struck from behind; ``other`` did not.
 
-    ``mover_from`` is the side of ``other`` from which the mover came (crossing) or on which it was (same direction),
-    None where either is possible. ``log_prior`` weighs the reading by the record.
+    ``mover_from`` is the side of ``other`` from which the mover came (crossing) or on which it was (same direction);
+    None allows both. ``log_prior`` weighs the reading by the record.
     """
 
     relation: Relation
@@ -155,10 +153,10 @@ def pre_crash_scenarios(record: CrashRecord, one: Party, two: Party) -> tuple[Pr
 
 
 def _possible(record: CrashRecord, each: Party) -> list[tuple[Party, float]]:
-    """Return a party as reported.
+    """Return a party's possible readings.
 
-    One of an angle crash at an intersection of which nothing says how it moved goes straight on or turns across
-    oncoming traffic, each with its log-probability.
+    In an angle crash at an intersection, a party without a reported movement goes straight on or turns across oncoming
+    traffic, each with its log-probability; otherwise it is as reported.
     """
     unsaid = (
         each.vehicle.movement in UNSAID_MOVEMENTS and each.crash_type.relation is None and each.critical.own is None
@@ -187,7 +185,7 @@ def _scenarios(record: CrashRecord, one: Party, two: Party) -> Iterator[PreCrash
 
 
 def _drifts_unreported(record: CrashRecord, mover: Party) -> bool:
-    """Return whether a vehicle would cross the centreline without turning in an angle crash, and nothing says so."""
+    """Return whether a vehicle in an angle crash would cross the centreline without a turn, unreported."""
     said = mover.turn is not None or mover.backing or mover.crash_type.relation is not None
     return record.collision_type is CollisionType.ANGLE and not said and not mover.events & _LEFT_ITS_LANE
 
@@ -213,7 +211,7 @@ def _relations(record: CrashRecord, one: Party, two: Party) -> dict[Relation, fl
 
 
 def _mover_prior(relation: Relation, mover: Party, other: Party) -> float:
-    """Return the log-probability that ``mover``, not ``other``, is the one that moved, given the relation."""
+    """Return the log-probability that ``mover``, rather than ``other``, is the one that moved, given the relation."""
     odds = mover.encroached - other.encroached
     if relation in (Relation.OPPOSITE_DIRECTION, Relation.SAME_DIRECTION):
         odds += 4.0 * ((mover.turn is not None) - (other.turn is not None))

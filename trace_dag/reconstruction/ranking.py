@@ -38,12 +38,12 @@ class Scored:
 
     @property
     def score(self) -> float:
-        """Return the log-likelihood, rounded so that an order by it does not depend on the last bits."""
+        """Return the log-likelihood, rounded so that the order does not depend on the last bits."""
         return round(math.fsum(self.terms.values()), _DECIMALS)
 
 
 def drawn(key: str, about: str) -> float:
-    """Return the number between 0 and 1 that is drawn for a crash and a question about it, the same every time.
+    """Return a number between 0 and 1, drawn for a crash and a question; repeated calls give the same number.
 
     >>> drawn("2023-319003", "side") == drawn("2023-319003", "side"), 0.0 <= drawn("2023-319003", "side") < 1.0
     (True, True)
@@ -64,11 +64,10 @@ def first_of_groups(ordered: Iterable[Found], group_of: Callable[[Found], Hashab
 
 
 def leaders_first(ordered: Sequence[Ranked], group_of: Callable[[Ranked], Hashable]) -> list[Ranked]:
-    """Return the first of each group and then the others, both in their order, the best first.
+    """Return the first of each group and then the others, each in their order, best first.
 
-    Members of a group differ in detail only.
-
-    Groups that are less than a twentieth as likely as the best have no place in front.
+    Members of a group differ only in detail. Groups less than a twentieth as likely as the best are not moved to the
+    front.
 
     >>> from types import SimpleNamespace
     >>> tried = (("west", -1), ("west", -2), ("east", -3), ("north", -9))
@@ -93,10 +92,10 @@ def move_to_front(ordered: Sequence[Found], leaders: Sequence[Found]) -> list[Fo
 
 
 def likelihood(score: float, best: float) -> float:
-    """Return likelihoods relative to the best, by log-likelihoods.
+    """Return likelihoods relative to the best, from log-likelihoods.
 
-    Their terms are judgements that overlap, so together they claim to know more than they do: less by
-    ``_OVERSTATED``, fitted with ``compare_directions`` where a city's table has the directions that were hidden.
+    The terms are overlapping judgements, whose sum claims too much certainty. So it is divided by ``_OVERSTATED``,
+    fitted with ``compare_directions`` on a city's table with the hidden directions.
 
     >>> round(likelihood(-4.0, -3.0), 2), likelihood(-3.0, -3.0)
     (0.51, 1.0)
@@ -105,11 +104,10 @@ def likelihood(score: float, best: float) -> float:
 
 
 def ambiguity(best: float, scores: Iterable[float]) -> float:
-    """Return the posterior share of all but the best, from 0 to 1, by log-likelihoods.
+    """Return the posterior share of all but the best, from 0 to 1, from log-likelihoods.
 
-    The best's own is among the scores.
-
-    It has a share for what nobody thought of, so the best of one is not certain.
+    ``scores`` include the best. A share is kept for hypotheses that were not considered, so that even a single one is
+    not certain.
 
     >>> ambiguity(-3.0, [-3.0]), ambiguity(-3.0, [-3.0, -3.0])
     (0.06, 0.53)

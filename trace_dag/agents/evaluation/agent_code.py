@@ -13,10 +13,8 @@ from urllib.parse import parse_qsl
 def agent_code(reference: str) -> str:
     """Return the digest of an agent, given as ``module:Class?name=value``.
 
-    The sources of the package it is in (of ours the module alone), its arguments, and the bytes of files that they
-    name.
-
-    "unread" where the module is not a Python source.
+    It covers the sources of the agent's package (for an agent of trace-dag only its module), its arguments, and the
+    bytes of files that the arguments name. The result is "unread" if the module is not a Python source.
     """
     place, _, arguments = reference.partition("?")
     digest = hashlib.sha256()

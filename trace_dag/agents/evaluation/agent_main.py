@@ -1,8 +1,8 @@
 """The process an agent lives in, started by :mod:`trace_dag.agents.evaluation.agent_process`.
 
-It holds nothing but the agent and one end of a socket: what is measured, and everything that is stored, is on the other
-side. It takes its limits upon itself before any code of the agent runs. The agent's parent is a guardian, which does
-nothing but wait for it: who stops or kills its parent stops nobody that measures. For the messages see
+It holds only the agent and one end of a socket; measuring and storing happen on the other side. It limits its own
+resources before any code of the agent runs. The agent's parent is a guardian process that only waits for it, so an
+agent that kills its parent does not stop the measuring process. For the messages see
 :mod:`trace_dag.agents.evaluation.agent_protocol`.
 """
 
@@ -72,9 +72,9 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Reset:
-    """A new scenario. ``network`` is the pickled map, None where it is the one of the scenario before.
+    """A new scenario. ``network`` is the pickled map, or None if the map has not changed.
 
-    ``rest`` has everything else of it by name.
+    ``rest`` has the other arguments by name.
     """
 
     network: bytes | None
@@ -82,7 +82,7 @@ class Reset:
 
 
 class _LaneMapOnDemand(LaneMap):
-    """A lane map that is read when the agent first asks for it: half of all agents never do."""
+    """A lane map that is read when the agent first uses it; half of all agents never do."""
 
     def __init__(self, pickled: bytes) -> None:
         object.__setattr__(self, "_pickled", pickled)
@@ -96,7 +96,7 @@ class _LaneMapOnDemand(LaneMap):
 
 
 def main(number: int) -> None:
-    """Serve one agent by an open socket until the other side hangs up."""
+    """Serve one agent over an open socket until the other side closes it."""
     _go_on_guarded(number)
     with socket.socket(fileno=number) as connection, connection.makefile("rwb") as channel:
         _send(channel, READY)
@@ -138,9 +138,9 @@ def _send(channel: BufferedRWPair, message: bytes) -> None:
 
 
 def _received(channel: BufferedRWPair) -> Any:
-    """Return the next message of our own side.
+    """Return the next message from the measuring process.
 
-    Raises :class:`EOFError` once it is gone.
+    Raises :class:`EOFError` once that process is gone.
     """
     head = channel.read(LENGTH.size)
     if len(head) < LENGTH.size:
@@ -149,9 +149,9 @@ def _received(channel: BufferedRWPair) -> Any:
 
 
 def _go_on_guarded(number: int) -> None:
-    """Return in a child. This process waits for it, ends what it leaves behind, and ends as it did.
+    """Fork: return in the child; the parent waits, ends the child's leftover processes, and exits as the child did.
 
-    Or ends it when the process that measures, which holds the other end of standard input, is gone.
+    It also ends the child if the measuring process, which holds the other end of standard input, is gone.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command, which ends its agents itself
     _ask_kernel(_PR_SET_CHILD_SUBREAPER, 1)  # the parent of whatever the agent starts and abandons
@@ -187,7 +187,7 @@ def _ask_kernel(option: int, value: int) -> None:
 
 
 def _limit(limits: AgentLimits) -> None:
-    """Take limits upon this process that it cannot lift again (but as root)."""
+    """Limit this process's resources; only root could lift the limits again."""
     statm = FilePath("/proc/self/statm")
     if statm.exists():
         own = int(statm.read_text().split()[0]) * resource.getpagesize()

@@ -1,8 +1,8 @@
 """An agent of somebody else, driven from here and running in a process of its own.
 
-To the loop it is an agent like any other. Its resources are limited, and any fault of it, its own end included, is
-an :class:`AgentFault`; its process is then ended with everything it started, and the next scenario begins in a new
-one."""
+The loop treats it like any other agent. Its resources are limited. Any fault, also the end of its process, raises
+:class:`AgentFault`; its process is then ended with everything it started, and the next scenario begins in a new one.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class _Life:
     output: IO[bytes]
 
     def exit_code(self) -> int | None:
-        """Return the exit code; None where it goes on for a second."""
+        """Return the exit code, or None if the process is still running after a second."""
         try:
             return self.process.wait(timeout=_END_S)
         except subprocess.TimeoutExpired:
@@ -74,7 +74,7 @@ class AgentProcess:
         self._network: RoadNetwork | None = None  # the one its process has
 
     def make(self) -> None:
-        """Start the process and make the agent in it, if that has not been done. Raises :class:`AgentFault`."""
+        """Start the process and make the agent in it, unless that is done. Raises :class:`AgentFault`."""
         if self._life is not None:
             return
         self._life = _started(self._isolation)
@@ -103,7 +103,7 @@ class AgentProcess:
         return self._read(self._asked(observation))
 
     def close(self) -> None:
-        """End the process and everything it has started."""
+        """End the process and everything that it started."""
         life, self._life = self._life, None
         if life is None:
             return
@@ -147,7 +147,7 @@ class AgentProcess:
         return self._heard()
 
     def _heard(self) -> bytes:
-        """Return the next message of the agent, of which it may send one at a time.
+        """Return the agent's next message; an agent may send one at a time.
 
         Raises :class:`AgentFault`.
         """
@@ -172,7 +172,7 @@ class AgentProcess:
         return data[LENGTH.size :]
 
     def _look(self) -> None:
-        """Read the clock, the agent's output and its processes while it does not answer, and now and then otherwise."""
+        """Check the time limit, output and processes of the agent: at every wait, and otherwise now and then."""
         now_s = time.monotonic()
         if processor_time_s(self._alive.process.pid) - self._used_s > self._limit_s:
             raise self._ended(f"took longer than {self._limit_s:g} s of processor time")
@@ -184,7 +184,7 @@ class AgentProcess:
             raise self._ended(f"started more than the {self._limits.processes} processes that are allowed")
 
     def _take_output(self) -> None:
-        """Show what the agent prints, up to a limit, in a way that cannot spoil what else the terminal shows."""
+        """Print the agent's output up to a limit, without control characters that could disturb the terminal."""
         part = self._alive.output.read(1 << 20) or b""  # None: nothing for now
         if self._printed < _SHOWN_CHARACTERS:
             for line in part[: _SHOWN_CHARACTERS - self._printed].decode(errors="replace").splitlines():
@@ -203,7 +203,7 @@ class AgentProcess:
         return self._life
 
     def _ended(self, how: str) -> AgentFault:
-        """Return the fault of an agent whose process is ended for it."""
+        """End the agent's process and return the fault."""
         self.close()
         return AgentFault(how)
 
@@ -236,7 +236,7 @@ _last_pickled: tuple[RoadNetwork | None, bytes] = (None, b"")
 
 
 def _pickled(network: RoadNetwork) -> bytes:
-    """Return a map as bytes; of the latest one they are kept, for the other agents that drive in it."""
+    """Return a map as bytes; the latest result is kept for other agents in the same map."""
     global _last_pickled
     if _last_pickled[0] is not network:
         _last_pickled = network, pickle.dumps(replace(network))  # without what it keeps of earlier questions

@@ -37,7 +37,7 @@ def add_length(message: bytes) -> bytes:
 
 
 def answer_to_bytes(action: object) -> bytes:
-    """Return an agent's answer as JSON, or what is wrong with it.
+    """Return an agent's answer as JSON, or the fault that it has.
 
     >>> answer_to_bytes(Pedals(brake=1.0))
     b'{"pedals": {"steer_rad": 0.0, "throttle": 0.0, "brake": 1.0, "reverse": false}}'
@@ -52,7 +52,7 @@ def answer_to_bytes(action: object) -> bytes:
 def answer_from_bytes(data: bytes) -> Action:
     """Read an answer written by :func:`answer_to_bytes`.
 
-    Raises :class:`AgentFault` for anything else that an agent may send, and with what its process found.
+    Raises :class:`AgentFault` for any other content, and for a fault reported by the agent's process.
     """
     try:
         ((kind, given),) = json.loads(data).items()
@@ -80,7 +80,7 @@ def _as_python(value: object) -> object:
 
 
 def problem_of(action: object) -> str:
-    """Return the fault of an answer; empty if there is none."""
+    """Return the fault in an answer, or "" if there is none."""
     if isinstance(action, Pedals):
         return _problem_of_numbers(action, _OF_PEDALS) or _problem_of_reverse(action.reverse)
     if isinstance(action, Motion):
@@ -140,7 +140,7 @@ def _problem_of_motion(action: Motion) -> str:
 
 
 def describe_exception(error: BaseException) -> str:
-    """Return an agent's exception in one line: what it was, and the last line of code it came through."""
+    """Return an agent's exception in one line, with the last line of code that raised it."""
     frames = traceback.extract_tb(error.__traceback__)
     where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
     try:

@@ -80,7 +80,7 @@ class Motion:
 class Recorded:
     """Let the vehicle do what was recorded for this time: the human driver goes on.
 
-    At another ``pace`` than 1 it drives the recorded way at so many times the recorded speed of each place (0 or more).
+    A ``pace`` other than 1 multiplies the recorded speed at each place (0 or more).
     """
 
     pace: float = 1.0

@@ -1,4 +1,4 @@
-"""The agents that every other is compared with. Registered as entry points of the group ``trace_dag.agents``.
+"""The agents that all others are compared with, registered as entry points of the group ``trace_dag.agents``.
 
 They are simple on purpose, each one idea from the literature with its published constants, and none is tuned to these
 crashes.
@@ -29,10 +29,10 @@ _STANDS_MPS = 0.1
 
 
 class Replay:
-    """Drives as was recorded and never reacts. Its score is that of the crash itself.
+    """Drives as recorded and never reacts. Its score is that of the crash itself.
 
-    At another ``pace``, after a while in which it slows down or speeds up as drivers do, what comes of being so many
-    times as fast.
+    With another ``pace`` it first changes its speed as drivers do, and then drives at that multiple of the recorded
+    speed.
     """
 
     changes_mps2 = 3.4  # what most drivers find comfortable to brake with: AASHTO Green Book, stopping sight distance
@@ -184,13 +184,13 @@ class IdmLaneKeeper:
     def _free(self, own: OwnState, at_m: float) -> float:
         """Return the model's acceleration on a free road (m/s2).
 
-        Above the desired speed it brakes as is comfortable.
+        Above the desired speed it brakes comfortably.
         """
         ratio = max(own.speed_mps, 0.0) / self._desired_mps(own, at_m)
         return max(self.acceleration_mps2 * (1 - ratio**4), -self.comfortable_braking_mps2)
 
     def _behind(self, own: OwnState, free_mps2: float, gap_m: float, leader_mps: float) -> float:
-        """Return the model's acceleration behind somebody (m/s2), full brakes at most."""
+        """Return the model's acceleration behind a vehicle or person (m/s2), at most full brakes."""
         speed = max(own.speed_mps, 0.0)
         root = 2 * math.sqrt(self.acceleration_mps2 * self.comfortable_braking_mps2)
         wanted_m = self.least_gap_m + max(0.0, speed * self.time_gap_s + speed * (speed - leader_mps) / root)
@@ -198,7 +198,7 @@ class IdmLaneKeeper:
         return max(free_mps2 - interaction, -GRAVITY_MPS2)
 
     def _desired_mps(self, own: OwnState, at_m: float) -> float:
-        """Return the lane's limit, less in bends; where the map has no limit, the speed it came with."""
+        """Return the lane's speed limit, reduced in bends; without a limit on the map, the initial speed."""
         if self._limit_mps is None or abs(at_m - self._limit_at_m) > _LOOK_AGAIN_M:
             lane_map = self._scenario.lane_map
             match = lane_map.lane_at(own.x_m, own.y_m, own.heading_rad)
@@ -210,7 +210,7 @@ class IdmLaneKeeper:
         return max(min(self.share_of_limit * self._limit_mps, bend), 1.0)
 
     def _in_the_way(self, observation: Observation, at_m: float) -> list[tuple[float, float]]:
-        """Return the gap (m) and speed along the route (m/s) of everyone whose body is in the way ahead."""
+        """Return the gap (m) and speed along the route (m/s) of each body in the way ahead."""
         return [
             (float(gap[0]), float(along[0]))
             for other in observation.others
@@ -221,9 +221,9 @@ class IdmLaneKeeper:
     def _encounter(
         self, other: RoadUser, times_s: FloatArray, at_m: float
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Return the gap along the route (m), the other's speed along it (m/s) and whether its body is in the way.
+        """Return the gap along the route (m), the other's speed along it (m/s) and whether it is in the way.
 
-        Each has shape (n,), at times from now, the other keeping its velocity.
+        Each has shape (n,) for the given times from now; the other keeps its velocity.
         """
         velocity = np.array([other.velocity_x_mps, other.velocity_y_mps])
         s_m, offset_m, course = self._route.locate_many(np.array([other.x_m, other.y_m]) + times_s[:, None] * velocity)
@@ -274,9 +274,7 @@ class CautiousLaneKeeper(IdmLaneKeeper):
 def time_to_collision_ahead_s(observation: Observation, scenario: Scenario) -> float:
     """Return the least time to collision with anybody ahead if all keep velocity and heading, s.
 
-    Infinity if there is none.
-
-    Whoever comes from behind is not looked at: braking would make that worse.
+    Infinity if there is none. Bodies that come from behind are ignored, because braking would not help.
     """
     own, body = observation.own, scenario.body
     mine = Outline(own.x_m, own.y_m, own.heading_rad, body.length_m / 2, body.width_m / 2)
@@ -292,5 +290,5 @@ def time_to_collision_ahead_s(observation: Observation, scenario: Scenario) -> f
 
 
 def points_of(path: Path) -> FloatArray:
-    """Return the points of a path, shape (n, 2), as a motion takes them."""
+    """Return the points of a path, shape (n, 2), in the form that a motion takes."""
     return np.column_stack([path.x_m, path.y_m])

@@ -33,7 +33,7 @@ class MotionController:
         self._own_path: tuple[FloatArray, PathFollower] | None = None
 
     def pedals(self, motion: Motion, own: OwnState) -> Pedals:
-        """Return pedals for a motion, given the vehicle's state now."""
+        """Return pedals for a motion, from the vehicle's present state."""
         steer_rad = motion.steer_rad if motion.steer_rad is not None else self._toward(self._path(motion), own)
         if motion.acceleration_mps2 is not None:
             wanted_mps2 = motion.acceleration_mps2
@@ -57,7 +57,7 @@ class MotionController:
         return self._own_path[1]
 
     def _toward(self, path: PathFollower, own: OwnState) -> float:
-        """Return the steering to the point of a path some way ahead of the rear axle."""
+        """Return the steering angle toward a point of the path some way ahead of the rear axle."""
         model = self._model
         back_m = model.rear_axle_m - model.cg_ahead_m
         c, s = math.cos(own.heading_rad), math.sin(own.heading_rad)

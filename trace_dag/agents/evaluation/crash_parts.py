@@ -22,10 +22,9 @@ class CrashPart(StrEnum):
 def part_of(record: CrashRecord, number: int) -> CrashPart | None:
     """Return a driver's part by the critical event of each vehicle (``P_CRASH2``).
 
-    The vehicle whose own doing made the crash imminent is the initiator, as is one that runs into a vehicle ahead.
-
-    If that tells the drivers not apart, whoever alone was speeding or had been drinking is the initiator. None where
-    nothing tells. Violations charged are not in the record.
+    The initiator is the vehicle whose own action made the crash imminent, or the one that runs into a vehicle ahead. If
+    that does not distinguish the drivers, the initiator is the only one who was speeding or had been drinking. None if
+    the drivers cannot be distinguished. Charged violations are not in the record.
 
     >>> part_of(record, 1), part_of(record, 2)  # a car that turns left across a motorcycle
     (<CrashPart.INITIATOR: 'initiator'>, <CrashPart.RESPONDER: 'responder'>)
@@ -45,7 +44,7 @@ def part_of(record: CrashRecord, number: int) -> CrashPart | None:
 
 
 def _own_doing(vehicle: VehicleRecord) -> int:
-    """Return how far the critical event is the vehicle's own doing: 3 for its own, 0 for another's."""
+    """Return a score from 0 to 3 of how far the critical event is the vehicle's own action: 3 own, 0 another's."""
     code = vehicle.critical_event_code
     if code in _OWN_DOING:
         return 3

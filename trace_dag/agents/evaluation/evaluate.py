@@ -43,7 +43,7 @@ class Conditions:
 
     @property
     def suffix(self) -> str:
-        """Return the part of a file's name that stands for these conditions; empty for the usual ones."""
+        """Return the suffix of a file's name that identifies these conditions; empty for the default ones."""
         usual, sensing = Conditions(), self.sensing
         parts = (
             (self.rate_hz != usual.rate_hz, f"{self.rate_hz:g}hz"),
@@ -60,9 +60,9 @@ class Conditions:
 class Evaluation:
     """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty.
 
-    ``role``: of the two that collided first, ``striking`` closed in faster, the other is ``struck``; ``departing`` left
-    the road by itself. ``part`` is initiator or responder, None where the report does not tell. ``drive``: everybody's
-    places (:mod:`trace_dag.agents.evaluation.rejudging`).
+    ``role``: of the two parties that collided first, ``striking`` closed in faster and ``struck`` is the other;
+    ``departing`` left the road by itself. ``part`` is initiator or responder, None if the report does not say.
+    ``drive``: the positions of all parties (:mod:`trace_dag.agents.evaluation.rejudging`).
     """
 
     case_id: str
@@ -97,7 +97,7 @@ def faulty(case: Case, ego: int, fault: str) -> Evaluation:
 
 
 def others_of(case: Case, ego: int, traffic: Traffic, *, period_s: float, seed: int) -> dict[int, Driver]:
-    """Return drivers for everybody but the agent who does not just do as recorded, by number."""
+    """Return drivers, by number, for all parties but the agent that do more than follow the recording."""
     if traffic is Traffic.REACTIVE:
         return reactive_drivers(case, ego, period_s=period_s, seed=seed)
     return persistent_drivers(case, ego, period_s=period_s) if traffic is Traffic.PERSISTENT else {}
@@ -112,9 +112,9 @@ def run(
     *,
     after_contact_s: float | None = None,
 ) -> SimulationLog:
-    """Return the log of a case with an agent at the wheel; to rest, or so long after the first contact.
+    """Return the log of a case with an agent at the wheel.
 
-    Raises :class:`AgentFault`.
+    It ends at rest, or ``after_contact_s`` after the first contact. Raises :class:`AgentFault`.
     """
     seed = zlib.crc32(f"{conditions.seed}:{case.case_id}:{ego}".encode())
     scenario = case.scenario(ego, period_s=1 / conditions.rate_hz, seed=seed)

@@ -1,7 +1,7 @@
-"""The risk of serious injury at the violence of a contact, by the curves of the warehouse's view ``injury_risk``.
+"""The risk of serious injury in a contact, by the curves of the warehouse's view ``injury_risk``.
 
-They are for people in cars and people on foot, and of any direction here. For motorcyclists, who are worse off, and for
-trucks they tell only what is worse or better than another contact of the same bodies.
+The curves are for occupants of cars and people on foot, and here cover all directions. For motorcyclists, whose risk is
+higher, and for trucks they only rank contacts of the same bodies.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def struck_persons_risk(closing_mps: float) -> float:
 
 
 def risk_of_contact(contact: Contact | None, bodies: dict[int, Body]) -> float:
-    """Return the larger one of the risks of the two that touch; 0 where nobody does."""
+    """Return the larger risk of the two bodies in contact; 0 without a contact."""
     if contact is None:
         return 0.0
     risks = []

@@ -72,7 +72,7 @@ class Isolation:
     hidden: tuple[str, ...] = ()
 
     def command(self, command: Sequence[str]) -> list[str]:
-        """Return a command as it is run in namespaces of its own."""
+        """Return a command that runs the given one in namespaces of its own."""
         kinds = ("--user", "--map-root-user", "--mount", "--pid", "--net", "--ipc", "--uts", "--cgroup")
         return [
             *("unshare", *kinds, "--fork", "--kill-child=KILL"),
@@ -80,16 +80,16 @@ class Isolation:
         ]
 
     def environment(self, variables: Mapping[str, str]) -> dict[str, str]:
-        """Return the variables an isolated agent gets: none that can hold a key or a password."""
+        """Return the environment of an isolated agent: no variable that can hold a key or password."""
         kept = {name: value for name, value in variables.items() if name in _KEPT or name.startswith(_KEPT_BEGINNINGS)}
         return {**kept, "HOME": "/tmp", "TMPDIR": "/tmp", "PYTHONDONTWRITEBYTECODE": "1"}  # noqa: S108 - its own
 
 
 @cache
 def isolation(*hidden: str) -> Isolation:
-    """Return the isolation this machine offers, tried once.
+    """Return the isolation that this machine offers; the result is cached.
 
-    Raises :class:`UserError` that says what is missing.
+    Raises :class:`UserError` that names the missing tools.
     """
     missing = [tool for tool in _TOOLS if shutil.which(tool) is None]
     if sys.platform != "linux" or missing:
@@ -109,7 +109,7 @@ def isolation(*hidden: str) -> Isolation:
 
 
 def _readable() -> list[str]:
-    """Return what an agent may read: the system's libraries, Python, importable modules, and its working folder."""
+    """Return the paths an agent may read: system libraries, Python, importable modules, and its working folder."""
     wanted = [*_SYSTEM, sys.base_prefix, sys.prefix, *(path for path in sys.path if path), str(Path.cwd()), *_DEVICES]
     there = [os.path.abspath(path) for path in wanted if Path(path).exists()]  # noqa: PTH100 - links stay as they are
     found: list[str] = []

@@ -17,9 +17,9 @@ from trace_dag.simulation.driving import BodyState, Pace, Pedals
 class AgentDriver:
     """An agent at the wheel of one participant; a :class:`trace_dag.simulation.driving.Driver`.
 
-    Whatever the agent does wrong becomes an :class:`AgentFault` with what it was and when. An agent of somebody else is
-    an :class:`trace_dag.agents.evaluation.agent_process.AgentProcess`; one that is called here is trusted with this
-    process.
+    Any error of the agent becomes an :class:`AgentFault` with its cause and time. A foreign agent is an
+    :class:`trace_dag.agents.evaluation.agent_process.AgentProcess`; an agent that is called directly is trusted with
+    this process.
     """
 
     def __init__(self, agent: Agent, scenario: Scenario, sensor: Sensor, arrival: Arrival | None = None) -> None:
@@ -58,7 +58,7 @@ class AgentDriver:
 
 @contextmanager
 def _faults(when: str) -> Iterator[None]:
-    """Turn whatever an agent raises into an :class:`AgentFault` that says when."""
+    """Turn any exception of an agent into an :class:`AgentFault` that includes ``when``."""
     try:
         yield
     except AgentFault as fault:

@@ -97,7 +97,7 @@ class Metrics:
 
 
 def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
-    """Return the word for a run; ``departed`` in the place of who left the road by itself."""
+    """Return the outcome of a run; ``departed``: the agent replaces a vehicle that left the road by itself."""
     if departed:
         return _of_departure(metrics)
     if not metrics.collided:
@@ -114,9 +114,9 @@ def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
 
 
 def _of_departure(metrics: Metrics) -> DriveOutcome:
-    """Return the outcome of an agent in the place of a vehicle that left the road.
+    """Return the outcome of an agent in place of a vehicle that left the road.
 
-    Overturning weighs more than the risk of a contact; to leave the road without either mitigates the crash.
+    Overturning weighs more than the risk of a contact. Leaving the road without either counts as mitigated.
     """
     if not metrics.overturned and not metrics.collided:
         if metrics.off_road_s > OFF_ROAD_S:
@@ -162,7 +162,7 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
 
 
 def driven_measures(case: Case, ego: int, own: VehicleLog, until_s: float) -> dict[str, Any]:
-    """Return the measures of which way and how fast a vehicle drove up to a time, by the names of :class:`Metrics`."""
+    """Return the measures of path and speed up to a time, by the names of :class:`Metrics`."""
     highest_mps, recorded_off_road_s = _as_recorded(case, ego)
     return {
         **asdict(measure_rules(case.network, own, until_s, highest_mps)),
@@ -172,9 +172,9 @@ def driven_measures(case: Case, ego: int, own: VehicleLog, until_s: float) -> di
 
 
 def _as_recorded(case: Case, ego: int) -> tuple[float, float]:
-    """Return the highest speed of the recorded vehicle before the conflict, and how long it was off the road then.
+    """Return the recorded vehicle's highest speed before the conflict, and its time off the road until then.
 
-    A vehicle whose crash was to leave the road is allowed no time there.
+    If its crash was leaving the road, the time is 0.
     """
     recorded = case.recorded.vehicle_log(ego)
     before = recorded.time_s < case.impact_time_s
@@ -201,9 +201,9 @@ def _own_delta_v_mps(contact: Contact | None, ego: int) -> float:
 def _nearest_miss(
     own: VehicleLog, others: list[VehicleLog], bodies: dict[int, Body]
 ) -> tuple[float | None, float | None, float | None]:
-    """Return the least time to contact, least post-encroachment time and most deceleration needed with anybody.
+    """Return the least time to contact, least post-encroachment time and highest needed deceleration.
 
-    None if never on a collision course, or never in a place where another was.
+    Each is None if it is never defined: without a collision course, or without a place that both pass.
     """
     body = bodies[own.number]
     courses = [each for other in others for each in _collision_courses(own, body, other, bodies[other.number])]
@@ -216,7 +216,7 @@ def _nearest_miss(
 
 
 def _collision_courses(one: VehicleLog, body_1: Body, two: VehicleLog, body_2: Body) -> Iterator[tuple[float, float]]:
-    """Yield times to contact (s) and what deceleration of the first is needed (m/s2), while on a collision course."""
+    """Yield times to contact (s) and needed decelerations of the first body (m/s2) while on a collision course."""
     step_s = float(one.time_s[1] - one.time_s[0]) if len(one.time_s) > 1 else _TTC_STEP_S
     for k in range(0, len(one.time_s), max(1, round(_TTC_STEP_S / step_s))):
         (outline_1, velocity_1), (outline_2, velocity_2) = _at(one, body_1, k), _at(two, body_2, k)
@@ -228,9 +228,9 @@ def _collision_courses(one: VehicleLog, body_1: Body, two: VehicleLog, body_2: B
 def needed_mps2(
     left_s: float, ahead: tuple[float, float], own_mps: tuple[float, float], other_mps: tuple[float, float]
 ) -> float:
-    """Return the constant deceleration that is needed not to touch another in ``left_s``, both on straight ways.
+    """Return the constant deceleration needed to avoid a contact in ``left_s``, both on straight paths.
 
-    It takes the closing speed along the own heading, a unit vector, to zero within the gap that closes in that time:
+    It reduces the closing speed along the own heading, a unit vector, to zero within the gap that closes in that time:
     the deceleration rate to avoid a crash (Cooper and Ferguson, Traffic Engineering and Control 17, 1976).
 
     >>> needed_mps2(2.0, (1.0, 0.0), (20.0, 0.0), (10.0, 0.0))  # 20 m behind one at 10 m/s: 10 ** 2 / (2 * 20)
@@ -248,7 +248,7 @@ def _at(log: VehicleLog, body: Body, k: int) -> tuple[Outline, tuple[float, floa
 
 
 def _comfort(log: VehicleLog, until_s: float) -> dict[str, Any]:
-    """Return hardest braking and cornering (m/s2) and sharpest change of acceleration (m/s3) along the body.
+    """Return the hardest braking and cornering (m/s2) and the highest jerk (m/s3) along the body.
 
     They are means over a fifth of a second.
     """

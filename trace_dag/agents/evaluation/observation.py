@@ -25,9 +25,9 @@ _HEADING_NOISE_RADPM = 0.04  # at half a metre of position noise a heading is kn
 class Sensing:
     """Quality of an agent's sensing.
 
-    ``range_m``: to the nearest part of another body's centre line. ``noise_m``: standard deviation of others'
-    positions in x and y, m; their velocities get the same number in m/s, their headings 0.04 rad for each metre.
-    ``occlusion``: who is all behind vehicles is not seen.
+    ``range_m``: to the nearest part of another body's centre line. ``noise_m``: standard deviation of others' positions
+    in x and y, m; their velocities get the same number in m/s, their headings 0.04 rad for each metre. ``occlusion``:
+    bodies fully behind vehicles are not seen.
     """
 
     range_m: float = 150.0
@@ -99,7 +99,7 @@ class Sensor:
 
 
 def is_in_sight(eye: BodyState, target: Outline, bodies: Sequence[Outline]) -> bool:
-    """Return whether any corner or the centre of a body can be seen from another's centre, past some bodies."""
+    """Return whether a corner or the centre of a body is visible from another's centre, past other bodies."""
     pose = Pose(target.x_m, target.y_m, target.heading_rad)
     corners = rectangle_corners(pose, 2 * target.half_length_m, 2 * target.half_width_m).tolist()
     points = [(target.x_m, target.y_m), *((x, y) for x, y in corners)]
@@ -107,7 +107,7 @@ def is_in_sight(eye: BodyState, target: Outline, bodies: Sequence[Outline]) -> b
 
 
 def _crosses(x0: float, y0: float, x1: float, y1: float, box: Outline) -> bool:
-    """Return whether a line of sight goes through a rectangle: the slab test in the rectangle's own axes."""
+    """Return whether a line of sight crosses a rectangle, by the slab test in the rectangle's axes."""
     c, s = math.cos(box.heading_rad), math.sin(box.heading_rad)
     low, high = 0.0, 1.0
     for ax, ay, half in ((c, s, box.half_length_m), (-s, c, box.half_width_m)):

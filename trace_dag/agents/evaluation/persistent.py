@@ -1,12 +1,13 @@
-"""Traffic that keeps the conflict: an agent cannot buy it off by being slow or fast.
+"""Traffic that keeps the conflict: an agent cannot avoid it by driving slower or faster.
 
-All others do what was recorded, each on its own way, but on one clock that is bound to the agent's progress to the
-place of its recorded conflict, so that they are there when the agent is. Among themselves they stay as recorded. The
-clock is the recorded one while the agent's vehicle is where it was recorded. From its last moment to react on the agent
-changes nothing any more: the others go on as they are about to.
+All others follow their recorded paths on one clock, which is tied to the agent's progress to the place of its recorded
+conflict, so that they are there when the agent is. Among themselves they stay as recorded. The clock is the recorded
+one while the agent's vehicle is where it was recorded. From its last moment to react on, the agent has no more
+influence on the clock.
 
-The clock depends on the party that the agent met: one whose way crosses or meets its own (:func:`pace_to_meet`), one
-it follows (:func:`pace_ahead`), or a person (:func:`pace_on_foot`)."""
+The clock depends on the party that the agent met: one whose path crosses or meets its own (:func:`pace_to_meet`), one
+that it follows (:func:`pace_ahead`), or a person (:func:`pace_on_foot`).
+"""
 
 from __future__ import annotations
 
@@ -44,8 +45,8 @@ _WALKS: Final = frozenset({BodyKind.PEDESTRIAN, BodyKind.ANIMAL})
 class Approach(NamedTuple):
     """An agent on its way to the conflict.
 
-    The recorded time of its place (s), how many times as fast as recorded it is there, and the time it takes to the
-    conflict if it stays so (s, negative beyond it).
+    It has the recorded time of the agent's place (s), its speed as a multiple of the recorded speed, and the time to
+    the conflict at that speed (s, negative beyond it).
     """
 
     recorded_s: float
@@ -54,10 +55,10 @@ class Approach(NamedTuple):
 
 
 def pace_to_meet(left_s: float, agent_left_s: float, most_per_s: float) -> float:
-    """Return the pace now of who needs ``left_s`` at its recorded pace and has to be there in ``agent_left_s``.
+    """Return the present pace of a party that needs ``left_s`` as recorded but has ``agent_left_s``.
 
-    It changes its pace evenly from now on, by ``most_per_s`` each second at most, and comes to the conflict at its
-    recorded pace, or as near to it as can be.
+    Its pace changes evenly by at most ``most_per_s`` each second, and returns to the recorded pace at the conflict, or
+    as near to it as possible.
 
     >>> pace_to_meet(4.0, 4.0, 0.2), round(pace_to_meet(4.0, 5.0, 0.2), 6)
     (1.0, 0.6)
@@ -68,9 +69,9 @@ def pace_to_meet(left_s: float, agent_left_s: float, most_per_s: float) -> float
 
 
 def pace_ahead(clock_s: float, agent: Approach) -> float:
-    """Return the pace of who drives ahead of the agent.
+    """Return the pace of a party that drives ahead of the agent.
 
-    The agent's own, so that the headway at each place is as recorded.
+    It is the agent's own pace, so that the headway at each place is as recorded.
 
     >>> pace_ahead(3.0, Approach(recorded_s=3.0, pace=0.6, left_s=5.0))
     0.6
@@ -79,10 +80,9 @@ def pace_ahead(clock_s: float, agent: Approach) -> float:
 
 
 def pace_on_foot(left_s: float, agent_left_s: float) -> float:
-    """Return the pace of a person, who keeps to the agent's time.
+    """Return the pace of a person, matched to the agent's time.
 
-    The person hurries where the agent is nearer in time than recorded, and slows down and waits where it is farther
-    off.
+    The person hurries if the agent is earlier than recorded, and slows down and waits if it is later.
 
     >>> pace_on_foot(2.0, 3.0), pace_on_foot(2.0, 2.25), pace_on_foot(2.0, 2.0), pace_on_foot(2.0, 1.6)
     (0.0, 0.5, 1.0, 1.25)
@@ -93,7 +93,7 @@ def pace_on_foot(left_s: float, agent_left_s: float) -> float:
 
 
 def pace_in_step(left_s: float, agent_left_s: float) -> float:
-    """Return the constant pace at which a person comes to the conflict with the agent, or as near to that as it can.
+    """Return the constant pace at which a person reaches the conflict with the agent, within the fastest pace.
 
     >>> pace_in_step(2.0, 2.5), pace_in_step(2.0, 1.0)
     (0.8, 1.5)
@@ -102,9 +102,9 @@ def pace_in_step(left_s: float, agent_left_s: float) -> float:
 
 
 def last_moment_s(speed_mps: float, friction: float) -> float:
-    """Return the time before the conflict from which on an attentive human cannot stop short of it any more, s.
+    """Return the time before the conflict after which an attentive human can no longer stop short of it, s.
 
-    Before someone ahead, at the closing speed, not slow down to its speed.
+    Behind a party ahead, pass the closing speed.
 
     >>> round(last_moment_s(20.0, 0.8), 2)
     2.07
@@ -113,7 +113,7 @@ def last_moment_s(speed_mps: float, friction: float) -> float:
 
 
 class KeptConflict:
-    """The clock of everybody but the agent, who is at the wheel of participant ``ego``."""
+    """The clock of all parties but the agent, which drives participant ``ego``."""
 
     def __init__(self, case: Case, ego: int) -> None:
         self._ego, self._friction = ego, case.friction
@@ -132,7 +132,7 @@ class KeptConflict:
         self._accelerates_mps2 = vehicle_model(body).max_acceleration_mps2 if is_driven else _CYCLISTS_MPS2
 
     def pace(self, time_s: float, states: Mapping[int, BodyState]) -> float:
-        """Return the pace of all others from now on; the same for all who ask at one time."""
+        """Return the pace of all others from now on; calls at the same time give the same pace."""
         if self._other is not None and self._follower is not None and time_s > self._looked_s:
             at_m, _ = self._follower.locate(states[self._ego].x_m, states[self._ego].y_m)
             if self._recording.is_left(time_s, states):
@@ -191,9 +191,10 @@ class BoundDriver:
 
 
 def persistent_drivers(case: Case, ego: int, *, period_s: float) -> dict[int, Driver]:
-    """Return drivers for everybody but the agent, by number, who keep its conflict.
+    """Return drivers, by number, that keep the agent's conflict, for all parties but the agent.
 
-    A vehicle that skids or loses control does so as recorded."""
+    A vehicle that skids or loses control does so as recorded.
+    """
     conflict = KeptConflict(case, ego)
     return {
         each.number: BoundDriver(conflict, period_s)
@@ -206,9 +207,9 @@ def persistent_drivers(case: Case, ego: int, *, period_s: float) -> dict[int, Dr
 
 
 def find_met_party(case: Case, number: int) -> int | None:
-    """Return the participant that another one first met in the recorded crash, of a near miss in the planned one.
+    """Return the participant that another first met in the recorded crash, or in the plan of a near miss.
 
-    None for who met nobody.
+    None if it met nobody.
     """
     contact = contact_with(case, number)
     pair = (contact.number_1, contact.number_2) if contact is not None else case.pair
@@ -217,7 +218,7 @@ def find_met_party(case: Case, number: int) -> int | None:
 
 
 def _is_ahead(case: Case, ego: int, other: int, conflict_s: float) -> bool:
-    """Return whether another goes the agent's way in front of it when they meet."""
+    """Return whether another party travels the agent's path in front of it when they meet."""
     one, two = (
         (
             float(np.interp(conflict_s, plan.time_s, plan.x_m)),

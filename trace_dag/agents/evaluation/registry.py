@@ -32,7 +32,7 @@ def list_agents() -> dict[str, str]:
 def set_arguments(agent: str, arguments: Sequence[str]) -> str:
     """Return the agent with arguments for its class, each ``NAME=VALUE``.
 
-    Raises :class:`UserError` for what is none.
+    Raises :class:`UserError` for any other form.
 
     >>> set_arguments('my_stack:Agent', ['checkpoint=runs/a b.pt'])
     'my_stack:Agent?checkpoint=runs/a%20b.pt'
@@ -47,11 +47,9 @@ def set_arguments(agent: str, arguments: Sequence[str]) -> str:
 
 
 def resolve(agent: str) -> str:
-    """Return the ``module:Class`` of an agent given by name or as such, with its arguments.
+    """Return the ``module:Class`` of an agent given by name or reference, with its arguments.
 
-    Nothing of it is imported.
-
-    Raises :class:`UserError` for a name nobody offers and a module that is not there.
+    The module is not imported. Raises :class:`UserError` for an unknown name or module.
 
     >>> resolve("json:JSONDecoder?strict=no")  # any module that can be found
     'json:JSONDecoder?strict=no'
@@ -68,9 +66,9 @@ def resolve(agent: str) -> str:
 
 
 def make_agent(reference: str) -> Agent:
-    """Return an instance of the class, with its arguments as text.
+    """Return an instance of the class, made with its arguments as text.
 
-    Raises :class:`AgentFault` for whatever goes wrong.
+    Raises :class:`AgentFault` if that fails.
     """
     place, _, arguments = reference.partition("?")
     module_name, _, name = place.partition(":")

@@ -1,8 +1,8 @@
-"""The drive of an evaluation as results hold it, and what can be judged of it again without the agent.
+"""The stored drive of an evaluation, and the measures that can be judged again from it without the agent.
 
-A drive has everybody's place (x, y, z, m) and heading (rad) :data:`RATE_HZ` times a second, up to the first contact.
-Rounded to centimetres it does not tell what a contact did; it tells whether there was one, and which way and how fast
-everybody went.
+A drive has the position (x, y, z, m) and heading (rad) of all parties :data:`RATE_HZ` times a second, up to the first
+contact. Rounded to centimetres it does not show the effect of a contact, but whether there was one, and the paths and
+speeds of all parties.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def drive_of(log: SimulationLog) -> str:
 
 
 def problem_of_drive(case: Case, ego: int, metrics: Metrics, traffic: Traffic, drive: str) -> str:
-    """Return what contradicts the measures of a run in its drive, in words; empty if nothing does."""
+    """Return the contradiction between a run's measures and its drive; empty if there is none."""
     try:
         rows = {int(number): np.array(places, float).reshape(-1, 4) for number, places in json.loads(drive).items()}
         lengths = {len(places) for places in rows.values()}
@@ -93,7 +93,7 @@ def _problems(case: Case, ego: int, metrics: Metrics, traffic: Traffic, logs: di
 
 
 def _gaps_m(case: Case, own: VehicleLog, others: list[VehicleLog]) -> tuple[float, float]:
-    """Return the least gap between a vehicle and anybody else (m, negative where they overlap), and the last one."""
+    """Return the least gap between a vehicle and all others (m, negative for overlap), and the last gap."""
     body, places = case.bodies[own.number], (own.x_m, own.y_m, own.heading_rad)
     gaps = [
         gaps_m(

@@ -28,9 +28,10 @@ _HALT_MPS = 1.0  # the slowest of a halt as it is seen every fifth of a second
 
 @dataclass(frozen=True)
 class RuleMeasures:
-    """Times in s, speeds in m/s. ``over_limit_mps`` is the most it was above the limit of its lane, 0 if never.
+    """Times in s, speeds in m/s. ``over_limit_mps`` is the highest excess over the limit of its lane, 0 if never.
 
-    ``over_traffic_mps`` above :data:`FASTEST_PACE` times the limit of any lane there or the recorded highest speed.
+    ``over_traffic_mps`` is the highest excess over :data:`FASTEST_PACE` times the limit of any lane there, or over the
+    recorded top speed if that is higher.
     """
 
     off_road_s: float
@@ -48,7 +49,10 @@ class _Moment:
 
 
 def measure_rules(network: RoadNetwork, log: VehicleLog, until_s: float, recorded_mps: float) -> RuleMeasures:
-    """Measure how a vehicle keeps the rules until a time; ``recorded_mps`` is the recorded top speed."""
+    """Measure how far a vehicle keeps the rules until a time.
+
+    ``recorded_mps`` is the recorded top speed.
+    """
     moments = _moments(network, log, until_s)
     off_road = wrong_way = 0
     over_mps = over_traffic_mps = 0.0

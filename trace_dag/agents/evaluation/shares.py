@@ -41,7 +41,7 @@ def wilson_interval(part: float, of: float) -> tuple[float, float]:
 
 
 def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
-    """Return the share of runs (rows of the table of evaluations) that avoided the crash, the crash as the unit.
+    """Return the share of runs (rows of the table of evaluations) that avoided the crash, with crashes as units.
 
     >>> share = share_avoided([{"key": "2023-1", "outcome": "conflict_avoided"}] * 2)
     >>> share.part, share.of, share.crashes, round(share.low, 2)  # one crash says as much as one, whoever drove in it
@@ -53,12 +53,12 @@ def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
 def clustered_share(
     found: Iterable[tuple[str, float]], weights: Mapping[str, float] = MappingProxyType({})
 ) -> ClusteredShare:
-    """Return the share of what holds, or the mean of probabilities, given with the crash of each.
+    """Return the share of true values, or the mean of probabilities, each given with its crash.
 
     A crash weighs 1 unless ``weights`` says otherwise.
 
-    The interval is Wilson's of as many crashes as they are worth: as if the drivers of a crash always fared alike, so
-    that it is too wide, never too narrow, where they do not.
+    The interval is Wilson's for the effective number of crashes. It assumes that the drivers of a crash always fare
+    alike, so it can be too wide but never too narrow.
     """
     part, runs = 0.0, defaultdict[str, float](float)
     for key, holds in found:

@@ -1,9 +1,8 @@
 """Splits of the crashes into training, validation and test.
 
-Split by place: crashes within :data:`SITE_M` of each other, directly or by way of others, are one site, and a site is
-in one part as a whole, so that no road is both trained and tested on. Which part is drawn from the site's first key
-alone: the same crashes are always split alike, and a crash that is added moves another one only where it joins two
-sites.
+Crashes within :data:`SITE_M` of each other, directly or through others, form one site. A site belongs to one part as a
+whole, so that no road is both trained and tested on. The part is drawn from the site's first key alone, so the same
+crashes are always split alike. An added crash moves another one only if it joins two sites.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class Split(StrEnum):
 
 
 def splits_of(places: Mapping[str, tuple[float, float]]) -> dict[str, Split]:
-    """Return the part of each crash, by key, of crashes given by reported latitude and longitude (degrees).
+    """Return the part of each crash by key, from reported latitudes and longitudes (degrees).
 
     >>> splits_of({"2012-1": (35.0, -110.0), "2013-9": (35.001, -110.0)})  # 111 m apart: one site
     {'2012-1': <Split.TRAIN: 'train'>, '2013-9': <Split.TRAIN: 'train'>}

@@ -125,7 +125,7 @@ def row(
 
 
 def rows_to_parquet(rows: Iterable[Mapping[str, Any]], schema: TableSchema = EVALUATIONS) -> bytes:
-    """Return the rows as a Parquet file with the columns of a schema; the same rows give the same bytes."""
+    """Return rows as a Parquet file with the columns of a schema; equal rows give equal bytes."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

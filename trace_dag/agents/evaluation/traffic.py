@@ -3,11 +3,11 @@
 It moves as recorded, keeps its distance once the agent does something else, or keeps the conflict
 (:mod:`trace_dag.agents.evaluation.persistent`).
 
-Reactive traffic is the recorded one for as long as the agent's vehicle is where it was recorded to be: whoever drives
-as recorded has the recorded crash. From the moment it is elsewhere, every other driver goes on along the recorded
-course, at the speed recorded for each place of it or slower, and keeps its distance from whoever is in its way ahead as
-the intelligent driver model does (:class:`trace_dag.agents.evaluation.baselines.IdmLaneKeeper`). Nobody leaves a
-course, and people and parked vehicles do as recorded.
+Reactive traffic follows the recording while the agent's vehicle is at its recorded place, so that an agent that drives
+as recorded has the recorded crash. From the moment it is elsewhere, every other driver continues on its recorded
+course, at most at the speed recorded for each place, and keeps its distance from anybody ahead by the intelligent
+driver model (:class:`trace_dag.agents.evaluation.baselines.IdmLaneKeeper`). No vehicle leaves its course; people and
+parked vehicles follow the recording.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Recording:
         self._left = False
 
     def is_left(self, time_s: float, states: Mapping[int, BodyState]) -> bool:
-        """Return whether the vehicle is or was elsewhere than recorded."""
+        """Return whether the vehicle is, or was before, away from its recorded place."""
         if not self._left:
             log, now = self._log, states[self._ego]
             x, y = (float(np.interp(time_s, log.time_s, values)) for values in (log.x_m, log.y_m))
@@ -86,7 +86,7 @@ class Recording:
 
 
 def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dict[int, Driver]:
-    """Return drivers for everybody but the agent, by number, who react to it."""
+    """Return drivers, by number, that react to the agent, for all parties but the agent."""
     watched = Recording(case, ego)
     drivers: dict[int, Driver] = {}
     for each in case.going_on:
@@ -102,7 +102,7 @@ def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dic
 
 
 def _course(participant: Participant) -> tuple[FloatArray, FloatArray] | None:
-    """Return points of the course, shape (n, 2), and the speed recorded at each (m/s); None for who stands or backs."""
+    """Return points of the course, shape (n, 2), and the speed recorded at each (m/s); None if it stands or backs."""
     t = participant.trajectory
     points = np.column_stack([t.x_m, t.y_m])
     moved = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-3])

@@ -74,7 +74,7 @@ def family(
 ) -> tuple[list[Variation], int]:
     """Return the first ``count`` variations that meet the criteria, and the number drawn (at most twenty each).
 
-    A function of the case, the seed and the bounds alone.
+    The result depends on the case, the seed and the bounds alone.
     """
     kept: list[Variation] = []
     drawn = 0
@@ -120,10 +120,7 @@ def _tried(
 def _judged(
     case: Case, participants: tuple[Participant, ...], log: SimulationLog, criteria: Criteria
 ) -> tuple[VariationKind, float] | None:
-    """Return the kind of a simulated variation, and the least gap between the pair.
-
-    None if it does not meet the criteria.
-    """
+    """Return the kind of a simulated variation and the least gap between the pair, or None if it fails the criteria."""
     if log.termination in (Termination.STARTED_IN_CONTACT, Termination.DIVERGED, Termination.BACKEND_ERROR):
         return None
     recorded, contact = case.contact, log.first_contact
@@ -146,7 +143,7 @@ def _judged(
 
 
 def _nearest(log: SimulationLog, pair: set[int]) -> tuple[float, float]:
-    """Return the least gap between two bodies over a log, m, and when it was."""
+    """Return the least gap between two bodies over a log, m, and its time."""
     one, two = (vehicle for vehicle in log.vehicles if vehicle.number in pair)
     size_1, size_2 = (
         (log.bodies[each.number].length_m / 2, log.bodies[each.number].width_m / 2) for each in (one, two)
@@ -162,9 +159,9 @@ def _nearest(log: SimulationLog, pair: set[int]) -> tuple[float, float]:
 
 
 def _farthest_outside_m(case: Case, participant: Participant, least_m: float) -> float:
-    """Return the largest distance of a plan outside the lanes until it is past the impact, m.
+    """Return the largest distance of a plan outside the lanes before it is past the impact, m.
 
-    Infinity where no lane is near.
+    Infinity if no lane is near.
     """
     t = participant.trajectory
     step_s = float(np.median(np.diff(t.time_s))) if len(t.time_s) > 1 else _LOOKED_AT_S

@@ -1,8 +1,9 @@
 """A recorded motion, perturbed: along the same line or beside it, faster, later, braking.
 
-Nothing is made up: a vehicle only drives where it was recorded to drive, moved sideways. Speeds are scaled about the
-recorded impact, so that a change of speed alone still brings it to the same place at the same time; timing is its
-own perturbation. A beginning that would need road before the record's is cut off for all vehicles alike."""
+A vehicle only follows its recorded path, moved sideways. Speeds are scaled about the recorded impact, so that a change
+of speed alone still brings it to the same place at the same time; timing is its own perturbation. If a vehicle would
+begin before its recorded path, the beginning is cut off for all vehicles alike.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ def perturb_motion(
 ) -> tuple[tuple[Participant, ...], float]:
     """Return the perturbed participants, and the time of the recorded impact on their clock.
 
-    The clock begins when all are on their recorded way.
+    The clock begins when all participants are on their recorded paths.
     """
     by_number = {each.number: each for each in perturbation.vehicles}
     start_s = max((_earliest_s(each, by_number[each.number], impact_time_s) for each in participants), default=0.0)
@@ -40,7 +41,7 @@ def perturb_motion(
 
 
 def _recorded_time_s(time_s: FloatArray | float, change: VehiclePerturbation, impact_time_s: float) -> FloatArray:
-    """Return the time at which the recorded motion was at the perturbed one's place, brakes apart."""
+    """Return the time at which the recorded motion was at the perturbed one's place, without braking."""
     return np.asarray(impact_time_s + change.speed_factor * (np.asarray(time_s) - change.delay_s - impact_time_s))
 
 
@@ -96,9 +97,9 @@ def _moved(participant: Participant, change: VehiclePerturbation, impact_time_s:
 def _braking(
     trajectory: Trajectory, time_s: FloatArray, recorded_s: FloatArray, rate: FloatArray, from_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the motion with brakes from a time on: recorded times reached, and how fast they pass.
+    """Return the motion with brakes from a time on: recorded times reached, and their rate.
 
-    A vehicle that brakes moves through the recorded motion ever slower; how much follows from its speed there.
+    A braking vehicle moves through the recorded motion ever slower, at a rate that follows from its speed there.
     """
     recorded_s, rate = recorded_s.copy(), rate.copy()
     lost_mps = 0.0

@@ -13,8 +13,8 @@ import numpy as np
 class Bounds:
     """Bounds of variations; each change is drawn evenly from within.
 
-    ``speed_rel``: all speeds of a vehicle, share more or less. ``timing_s``: earlier or later. ``lateral_m``: to the
-    left or right. ``friction_low``: least friction as a share of the crash's, which is the most. ``reaction_s``:
+    ``speed_rel``: largest relative change of all speeds of a vehicle. ``timing_s``: earlier or later. ``lateral_m``: to
+    the left or right. ``friction_low``: least friction as a share of the crash's, which is the most. ``reaction_s``:
     longest time before the recorded impact at which a driver, in half of the variations, begins to brake.
     """
 
@@ -27,7 +27,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class VehiclePerturbation:
-    """One vehicle's. ``reaction_s``: time before the recorded impact from which it brakes; 0 for never."""
+    """Changes to one vehicle. ``reaction_s``: time before the recorded impact from which it brakes; 0 for never."""
 
     number: int
     speed_factor: float
@@ -38,7 +38,7 @@ class VehiclePerturbation:
 
 @dataclass(frozen=True)
 class Perturbation:
-    """One variation's. ``friction_factor`` multiplies the friction of the crash."""
+    """Changes of one variation. ``friction_factor`` multiplies the friction of the crash."""
 
     vehicles: tuple[VehiclePerturbation, ...]
     friction_factor: float
@@ -47,7 +47,7 @@ class Perturbation:
 def draw(key: str, numbers: Sequence[int], seed: int, index: int, bounds: Bounds) -> Perturbation:
     """Return the ``index``-th draw for a crash.
 
-    A function of these values alone, whoever draws it, in whatever order.
+    The result depends on these values alone, not on the order of calls.
     """
     digest = sha256(f"{seed}:{key}:{index}".encode()).digest()
     random = np.random.default_rng(int.from_bytes(digest[:16], "big"))

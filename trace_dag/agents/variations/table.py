@@ -44,7 +44,7 @@ def row(
 ) -> dict[str, Any]:
     """Return one variation as a row of :data:`VARIATIONS`.
 
-    ``recorded_xy_m`` is the place of the crash's first contact.
+    ``recorded_xy_m`` is the position of the crash's first contact.
     """
     contact = variation.case.contact
     x, y = recorded_xy_m

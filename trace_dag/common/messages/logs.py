@@ -45,12 +45,12 @@ def log_context(crash: str, stage: str) -> Iterator[None]:
 
 
 def figures(**values: object) -> Mapping[str, object]:
-    """Return figures of a message, for ``extra=``: members of their own in a JSON line, left out of a text."""
+    """Return figures of a message for ``extra=``: members in a JSON line, omitted from text."""
     return {"figures": values}
 
 
 def configure_logging() -> None:
-    """Set up logging of this process as the environment asks. Raises :class:`UserError` for what it cannot ask."""
+    """Set up logging of this process from the environment. Raises :class:`UserError` for invalid variables."""
     level = (os.environ.get(LEVEL_VARIABLE) or "WARNING").upper()
     style = (os.environ.get(FORMAT_VARIABLE) or "text").lower()
     for variable, value, known in ((LEVEL_VARIABLE, level, _LEVELS), (FORMAT_VARIABLE, style, _FORMATS)):
@@ -64,9 +64,9 @@ def configure_logging() -> None:
 
 
 def own_stderr() -> TextIO:
-    """Return the standard error through a descriptor of its own.
+    """Return standard error through a separate descriptor.
 
-    It stays the terminal while Dagster sends 1 and 2 to a file.
+    It stays the terminal while Dagster redirects 1 and 2 to a file.
     """
     try:
         return os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
@@ -75,12 +75,12 @@ def own_stderr() -> TextIO:
 
 
 def writes_json() -> bool:
-    """Return whether standard error is to hold JSON lines and nothing else."""
+    """Return whether standard error may only contain JSON lines."""
     return (os.environ.get(FORMAT_VARIABLE) or "text").lower() == "json"
 
 
 def print_problem(line: str, *, level: int = logging.ERROR) -> None:
-    """Print a line of a command to standard error, as it stands or, where that is JSON, as a message of the log."""
+    """Print a line of a command to standard error, or log it if standard error is JSON."""
     if writes_json():
         log.log(level, "%s", line)
     else:

@@ -17,7 +17,7 @@ _TICKS = re.compile("`+")
 
 
 def escape(text: str) -> str:
-    """Return ``text`` in one line, to stand in a paragraph or a table's cell.
+    """Return ``text`` as one escaped line for a paragraph or a table's cell.
 
     >>> escape('<b>MAIN</b> ST')
     '&lt;b&gt;MAIN&lt;/b&gt; ST'
@@ -28,7 +28,7 @@ def escape(text: str) -> str:
 
 
 def code_span(text: str) -> str:
-    """Return ``text`` as code within a line, whatever ticks it holds.
+    """Return ``text`` as inline code, with a fence longer than any ticks in it.
 
     >>> code_span('a`b')
     '``a`b``'
@@ -52,7 +52,7 @@ def code_block(text: str) -> str:
 
 
 def table(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return rows as a table; nothing for None.
+    """Return rows as a Markdown table, with empty cells for None.
 
     >>> print(table(["road", "lanes"], [["Main St", 4], ["Elder St", None]]))
     | road | lanes |

@@ -9,4 +9,4 @@ OnProgress = Callable[[int, int], None]
 
 
 def silent(_done: int, _total: int) -> None:
-    """Ignore the progress of work that nobody watches."""
+    """Ignore the progress of work."""

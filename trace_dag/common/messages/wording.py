@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def percent(share: float | None) -> str:
-    """Return a share of 1 as a percentage; empty where there is none.
+    """Return a share (0 to 1) as a percentage; empty for None.
 
     >>> percent(0.125), percent(None)
     ('12.5 %', '')
@@ -24,8 +24,7 @@ def printable(text: str) -> str:
 def count_of(number: int, noun: str, plural: str = "") -> str:
     """Return a number with its noun, in the singular for one.
 
-    Args:
-        plural: Of the noun; where empty, the noun with an s.
+    Args: plural: Of the noun; where empty, the noun with an s.
 
     >>> count_of(1, "crash", "crashes")
     '1 crash'
@@ -36,7 +35,7 @@ def count_of(number: int, noun: str, plural: str = "") -> str:
 
 
 def beside_limit(value: float, limit: float, digits: int = 1) -> str:
-    """Return a measured number with as many digits as show on which side of a limit it lies.
+    """Return a measured number with enough digits to show its side of a limit.
 
     >>> beside_limit(2.04, 2.0), beside_limit(1.98, 2.0, 0), beside_limit(6.3, 5.0)
     ('2.04', '2', '6.3')

@@ -1,4 +1,4 @@
-"""Telling whoever asked for it that something needs looking at: a program, or a web hook.
+"""Alerts about problems, sent to a program or a web hook.
 
 Belongs here: what an alert says, and delivering it. Does not belong here: noticing what is worth one
 (:mod:`trace_dag.warehouse.changes`, :mod:`trace_dag.assets.after_runs`). An alert that cannot be delivered is a warning
@@ -57,7 +57,7 @@ class Alert:
 
     @classmethod
     def of_crashes(cls, kind: AlertKind, root: str, what: str, crashes: Sequence[AlertedCrash]) -> Alert:
-        """Return an alert about crashes, of which its line names the first.
+        """Return an alert about crashes; its line names the first one.
 
         >>> gone = AlertedCrash("2023-1", "verdict", "wrong_impact", "Struck elsewhere.")
         >>> Alert.of_crashes(AlertKind.NO_LONGER_VERIFIED, "home", "no longer verified", [gone]).text
@@ -73,7 +73,7 @@ class Alert:
 
 
 def alerts_go_out(settings: AutomationSettings) -> bool:
-    """Return whether anybody asked for alerts."""
+    """Return whether an alert command or a web hook is set."""
     return bool(settings.alert_command or os.environ.get(WEBHOOK_VARIABLE))
 
 

@@ -1,9 +1,10 @@
 """The one network boundary: every request to a public service goes through :class:`HttpClient`.
 
-Time-outs, exponential back-off with jitter on what may pass by itself (408, 429, 5xx, lost connections, wrong
-answers), ``Retry-After`` honoured, a polite rate, bounded answers, and a cache on disk keyed by the request that
-never holds a failure. If there is no network, that is found out once and said. In cache-only mode nothing leaves the
-machine. Knows no service: what a right answer is, and whether it will stay one, the caller says."""
+Time-outs, exponential back-off with jitter on what may pass by itself (408, 429, 5xx, lost connections, wrong answers),
+``Retry-After`` honoured, a polite rate, bounded answers, and a cache on disk keyed by the request that never holds a
+failure. A missing network is detected and reported once. In cache-only mode nothing leaves the machine. The client
+knows no service: the caller says which answers are right and how long they last.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +90,7 @@ class _AskAgain(TransientFailure):
 
 
 class UnreachableError(TransientFailure):
-    """There is no way to a service from this machine, now: it is not asked again at once."""
+    """A service cannot be reached from this machine now; it is not asked again at once."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message, tried_again=True)
@@ -130,7 +131,10 @@ class HttpClient:
         return self.request("GET", url, params=params, check=check, lasts=lasts)
 
     def download(self, url: str, to: Path) -> None:
-        """Write the body of a GET into a file, which is there when all of it is. Raises as :meth:`request` does."""
+        """Write the body of a GET into a file, which appears only when complete.
+
+        Raises the errors of :meth:`request`.
+        """
         part = to.with_name(f"{to.name}.part")
         try:
             self.request("GET", url, to=part)
@@ -156,14 +160,13 @@ class HttpClient:
         lasts: Lasts | None = None,
         to: Path | None = None,
     ) -> bytes:
-        """Return the body of a right answer, from the cache if the same was asked before and the answer ``lasts``.
+        """Return the body of a right answer, from the cache if the same request is kept there and ``lasts``.
 
         With ``to`` it is written into that file instead, and neither returned nor kept.
 
-        Raises:
-            UnreachableError: there is no network, or no such host in it.
-            TransientFailure: no right answer after all attempts, of a kind that may pass by itself.
-            Failure: the request was refused for good (a 4xx), or is not in the cache in cache-only mode.
+        Raises: UnreachableError: there is no network, or no such host in it. TransientFailure: no right answer after
+        all attempts, of a kind that may pass by itself. Failure: the request was refused for good (a 4xx), or is not in
+        the cache in cache-only mode.
         """
         cached = None if to else self._cached(method, url, params, data)
         if cached is not None and not (self.policy.refresh and not self.policy.cache_only):
@@ -202,7 +205,7 @@ class HttpClient:
         return body
 
     def close(self) -> None:
-        """Release the connections; safe to call twice."""
+        """Release the connections; it is safe to call this twice."""
         with self._lock:
             if self._client is not None:
                 self._client.close()
@@ -269,7 +272,7 @@ class HttpClient:
             into.write(chunk)
 
     def _retry_after_s(self, response: httpx.Response) -> float | None:
-        """Return seconds the service asks to wait (RFC 9110, 10.2.3: seconds or a date).
+        """Return the seconds that the service asks to wait (RFC 9110, 10.2.3: seconds or a date).
 
         Raises TransientFailure at once if that is longer than a run should wait.
         """
@@ -323,7 +326,10 @@ class HttpClient:
 
 
 def send_json(url: str, document: Mapping[str, object], *, attempts: int = 3, timeout_s: float = 10.0) -> None:
-    """POST a document to a web hook. Raise :class:`Failure`, which names the host alone: the path may be a secret."""
+    """POST a document to a web hook.
+
+    Raises :class:`Failure`, which names only the host, because the path may be a secret.
+    """
     import httpx
 
     host = urlsplit(url).hostname or "the web hook"
@@ -354,7 +360,7 @@ def _status(response: httpx.Response) -> str:
 
 
 def find_damaged_answers(folder: Path) -> Iterator[Path]:
-    """Yield the kept answers that are damaged, of all services with a cache below a folder, with the damage."""
+    """Yield the damaged answers in the caches of all services below a folder, with their damage."""
     for body in sorted(folder.glob(f"*/??/*{_BODY}")):
         if _kept(body) is None:
             yield body
@@ -364,7 +370,7 @@ def find_damaged_answers(folder: Path) -> Iterator[Path]:
 
 
 def _kept(path: Path) -> bytes | None:
-    """Return an answer that was kept; None if there is none, or if it is not as it was kept."""
+    """Return a cached answer, or None if it is missing or damaged."""
     try:
         body, about = path.read_bytes(), json.loads(path.with_suffix(".json").read_bytes())
         return body if about["sha256"] == hashlib.sha256(body).hexdigest() else None
@@ -373,7 +379,7 @@ def _kept(path: Path) -> bytes | None:
 
 
 def _store(path: Path, body: bytes, request: dict[str, object]) -> None:
-    """Write the answer, and beside it what was asked; whole or not at all."""
+    """Write the answer and its request atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     said = {"fetched": datetime.now(UTC).isoformat(timespec="seconds"), "sha256": hashlib.sha256(body).hexdigest()}
     about = json.dumps({**request, **said}, indent=1)
@@ -390,7 +396,7 @@ def _store(path: Path, body: bytes, request: dict[str, object]) -> None:
 
 
 def _no_way_to(error: BaseException | None) -> str | None:
-    """Return the system's words where a name cannot be resolved or no route leads there; None for other errors."""
+    """Return the system's message if a name cannot be resolved or no route exists; None for other errors."""
     while error is not None:
         if isinstance(error, socket.gaierror) or (isinstance(error, OSError) and error.errno in _NO_ROUTE):
             return str(error.strerror)

@@ -21,9 +21,9 @@ _LONGEST_QUEUE_S: Final = 600.0
 
 
 def take_turn(path: Path, earliest_s: float, gap_s: float) -> float:
-    """Return the turn that is free at ``earliest_s`` or after it; the next is at least ``gap_s`` later.
+    """Return the first free turn at or after ``earliest_s``; the next is at least ``gap_s`` later.
 
-    A turn further off than ten minutes was left by a machine that has been started again since, and does not count.
+    A turn more than ten minutes ahead was left before a restart of the machine, and does not count.
     """
     if sys.platform == "win32":
         return earliest_s  # no such locks there: every process keeps its own time

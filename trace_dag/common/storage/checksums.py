@@ -36,7 +36,7 @@ def add_checksum(document: bytes) -> bytes:
 def check_document(data: bytes, *, name: str) -> dict[str, Any]:
     """Return the fields of a document without its checksum.
 
-    Raises :class:`DamagedFile` if it has none, or another.
+    Raises :class:`DamagedFile` if the checksum is missing or wrong.
 
     >>> check_document(add_checksum(b'{"a": 1}'), name="a.json")
     {'a': 1}
@@ -52,7 +52,7 @@ def check_document(data: bytes, *, name: str) -> dict[str, Any]:
 
 
 def write_table(table: pa.Table, about: bytes = b"") -> bytes:
-    """Return a Parquet file of a table, with its checksum and a text ``about`` it."""
+    """Return a Parquet file of a table, with its checksum and the text ``about``."""
     import pyarrow.parquet as pq
 
     buffer = io.BytesIO()
@@ -64,9 +64,9 @@ def write_table(table: pa.Table, about: bytes = b"") -> bytes:
 
 
 def check_table(data: bytes, *, name: str) -> tuple[pa.Table, bytes]:
-    """Return the table of a Parquet file, and the text about it.
+    """Return the table of a Parquet file and its text.
 
-    Raises :class:`DamagedFile` if it has no checksum, or another.
+    Raises :class:`DamagedFile` if the checksum is missing or wrong.
     """
     import pyarrow as pa
 

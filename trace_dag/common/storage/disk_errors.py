@@ -1,7 +1,7 @@
 """Errors of a full, broken or foreign disk, each as one sentence with its remedy.
 
-A command ends with it in a line, whichever of its libraries met the disk first: Python itself, SQLite below Dagster,
-DuckDB, Arrow. Does not belong here: files that can be read and are not as they were written
+A command ends with that one line, whichever library raised the error: Python, SQLite below Dagster, DuckDB or Arrow.
+Does not belong here: files that can be read and are not as they were written
 (:class:`trace_dag.common.errors.DamagedFile`).
 """
 
@@ -53,9 +53,9 @@ def remedy_of(error: OSError) -> str:
 
 
 def disk_failure(error: BaseException, database: str = "a database") -> Failure | None:
-    """Return the failure to tell of, if a disk is behind ``error`` or behind what caused it; else None.
+    """Return the failure to report if a disk caused ``error``, directly or indirectly; else None.
 
-    ``database`` is what an SQLite file is called that is behind it, whose errors do not name it.
+    ``database`` names the SQLite file, because SQLite's errors do not.
     """
     for each in _with_causes(error):
         if isinstance(each, OSError) and each.errno in _REMEDIES:
@@ -75,7 +75,7 @@ def disk_failure(error: BaseException, database: str = "a database") -> Failure 
 
 @contextmanager
 def name_file_in_errors(path: Path) -> Iterator[None]:
-    """Name the file in errors of a disk, which those of writing to an open one do not."""
+    """Add the file's name to disk errors, which lack it when writing to an open file."""
     try:
         yield
     except OSError as error:

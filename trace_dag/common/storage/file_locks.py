@@ -14,7 +14,10 @@ if sys.platform != "win32":
 
 @contextmanager
 def lock_file(path: Path) -> Iterator[bool]:
-    """Hold a lock. Yields whether another process had to be waited for. Windows has none of these: it goes on."""
+    """Hold a lock on a file; yield whether it had to wait for another process.
+
+    On Windows there is no lock.
+    """
     if sys.platform == "win32":
         yield False
         return

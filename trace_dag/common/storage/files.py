@@ -3,10 +3,10 @@
 Belongs here: reading, writing and listing named files below one root, on any fsspec location. Does not belong here:
 what the files mean (:mod:`trace_dag.common.provenance`, :mod:`trace_dag.flow`).
 
-Every write is atomic: locally into a temporary file of the same folder that is then renamed, on an object store as
-one put. A process killed at any moment leaves at most an orphaned temporary file, never half an artefact. Nothing
-here asks for one file at a time where a whole cohort is wanted: :meth:`Storage.list`, :meth:`Storage.sizes` and
-:meth:`Storage.read_many` cost one listing, or requests that run concurrently.
+Every write is atomic: locally into a temporary file of the same folder that is then renamed, on an object store as one
+put. A process killed at any moment leaves at most an orphaned temporary file, never half an artefact. Whole cohorts are
+read without a request per file: :meth:`Storage.list`, :meth:`Storage.sizes` and :meth:`Storage.read_many` cost one
+listing, or requests that run concurrently.
 """
 
 from __future__ import annotations
@@ -56,14 +56,14 @@ class StoredFile:
     sha256: str
 
     def matches(self, data: bytes) -> bool:
-        """Return whether ``data`` is what was written."""
+        """Return whether ``data`` equals the written content."""
         return len(data) == self.size and hashlib.sha256(data).hexdigest() == self.sha256
 
 
 class Entry(NamedTuple):
     """A file as listed: size in bytes, and a token that changes whenever the file is replaced.
 
-    ``md5`` (hexadecimal) of the content where the object store says it.
+    ``md5`` (hexadecimal) of the content, if the object store reports it.
     """
 
     size: int
@@ -72,9 +72,9 @@ class Entry(NamedTuple):
 
 
 def check_name(name: str) -> str:
-    """Return ``name`` itself if it is a plain relative path of letters, digits, ``._-`` and ``/``; else ``ValueError``.
+    """Return ``name`` if it is a plain relative path of letters, digits, ``._-`` and ``/``; else raise ``ValueError``.
 
-    No part may begin with a dot or a dash, so no name leads out of the root, hides, or reads as an option.
+    No part may begin with a dot or a dash, so that no name leads out of the root, is hidden, or reads as an option.
 
     >>> check_name("verdict/2023-319003.json")
     'verdict/2023-319003.json'
@@ -86,7 +86,7 @@ def check_name(name: str) -> str:
 
 @contextmanager
 def writable_folder(folder: Path) -> Iterator[Path]:
-    """Yield a folder itself, or a temporary copy where it cannot be written to: SQLite writes even to read."""
+    """Yield the folder, or a temporary copy if it is read-only, because SQLite writes even to read."""
     there = next(each for each in (folder, *folder.parents) if each.exists())
     if os.access(there, os.W_OK):
         yield folder
@@ -103,9 +103,9 @@ def writable_folder(folder: Path) -> Iterator[Path]:
 class Storage:
     """Files below one root. ``root`` is a path or any fsspec URL (``s3://bucket/folder``, ``memory://x``, ...).
 
-    Picklable: a worker opens its own connection. Errors: ``FileNotFoundError`` for what is not there,
-    :class:`DamagedFile` for a local file that cannot be read, :class:`TransientFailure` where an object store did not
-    answer after several attempts, :class:`Failure` for a full or broken disk.
+    Picklable: a worker opens its own connection. Errors: ``FileNotFoundError`` for a missing file, :class:`DamagedFile`
+    for a local file that cannot be read, :class:`TransientFailure` where an object store did not answer after several
+    attempts, :class:`Failure` for a full or broken disk.
     """
 
     def __init__(self, root: str | os.PathLike[str], options: Mapping[str, Any] | None = None) -> None:
@@ -121,7 +121,7 @@ class Storage:
     def local_folder(self) -> Path:
         """Return the local folder of this root: the root itself if it is local.
 
-        Else one below ``TRACE_DAG_LOCAL_FOLDER``, or below the user's own folder for data.
+        Otherwise it lies below ``TRACE_DAG_LOCAL_FOLDER``, or below the user's folder for application data.
         """
         if self.local_root is not None:
             return self.local_root
@@ -133,10 +133,10 @@ class Storage:
 
     @classmethod
     def open(cls, root: str | os.PathLike[str], *, to_read: bool = False, output: bool = False) -> Storage:
-        """Return the storage at ``root``, made if need be, after a look at whether one can read and write there.
+        """Return the storage at ``root``, made if missing, after a check that it can be read and written.
 
-        With ``to_read`` it has to be there, and need only be readable; ``output``: it is a folder for results, no root.
-        Raises :class:`UserError` where it is not.
+        With ``to_read`` it has to exist, and reading is enough; ``output``: it is a folder for results, no root. Raises
+        :class:`UserError` otherwise.
         """
         storage = cls(root)
         if storage.local_root is None and "://" not in storage.root:
@@ -215,7 +215,7 @@ class Storage:
         return bytes(_remotely(lambda: self._filesystem.cat_file(path), path))
 
     def read_whole(self, file: StoredFile) -> bytes:
-        """Return the content of a file, if it is the one that was written.
+        """Return the content of a file after comparing it with its digest.
 
         Raises :class:`DamagedFile`.
         """
@@ -231,7 +231,7 @@ class Storage:
         raise DamagedFile(file.name, f"it has {found}, written were {file.size} bytes with {file.sha256[:12]}")
 
     def write(self, name: str, data: bytes) -> StoredFile:
-        """Put ``data`` there in one step, replacing what was there."""
+        """Write ``data`` in one step, replacing an existing file."""
         path = self.path(name)
         if self.local_root is not None:
             _on_disk(lambda: _write_beside_and_rename(Path(path), data), path)
@@ -240,7 +240,7 @@ class Storage:
         return StoredFile(name, len(data), hashlib.sha256(data).hexdigest())
 
     def delete(self, name: str) -> None:
-        """Remove the file; nothing happens if there is none."""
+        """Delete the file, if it exists."""
         path = self.path(name)
         if self.local_root is not None:
             _on_disk(lambda: Path(path).unlink(missing_ok=True), path)
@@ -251,9 +251,9 @@ class Storage:
             return
 
     def move(self, name: str, to: str) -> None:
-        """Put a file under another name, replacing what was there; nothing happens if there is none.
+        """Rename a file, replacing an existing one; do nothing if it is missing.
 
-        On this machine also a folder that is in the file's place.
+        On a local root this also moves a folder that is in the file's place.
         """
         if self.local_root is not None:
             source, target = Path(self.path(name)), Path(self.path(to))
@@ -268,18 +268,18 @@ class Storage:
         self.delete(name)
 
     def exists(self, name: str) -> bool:
-        """Return whether there is such a file."""
+        """Return whether the file exists."""
         return name in self.sizes([name])
 
     def is_folder(self, name: str) -> bool:
-        """Return whether a folder is in a file's place; an object store has none."""
+        """Return whether a folder is in a file's place; an object store has no folders."""
         return self.local_root is not None and Path(self.path(name)).is_dir()
 
     # --- many files ------------------------------------------------------------------------------------------
     def list(self, folder: str, endings: tuple[str, ...] = ("",)) -> dict[str, Entry]:
         """Return the files of one folder ("" is the root itself) by their names below the root, in one listing.
 
-        Only those whose name ends in one of ``endings``, where not all are wanted.
+        ``endings`` limits them to names with one of these endings.
         """
         path, prefix = (self.path(folder), f"{folder}/") if folder else (self.root, "")
         if self.local_root is not None:
@@ -297,9 +297,9 @@ class Storage:
         }
 
     def sizes(self, names: Collection[str]) -> dict[str, int]:
-        """Return sizes in bytes of those of ``names`` that exist.
+        """Return sizes in bytes of the existing files among ``names``.
 
-        One stat each locally; elsewhere one listing per folder, or one request per file where they are few.
+        This takes one stat each locally; elsewhere one listing per folder, or one request per file if they are few.
         """
         if self.local_root is not None:
             found = {}
@@ -336,9 +336,9 @@ class Storage:
     def read_many(
         self, names: Iterable[str], unreadable: Callable[[DamagedFile], None] | None = None
     ) -> dict[str, bytes]:
-        """Return contents of those of ``names`` that exist, fetched concurrently from an object store.
+        """Return contents of the existing files among ``names``, fetched concurrently from an object store.
 
-        ``unreadable`` is called with local files that cannot be read, which are left out; without it they are raised.
+        ``unreadable`` is called with each error of a local file, which is left out; without it the error is raised.
         """
         wanted = [check_name(name) for name in names]
         if self.local_root is not None:
@@ -367,7 +367,7 @@ class Storage:
             return None
 
     def leftovers(self, folder: str = "") -> tuple[Path, ...]:
-        """Return the temporary files in a folder (in all, by default) whose writer is gone.
+        """Return the temporary files in a folder (by default in all) whose writer is gone.
 
         An object store has none.
         """
@@ -378,7 +378,7 @@ class Storage:
         return tuple(file for file in found if is_abandoned(file, _TEMPORARY))
 
     def remove_leftovers(self, folder: str) -> int:
-        """Delete what :meth:`leftovers` finds; how many there were."""
+        """Delete the files that :meth:`leftovers` finds, and return their number."""
         found = self.leftovers(folder)
         for file in found:
             file.unlink(missing_ok=True)
@@ -443,9 +443,9 @@ def _remote_version(row: Mapping[str, Any]) -> str:
 
 
 def _remote_md5(row: Mapping[str, Any]) -> str | None:
-    """Return the MD5 that an S3-compatible store gives as the ETag of an object put in one piece.
+    """Return the MD5 that an S3-compatible store gives as the ETag of an object written in one piece.
 
-    A store that encrypts with a key gives another.
+    None for a store that encrypts with a key, whose ETag is no MD5.
     """
     etag = str(row.get("ETag", "")).strip('"')
     return etag if _MD5.fullmatch(etag) else None
@@ -461,7 +461,7 @@ def _on_disk(action: Callable[[], T], path: str) -> T:
 
 
 def _remotely(action: Callable[[], T], path: str) -> T:
-    """Try several times with growing pauses: object stores answer slowly or with errors now and then."""
+    """Run an action, with several attempts and growing pauses, since object stores sometimes answer slowly or fail."""
     from tenacity import Retrying, retry_if_exception, stop_after_attempt, wait_exponential  # local storage needs none
 
     trying = Retrying(
@@ -484,9 +484,9 @@ def _remotely(action: Callable[[], T], path: str) -> T:
 
 
 def _may_answer_later(error: BaseException) -> bool:
-    """Return whether an object store may answer if it is asked again.
+    """Return whether an object store may answer a repeated request.
 
-    Their clients raise errors of many kinds for that (OSError, TimeoutError, classes of their own).
+    The clients raise many kinds of errors for that (OSError, TimeoutError, classes of their own).
     """
     for_good = isinstance(error, FileNotFoundError | PermissionError | ImportError | ValueError)
     return isinstance(error, Exception) and not for_good and type(error).__name__ not in _NO_CREDENTIALS

@@ -131,7 +131,7 @@ class BodyEvidence:
 
 
 def body_of(evidence: BodyEvidence) -> tuple[ReportedBody, bool]:
-    """Return the body a vehicle is simulated with, and whether its kind is implied (not said by ``BODY_TYP``).
+    """Return the simulated body of a vehicle, and whether its kind is implied (not given by ``BODY_TYP``).
 
     >>> body, implied = body_of(BodyEvidence(body_type=4))  # BODY_TYP 4: four-door sedan
     >>> body.vehicle_class.value, implied
@@ -160,7 +160,7 @@ def _implied_kind(evidence: BodyEvidence) -> ReportedBody:
 
 
 def _refined(body: ReportedBody, evidence: BodyEvidence) -> ReportedBody:
-    """Return the kind's typical body with what the VIN says about this one."""
+    """Return the kind's typical body, refined by the dimensions and mass from the VIN."""
     if evidence.wheelbase_in is not None and body.wheelbase_ratio is not None:
         low, high = _PLAUSIBLE_WHEELBASE_IN
         if low <= evidence.wheelbase_in <= high:

@@ -1,8 +1,8 @@
-"""Codes of persons outside motor vehicles: who they were, where, what they did, and the typing of their crash.
+"""Codes of persons outside motor vehicles: their type, place and actions, and the typing of their crash.
 
-The typing (``PBTYPE``, since 2014) is the Pedestrian and Bicycle Crash Analysis Tool's; it serves what a coder derived
-for a pedestrian or a cyclist, and a code that says "not one" for the other. Such codes count as unknown here: they say
-nothing of the person. Sources: FARS Analytical User's Manual; FARS/CRSS Pedestrian Bicyclist Crash Typing Manual.
+The typing (``PBTYPE``, since 2014) is that of the Pedestrian and Bicycle Crash Analysis Tool. Its elements for
+pedestrians hold a code for "not a pedestrian" for cyclists, and the other way round. Such codes count as unknown here.
+Sources: FARS Analytical User's Manual; FARS/CRSS Pedestrian Bicyclist Crash Typing Manual.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Tables of FARS codes: the codes that an element may hold in a year, and their plain meanings.
 
-``codes.csv`` has them all: a row for each code of an element (``variable``), with a phrase of ours, the first and last
-case year of one that came or went (``since``, ``until``), and whether it says "not reported" or "unknown".
+``codes.csv`` has them all: a row for each code of an element (``variable``), with a phrase of ours, its first and last
+case year if it was added or dropped (``since``, ``until``), and whether it means "not reported" or "unknown".
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LAST_YEAR = 2023
 
 
 class UnknownCodeError(ValueError):
-    """A code its element's table does not hold in that year."""
+    """A code that its element's table does not have in that year."""
 
     def __init__(self, element: str, value: str, year: int, expected: str) -> None:
         super().__init__(f"{element} holds {value!r}, which is not a code of case year {year}; expected {expected}")
@@ -50,14 +50,14 @@ class CodeTable:
         return first <= min(max(year, FIRST_YEAR), LAST_YEAR) <= last
 
     def check(self, code: int, year: int) -> int:
-        """Return ``code`` itself; raises :class:`UnknownCodeError` if the element has no such code in that year."""
+        """Return ``code``; raise :class:`UnknownCodeError` if the element has no such code in that year."""
         if not self.holds(code, year):
             expected = ranges(known for known in self.meanings if self.holds(known, year))
             raise UnknownCodeError(self.element, str(code), year, expected)
         return code
 
     def known(self, code: int | None) -> int | None:
-        """Return ``code``, or None if it says that the value is not known."""
+        """Return ``code``, or None if it means "unknown"."""
         return None if code is None or code in self.unknown else code
 
     def meaning(self, code: int | None) -> str:
@@ -87,7 +87,7 @@ def code_table(element: str) -> CodeTable:
 
 
 def has_codes(element: str) -> bool:
-    """Return whether an element has a table; counts, and elements whose codes are not interpreted here, have none.
+    """Return whether an element has a table; counts and uninterpreted elements have none.
 
     >>> has_codes("WEATHER"), has_codes("DEATHS")
     (True, False)

@@ -38,7 +38,7 @@ _HEAVY: Final = frozenset({VehicleClass.TRUCK, VehicleClass.LIGHT_TRUCK, Vehicle
 
 
 def trailer_of(body: ReportedBody, tow_code: int | None, gvwr_class: int | None = None) -> Trailer | None:
-    """Return the trailer of a vehicle by its ``TOW_VEH``; None where it pulls nothing.
+    """Return the trailer of a vehicle by its ``TOW_VEH``, or None without one.
 
     From 2020 on, the trailer's weight rating (``TRLR1GVWR``, 11 to 18) counts as well.
 

@@ -1,4 +1,4 @@
-"""Codes of each vehicle: its road as the driver saw it, and what it did before the crash."""
+"""Codes of each vehicle: its road as the driver saw it, and its movement before the crash."""
 
 from __future__ import annotations
 

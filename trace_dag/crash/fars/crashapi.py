@@ -38,10 +38,10 @@ class CrashApiClient:
     ) -> list[CrashListing]:
         """Return the cases of those states (``STATE`` codes) and years with that many motor vehicles, in order of keys.
 
-        The service counts every motor vehicle, parked ones too, and lists neither place nor crash type: filters on
+        The service counts every motor vehicle, parked ones too. It lists neither place nor crash type, so filters on
         those need the reports.
 
-        Raises UserError for an unknown state, TransientFailure or Failure as :class:`HttpClient` does.
+        Raises UserError for an unknown state, and TransientFailure or Failure as :class:`HttpClient`.
         """
         found: dict[str, CrashListing] = {}
         year_list = sorted(set(years))
@@ -56,9 +56,9 @@ class CrashApiClient:
     def report(self, key: str) -> bytes:
         """Return the report of a crash as served.
 
-        If the service has no such report, return its answer (``Count`` 0).
+        If the service has no such report, this is its answer with ``Count`` 0.
 
-        Raises UserError for a malformed key, TransientFailure or Failure as :class:`HttpClient` does.
+        Raises UserError for a malformed key, and TransientFailure or Failure as :class:`HttpClient`.
         """
         year, state_case = fars_case(key)
         params = {
@@ -104,7 +104,7 @@ class CrashApiClient:
 
 
 def _wrong_report(body: bytes, key: str) -> str | None:
-    """Return the fault of an answer to ``GetCaseDetails``, None if there is none."""
+    """Return the fault of an answer to ``GetCaseDetails``, or None if it is right."""
     try:
         found = identify(body, name="the answer")
     except Rejection as rejection:
@@ -118,7 +118,7 @@ def _wrong_report(body: bytes, key: str) -> str | None:
 
 
 def _holds_case(body: bytes) -> bool:
-    """Return whether an answer holds the case; one that is not released yet may be tomorrow."""
+    """Return whether an answer has the case; an unreleased one may be released later."""
     found = identify(body, name="the answer")
     return found is not None and found[1]
 
@@ -133,9 +133,9 @@ def _wrong_list(body: bytes, state: int) -> str | None:
 
 
 def _cases(body: bytes) -> list[dict[str, Any]]:
-    """Return the cases of a ``GetCaseList`` answer, whose ``Results`` is a list in a list.
+    """Return the cases of a ``GetCaseList`` answer, whose ``Results`` is a nested list.
 
-    Raises ValueError for others.
+    Raises ValueError for other answers.
     """
     answer = json.loads(body)
     results = answer["Results"] if isinstance(answer, dict) else None

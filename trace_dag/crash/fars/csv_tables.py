@@ -70,16 +70,16 @@ class FarsCsvSource:
         return cls(find_releases(Path(path)))
 
     def notes(self) -> list[str]:
-        """Return the tables present and missing in each year, and the cost of the missing ones.
+        """Return the tables present and missing in each year, and the effects of the missing ones.
 
-        Raises UserError for a year of which no crash could be reconstructed.
+        Raises UserError for a year in which no crash could be reconstructed.
         """
         return [release.note() for release in self._releases]
 
     def listings(self) -> list[CrashListing]:
         """Return one line per crash, in order of keys.
 
-        A crash that several releases hold is listed from the first one.
+        A crash of several releases is listed from the first one.
         """
         found: dict[str, CrashListing] = {}
         for release in self._releases:
@@ -88,7 +88,7 @@ class FarsCsvSource:
         return [found[key] for key in sorted(found)]
 
     def reports(self, keys: Iterable[str] | None = None) -> Iterator[tuple[str, bytes]]:
-        """Yield the key and rows, as JSON, of the crashes asked for (None: all), once each; others are left out.
+        """Yield key and rows, as JSON, of the given crashes (None: all), once each; others are skipped.
 
         Raises UserError for a malformed key.
         """
@@ -123,7 +123,7 @@ class _SortedTable:
             self.cases, self.table = cases[order], table.take(order)
 
     def rows(self, first: int, last: int, columns: Sequence[str] | None = None) -> Iterator[tuple[int, Row]]:
-        """Yield ``ST_CASE`` and the values that are not blank of every row from case ``first`` to ``last``."""
+        """Yield ``ST_CASE`` and the non-blank values of each row from case ``first`` to ``last``."""
         low, high = np.searchsorted(self.cases, [first, last + 1])
         part = self.table.slice(low, high - low)
         there = part.column_names  # made anew, of all columns, each time it is asked for
@@ -147,7 +147,7 @@ class _ReleaseTables:
 
     @cached_property
     def year(self) -> int:
-        """Return the case year: of ``accident.csv``, or of the path where that has no such column."""
+        """Return the case year of ``accident.csv``, or of the path if the table lacks the column."""
         table = self._release.table("accident")
         column = next((name for name in ("YEAR", "CASEYEAR") if table is not None and name in table.column_names), None)
         if table is None or column is None:
@@ -182,7 +182,7 @@ class _ReleaseTables:
 
     @cached_property
     def state_cases(self) -> list[int]:
-        """Return ``ST_CASE`` of every crash, in order: of ``accident.csv``, else of the tables of events."""
+        """Return ``ST_CASE`` of every crash, in order, from ``accident.csv`` or else from the tables of events."""
         year, accidents = self.year, self._table("accident")  # the year first: stacked ones have each case twice
         if accidents is None:
             events = [table.cases for name in _SEQUENCES if (table := self._table(name)) is not None]
@@ -200,7 +200,7 @@ class _ReleaseTables:
         return [int(case) for case in cases]
 
     def listings(self) -> Iterator[CrashListing]:
-        """Yield one line per crash; nothing but its key where a value of it cannot be read."""
+        """Yield one line per crash; only its key if a value cannot be read."""
         for case, rows in self._crashes(self.state_cases, _LISTED):
             key = crash_key(self.year, case)
             try:
@@ -209,14 +209,14 @@ class _ReleaseTables:
                 yield CrashListing(key, self.year, case)
 
     def reports(self, cases: Sequence[int]) -> Iterator[tuple[str, bytes]]:
-        """Yield the key and rows, as JSON, of the crashes of those cases, which are in order."""
+        """Yield key and rows, as JSON, of the crashes of these cases, in order."""
         for case, rows in self._crashes(cases, dict.fromkeys(self._release.files)):
             yield crash_key(self.year, case), report_to_json(rows)
 
     def _crashes(
         self, cases: Sequence[int], columns: Mapping[str, Sequence[str] | None]
     ) -> Iterator[tuple[int, FarsRows]]:
-        """Yield the rows of each crash in the tables named, of those columns (None: of all)."""
+        """Yield the rows of each crash in the named tables, with the named columns (None: all)."""
         for start in range(0, len(cases), _BATCH):
             batch = cases[start : start + _BATCH]
             tables = {name: self._rows(name, batch, of) for name, of in columns.items()}

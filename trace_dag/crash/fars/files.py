@@ -58,7 +58,7 @@ class CsvFile:
     def read(self) -> bytes:
         """Return the bytes.
 
-        Raises UserError if they cannot be read or are too many.
+        Raises UserError if they cannot be read or exceed the limit.
         """
         try:
             if self.member is None:
@@ -94,7 +94,7 @@ class FarsRelease:
         return int(years[-1]) if years else None
 
     def table(self, name: str) -> pa.Table | None:
-        """Return a table with upper-case column names and every value as text, None if the release has no such file."""
+        """Return a table with upper-case column names and text values, or None if the release lacks the file."""
         file = self.files.get(name)
         return None if file is None else _read_table(file)
 
@@ -102,9 +102,9 @@ class FarsRelease:
 def find_releases(path: Path) -> tuple[FarsRelease, ...]:
     """Return every release at a path.
 
-    A folder (searched to the bottom, zips included), a zip, or one CSV file's folder.
+    The path is a folder (searched to the bottom, zips included), a zip, or one CSV file, which stands for its folder.
 
-    A release may lack tables. Raises UserError if there is none that tells of every crash.
+    A release may lack tables. Raises UserError if none lists every crash.
 
     >>> find_releases(Path("no-such-folder"))
     Traceback (most recent call last):
@@ -128,7 +128,7 @@ def find_releases(path: Path) -> tuple[FarsRelease, ...]:
 def _read_table(file: CsvFile) -> pa.Table:
     """Return a CSV file as text columns with upper-case names.
 
-    Raises UserError with the file and what is wrong in it.
+    Raises UserError that names the file and its fault.
     """
     import pyarrow as pa
     from pyarrow import csv as arrow_csv

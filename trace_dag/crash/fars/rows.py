@@ -1,7 +1,8 @@
-"""The rows that the tables of a FARS release have of one crash: the one form in which every FARS report is read.
+"""The rows of one crash in the tables of a FARS release, the form in which every FARS report is read.
 
 CrashAPI's XML is turned into it: a list is a table, an element a row. Older names and codes are translated where
-reports are read. The tables are the subject of :mod:`trace_dag.crash.fars.files`."""
+reports are read. The tables are the subject of :mod:`trace_dag.crash.fars.files`.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +52,7 @@ class FarsRows:
     tables: Mapping[str, list[Row]]
 
     def fields(self, where: str) -> Fields:
-        """Return the values of the crash itself, with the other tables, in the order of their numbers."""
+        """Return the values of the crash itself, with the other tables, ordered by their numbers."""
         crash: Row = {"CASEYEAR": str(self.case_year)}
         known = {"STATE": str(state_of(self.state_case)), "ST_CASE": str(self.state_case)}
         for row in (*self._rows("accident"), known):
@@ -67,9 +68,10 @@ class FarsRows:
         return self.tables.get(table, [])
 
     def _vehicles(self) -> list[Row]:
-        """Return the rows of the vehicles in transport, and a bare number for those that only other tables tell of.
+        """Return the rows of the vehicles in transport, with bare numbers for those that only other tables name.
 
-        Reading a report decides whether such a vehicle was moving or parked."""
+        Reading the report decides later whether a bare number was moving or parked.
+        """
         rows = self._rows("vehicle")
         known = {whole_number(row, "VEH_NO") for row in (*rows, *self._rows("parkwork"))}
         told_of = {whole_number(row, "VEH_NO") for name in _TELLING_TABLES for row in self._rows(name)}
@@ -77,7 +79,7 @@ class FarsRows:
 
 
 def tables_of(crash: etree._Element, *, name: str) -> dict[str, list[Row]]:
-    """Return the tables that hold what a ``CrashResultSet`` says.
+    """Return the tables in a ``CrashResultSet``.
 
     Raises :class:`~trace_dag.common.errors.Rejection` (``malformed_report``) for a list longer than any report's.
 

@@ -18,7 +18,7 @@ class Table(Protocol):
     """A table or folder whose crashes can be looked at before they are registered."""
 
     def notes(self) -> Sequence[str]:
-        """Return how much is read, and what is not."""
+        """Return notes on the rows and values that were read and those that were not."""
         ...
 
     def records(self) -> Iterable[CrashRecord]:
@@ -27,10 +27,10 @@ class Table(Protocol):
 
 
 def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
-    """Yield the notes of a table.
+    """Yield the notes of a table, then counts by kind of crash and by field.
 
-    Then, for each kind of crash, how many there are, how many say enough to be reconstructed, and what the others lack;
-    then in how many crashes each field is reported, and in how many others imply it.
+    For each kind: the number of crashes, the number that can be reconstructed, and what the others lack. For each
+    field: the number of crashes that report it, and the number in which other fields imply it.
     """
     total: Counter[str] = Counter()
     lacking: dict[str, Counter[str]] = {}

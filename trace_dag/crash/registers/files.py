@@ -27,7 +27,7 @@ def _windows_1252(error: UnicodeError) -> str:
 
 
 def read_header(path: Path, separator: str | None) -> tuple[list[str], str]:
-    """Return the columns of a table and their separator, found where it is not given."""
+    """Return the columns of a table and their separator, which is detected if not given."""
     with _opened(path) as file:
         line = file.readline()
     found = separator or max(_SEPARATORS, key=line.count)
@@ -45,7 +45,7 @@ def copy_as_utf8(path: Path, copy: Path) -> Path:
 
 
 def _opened(path: Path) -> Any:
-    """Return a table's text: UTF-8, UTF-16, or Windows-1252 where it is no UTF-8, also of .gz, .bz2 and .xz."""
+    """Open a table as text: UTF-8, UTF-16 or Windows-1252, also compressed as .gz, .bz2 or .xz."""
     import fsspec
 
     try:

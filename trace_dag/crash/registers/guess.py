@@ -59,9 +59,9 @@ _CLOCKS: Final = ("%H:%M", "%H:%M:%S", "%I:%M %p", "%I:%M:%S %p", "%H%M")
 
 
 def guess_mapping(path: Path) -> str:
-    """Return the text of a mapping for a table, with what was guessed marked.
+    """Return the text of a mapping for a table, with guesses marked.
 
-    Raises :class:`UserError` for a table that cannot be read, or has no column that could be its id or its time.
+    Raises :class:`UserError` for a table that cannot be read, or that has no column for an id or a time.
     """
     header, rows = first_rows(path, _LOOKED_AT)
     values = {name: [row[place].strip() for row in rows if place < len(row)] for place, name in enumerate(header)}
@@ -125,7 +125,7 @@ def _coded(table: str, field: str, column: str, values: Mapping[str, Sequence[st
 
 
 def _time(values: Mapping[str, Sequence[str]]) -> list[tuple[str, str]] | None:
-    """Return the columns of date and time, each with the format that fits all of its values."""
+    """Return the columns of date and time, each with the format that fits all its values."""
     both = [f"{date}{gap}{clock}" for date in _DATES for gap in (" ", "T") for clock in _CLOCKS]
     for name, texts in values.items():
         if (form := _fitting(texts, both)) is not None:

@@ -1,8 +1,8 @@
 """Mappings of registers: the columns of a table for each field, and the meanings of their values.
 
 Columns are named after the FARS elements whose codes they are translated into (``MAN_COLL``, ``P_CRASH1``): any element
-that a record has of a crash, a vehicle or a person, so that no field needs code of its own. There is no expression
-language: a value is looked up, a number has a unit, a time a format.
+of a crash, a vehicle or a person in a record, so that no field needs code of its own. There is no expression language:
+a value is looked up, a number has a unit, a time a format.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class _Part(BaseModel):
 class CodedColumn(_Part):
     """A column whose values are looked up; without ``values`` they are codes already.
 
-    ``other``: the meaning of values that are not listed; ``unknown`` for none.
+    ``other`` is the code for values that are not listed, or ``unknown``.
     """
 
     column: str
@@ -147,9 +147,9 @@ class TimeColumn(_Part):
 
 
 def parts_of(time_format: str) -> tuple[str, ...]:
-    """Return the parts of a time that a format holds.
+    """Return the parts of a time in a format.
 
-    Raises ValueError for one that cannot be read.
+    Raises ValueError for an invalid format.
 
     >>> parts_of("%m/%d/%Y")
     ('month', 'day', 'year')
@@ -177,7 +177,7 @@ class DirectionColumn(_Part):
 
 
 class HeadingColumn(DirectionColumn):
-    """A column of directions of travel; ``turning``: whether those of units that turned are from before or after."""
+    """A column of directions of travel; ``turning``: whether those of turning units are from before or after a turn."""
 
     turning: Moment = Moment.UNKNOWN
 
@@ -193,7 +193,7 @@ class FromCrossingColumns(_Part):
 
 
 class _Columns(BaseModel):
-    """Columns with further ones named after FARS elements."""
+    """Columns, with further ones named after FARS elements."""
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
@@ -238,11 +238,11 @@ class UnitColumns(_Columns):
 
 
 class JoinedFile(_Part):
-    """A file beside that of the crashes, joined to it by ``on``: its own columns, each with one of those before it.
+    """A file joined to that of the crashes by ``on``, which pairs its columns with those of earlier files.
 
-    ``name`` is a pattern of file names (``*unit*.csv``). ``where``: the values that its rows must have, by column.
-    Its first row that fits gives further columns; with ``units``, each of its rows is a unit of its own: of ``kind``,
-    where that is given, a value of :attr:`UnitColumns.kind`.
+    ``name`` is a pattern of file names (``*unit*.csv``). ``where``: the values that its rows must have, by column. Its
+    first matching row adds columns; with ``units``, each of its rows is a unit, of the given ``kind`` if any (a value
+    of :attr:`UnitColumns.kind`).
     """
 
     name: str
@@ -253,11 +253,11 @@ class JoinedFile(_Part):
 
 
 class RegisterMapping(_Part):
-    """A register: what it is, whose, how good, and how its table is read.
+    """A register: its name, owner, quality, and the reading of its table.
 
-    ``rows``: whether a row is a crash, with ``units`` of it beside each other, or a unit. ``unknown``: what stands for
-    "not known" in any column, beside blanks. ``table``: the pattern of the crashes' file in a folder, ``files`` those
-    beside it. ``traffic``: the side that it keeps, else that of the country around each point.
+    ``rows``: whether a row is a crash, with ``units`` of it beside each other, or a unit. ``unknown``: values for "not
+    known" in any column, beside blanks. ``table``: the pattern of the crashes' file in a folder, ``files`` those beside
+    it. ``traffic``: the side it keeps; the default is that of the country around each point.
     """
 
     register_name: Annotated[str, AfterValidator(_register_name)] = Field(alias="register")
@@ -312,13 +312,13 @@ class RegisterMapping(_Part):
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """Return the fields of vehicles that decide how a crash is judged and that no column says."""
+        """Return the fields of vehicles that matter for the verdict and have no column."""
         asked = {"impact": "IMPACT1", "crash_type_code": "ACC_TYPE"}
         return tuple(field for field, element in asked.items() if element not in self.unit.coded)
 
     @property
     def covers(self) -> tuple[str, ...]:
-        """Return the kinds of party that its crashes can have, in words."""
+        """Return the kinds of party that its crashes can have, as a text."""
         kinds = {file.kind for file in self.files} | set(self.unit.kind.values.values() if self.unit.kind else ())
         if "PER_TYP" in self.crash.coded:
             kinds |= set(self.crash.coded["PER_TYP"].values.values())
@@ -359,9 +359,9 @@ def list_shipped_mappings() -> list[str]:
 
 
 def read_mapping(name: str) -> RegisterMapping:
-    """Return the mapping of a register: one of the package by its name, or a file.
+    """Return the mapping of a register, by the name of a shipped one or by file.
 
-    Raises UserError with what is wrong in it.
+    Raises UserError with the fault in it.
 
     >>> read_mapping("tempe").crash.id
     'Incidentid'
@@ -387,7 +387,7 @@ def read_mapping(name: str) -> RegisterMapping:
 
 
 def _of_elements(columns: Iterable[Column]) -> dict[str, Column]:
-    """Return the columns of records that hold a code, a count or a yes of a FARS element, by element."""
+    """Return the columns of records for a code, count or yes/no of a FARS element, by element."""
     coded = [each for each in columns if each.type in (ColumnType.INTEGER, ColumnType.BOOLEAN)]
     return {
         element: each for each in coded for element in each.source.split(", ") if element and element not in _NOT_MAPPED

@@ -54,7 +54,7 @@ _FAR_DEG: Final = 0.05  # 5 km: rows of one crash do not lie so far apart
 
 
 class RegisterRows:
-    """The mapped columns of a table. They are read once, when they are first asked for."""
+    """The mapped columns of a table. They are read once, on first use."""
 
     def __init__(self, mapping: RegisterMapping, path: Path) -> None:
         self._mapping, self._path = mapping, path
@@ -62,7 +62,7 @@ class RegisterRows:
 
     @cached_property
     def _files(self) -> list[list[Path]]:
-        """Return the files of the crashes, then those joined to them, in the mapping's order."""
+        """Return the files of the crashes, then the joined files in the mapping's order."""
         folder = self._path if self._path.is_dir() else self._path.parent
         patterns = [each.name for each in self._mapping.files]
         found = [[each for each in sorted(folder.glob("*")) if _is_named(each, name)] for name in patterns]
@@ -90,7 +90,7 @@ class RegisterRows:
 
     @contextmanager
     def spool(self) -> Iterator[Callable[[str, bytes], None]]:
-        """Yield what to call with each report made of the rows; they are kept once all are."""
+        """Yield a function to call with each report made from the rows; the reports are kept once all are made."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -125,7 +125,7 @@ class RegisterRows:
 
     @cached_property
     def _headers(self) -> list[list[str]]:
-        """Return the columns of each file; those of one table in several files are those of the first."""
+        """Return the columns of each file; for a table in several files, those of the first."""
         return [read_header(paths[0], self._mapping.separator)[0] for paths in self._files]
 
     @cached_property
@@ -147,14 +147,14 @@ class RegisterRows:
 
     @cached_property
     def _at(self) -> dict[str, str]:
-        """Return the columns as the database calls them, whatever their names."""
+        """Return the database's name of each column."""
         return {name: f"c{place}" for place, name in enumerate(self.wanted)}
 
     def __len__(self) -> int:
         return self._count
 
     def crashes(self) -> Iterator[tuple[str, Iterator[Row]]]:
-        """Return the id and the rows of each crash, in the order of the table by its first row."""
+        """Return the id and the rows of each crash, ordered by its first row in the table."""
         names, kinds = self.wanted, [None, *(file.kind for file in self._mapping.files)]
         found = self._database.cursor().execute("SELECT * EXCLUDE (number, first) FROM kept ORDER BY first, number")
         rows = itertools.chain.from_iterable(iter(lambda: found.fetchmany(_AT_ONCE), []))
@@ -209,7 +209,7 @@ class RegisterRows:
     def _check_texts(
         self, database: duckdb.DuckDBPyConnection, place: int, path: Path, wanted: Mapping[str, str]
     ) -> None:
-        """Raise :class:`UserError` for a value that is no text of a table, by the row and column where it stands."""
+        """Raise :class:`UserError` for a value that is too long for text, with its row and column."""
         for name, at in wanted.items():
             most = _LONGEST_NARRATIVE if name == self._mapping.crash.narrative else MAX_TEXT
             found = database.execute(
@@ -262,7 +262,7 @@ class RegisterRows:
         return " AND ".join(["true", *said])
 
     def _moment(self) -> dict[str, str]:
-        """Return the expression of each part of the time; those that no column holds are NULL."""
+        """Return an expression for each part of the time; NULL for parts without a column."""
         time, found = self._mapping.crash.time, dict.fromkeys(MOMENT, "NULL::SMALLINT")
         for column, form in zip(time.column, time.format, strict=True):
             text = self._at[column]
@@ -274,7 +274,7 @@ class RegisterRows:
         return found
 
     def _check_ids(self, database: duckdb.DuckDBPyConnection) -> None:
-        """Raise :class:`UserError` for an id in two rows, where a row is a crash."""
+        """Raise :class:`UserError` for an id in two rows, if a row is a crash."""
         if self._mapping.rows == "unit" and not any(file.units for file in self._mapping.files):
             return
         twice = database.execute(
@@ -288,7 +288,7 @@ class RegisterRows:
             )
 
     def _check_rows_agree(self, database: duckdb.DuckDBPyConnection) -> None:
-        """Raise :class:`UserError` for an id that stands for crashes of several years or places."""
+        """Raise :class:`UserError` for an id that is used for crashes of several years or places."""
         crash, checks = self._mapping.crash, {"year": ("year", 0.0)}
         if crash.latitude_deg is not None and crash.longitude_deg is not None:
             for name in (crash.latitude_deg, crash.longitude_deg):
@@ -308,7 +308,7 @@ class RegisterRows:
 
 
 def _timestamp(text: str, form: str, zone: str | None) -> str:
-    """Return the expression of a column's local time, NULL where it is not in the format."""
+    """Return an expression for a column's local time, NULL if it is not in the format."""
     local = f"AT TIME ZONE {_literal(zone)}" if zone else ""
     if form in EPOCHS:
         number = f"try_cast(try_cast({text} AS DOUBLE) * {EPOCHS[form]} AS BIGINT)"

@@ -1,7 +1,7 @@
 """A register's table, read by its mapping into crash records.
 
-Only mapped columns are read. Values that the mapping does not know count as not reported, and are listed with how often
-they occur. Nothing is guessed: who met whom follows from the manner of collision and the units that the table has.
+Only mapped columns are read. Values that the mapping does not know count as not reported, and are listed with their
+numbers. Nothing is guessed: the parties of each event follow from the manner of collision and the units in the table.
 """
 
 from __future__ import annotations
@@ -79,16 +79,16 @@ class RegisterTable:
 
     @classmethod
     def open(cls, register: str, path: Path, find: PlaceFinder | None = None) -> RegisterTable:
-        """Return a table read by the mapping of that name, or in that file.
+        """Return a table, read by the mapping of that name or file.
 
-        ``find`` looks crossings of streets up where the table has no points.
+        ``find`` looks up crossings of streets if the table has no points.
 
-        Raises UserError for what cannot be read.
+        Raises UserError for a mapping or table that cannot be read.
         """
         return cls(read_mapping(register), path, find)
 
     def notes(self) -> list[str]:
-        """Return how much of the table is read, and what is not."""
+        """Return notes on the crashes and values that are read, and on those that are not."""
         reader = self._whole
         notes = [
             f"{self.mapping.attribution}, {self.mapping.name}: {count_of(reader.made, 'crash', 'crashes')} in "
@@ -104,10 +104,7 @@ class RegisterTable:
         return notes
 
     def records(self, keys: Collection[str] | None = None) -> Iterator[CrashRecord]:
-        """Yield every crash as read, or those asked for, in the table's order.
-
-        One at a time, for they may be millions.
-        """
+        """Yield every crash as read, or those of ``keys``, one at a time in the table's order."""
         reader = RowReader(self.mapping)
         for crash_id, group in self._rows.crashes():
             key = reader.key_of(crash_id)
@@ -139,7 +136,7 @@ class RegisterTable:
 
     @cached_property
     def _found(self) -> PlaceFinder | None:
-        """Locate all places that are given in words together, since a map is read for all at once."""
+        """Locate all places given in words together, since one pass over a map serves all."""
         if self._find is None:
             return None
         reader = RowReader(self.mapping)
@@ -149,7 +146,7 @@ class RegisterTable:
         return lambda wanted: {each: found.get(each, ()) for each in wanted}
 
     def listings(self) -> Iterator[CrashListing]:
-        """Yield one line per crash; the records are kept on disk, in case their reports are asked for."""
+        """Yield one line per crash; the records are kept on disk for later requests of their reports."""
         with self._rows.spool() as spool:
             for record in self.records():
                 spool(record.key, report_to_json(record))
@@ -162,7 +159,7 @@ class RegisterTable:
         return ((record.key, report_to_json(record)) for record in self.records(keys))
 
     def narratives(self) -> dict[str, str]:
-        """Return the narratives by key, where the register has a column of them."""
+        """Return the narratives by key, if the register has a column for them."""
         return self._whole.narratives
 
 
@@ -173,7 +170,7 @@ def _listed(values: Counter[str]) -> str:
 
 @dataclass
 class RowReader:
-    """Makes records of rows, and counts what it cannot read: values that are not mapped, and crashes left out."""
+    """Makes records of rows, and counts unmapped values and omitted crashes."""
 
     mapping: RegisterMapping
     made: int = 0
@@ -186,7 +183,7 @@ class RowReader:
         return self.mapping.crash.from_crossing is not None and self._point(row) is None
 
     def place_in_words(self, row: Row) -> FromCrossing | None:
-        """Return the place of a crash by its streets; None where the table does not have them."""
+        """Return the place of a crash by its streets, or None if the table lacks them."""
         crash = self.mapping.crash
         assert crash.from_crossing is not None
         distance, direction = crash.from_crossing.distance, crash.from_crossing.direction
@@ -216,7 +213,7 @@ class RowReader:
         return "no latitude and longitude"
 
     def _count_unread_times(self, row: Row) -> None:
-        """Count texts of a time that are not in their format, so that what they hold is not known."""
+        """Count texts of a time that do not fit their format."""
         for column, form in zip(self.mapping.crash.time.column, self.mapping.crash.time.format, strict=True):
             if not self._is_unknown(row[column]) and getattr(row[TIME], parts_of(form)[0]) is None:
                 needs_zone = form == ISO8601 and self.mapping.crash.time.zone is None and ":" in row[column]
@@ -224,7 +221,7 @@ class RowReader:
                 self._count(f"{column} as {form}{hint}", row[column])
 
     def key_of(self, crash_id: str) -> str | None:
-        """Return the key of a crash; None, and counted, for an id that makes none."""
+        """Return the key of a crash; for an unusable id, count it and return None."""
         try:
             return register_key(self.mapping.register_name, crash_id)
         except ValueError:
@@ -232,9 +229,9 @@ class RowReader:
             return None
 
     def record(self, key: str, rows: Sequence[Row], found: Place | None = None) -> CrashRecord | None:
-        """Return the record of one crash, None where it is left out.
+        """Return the record of one crash, or None if it is left out.
 
-        ``found``: where it was, if the table has no point.
+        ``found`` is its place if the table has no point.
         """
         mapping, row = self.mapping, rows[0]
         moment = row[TIME]
@@ -282,7 +279,7 @@ class RowReader:
         return _with_first_event(record)
 
     def _keeps_left(self, place: Place) -> bool:
-        """Return whether traffic keeps left, by the mapping or else by the state or country of the place."""
+        """Return whether traffic keeps left, by the mapping, or else by the state or country of the place."""
         if self.mapping.traffic is not None:
             return self.mapping.traffic == "left"
         return self.mapping.state in LEFT_HAND_STATES if self.mapping.state is not None else keeps_left_at(*place)
@@ -302,7 +299,7 @@ class RowReader:
         return vehicles, persons
 
     def _kind(self, row: Row, unit: str) -> int | str:
-        """Return ``vehicle``, ``parked``, ``none`` or a ``PER_TYP``; a blank beside other units of the row is none."""
+        """Return ``vehicle``, ``parked``, ``none`` or a ``PER_TYP``; a blank beside other units means none."""
         column = self.mapping.unit.kind
         of_file: int | str | None = row.get(KIND)
         if of_file is not None:
@@ -369,7 +366,7 @@ class RowReader:
         return None if octant is None else Heading(octant, column.turning if turns else Moment.BEFORE)
 
     def _code(self, row: Row, element: str, column: CodedColumn, unit: str = "") -> Any:
-        """Return a code, None where it is not known; a number as it stands where the mapping lists no values."""
+        """Return a code, None if unknown; a number is a code itself if the mapping lists no values."""
         name = self.mapping.column_of(column.column, unit)
         value, label = row[name], f"{name} as {element}"
         if column.values or column.other is not None:
@@ -425,7 +422,7 @@ class RowReader:
         return int(number)
 
     def _count(self, name: str, value: str) -> Any:
-        """Count a value that the mapping does not know; None, what it counts as."""
+        """Count a value that the mapping does not know; return None in its place."""
         self.not_mapped.setdefault(name, Counter())[value] += 1
         return None
 
@@ -436,7 +433,7 @@ _CODED: Final = (
 
 
 def _fields(columns: Mapping[str, Column], coded: Mapping[str, Any]) -> dict[str, Any]:
-    """Return codes by element as fields of a record: several elements of one field give it the first that is known."""
+    """Return codes by element as fields of a record; of several elements of one field, the first known one counts."""
     found: dict[str, Any] = {}
     for element, code in coded.items():
         if code is None or element not in columns:
@@ -457,7 +454,7 @@ def _number(text: str) -> float | None:
 
 # --- what the units and the manner of collision say of the first harmful event ---------------------------------------
 def _with_first_event(record: CrashRecord) -> CrashRecord:
-    """Return the record with the event that it implies, if the first harmful event is not reported."""
+    """Return the record with the event it implies, if the first harmful event is not reported."""
     moving = [vehicle.number for vehicle in record.vehicles if vehicle.in_transport]
     standing = [vehicle.number for vehicle in record.vehicles if not vehicle.in_transport]
     of_two = record.manner_of_collision_code in _OF_TWO_VEHICLES

@@ -1,15 +1,15 @@
 """CommonRoad scenarios (format 2020a): the road as lanelets, and a planning problem for each driver.
 
-A file per driver who has something to avoid. Its planning problem starts as that driver did and has to reach where the
-vehicle would have been without the crash (:class:`trace_dag.scenario.drives.Goal`); everybody else is an obstacle
-that drives as recorded, without the crash: what agents are evaluated in. In ``<key>_all.xml`` all are obstacles, for
-measures of criticality, which look for the driver among these. Times are steps of
+A file per driver who has something to avoid. Its planning problem starts in that driver's initial state, and its goal
+is the place that the vehicle would have reached without the crash (:class:`trace_dag.scenario.drives.Goal`). All others
+are obstacles that drive as recorded, without the crash, as in the evaluation of agents. In ``<key>_all.xml`` all
+parties are obstacles, because measures of criticality look for the driver among them. Times are steps of
 :data:`trace_dag.scenario.drives.STEP_S`, places are in the crash's local frame, as in its OpenDRIVE map.
 
-A junction is an intersection with an incoming element for each road that leads there. A limit is a sign of the
-lanelets where it holds; stop signs and lights have a stop line. The phases of a light are unknown. Signs, and with
-them the benchmark's id, are of Zamunda, the format's country for no country in particular: its schema lacks the
-American stop sign (R1-1), and commonroad-io the American yield sign. The place is in ``location``.
+A junction is an intersection with an incoming element for each road that leads there. A limit is a sign of the lanelets
+where it holds; stop signs and lights have a stop line. The phases of a light are unknown. Signs, and with them the
+benchmark's id, are of Zamunda, the format's country for no country in particular: its schema lacks the American stop
+sign (R1-1), and commonroad-io the American yield sign. The place is in ``location``.
 
 Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
 documentation of the XML format 2020a.
@@ -67,14 +67,14 @@ _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoN
 
 
 class CommonRoad:
-    """``<key>_V<number>.xml`` for each driver who leaves the road or would meet somebody, were nobody to react.
+    """``<key>_V<number>.xml`` for each driver who would leave the road or meet another party without a reaction.
 
-    A vehicle that struck a party that the crash had thrown there, or the trailer, which a planning problem does not
-    have, has nothing to avoid. ``<key>_all.xml`` has everybody, and a problem for each driver: the schema asks for one.
+    A vehicle has nothing to avoid if it struck a party that the crash had thrown there, or a trailer, which a planning
+    problem cannot have. ``<key>_all.xml`` has all parties and a problem for each driver, since the schema requires one.
     """
 
     def __init__(self, keys: Sequence[str]) -> None:
-        """Prepare nothing."""
+        """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
@@ -96,7 +96,7 @@ class CommonRoad:
         return {**files, f"{crash.key}_all.xml": _scenario(record, road, "All", drives, source, drivers)}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return nothing: each file explains itself."""
+        """Return no files, since each file explains itself."""
         return {}
 
 
@@ -130,7 +130,7 @@ class _Lanelets:
         self._stops_at = {ref: post.signal.s_m for post in stops for ref in post.lanes}
 
     def write_into(self, root: etree._Element, tag: str) -> int:
-        """Add the tags, and an element for each lanelet, sign, light and intersection; return the next free id."""
+        """Add the tags, and an element for each lanelet, sign, light and intersection; return the next unused id."""
         incomings = self._incomings()
         tags = etree.SubElement(root, "scenarioTags")
         for name in (tag, "intersection") if incomings else (tag,):
@@ -156,7 +156,7 @@ class _Lanelets:
         return next(numbers)
 
     def _incomings(self) -> dict[str, dict[str, dict[str, list[int]]]]:
-        """Return by junction and road that leads into it the lanelets that end there, and those that go on, by turn."""
+        """Return, by junction and incoming road, the lanelets that end there and those that continue, by turn."""
         found: dict[str, dict[str, dict[str, list[int]]]] = defaultdict(lambda: defaultdict(lambda: defaultdict(list)))
         for shape in self._shapes:
             before = [ref for ref in shape.predecessors if ref in self._ids]
@@ -202,7 +202,7 @@ class _Lanelets:
 
 
 def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | None, value: str = "") -> None:
-    """Add a sign; without a place it stands for a limit that holds unsigned."""
+    """Add a sign; without a place it represents an unsigned limit."""
     element = etree.SubElement(root, "trafficSign", id=str(number))
     about = etree.SubElement(element, "trafficSignElement")
     _add(about, "trafficSignID", sign)
@@ -214,7 +214,7 @@ def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | 
 
 
 def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
-    """Add a light; its phases are unknown, so it is off."""
+    """Add a light that is off, because its phases are unknown."""
     light = etree.SubElement(root, "trafficLight", id=str(number))
     shows = etree.SubElement(etree.SubElement(light, "cycle"), "cycleElement")
     _add(shows, "duration", "1")

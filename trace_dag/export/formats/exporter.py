@@ -1,4 +1,4 @@
-"""Exporters, and the course of a crash without the crash, which most forms need."""
+"""Exporters, and the motion of all parties without the crash, which most forms need."""
 
 from __future__ import annotations
 
@@ -24,9 +24,13 @@ class Exporter(Protocol):
         """
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return the files about all of them, asked for when every crash has been written."""
+        """Return the files of one verified crash, by path below the folder of the export.
+
+        Raises :class:`trace_dag.common.errors.UserError` for a crash that the form cannot express; it is left out and
+        named.
+        """
 
 
 def as_driven(crash: CrashFiles) -> Case:
-    """Return a verified crash with everybody's course as it would have gone on: what agents are evaluated in."""
+    """Return the files about all crashes, after every crash has been written."""
     return case_of(crash, crash.settings.sim)

@@ -30,7 +30,7 @@ class Post(NamedTuple):
 
 
 class Limit(NamedTuple):
-    """A limit, and the lanes of a road where it holds; ``sign`` is None where none stands there."""
+    """A limit, and the lanes of a road where it holds; ``sign`` is None for an unsigned limit."""
 
     speed_mps: float
     lanes: tuple[LaneRef, ...]
@@ -63,7 +63,7 @@ class LaneRules:
                 yield Post(signal, tuple(passed))
 
     def _limits_of(self, signs: Mapping[tuple[LaneRef, ...], Signal]) -> list[Limit]:
-        """Return the limits of each road and direction; a sign that stands on the road is the one that says so."""
+        """Return the limits of each road and direction, with the sign on that road, if there is one."""
         by_limit: dict[tuple[str, int, float], list[LaneRef]] = defaultdict(list)
         for shape in self.shapes:
             if shape.speed_mps is not None:
@@ -76,14 +76,14 @@ class LaneRules:
         ]
 
     def stop_line(self, ref: LaneRef, s_m: float) -> FloatArray:
-        """Return the left and the right end of a line across a lane, shape (2, 3)."""
+        """Return the left and right ends of a line across a lane, shape (2, 3)."""
         half_m = self._network.width_m(ref, s_m) / 2
         poses = [self._network.pose(ref, s_m, offset_m) for offset_m in (half_m, -half_m)]
         return np.array([(pose.x_m, pose.y_m, pose.z_m) for pose in poses])
 
 
 def place_of(network: RoadNetwork, road_id: str, signal: Signal) -> FloatArray:
-    """Return the place of a signal's lower edge: x, y, z (m, local frame)."""
+    """Return the position of a signal's lower edge: x, y, z (m, local frame)."""
     road = network.road_geometry(road_id)
     x, y, heading, _ = road.line.at(signal.s_m)
     z = road.height_at(signal.s_m) + signal.z_offset_m
@@ -91,9 +91,9 @@ def place_of(network: RoadNetwork, road_id: str, signal: Signal) -> FloatArray:
 
 
 def mark_of(network: RoadNetwork, ref: LaneRef, *, left: bool) -> tuple[str, str] | None:
-    """Return the kind and colour of the line on the lane's own side of one of its borders, as the law paints it.
+    """Return the kind and colour of the line on a lane's side of one of its borders, as the law requires.
 
-    None where there is none.
+    None without a line.
     """
     road = network.road_by_id[ref.road_id]
     outer = left == road.left_hand
@@ -109,7 +109,7 @@ def mark_of(network: RoadNetwork, ref: LaneRef, *, left: bool) -> tuple[str, str
 
 
 def turn_of(shape: LaneShape) -> str:
-    """Return the turn of a connecting lane by the headings of its ends: Straight, Left or Right."""
+    """Return the turn of a connecting lane, from the headings of its ends: Straight, Left or Right."""
     steps = np.diff(shape.centre_m[:, :2], axis=0)
     (x, y), (end_x, end_y) = steps[0], steps[-1]
     turn_rad = math.atan2(x * end_y - y * end_x, x * end_x + y * end_y)

@@ -1,13 +1,13 @@
 """Lanelet2 maps: the road as Autoware and planners read it, an OSM XML file of lanelets and regulatory elements.
 
-Every drivable lane is a lanelet. Lanelets that follow each other share the nodes at their ends, and those beside each
-other a border: readers find them by that. A reader takes two lanelets for beside each other *or* for both following a
-third, so lanes that one lane splits into share no border. Limits, lights, stop and yield signs are regulatory
-elements, and so is what they say about junctions: an all-way stop, or which lanelets yield to which. Nodes are in
-WGS84, with ``local_x`` and ``local_y`` in the map's local frame and ``ele``, the height in it.
+Every drivable lane is a lanelet. Readers recognise successive lanelets by shared end nodes, and adjacent ones by a
+shared border. A reader takes two lanelets to be either adjacent *or* both successors of a third, so the lanes into
+which one lane splits share no border. Limits, lights, stop and yield signs are regulatory elements, and so are the
+rules at junctions: an all-way stop, or a right of way. Nodes are in WGS84, with ``local_x`` and ``local_y`` in the
+map's local frame and ``ele``, the height in it.
 
-Format: Poggenhans et al., Lanelet2: A high-definition map framework for the future of automated driving, ITSC 2018,
-and the tagging pages of its documentation; stop signs, heights and turns are tagged by Autoware's extension of it.
+Format: Poggenhans et al., Lanelet2: A high-definition map framework for the future of automated driving, ITSC 2018, and
+the tagging pages of its documentation; stop signs, heights and turns are tagged by Autoware's extension of it.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ class Lanelet2:
     """``<key>.osm`` of each crash: its road map."""
 
     def __init__(self, keys: Sequence[str]) -> None:
-        """Prepare nothing."""
+        """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         return {f"{crash.key}.osm": lanelets(crash.load(ROAD_MAP))}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return nothing: each file explains itself."""
+        """Return no files, since each file explains itself."""
         return {}
 
 
@@ -87,9 +87,9 @@ class _Map:
         return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
     def _borders(self) -> list[int]:
-        """Add the ways on both sides of each lane; return their ids: of the first lane the left, the right one, and on.
+        """Add the ways on both sides of each lane; return their ids, left and right, lane by lane.
 
-        The corners of lanes that follow each other are one node, as far from each as the others are wide.
+        The corners of successive lanes are one node, at their mean position.
         """
         shapes = self._rules.shapes
         index = {shape.ref: i for i, shape in enumerate(shapes)}
@@ -120,7 +120,7 @@ class _Map:
         return [made[number] for number in sides]
 
     def _line(self, shape: LaneShape, *, left: bool) -> dict[str, str]:
-        """Return the tags of a border: the line that the law paints, else the road's edge; neither within junctions."""
+        """Return the tags of a border: the line that the law requires, or the road's edge; virtual within junctions."""
         own = mark_of(self._network, shape.ref, left=left)
         beside, same_way = (shape.left, shape.left_same_way) if left else (shape.right, shape.right_same_way)
         if own is None or shape.junction_id is not None:
@@ -181,7 +181,7 @@ class _Map:
             self._elements_of[ref].append(number)
 
     def _add_sign(self, post: Post, tags: Mapping[str, str]) -> int:
-        """Add the lower edge of a sign or light, from its left to its right for who comes towards it."""
+        """Add the lower edge of a sign or light, from left to right as approaching traffic sees it."""
         ref, signal = post.lanes[0], post.signal
         middle, (left, right) = place_of(self._network, ref.road_id, signal), self._rules.stop_line(ref, signal.s_m)
         half = (right - left) / np.hypot(*(right - left)[:2]) * max(signal.width_m, 0.1) / 2
@@ -189,7 +189,7 @@ class _Map:
         return self._add_way(nodes, **tags, height=f"{signal.height_m:.2f}")
 
     def _add_stop_line(self, post: Post) -> int:
-        """Add a line across all lanes that a light or sign holds for."""
+        """Add a line across all lanes to which a light or sign applies."""
         ends = np.array([self._rules.stop_line(ref, post.signal.s_m) for ref in post.lanes]).reshape(-1, 3)
         along = (ends - ends[0]) @ (ends[1] - ends[0])
         nodes = [self._add_node(ends[along.argmin()]), self._add_node(ends[along.argmax()])]
@@ -210,7 +210,7 @@ class _Map:
 
 
 def _classes(size: int, pairs: Sequence[tuple[int, int]]) -> list[int]:
-    """Return for each of ``size`` things the number of its class, of those that pairs make one."""
+    """Return, for each of ``size`` elements, the number of the class into which the pairs join it."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -1,7 +1,7 @@
-"""Tags of ASAM OpenLABEL 1.0.0 for each crash: what scenario databases search by.
+"""Tags of ASAM OpenLABEL 1.0.0 for each crash, for searches in scenario databases.
 
 Types are classes of OpenLABEL's ontology of scenario tags, which follows BSI PAS 1883:2020 for the operational design
-domain. A tag is set for what the report, or the reconstruction, says; what neither says has none.
+domain. A tag is set only for facts from the report or the reconstruction.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class OpenLabel:
     """``<key>.json`` for each crash."""
 
     def __init__(self, keys: Sequence[str]) -> None:
-        """Prepare nothing."""
+        """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
@@ -87,7 +87,7 @@ class OpenLabel:
         return {f"{crash.key}.json": (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return nothing: each file explains itself."""
+        """Return no files, since each file explains itself."""
         return {}
 
 

@@ -1,9 +1,10 @@
 """ASAM OSI traces: a ``GroundTruth`` message for every moment of the crash, as players of OSI 3.8 read them.
 
-``<key>_gt.osi`` is a single-channel trace: each message after its length, four bytes, little-endian. Moving objects
-are in each message, at the middle of their bounding boxes; lanes, their borders with what is painted there,
-crosswalks, lights, signs, fixed objects, time, light and weather, which do not change, are in the first one. The
-phases of a light are unknown. Frame: the crash's local frame, named in ``proj_string``."""
+``<key>_gt.osi`` is a single-channel trace: each message after its length, four bytes, little-endian. Moving objects are
+in each message, at the middle of their bounding boxes; lanes, their borders with markings, crosswalks, lights, signs,
+fixed objects, time, light and weather, which do not change, are in the first one. The phases of a light are unknown.
+Frame: the crash's local frame, named in ``proj_string``.
+"""
 
 from __future__ import annotations
 
@@ -105,7 +106,7 @@ class Osi:
         return {f"{crash.key}_gt.osi": trace(crash.load(ROAD_MAP), surrounded, crash.load(RECORD))}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return nothing: each trace explains itself."""
+        """Return no files, since each trace explains itself."""
         return {}
 
 
@@ -282,7 +283,7 @@ def _add_crosswalk(message: GroundTruth, network: RoadNetwork, road: Road, cross
 
 
 def _add_conditions(message: GroundTruth, record: CrashRecord) -> None:
-    """Add time, light, sun and weather, each as far as the report tells."""
+    """Add time, light, sun and weather, as far as reported."""
     when, sun, weather = conditions_of(record)
     told, kind = message.environmental_conditions, type(message.environmental_conditions)
     if record.light_code in _ILLUMINATION:
@@ -302,7 +303,7 @@ def _add_conditions(message: GroundTruth, record: CrashRecord) -> None:
 def _pairs(
     before: Sequence[LaneRef], after: Sequence[LaneRef], ids: Mapping[LaneRef, int]
 ) -> list[tuple[int | None, int | None]]:
-    """Return every way through a lane: from each lane before it to each after it."""
+    """Return every path through a lane: each pair of a lane before it and a lane after it."""
     known_before: list[int | None] = [ids[ref] for ref in before if ref in ids]
     known_after: list[int | None] = [ids[ref] for ref in after if ref in ids]
     return [(one, other) for one in known_before or [None] for other in known_after or [None]]

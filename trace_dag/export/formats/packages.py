@@ -13,7 +13,7 @@ class Packages:
     """A folder per crash with everything about it; see :mod:`trace_dag.export.package`."""
 
     def __init__(self, keys: Sequence[str]) -> None:
-        """Prepare nothing."""
+        """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
@@ -21,5 +21,5 @@ class Packages:
         return {f"{crash.key}/{name}": data for name, data in files.items()}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return nothing: each package explains itself."""
+        """Return no files, since each package explains itself."""
         return {}

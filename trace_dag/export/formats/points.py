@@ -30,13 +30,13 @@ _COLUMNS: Final = (
 
 
 class CrashPoints:
-    """``crashes.parquet`` and ``crashes.gpx``: a point per crash, with what the report says first."""
+    """``crashes.parquet`` and ``crashes.gpx``: a point per crash, with the main facts of the report."""
 
     def __init__(self, keys: Sequence[str]) -> None:
         self._rows: list[dict[str, Any]] = []
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """Return nothing: the crash is a row of the files beside."""
+        """Add the crash as a row of the files beside; return no files of its own."""
         record = crash.load(RECORD)
         row = {name: getattr(record, name) for name in _COLUMNS}
         row |= {

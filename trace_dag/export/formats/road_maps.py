@@ -2,8 +2,9 @@
 
 Lanes as GeoJSON and GeoParquet, CommonRoad, Lanelet2, ScenarioNet, SUMO, glTF.
 
-Lanes for geographic tools are in WGS84, longitude first; all else is in the map's local frame, as in its OpenDRIVE.
-The modules of a form are loaded when it is asked for: most maps are wanted as OpenDRIVE alone."""
+Lanes for geographic tools are in WGS84, longitude first; all else is in the map's local frame, as in its OpenDRIVE. The
+modules of a form are loaded on use, since most maps are only needed as OpenDRIVE.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ _DIGITS: Final = 7  # of a degree: a centimetre
 
 
 def lanes_geojson(network: RoadNetwork) -> bytes:
-    """Return a feature per lane: its surface as a polygon with heights, and its road, type, name, limit and neighbours.
+    """Return a GeoJSON feature per lane: its surface with heights, road, type, name, limit and neighbours.
 
     >>> found = json.loads(lanes_geojson(network))
     >>> found["features"][0]["geometry"]["type"], len(found["features"]) == len(network.lanes())
@@ -94,9 +95,9 @@ def form_of_map(
 ) -> Mapping[str, bytes]:
     """Return the files of one of :data:`trace_dag.export.formats.MAP_FORMS`, by path.
 
-    They are made of a map, its OpenDRIVE, and ``surroundings``, which gives the features beside its roads.
+    They are made from a map, its OpenDRIVE, and ``surroundings``, which returns the features beside its roads.
 
-    Raises :class:`UserError` for another form, or where a program is missing that makes it.
+    Raises :class:`UserError` for another form, or if a program for the form is missing.
 
     >>> sorted(form_of_map("geojson", network, xodr, tuple))
     ['lanes.geojson']

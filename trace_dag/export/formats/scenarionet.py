@@ -1,8 +1,8 @@
 """Scenario descriptions of ScenarioNet, which MetaDrive replays and drives in: a pickled dictionary per crash.
 
-The track that a driver under test takes over (``sdc_id``) is the striking vehicle's, or the first one's. Everybody's
-track is their course without the crash, every :data:`trace_dag.scenario.drives.STEP_S`: others that were thrown about
-by a crash that a driver avoided would drive through the air. Frame: the crash's local frame.
+The track that a driver under test takes over (``sdc_id``) is the striking vehicle's, or the first one's. All tracks are
+the courses without the crash, every :data:`trace_dag.scenario.drives.STEP_S`; otherwise, after a driver avoids the
+crash, the others would still move as if thrown by it. Frame: the crash's local frame.
 
 A road map without a crash is a scenario too: a car drives along its lanes at the limit, and may be taken over.
 
@@ -75,7 +75,7 @@ class ScenarioNet:
         return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL)}
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return the metadata of the folder: each file's, and that all lie in the folder itself."""
+        """Return the metadata of the folder: those of each file, and the mapping of files to the folder."""
         return _about(self._summaries)
 
 
@@ -84,7 +84,7 @@ def road_description(network: RoadNetwork) -> dict[str, bytes]:
 
     A car drives from near the middle along the lanes, at their limits.
 
-    Raises :class:`UserError` where the map has no lane of some length to drive in.
+    Raises :class:`UserError` if the map has no lane long enough to drive in.
     """
     name, scenario = _scenario("map", "road map", network, {"car": _car(network)}, "car")
     return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL), **_about({name: scenario["metadata"]})}
@@ -129,7 +129,7 @@ def _about(summaries: Mapping[str, dict[str, Any]]) -> dict[str, bytes]:
 
 
 def _ego(case: Case, drives: Sequence[Drive]) -> int:
-    """Return the striking driver; of who struck an object or overturned, the first one."""
+    """Return the striking driver; for a strike of an object or an overturn, the first driver."""
     contact = case.contact
     if contact is not None and {contact.number_1, contact.number_2} <= {each.number for each in drives}:
         return number_of(case, AgentRole.STRIKING)
@@ -137,7 +137,7 @@ def _ego(case: Case, drives: Sequence[Drive]) -> int:
 
 
 def _car(network: RoadNetwork) -> dict[str, Any]:
-    """Return a car on the way that leads farthest of the lanes near the middle, x and y of the frame being 0 there."""
+    """Return a car on the longest path from the lanes near the middle (x and y of the frame are 0 there)."""
     near = [match.lane for match in network.nearest_lanes(0.0, 0.0, _NEAR_M)]
     starts = [each for each in near or network.drivable_lanes() if network.road_by_id[each.road_id].junction_id is None]
     ways = [
@@ -248,7 +248,7 @@ def _lane(shape: LaneShape, known: set[LaneRef]) -> dict[str, Any]:
 
 
 def _lines(network: RoadNetwork, shape: LaneShape) -> dict[str, dict[str, Any]]:
-    """Return the lines painted on the borders of a lane, and the edges of the carriageway; none within junctions."""
+    """Return the marked lines on the borders of a lane and the edges of the carriageway; none within junctions."""
     if shape.junction_id is not None:
         return {}
     section = network.road_by_id[shape.ref.road_id].lane_sections[shape.ref.section]

@@ -1,8 +1,9 @@
 """SUMO: the road as a network, and the crash as floating-car data, in one system of coordinates.
 
-``<key>.net.xml`` is made of the OpenDRIVE map by SUMO's own netconvert; ``<key>.fcd.xml`` has everybody's simulated
-motion through the crash, every :data:`STEP_S`. Both are in the crash's local frame, which is the projection that the
-network names. A vehicle's place is the middle of its front, angles are clockwise from north, as in what SUMO writes.
+``<key>.net.xml`` is made of the OpenDRIVE map by SUMO's own netconvert; ``<key>.fcd.xml`` has the simulated motion of
+all parties through the crash, every :data:`STEP_S`. Both are in the crash's local frame, which is the projection that
+the network names. A vehicle's place is the middle of its front, angles are clockwise from north, as in SUMO's own
+output.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class Sumo:
         }
 
     def beside(self) -> Mapping[str, bytes]:
-        """Return nothing: a network and a trace belong together by their names."""
+        """Return no files, since a network and a trace belong together by their names."""
         return {}
 
 
@@ -86,7 +87,7 @@ def _type(body: Body) -> str:
 def _rows(moved: VehicleLog, body: Body, times: FloatArray) -> FloatArray:
     """Return x, y, z of the front's middle (m), angle (degrees clockwise from north) and speed (m/s).
 
-    There is a row for every time.
+    There is one row for each time.
     """
     heading = np.interp(times, moved.time_s, np.unwrap(moved.heading_rad))
     x, y, z = (np.interp(times, moved.time_s, values) for values in (moved.x_m, moved.y_m, moved.z_m))

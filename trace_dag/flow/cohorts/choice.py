@@ -1,7 +1,7 @@
 """The choice of crashes to register among those that the sources offer: a filter, certain cases, a sample.
 
-The rules of choosing are :mod:`trace_dag.crash.cohorts`'; here they are put together and put into words, so that a
-cohort can say how its crashes were chosen.
+The rules of choosing are in :mod:`trace_dag.crash.cohorts`; this module combines them and describes the choice in words
+for the cohort.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class Choice:
 
     @property
     def takes_all(self) -> bool:
-        """Return whether every crash is chosen, so that nothing needs to be known of any."""
+        """Return whether every crash is chosen, so that no facts about crashes are needed."""
         return self == Choice(seed=self.seed)
 
     @property
     def reads_reports(self) -> bool:
-        """Return whether choosing takes more than a list of cases says (state, year, county by name, vehicles)."""
+        """Return whether choosing needs facts beyond those in a list of cases (state, year, county name, vehicles)."""
         wanted = self.wanted
         return bool(
             self.stratified is not None
@@ -64,7 +64,7 @@ class Choice:
         return select((crash for crash in crashes if not self.cases or crash.key in self.cases), self.wanted)
 
     def sampled(self, crashes: Iterable[CrashListing]) -> list[CrashListing]:
-        """Return the sample of admitted crashes; all of them if none is asked for."""
+        """Return the sample of admitted crashes; all of them without a sample."""
         if self.sample is not None:
             return sample(crashes, self.sample, seed=self.seed)
         if self.stratified is not None:
@@ -72,7 +72,7 @@ class Choice:
         return list(crashes)
 
     def in_words(self) -> str:
-        """Return the choice as a cohort notes it: ``VA; 2023; 2 vehicles; sample of 100, seed 1``."""
+        """Return the choice as text for the cohort: ``VA; 2023; 2 vehicles; sample of 100, seed 1``."""
         wanted = self.wanted
         groups: list[Iterable[str]] = [
             sorted(wanted.kinds),

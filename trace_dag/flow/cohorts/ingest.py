@@ -36,8 +36,8 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9._-]")
 class IngestReport:
     """The registered crashes and those left aside.
 
-    ``offered`` counts the crashes that the sources hold and the filter admits, ``maps`` the map files given. ``notes``
-    say what tables lack.
+    ``offered`` counts the crashes of the sources that the filter admits, ``maps`` the given map files. ``notes`` list
+    what tables lack.
     """
 
     registration: Registration
@@ -64,13 +64,14 @@ def ingest(
     watch: bool = False,
     progress: OnProgress | None = None,
 ) -> IngestReport:
-    """Register what is found and chosen. A crash that several sources hold comes from the first of them.
+    """Register the chosen crashes of the sources. A crash in several sources comes from the first of them.
 
-    With ``watch``, the folders of reports may hold none yet and are looked at from then on, and the cohort follows
-    what the CrashAPI releases. ``case_lists`` is asked for the lists of cases where that is not ``crash_api``.
+    With ``watch``, the folders of reports may still be empty and are read regularly from then on, and the cohort
+    follows new releases of the CrashAPI. ``case_lists`` is the client for lists of cases, if it differs from
+    ``crash_api``.
 
-    Raises :class:`UserError` for folders without reports, files that are not OSM data, a choice that leaves nothing and
-    the like, and what the CrashAPI's client raises; nothing is registered then.
+    Raises :class:`UserError` for folders without reports, files that are not OSM data, an empty choice and similar
+    faults, and the errors of the CrashAPI's client; nothing is registered then.
     """
     found_maps = _maps(storage, maps)
     scanned = scan(reports)
@@ -108,7 +109,7 @@ def ingest(
 
 
 def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tuple[int, dict[str, ReportSource]]:
-    """Return the number of crashes offered, and the reports of those chosen."""
+    """Return the number of crashes offered, and the reports of the chosen ones."""
     if not sources:
         return 0, {}
     offers: dict[str, CrashListing] = {}

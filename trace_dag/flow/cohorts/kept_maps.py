@@ -1,4 +1,4 @@
-"""Copies of map files, on this machine, that no registered map needs any more."""
+"""Local copies of map files that no registered map needs any more."""
 
 from __future__ import annotations
 
@@ -19,6 +19,6 @@ def find_unused_map_copies(storage: Storage) -> list[Path]:
 
 
 def remove_unused_map_copies(storage: Storage) -> None:
-    """Delete them, after maps have been left out or new ones have come."""
+    """Delete copies of map files that are no longer registered."""
     for path in find_unused_map_copies(storage):
         path.unlink(missing_ok=True)

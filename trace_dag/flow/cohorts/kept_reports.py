@@ -1,6 +1,6 @@
 """Reports kept below the root: those of tables a thousand to a file, since a table may have half a million.
 
-A file is named after its content, and is never changed: the table in a later state makes files of what is new in it.
+A file is named after its content and never changed; a later version of the table only adds files for its new reports.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ _TOGETHER: Final = 1000
 def keep_reports(
     storage: Storage, reports: Iterable[tuple[str, bytes]], known: Mapping[str, ReportSource]
 ) -> dict[str, ReportSource]:
-    """Keep reports, by key; return where each is found. Those that are ``known`` with this content stay there."""
+    """Keep reports, by key; return the location of each.
+
+    Reports that are ``known`` with this content stay where they are.
+    """
     import pyarrow as pa
 
     taken: dict[str, ReportSource] = {}
@@ -44,9 +47,9 @@ def keep_reports(
 
 
 def read_kept(storage: Storage, key: str, report: ReportSource) -> bytes:
-    """Return a report that is kept.
+    """Return a kept report.
 
-    Raises FileNotFoundError where it is not there, :class:`~trace_dag.common.errors.DamagedFile` for a damaged file.
+    Raises FileNotFoundError if it is missing, :class:`~trace_dag.common.errors.DamagedFile` for a damaged file.
     """
     if not report.location.endswith(".parquet"):
         return storage.read(report.location)
@@ -57,7 +60,7 @@ def read_kept(storage: Storage, key: str, report: ReportSource) -> bytes:
 
 
 def read_together(storage: Storage, name: str) -> dict[str, bytes]:
-    """Return the reports of one file by key; raise as :func:`read_kept`."""
+    """Return the reports of one file by key; raise the errors of :func:`read_kept`."""
     table, _ = check_table(storage.read(name), name=name)
     return dict(zip(table["key"].to_pylist(), table["report"].to_pylist(), strict=True))
 

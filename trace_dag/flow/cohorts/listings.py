@@ -1,7 +1,7 @@
 """Listings of reports before their crashes have been run: enough to show their classes.
 
-A look at a report takes some milliseconds, so what was seen is kept in ``ROOT/listings.parquet`` by the report's
-digest; the file is a cache and can be deleted. Reports of the CrashAPI are not here until the crash is run.
+Listing a report takes some milliseconds, so listings are kept in ``ROOT/listings.parquet`` by the report's digest; the
+file is a cache and can be deleted. Reports of the CrashAPI are not here until the crash is run.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _NAMES: Final = tuple(field.name for field in fields(CrashListing))
 
 
 def listings_of(storage: Storage, reports: Mapping[str, ReportSource]) -> dict[str, CrashListing]:
-    """Return the listings of those of some crashes (by key) whose reports are at hand and can be read."""
+    """Return the listings of crashes (by key) whose reports are at hand and can be read."""
     before = _cached(storage)
     seen = {key: (sha256, listing) for key, sha256, listing in _rows(before, reports) if sha256 == reports[key].sha256}
     new: dict[str, tuple[str, CrashListing | None]] = {}
@@ -50,7 +50,7 @@ def listings_of(storage: Storage, reports: Mapping[str, ReportSource]) -> dict[s
 
 
 def remember(storage: Storage, reports: Mapping[str, ReportSource], listings: Mapping[str, CrashListing]) -> None:
-    """Keep what sources listed of the reports they gave, by key, so that none has to be looked at for it."""
+    """Keep the listings that sources gave with their reports, by key, so that the reports need not be read for them."""
     before = _cached(storage)
     same = {key for key, sha256, _ in _rows(before, reports) if sha256 == reports[key].sha256}
     seen = ((key, report.sha256, listings[key]) for key, report in reports.items() if report.sha256)
@@ -60,7 +60,7 @@ def remember(storage: Storage, reports: Mapping[str, ReportSource], listings: Ma
 def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[str]:
     """Count crashes (by key) of each kind, the most frequent first.
 
-    ``not_known`` counts those whose report is missing or does not say.
+    ``not_known`` counts those whose report is missing or has no kind.
     """
     listings = listings_of(storage, reports)
     kinds = Counter(
@@ -70,7 +70,7 @@ def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[s
 
 
 def _keep(storage: Storage, before: pa.Table, seen: Iterator[tuple[str, str, CrashListing | None]]) -> None:
-    """Put what was seen in place of what is kept of these crashes, in the order of the keys, whatever came first."""
+    """Replace the kept listings of these crashes; rows are in the order of keys."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -101,7 +101,7 @@ def _cached(storage: Storage) -> pa.Table:
 
 
 def _rows(table: pa.Table, wanted: Collection[str]) -> Iterator[tuple[str, str, CrashListing | None]]:
-    """Yield key, digest and listing of those of some crashes that are kept."""
+    """Yield key, digest and listing of the given crashes that are kept."""
     for batch in table.to_batches(max_chunksize=_AT_ONCE) if wanted else ():
         columns = [batch.column(name).to_pylist() for name in ("sha256", *_NAMES)]
         for sha256, key, *values in zip(*columns, strict=True):

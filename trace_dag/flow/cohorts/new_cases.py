@@ -1,7 +1,7 @@
 """Cases that the CrashAPI has released since a cohort was chosen: registering them, and asking again for those awaited.
 
-A cohort follows the service by the choices it was made with (``trace-dag ingest --crashapi ... --watch``). A case that
-was listed before its report was released stands rejected as ``not_released``; it is worth asking for again.
+A cohort follows the service with the choices it was made with (``trace-dag ingest --crashapi ... --watch``). A case
+that was listed before its report was released is rejected as ``not_released``, and requested again later.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class NewCases:
-    """A look at the service: how many cohorts follow it, cases listed for the first time, and cases still awaited."""
+    """Result of a query: the number of cohorts that follow the service, new cases, and cases still awaited."""
 
     followers: int
     added: tuple[str, ...] = ()
@@ -30,17 +30,17 @@ class NewCases:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Return all crashes whose report is to be asked for."""
+        """Return all crashes whose report is to be requested."""
         return tuple(in_order((*self.added, *self.awaited)))
 
 
 def register_new_cases(
     storage: Storage, services: ServiceSettings, not_released: Callable[[Collection[str]], Collection[str]]
 ) -> NewCases:
-    """Ask the service for the lists of cases again, for every cohort that follows it, and register what is new.
+    """Request the lists of cases again for every cohort that follows the service, and register new cases.
 
-    ``not_released`` tells which of some crashes had no report yet when it was last asked for. Raises TransientFailure
-    or Failure where the service does not answer; what was registered before that stays.
+    ``not_released`` returns those of some crashes that had no report at the last request. Raises TransientFailure or
+    Failure if the service does not answer; earlier registrations stay.
     """
     cohorts = [cohort for cohort in Registry(storage).cohorts().values() if cohort.followed]
     added: list[str] = []

@@ -1,7 +1,7 @@
 """The two public files that a state and a year need: NHTSA's tables and Geofabrik's map, found where they lie.
 
-Belongs here: what the files are called, where they are published, and where they are looked for. Does not belong here:
-reading them (:mod:`trace_dag.crash.fars.files`, :mod:`trace_dag.osm`).
+Belongs here: the names of the files, their addresses, and the folders to search. Does not belong here: reading them
+(:mod:`trace_dag.crash.fars.files`, :mod:`trace_dag.osm`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GEOFABRIK_URL: Final = "https://download.geofabrik.de/north-america/us/{state}-l
 
 @dataclass(frozen=True)
 class PublicFile:
-    """A file to have: ``patterns`` are names it goes by, the published one first; ``what`` says what is in it."""
+    """A file to have: ``patterns`` are its usual names, the published one first; ``what`` describes its content."""
 
     what: str
     url: str
@@ -33,11 +33,11 @@ class PublicFile:
 
     @property
     def name(self) -> str:
-        """Return its name as it is published."""
+        """Return its published name."""
         return self.url.rpartition("/")[2]
 
     def found(self, folders: Iterable[Path]) -> Path | None:
-        """Return the newest file of such a name in the first folder that has one."""
+        """Return the newest matching file of the first folder that has one."""
         for folder in folders:
             files = [path for pattern in self.patterns for path in _matching(folder, pattern)]
             if files:
@@ -73,7 +73,7 @@ def map_of(state: int) -> PublicFile:
 def files_of(choice: Choice) -> list[PublicFile]:
     """Return the files that the states and years of a choice, or its named cases, need.
 
-    Raise UserError where it names neither.
+    Raises UserError if the choice has neither.
 
     >>> from trace_dag.flow.cohorts.choice import Choice
     >>> [each.name for each in files_of(Choice(cases=frozenset({"2023-510179"})))]

@@ -1,8 +1,8 @@
 """Cohorts: crashes, each with its report and its maps.
 
-One file per cohort, ``ROOT/cohorts/<name>.parquet``: a row per crash, and all else in its metadata. A crash belongs
-to the cohort that registered it first, so that every crash is counted once. Registering again is harmless: what is
-known stays, what is new is added, a report that changed is noted as changed. Does not belong here: reading reports or
+One file per cohort, ``ROOT/cohorts/<name>.parquet``: a row per crash, and all else in its metadata. A crash belongs to
+the cohort that registered it first, so that every crash is counted once. Repeated registration is harmless: known
+crashes stay, new ones are added, and changed reports are marked as changed. Does not belong here: reading reports or
 maps.
 """
 
@@ -46,7 +46,7 @@ class ReportSource:
     """The origin of a crash's report.
 
     ``file``: ``location`` is a path. ``stored``: a name below the storage root. ``crashapi``: the service, asked for
-    this crash (``location`` is empty). ``sha256`` of the content where it is known beforehand.
+    this crash (``location`` is empty). ``sha256`` of the content, if known beforehand.
     """
 
     kind: Literal["file", "stored", "crashapi"]
@@ -66,7 +66,7 @@ class RegisteredMap:
 
 @dataclass(frozen=True)
 class CrashSource:
-    """Everything outside the storage's stages that a crash is made from."""
+    """Sources of a crash: its report, its maps and their cohort."""
 
     cohort: str
     report: ReportSource
@@ -93,10 +93,10 @@ def _maps_digest(maps: tuple[RegisteredMap, ...], map_service: str | None) -> st
 class Cohort:
     """A named set of crashes that share their maps. Reports by key.
 
-    ``map_service`` is asked where no map file covers a crash. ``origins`` says, once for each time the cohort grew,
-    where its crashes came from and how they were chosen. Reports that arrive in the ``watched`` folders join it, and
-    so do crashes of the ``followed`` choices that the CrashAPI releases later. ``lost_maps``: all that is known of its
-    maps is their digest, since the registry was lost; it counts until maps are registered again.
+    ``map_service`` is used if no map file covers a crash. ``origins`` describes the source and choice of the crashes,
+    once for each time the cohort grew. Reports that arrive in the ``watched`` folders join it, and so do crashes of the
+    ``followed`` choices that the CrashAPI releases later. ``lost_maps`` is the digest of its maps after the registry
+    was lost; it counts until maps are registered again.
     """
 
     name: str
@@ -116,7 +116,7 @@ class Cohort:
 
 
 class _Reports(Mapping[str, ReportSource]):
-    """Reports by key, in order: the columns of a table, since a country's year has half a million of them."""
+    """Reports by key, in order, as columns of a table, since a year of a country has half a million."""
 
     def __init__(self, table: pa.Table) -> None:
         self._keys: list[str] = table["key"].to_pylist()
@@ -168,9 +168,7 @@ _COHORTS = TypeAdapter(Cohort)
 
 
 def in_order(keys: Iterable[str]) -> list[str]:
-    """Return keys of FARS by year, then by state case as a number, then each other register's.
-
-    Each once: the order in which they are registered.
+    """Return unique keys in order of registration: FARS by year and case number, then each other register.
 
     >>> in_order(["2023-510010", "tempe-7", "2023-40002", "2015-390503", "2023-510010"])
     ['2015-390503', '2023-40002', '2023-510010', 'tempe-7']
@@ -179,14 +177,17 @@ def in_order(keys: Iterable[str]) -> list[str]:
 
 
 class Registry:
-    """The cohorts of one storage root. A file that is as it was is not taken apart again: a year has 5 MB of them."""
+    """The cohorts of one storage root. An unchanged file is not parsed again: a year has 5 MB of them."""
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
         self._known: dict[str, tuple[bytes, Cohort]] = {}
 
     def cohorts(self) -> dict[str, Cohort]:
-        """Return all cohorts by name; :class:`DamagedFile` for one that is lost or not as it was written."""
+        """Return all cohorts by name.
+
+        Raises :class:`DamagedFile` for a cohort that is lost or damaged.
+        """
         names = {name for name in self._storage.list(_FOLDER) if name.endswith(_SUFFIX)}
         for name in sorted((self._copied() | self._noted()) - names):
             raise DamagedFile(name, "it is not there", _REMEDY)
@@ -199,7 +200,7 @@ class Registry:
         return found
 
     def damage(self) -> list[DamagedFile]:
-        """Return the files of cohorts, and their copies, that are lost or not as they were written."""
+        """Return the damaged or lost files of cohorts, and of their copies."""
         there = {name for name in self._storage.list(_FOLDER) if name.endswith(_SUFFIX)}
         there |= self._copied() | self._noted()
         found = []
@@ -214,7 +215,7 @@ class Registry:
         return found
 
     def put_back(self, name: str) -> bool:
-        """Replace a file of a cohort by its copy, or the copy by the file; whether the one to take was whole."""
+        """Replace a file of a cohort by its copy, or the copy by the file; return whether the source was whole."""
         other = name.replace(_COPIES, _FOLDER) if name.startswith(_COPIES) else _copy_of(name)
         try:
             data = self._storage.read(other)
@@ -228,7 +229,7 @@ class Registry:
         return {name.replace(_COPIES, _FOLDER) for name in self._storage.list(_COPIES) if name.endswith(_SUFFIX)}
 
     def _noted(self) -> set[str]:
-        """Return the files of the cohorts, by their list; none where it is damaged or was never kept."""
+        """Return the files in the list of cohorts; empty if the list is damaged or missing."""
         try:
             noted = check_document(self._storage.read(_NAMES), name=_NAMES)["names"]
             return {name for name in noted if name.endswith(_SUFFIX)}  # others are of versions before
@@ -248,34 +249,43 @@ class Registry:
             self._note(noted | self._copied())
 
     def forget(self, cohort: str) -> None:
-        """Delete what there is of a cohort."""
+        """Delete the files of a cohort."""
         self._note(self._noted() - {f"{_FOLDER}/{cohort}{_SUFFIX}"})
         for folder in (_COPIES, _FOLDER):  # a copy without its file would be a loss
             self._storage.delete(f"{folder}/{cohort}{_SUFFIX}")
 
     def listed(self) -> str:
-        """Return a digest (SHA-256, hexadecimal) of how the files of the cohorts are listed.
+        """Return a digest (SHA-256, hexadecimal) of the listed files of the cohorts.
 
-        Another once one has changed.
+        It changes with any of them.
         """
         return hashlib.sha256(repr(sorted(self._storage.list(_FOLDER).items())).encode()).hexdigest()
 
     def cohort(self, name: str) -> Cohort:
-        """Return one cohort; :class:`UserError` if it is not there."""
+        """Return one cohort.
+
+        Raises :class:`UserError` for an unknown name.
+        """
         cohorts = self.cohorts()
         if name not in cohorts:
             raise UserError(f"cohort {name!r} is not registered; there is {', '.join(cohorts) or 'none yet'}")
         return cohorts[name]
 
     def keys(self, cohort: str | None = None) -> list[str]:
-        """Return the crashes of one cohort or of all, in order; :class:`UserError` for a cohort that is not there."""
+        """Return the crashes of one cohort or of all, in order.
+
+        Raises :class:`UserError` for an unknown cohort.
+        """
         if cohort is not None:
             return self.cohort(cohort).keys
         cohorts = list(self.cohorts().values())
         return cohorts[0].keys if len(cohorts) == 1 else in_order(key for each in cohorts for key in each.reports)
 
     def sources(self, keys: Iterable[str]) -> dict[str, CrashSource]:
-        """Return the origins of some crashes; :class:`UserError` for a key that is not registered."""
+        """Return the origins of some crashes.
+
+        Raises :class:`UserError` for a key that is not registered.
+        """
         cohorts = self.cohorts().values()
         found = {}
         for key in keys:
@@ -302,10 +312,10 @@ class Registry:
         followed: Iterable[Choice] = (),
         lost_maps: str | None = None,
     ) -> Registration:
-        """Add reports and maps to a cohort, which is made if need be.
+        """Add reports and maps to a cohort, which is made if missing.
 
-        ``map_service`` replaces the one before if it is given; ``origin`` is noted if it brought crashes;
-        ``lost_maps`` is the digest of maps that are not known any more.
+        ``map_service`` replaces the present one if given; ``origin`` is recorded if it brought crashes; ``lost_maps``
+        is the digest of maps that are no longer known.
         """
         if not _NAME.fullmatch(cohort):
             raise UserError(f"cohort name {cohort!r}: expected letters, digits, '-' and '_' only, 64 at most")
@@ -339,10 +349,10 @@ class Registry:
         return Registration(tuple(added), tuple(changed), tuple(known), elsewhere, len(after.maps) - len(before.maps))
 
     def drop_maps(self, files: Collection[str], cohort: str | None = None) -> dict[str, tuple[str, ...]]:
-        """Forget map files, given by path or name, in one cohort or in all; what was forgotten, by cohort.
+        """Remove map files, given by path or name, from one cohort or all; return the removed files by cohort.
 
-        Extracts cut from them are made anew by the next run. Raises :class:`UserError` for a file that no cohort
-        has."""
+        The next run cuts new extracts. Raises :class:`UserError` for a file that no cohort has.
+        """
         cohorts = [self.cohort(cohort)] if cohort is not None else list(self.cohorts().values())
         gone = {each.name: {file: found for file in files if (found := _dropped(each, file))} for each in cohorts}
         for file in files:
@@ -356,9 +366,9 @@ class Registry:
         return {name: tuple(file.location for file in found.values()) for name, found in gone.items() if found}
 
     def leaving(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
-        """Return the crashes that :meth:`remove` would take away, in order.
+        """Return the crashes that :meth:`remove` would remove, in order.
 
-        Raises :class:`UserError` for a cohort or a crash that is not there.
+        Raises :class:`UserError` for an unknown cohort or crash.
         """
         before = self.cohort(cohort)
         for key in only:
@@ -369,9 +379,10 @@ class Registry:
         return tuple(in_order(only or before.keys))
 
     def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
-        """Forget a cohort, or some of its crashes; the crashes that are registered no more, in order.
+        """Remove a cohort, or some of its crashes; return the crashes that are no longer registered, in order.
 
-        Their results stay in storage. Raises as :meth:`leaving`."""
+        Their results stay in storage. Raises the errors of :meth:`leaving`.
+        """
         gone = self.leaving(cohort, only)
         if not only:
             self.forget(cohort)
@@ -407,7 +418,7 @@ def _cohort(name: str, data: bytes) -> Cohort:
 
 
 def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:
-    """Return the map file of a cohort with this path or name; None if there is no such file."""
+    """Return the map file of a cohort with this path or name, or None."""
     exact = [each for each in cohort.maps if each.location in (file, str(Path(file).absolute()))]
     named = exact or [each for each in cohort.maps if Path(each.location).name == Path(file).name]
     if len(named) > 1:

@@ -1,8 +1,8 @@
-"""The world outside as the stages and the registration of crashes use it: settings turned into clients.
+"""Clients of external services (CrashAPI, map servers, language models) for stages and registration, from settings.
 
-One client per service, process and settings. All processes of a machine keep one rate, and answers are kept below the
-storage root (beside it where the root is an object store), so that no crash is asked for twice. Clients are loaded when
-they are first asked for.
+There is one client per service, process and settings. All processes of a machine keep one request rate. Answers are
+cached below the storage root (on this machine if the root is an object store), so that no crash is requested twice.
+Clients are loaded on first use.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ def map_copies(storage: Storage) -> Path:
 
 @dataclass(frozen=True)
 class Services:
-    """The outside world for a stage in a run ("" where crashes are only looked at).
+    """The external services for a run, or "" if crashes are only read.
 
-    None of it changes what comes out: how it is stored and fetched is in no fingerprint.
+    They do not affect results, so their settings are in no fingerprint.
     """
 
     storage: Storage
@@ -61,11 +61,11 @@ class Services:
         return crash_api(self.settings, self.storage)
 
     def map_source(self, name: str) -> MapSource:
-        """Return a service that maps come from."""
+        """Return a map service by name."""
         return _map_source(name, self.settings, self.storage)
 
     def map_file(self, file: RegisteredMap) -> Path:
-        """Return a map file where it can be read from disk; one kept in storage is fetched once per machine."""
+        """Return the local path of a map file; one kept in storage is fetched once per machine."""
         if not file.stored:
             path = Path(file.location)
             leave_out = f"leave it out: trace-dag cohort maps --drop {shlex.quote(str(path))}"
@@ -87,17 +87,18 @@ class Services:
         return copy
 
     def estimator(self, settings: StateSettings) -> Estimator:
-        """Return the estimator the settings name.
+        """Return the estimator that the settings name.
 
-        Its answers, budget and rate are kept where all workers find them."""
+        Its answers, budget and rate are shared by all workers.
+        """
         return _estimator(settings, self.storage, self.run_id or "run")
 
 
 @lru_cache(maxsize=8)
 def crash_api(settings: ServiceSettings, storage: Storage, *, refresh: bool = False) -> CrashApiClient:
-    """Return the CrashAPI.
+    """Return the CrashAPI client.
 
-    With ``refresh``, what it answered before is asked for again.
+    With ``refresh`` it does not use cached answers.
     """
     from trace_dag.crash.fars.crashapi import BASE_URL, CrashApiClient
 
@@ -106,7 +107,7 @@ def crash_api(settings: ServiceSettings, storage: Storage, *, refresh: bool = Fa
 
 
 def downloader(settings: ServiceSettings, storage: Storage) -> HttpClient:
-    """Return fetches whole files, as large and as long as those of a state are."""
+    """Return a client for whole files, with limits that suit a state's files."""
     return _http("downloads", settings, storage, max_bytes=8 * 1024**3, total_s=6 * 3600.0)
 
 

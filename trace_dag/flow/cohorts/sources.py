@@ -1,7 +1,7 @@
 """Sources of crashes, each as offers to choose from and reports to register: folders, FARS CSV, the CrashAPI.
 
-Belongs here: what each source offers under a choice, and how a chosen crash's report is found again by the first
-stage. Does not belong here: reading reports (:mod:`trace_dag.crash`) and storing cohorts (the registry).
+Belongs here: the crashes that each source offers under a choice, and the location of a chosen crash's report for the
+first stage. Does not belong here: reading reports (:mod:`trace_dag.crash`) and storing cohorts (the registry).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Source(Protocol):
         ...
 
     def offers(self, choice: Choice) -> list[CrashListing]:
-        """Return the crashes that the choice admits, before any sample is taken, with the facts it needs.
+        """Return the crashes that the choice admits, before sampling, with the facts it needs.
 
         Raises UserError for a source that cannot be read.
         """
@@ -44,7 +44,7 @@ class Source(Protocol):
     def take(
         self, storage: Storage, keys: Collection[str], known: Mapping[str, ReportSource]
     ) -> dict[str, ReportSource]:
-        """Return where the reports of some offered crashes are found from now on; ``known`` are those registered."""
+        """Return the locations of the reports of some offered crashes; ``known`` are those already registered."""
         ...
 
 
@@ -84,11 +84,14 @@ class ReportTables(Protocol):
     """
 
     def notes(self) -> Sequence[str]:
-        """Return the files present and missing, in sentences. Raise UserError where that leaves nothing to do."""
+        """Return sentences on the present and missing files.
+
+        Raises UserError if nothing can be done without the missing ones.
+        """
         ...
 
     def listings(self) -> Iterable[CrashListing]:
-        """Return one line per crash there."""
+        """Return one line per crash."""
         ...
 
     def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes]]:
@@ -99,7 +102,7 @@ class ReportTables(Protocol):
 class TableSource:
     """A source that reads whole tables.
 
-    The register of a mapping, or what a package offers under a name, such as ``fars-csv``, the national CSV files.
+    It is a register with a mapping, or a source of an installed package, such as ``fars-csv``, the national CSV files.
     """
 
     def __init__(self, name: str, tables: ReportTables) -> None:
@@ -127,7 +130,7 @@ class TableSource:
 
 @dataclass(frozen=True)
 class CrashApiSource:
-    """The CrashAPI. Facts missing in a list of cases are looked up in the reports, which stay in the cache."""
+    """The CrashAPI. Facts missing in a list of cases come from the reports, which stay in the cache."""
 
     client: CrashApiClient
     progress: OnProgress | None = None

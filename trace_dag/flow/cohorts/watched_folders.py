@@ -1,7 +1,7 @@
-"""Folders that cohorts watch: which reports lie there now, and registering those that arrived.
+"""Folders that cohorts watch, and the registration of reports that arrive there.
 
-A folder is watched by the cohort that asked for it (``trace-dag ingest --reports DIR --cohort NAME --watch``). Files
-that may still be written to are left for the next look.
+A cohort watches a folder after ``trace-dag ingest --reports DIR --cohort NAME --watch``. Files that may still be
+written to are left for the next time.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Arrivals:
-    """A look at the watched folders: ``state`` stands for what lies there, ``keys`` are new or changed crashes.
+    """Contents of the watched folders: ``state`` identifies them, ``keys`` are new or changed crashes.
 
-    ``unread`` names the files that hold no report, and why; "" if all do.
+    ``unread`` names the files without a report, with the reason; "" if there are none.
     """
 
     state: str
@@ -47,9 +47,9 @@ class Arrivals:
 
 
 def register_arrivals(storage: Storage, seen: str = "") -> Arrivals:
-    """Return the look at the folders of all cohorts and register what is new.
+    """Register new reports in the watched folders of all cohorts, and return what was found.
 
-    Nothing is read where they are as ``seen``.
+    Nothing is read if the folders are in the state ``seen``.
     """
     watched = {name: cohort.watched for name, cohort in Registry(storage).cohorts().items() if cohort.watched}
     files = {name: _settled(map(Path, folders)) for name, folders in watched.items()}
@@ -83,9 +83,9 @@ def _named(unread: Sequence[Unrecognised]) -> str:
 
 
 def _settled(folders: Iterable[Path]) -> dict[Path, tuple[int, int]]:
-    """Return the files below some folders with size and time of change, in order.
+    """Return the files below some folders with size and modification time, in order.
 
-    Those just written to are left out.
+    Files modified a moment ago are left out.
     """
     now_s = time.time()
     found: dict[Path, tuple[int, int]] = {}

@@ -1,8 +1,9 @@
 """The seven stages: one module each, a thin function between stored artefacts and the domain packages.
 
-Belongs here: which entry point of a domain package makes which artefact from which others, and the few figures of it
-that a person looks at first. The inputs of a stage are its function's parameters (:mod:`trace_dag.flow.contract`);
-its code has a number here. Does not belong here: how any of it is done."""
+Belongs here: the entry points of the domain packages for each artefact, and the main figures of it. The inputs of a
+stage are its function's parameters (:mod:`trace_dag.flow.contract`); its code has a number here. Does not belong here:
+the work itself.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stage ``crash_record``: the report as a typed record, if it says enough."""
+"""Stage ``crash_record``: the report as a typed record, if it is complete."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def crash_record(
     key: str, report_xml: bytes | None, report_json: bytes | None, settings: CrashSettings
 ) -> StageProduct:
-    """Return the report as a typed record, if it says enough; a record that does not is kept to look at."""
+    """Return the report as a typed record; reject an incomplete one, but keep it."""
     name, data = (f"{key}.xml", report_xml) if report_xml is not None else (f"{key}.json", report_json)
     assert data is not None
     # Named after the key: a copy of a report gives the same result.

@@ -30,7 +30,8 @@ def osm_extract(
 ) -> Mapping[str, StageProduct | Rejection | Failure]:
     """Return the roads around each crash, from one reading of each map file.
 
-    If none has it, ask the cohort's service."""
+    The cohort's service is used for crashes that no file covers.
+    """
     answers: dict[str, StageProduct | Rejection | Failure] = {}
     by_maps: dict[tuple[tuple[RegisteredMap, ...], str | None], list[Site]] = {}
     for key, of_crash in record.items():
@@ -63,7 +64,7 @@ def _product(extract: OsmExtract) -> StageProduct:
 def _ask(
     source: MapSource, sites: Sequence[Site], settings: OsmSettings
 ) -> dict[str, OsmExtract | Rejection | Failure]:
-    """Return extracts from a public service, one by one: a site without an answer does not affect the others."""
+    """Return extracts from a public service, one by one, so that a site without an answer does not affect others."""
     answers: dict[str, OsmExtract | Rejection | Failure] = {}
     for site in sites:
         try:

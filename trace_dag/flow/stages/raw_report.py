@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def raw_report(key: str, report: ReportSource, services: Services) -> StageProduct:
-    """Return the report as its source serves it; a service's answer that holds no case is a rejection."""
+    """Return the report as its source serves it; reject an answer without a case."""
     try:
         if report.kind == "file":
             data = Path(report.location).read_bytes()

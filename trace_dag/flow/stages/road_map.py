@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 def road_map(record: CrashRecord, extract: OsmExtract, settings: RoadSettings) -> StageProduct:
-    """Return the OpenDRIVE road map, with the crash's place on it, its gates and its agreement with the report.
+    """Return the OpenDRIVE road map, with the crash's place, its gates and its agreement with the report.
 
-    A map that its crash is rejected for is kept under other names: to look at, not to be built upon.
+    If the map leads to a rejection it is kept under other names, for inspection only.
     """
     try:
         built = build_road_map(extract, record, settings)

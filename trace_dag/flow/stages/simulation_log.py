@@ -1,4 +1,4 @@
-"""Stage ``simulation_log``: the hypotheses simulated, and the draws of what the report leaves open."""
+"""Stage ``simulation_log``: the simulated hypotheses, and draws of unreported quantities."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def simulation_log(
     estimate: StateEstimate,
     settings: SimSettings,
 ) -> StageProduct:
-    """Return all hypotheses simulated; a crash none of which collides is rejected, its logs kept."""
+    """Simulate all hypotheses; reject a crash without a collision in any of them, but keep its logs."""
     logs = simulate(backend(settings), road_map, xodr, estimate, settings, record=record)
     steps, summary = logs_to_files(logs)
     files = {"parquet": steps, "json": summary}

@@ -1,4 +1,4 @@
-"""Stage ``state_estimate``: where the vehicles came from and how fast."""
+"""Stage ``state_estimate``: the approaches and speeds of the vehicles."""
 
 from __future__ import annotations
 

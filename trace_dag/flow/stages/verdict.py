@@ -32,7 +32,7 @@ def verdict(
     extract: OsmExtract,
     settings: VerdictSettings,
 ) -> StageProduct:
-    """Return every criterion with its value and threshold, whether they hold together, and who could see whom."""
+    """Return every criterion with value and threshold, the verdict, and the lines of sight."""
     found = judge(record, road_map, map_report, estimate, logs, settings)
     seen = sight_lines(logs[found.hypothesis], extract.surroundings, road_map.frame)
     found = replace(found, sight_lines=seen)

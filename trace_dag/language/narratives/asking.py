@@ -1,4 +1,4 @@
-"""The two questions to a language model: what a narrative says, and whether the words quoted for it support it."""
+"""The two questions to a language model: the facts of a narrative, and whether the quoted words support them."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ class Model(Protocol):
 
 
 def read_narrative(narrative: str, known: Vocabulary, model: Model, *, attempts: int) -> Reading:
-    """Read a narrative, as far as its words support it.
+    """Read the facts of a narrative that its words support.
 
-    A wrong answer is asked again with what is wrong with it, up to ``attempts`` answers; of the last one what stands is
-    taken. Raises :class:`WrongAnswer` where no answer can be read, and as the model does.
+    A wrong answer is asked again with its faults, up to ``attempts`` answers; the valid parts of the last one are used.
+    Raises :class:`WrongAnswer` if no answer can be read, and the model's errors.
     """
     said, not_taken = _said(narrative, known, model, attempts)
     if not said:
@@ -60,7 +60,7 @@ def read_narrative(narrative: str, known: Vocabulary, model: Model, *, attempts:
 def _said(
     narrative: str, known: Vocabulary, model: Model, attempts: int
 ) -> tuple[list[Fact | NarrativeEvent], list[str]]:
-    """Return a model's reading, and in sentences what of its last answer cannot be taken."""
+    """Return a model's reading, and sentences on the invalid parts of its last answer."""
     last: tuple[list[Fact | NarrativeEvent], list[str]] = ([], [])
 
     def taken(text: str) -> tuple[list[Fact | NarrativeEvent], list[str]]:
@@ -84,7 +84,7 @@ def _said(
 
 
 def _supported(narrative: str, said: list[Fact | NarrativeEvent], model: Model, attempts: int) -> set[int]:
-    """Return the numbers of the statements that their words support, as the model sees it on a second look."""
+    """Return the numbers of the statements that their quotations support, by the model's second answer."""
     statements = [{"number": n, "statement": each.claim, "words": each.words} for n, each in enumerate(said, 1)]
     values = {
         "statements": fence(statements, longest=_LONGEST_NARRATIVE),
@@ -105,7 +105,10 @@ def _asked(
     taken: Callable[[str], T],
     attempts: int,
 ) -> T:
-    """Return what ``taken`` makes of the first answer that it can take. Raise :class:`WrongAnswer` of the last one."""
+    """Ask until ``taken`` accepts an answer, and return its result.
+
+    Raises :class:`WrongAnswer` for the last answer.
+    """
     text = resources.files("trace_dag.language.narratives").joinpath(f"{question}.md").read_text(encoding="utf-8")
     system, user = text.removeprefix("# system\n").split("\n# user\n")
     messages = [

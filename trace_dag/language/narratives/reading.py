@@ -1,4 +1,4 @@
-"""A model's reading of a narrative, and what of it stands: what its words support and nothing contradicts."""
+"""A model's reading of a narrative, limited to facts that the words support and nothing contradicts."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ class Support(_Form):
 class Reading:
     """The supported facts of a narrative.
 
-    ``contradictions`` name fields that the narrative gives two values, of which none is taken; ``not_taken`` what the
-    model said without words that support it. Both are sentences.
+    ``contradictions`` name fields with two values in the narrative, neither of which is used; ``not_taken`` names
+    statements of the model without supporting words. Both are sentences.
     """
 
     facts: tuple[Fact, ...] = ()
@@ -77,14 +77,14 @@ class Reading:
     not_taken: tuple[str, ...] = ()
 
     def value(self, unit: int, label: str) -> str:
-        """Return the value of a field; "" where the narrative does not say it."""
+        """Return the value of a field; "" if the narrative does not give it."""
         return next((fact.value for fact in self.facts if (fact.unit, fact.field) == (unit, label)), "")
 
 
 def complaint_about(said: Fact | NarrativeEvent, narrative: str, known: Vocabulary) -> str | None:
-    """Return the fault of a fact or an event, as a sentence.
+    """Return a sentence on the fault of a fact or event.
 
-    None if it is in the vocabulary and its words stand in the narrative.
+    None if it is in the vocabulary and its words are in the narrative.
 
     >>> from trace_dag.language.narratives.vocabulary import vocabulary
     >>> fact = Fact(unit=1, field="movement", value="turning left", words="turned left")
@@ -120,7 +120,7 @@ def _unit(number: int) -> str:
 
 
 def drop_contradictions(reading: Reading) -> Reading:
-    """Return the reading without fields that it gives two values, which are named.
+    """Return the reading without fields that have two values; these are named in ``contradictions``.
 
     >>> facts = [Fact(unit=1, field="movement", value=each, words=each) for each in ("backing", "stopped")]
     >>> drop_contradictions(Reading(tuple(facts))).contradictions

@@ -1,4 +1,4 @@
-"""Crash records of the supported facts of a narrative, each field with the words it was read from."""
+"""Crash records from the supported facts of a narrative, each field with its quotation."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ P = TypeVar("P", CrashRecord, VehicleRecord, NonMotorist)
 
 @dataclass(frozen=True)
 class Narrative:
-    """A narrative, and what is known of the crash beside it.
+    """A narrative, with the known time and place of the crash.
 
-    When it was, as 2023, 2023-05-03 or 2023-05-03 16:20, and where.
+    The time is 2023, 2023-05-03 or 2023-05-03 16:20.
     """
 
     id: str
@@ -46,9 +46,9 @@ class Narrative:
 
 
 def record_of(narrative: Narrative, found: Place | None, reading: Reading, known: Vocabulary) -> CrashRecord | str:
-    """Return the record of a crash, or why there is none, in words.
+    """Return the record of a crash, or a sentence on why there is none.
 
-    ``found``: where it was, if that is not said beside it.
+    ``found`` is its place, if the narrative comes without one.
     """
     time = _TIME.fullmatch(narrative.time.strip())
     at = {name: int(value) for name, value in time.groupdict().items() if value is not None} if time else {}
@@ -83,10 +83,7 @@ def record_of(narrative: Narrative, found: Place | None, reading: Reading, known
 
 
 def _without_gaps(reading: Reading) -> tuple[Reading, int]:
-    """Return the reading with its units numbered from 1 in their order, and how many there are.
-
-    Units of which nothing is left are none.
-    """
+    """Renumber the units that still have facts from 1; return the reading and their count."""
     found = {each.unit for each in reading.facts if each.unit != CRASH} | {each.unit for each in reading.events}
     found |= {each.other_unit for each in reading.events if each.other_unit is not None}
     number: dict[int | None, int | None] = {CRASH: CRASH, None: None}
@@ -105,7 +102,7 @@ def _cell(fact: Fact, known: Vocabulary) -> str:
 
 
 def _with_events(record: CrashRecord, happened: tuple[NarrativeEvent, ...], known: Vocabulary) -> CrashRecord:
-    """Return the record with the sequence of the narrative in place of the one event that its units imply."""
+    """Return the record with the events of the narrative in place of the one implied by its units."""
     if not happened:
         return record
     moving = {vehicle.number for vehicle in record.vehicles if vehicle.in_transport}
@@ -157,9 +154,10 @@ _ELSEWHERE: Final = {
 
 
 def merge_records(coded: CrashRecord, narrated: CrashRecord) -> CrashRecord:
-    """Return a register's record with what only its narrative says.
+    """Return a register's record, completed from its narrative.
 
-    If both say something else, the register's value stands and the contradiction is named."""
+    If both give a value, the register's is kept and the contradiction is named.
+    """
     merger = _Merger(narrated)
     record = merger.taken(coded, narrated, "crash")
     by_number = {each.number: each for each in narrated.vehicles}
@@ -196,7 +194,7 @@ def _has_events(record: CrashRecord) -> bool:
 
 
 class _Merger:
-    """Takes what one record lacks from another, and keeps the words and the contradictions."""
+    """Completes one record from another, and keeps the quotations and the contradictions."""
 
     def __init__(self, narrated: CrashRecord) -> None:
         self._quoted = narrated.quotations

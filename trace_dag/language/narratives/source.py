@@ -1,8 +1,8 @@
 """Narratives as a source of reports: a folder of text files, or a column of a register's table.
 
-A text file may begin with lines such as ``time: 2023-05-03 16:20``, ``latitude: 41.83`` and ``longitude: -101.54``;
-the rest is the narrative. Without coordinates the crash is where the two streets that it names cross on the maps. The
-narrative itself is not stored: the record has the words that its fields were read from.
+A text file may begin with lines such as ``time: 2023-05-03 16:20``, ``latitude: 41.83`` and ``longitude: -101.54``; the
+rest is the narrative. Without coordinates the crash is placed at the crossing of the two streets that it names. The
+narrative itself is not stored: the record only has the words quoted for its fields.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _HEADER: Final = re.compile(r"(?P<name>time|latitude|longitude): *(?P<value>.*)"
 
 
 class Reader:
-    """Reads narratives by a language model, of that name. ``attempts``: answers to one question.
+    """Reads narratives by a language model of that name. ``attempts``: answers to one question.
 
-    ``find``: looks up where streets cross.
+    ``find``: looks up crossings of streets.
     """
 
     def __init__(
@@ -52,9 +52,9 @@ class Reader:
         self._model, self._attempts, self._on_progress = model, attempts, on_progress
 
     def readings(self, texts: Mapping[str, str]) -> tuple[dict[str, Reading], dict[str, str]]:
-        """Return the reading of each narrative, and the reason where no answer could be had.
+        """Return the reading of each narrative, and the reasons for those without an answer.
 
-        Raises as the model does; what was answered before is stored, so that reading again goes on from there.
+        Raises the model's errors. Answers are stored, so that a repeated reading resumes.
         """
         readings: dict[str, Reading] = {}
         unread: dict[str, str] = {}
@@ -74,9 +74,9 @@ class _Source(ABC):
     def records(self) -> list[CrashRecord]:
         """Return every crash, in the order of the files' names or of the table.
 
-        They are read when they are first asked for.
+        The narratives are read on first use.
 
-        Raises as the model does.
+        Raises the model's errors.
         """
         return self._read[0]
 
@@ -95,18 +95,18 @@ class _Source(ABC):
 
     @abstractmethod
     def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
-        """Read all of those."""
+        """Read all narratives of the source."""
 
 
 class NarrativeFolder(_Source):
-    """The crashes that a folder's text files tell of."""
+    """The crashes of a folder's text files."""
 
     def __init__(self, folder: Path, reader: Reader) -> None:
         self._folder, self._reader = folder, reader
         self._narratives = narratives_in(folder)
 
     def notes(self) -> list[str]:
-        """Return counts of narratives that became crashes or are left out, with reasons, and unsupported facts."""
+        """Return notes on the narratives that became crashes, those left out and why, and unsupported facts."""
         records, left_out = self._read
         notes = [
             f"{count_of(len(self._narratives), 'narrative')} in {self._folder}: {len(records)} with a place and time"
@@ -132,14 +132,14 @@ class NarrativeFolder(_Source):
 
 
 class NarratedTable(_Source):
-    """A register's table with a column of narratives, which are read for what its other columns do not say."""
+    """A register's table with a column of narratives, which complete its other columns."""
 
     def __init__(self, table: RegisterTable, reader: Reader) -> None:
         self.mapping = table.mapping
         self._table, self._reader = table, reader
 
     def notes(self) -> list[str]:
-        """Return those of the table, and what of the narratives does not stand."""
+        """Return the notes of the table, and notes on unread narratives and unsupported facts."""
         records, unread = self._read
         notes = [*self._table.notes(), f"{count_of(len(self._table.narratives()), 'narrative')} read"]
         return [*notes, *(f"not read: {name}: {why}" for name, why in unread.items()), *_remarks(records)]
@@ -160,9 +160,9 @@ class NarratedTable(_Source):
 
 
 def narratives_in(folder: Path) -> list[Narrative]:
-    """Return the text files of a folder, in the order of their names.
+    """Return the text files of a folder, sorted by name.
 
-    Raises :class:`UserError` where there are none.
+    Raises :class:`UserError` if there are none.
     """
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder; expected one with narratives, a text file (.txt) for each crash")
@@ -196,7 +196,7 @@ def _place_in_words(reading: Reading) -> FromCrossing | None:
 
 
 def _remarks(records: Sequence[CrashRecord]) -> list[str]:
-    """Return the readings that contradict themselves or were not taken, some by name."""
+    """Return sentences on contradictions and unsupported statements, with the first few crashes by name."""
     remarks = []
     for what, sentences in (
         ("contradictions", [(each.key, said) for each in records for said in each.contradictions]),

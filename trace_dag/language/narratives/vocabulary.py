@@ -35,7 +35,7 @@ _NUMBER: Final = re.compile(r"\d+")
 class Field:
     """A field that can be read. ``values`` are the words of one that is coded; ``units`` of one that is measured.
 
-    Neither: a text, or with ``counts`` a number. ``name`` is what it is called in the record.
+    With neither it is a text, or with ``counts`` a number. ``name`` is its name in the record.
     """
 
     label: str
@@ -45,7 +45,7 @@ class Field:
     counts: bool = False
 
     def complaint(self, value: str) -> str | None:
-        """Return the fault of a value, as a sentence; None if it is one of the vocabulary.
+        """Return a sentence on the fault of a value, or None if it is in the vocabulary.
 
         >>> Field("speed", "travel_speed_mps", units=SPEED_UNITS).complaint("fast")
         "'fast' is no value of speed: expected a number with its unit, mph, km/h or m/s"
@@ -115,7 +115,7 @@ class Vocabulary:
         return self.mapping.unit.coded["IMPACT1"].values
 
     def field(self, unit: int, label: str) -> Field | None:
-        """Return the field of the crash or of a unit; None if there is none of that label."""
+        """Return the field of the crash or of a unit with that label, or None."""
         return (self.of_crash if unit == CRASH else self.of_unit).get(label)
 
     @cached_property

@@ -31,7 +31,7 @@ def animal_places(log: VehicleLog) -> dict[str, FloatArray]:
 
 
 def animal_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
-    """Return the segments of an animal whose coat has a colour, each a node that moves by itself.
+    """Return the segments of an animal in a coat of one colour, each a node that moves by itself.
 
     >>> from dataclasses import replace
     >>> from trace_dag.crash.record import VehicleClass
@@ -77,7 +77,7 @@ def _trunk(spine_m: float, radius_m: float, coat: Material) -> Parts:
 
 
 def _tapered(length_m: float, thick_m: float, thin_m: float, coat: Material) -> Parts:
-    """Build a part along z about its middle, thick where it begins."""
+    """Build a part along z about its middle, thick at its beginning and thin at its end."""
     half = length_m / 2
     middle_m = (thick_m + thin_m) / 2
     return [(coat, revolve(np.array([-half, 0.0, half]), np.array([thick_m, middle_m, thin_m]), 8))]

@@ -22,7 +22,7 @@ _LEAST_S: Final = 0.05
 
 
 def crush_of(contact: Contact, number: int) -> float:
-    """Return how deep a contact pressed a participant in (m); 0 for one that has no part in it.
+    """Return the crush depth of a participant in a contact (m); 0 if it has no part in it.
 
     >>> crush_of(log.first_contact, 1) == log.first_contact.crush_1_m, crush_of(log.first_contact, 7)
     (True, 0.0)

@@ -5,7 +5,7 @@ east, y north, z up, under one root node that turns it to glTF's y up; readers t
 the local frame again.
 
 All numbers lie on a grid, vertices on one of 1/1024 m, key frames on one of 1/4096 (s, m, parts of a quaternion): finer
-than anything known of a crash, and gzip makes more of them.
+than the precision of a reconstruction, and better compressed by gzip.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ _JSON, _BINARY = 0x4E4F534A, 0x004E4942  # chunk types
 
 @dataclass(frozen=True)
 class Material:
-    """The look of a surface: ``colour`` as ``#RRGGBB``, opacity from 0 to 1; one that glows is as bright in the dark.
+    """The look of a surface: ``colour`` as ``#RRGGBB``, opacity from 0 to 1; a glowing one is bright in the dark, too.
 
-    ``layer`` says what is painted on what, from 0 up: a viewer can keep apart what lies in one plane.
+    ``layer`` orders coplanar surfaces, from 0 up, for the viewer.
     """
 
     colour: str
@@ -53,10 +53,10 @@ class Material:
 
 @dataclass(eq=False)
 class Node:
-    """A thing with a place: its parts by material, its children, and how it moves.
+    """A node of the scene: its parts by material, its children, and its motion.
 
-    ``rotation`` is a unit quaternion x, y, z, w; ``extras`` is for whoever reads the file. ``dents`` are where the
-    vertices of each part go, as offsets.
+    ``rotation`` is a unit quaternion x, y, z, w; ``extras`` is for readers of the file. ``dents`` are offsets of the
+    vertices of each part.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Keys:
 def write_glb(nodes: Sequence[Node], *, title: str, copyright_notice: str) -> bytes:
     """Return the nodes as a file, in a scene of that title.
 
-    The same input gives the same bytes.
+    Equal input gives equal bytes.
 
     >>> write_glb([], title="a crash", copyright_notice="CC0")[:4]
     b'glTF'
@@ -228,7 +228,7 @@ def _material(material: Material) -> dict[str, Any]:
 
 
 def _linear(value: float) -> float:
-    """Return a part of a colour from sRGB (IEC 61966-2-1), which glTF wants linear; 0 to 1."""
+    """Return a colour component, 0 to 1, converted from sRGB (IEC 61966-2-1) to linear, as glTF requires."""
     return round(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4, 5)
 
 

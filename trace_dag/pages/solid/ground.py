@@ -1,7 +1,7 @@
-"""Roads and what is around them as surfaces: pavement by type, kerbs, paint, and the ground between.
+"""Roads and their surroundings as surfaces: pavement by type, kerbs, paint, and the ground between.
 
-Seen from above, surfaces do not overlap: overlapping lanes, as in junctions, become one surface. Heights are
-those of the lanes nearest to a point; the ground reaches from road to road.
+Seen from above, surfaces do not overlap: overlapping lanes, as in junctions, become one surface. Heights are those of
+the lanes nearest to a point; the ground reaches from road to road.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ _TURN_STROKE_M: Final = 0.18
 class Heights:
     """Heights of a surface by known points, shape (n, 3): a mean of the nearest ones, weighted by nearness.
 
-    0 without any. Along a ``way``, the points where bodies went beside roads, it has the heights of these points;
-    beside ``sides`` it falls as these do.
+    0 without any. Along a ``way``, the points of bodies beside roads, it has the heights of these points; beside
+    ``sides`` it has their slope.
     """
 
     def __init__(
@@ -95,10 +95,10 @@ class Heights:
 class Terrain:
     """The roads in a window (m) as surfaces, by material, and ``heights`` of the ground.
 
-    ``areas`` are what else the ground is made of, each with its material, the later above the earlier; ``ways``, each
-    of shape (n, 3), m, are where bodies went: beside roads the ground is as high there as they had it. ``sides`` gives
-    the ground beyond the edges of roads, which slopes if bodies were as high as that; it is asked only where they were
-    not as high as the roads. The ``dug`` bring their own ground.
+    ``areas`` are other parts of the ground, each with its material, the later above the earlier. ``ways``, each of
+    shape (n, 3), m, are paths of bodies: beside roads the ground has their heights. ``sides`` returns the slopes beyond
+    the edges of roads; it is used if it matches the heights of the bodies there better than level ground. The objects
+    ``dug`` have their own ground.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class Terrain:
     def _pave(
         self, scene: MapScene, sections: list[SeenSection], heights: Heights, *, bridge: bool
     ) -> shapely.Geometry:
-        """Lay the surfaces of one level; returns what they cover."""
+        """Lay the surfaces of one level; return the area that they cover."""
         frame = shapely.box(*self._window)
         covered: shapely.Geometry = shapely.Polygon()
         for lane_type, area in _areas(scene, sections):
@@ -192,9 +192,9 @@ class Terrain:
 
 
 def _levels(scene: MapScene) -> tuple[list[list[SeenSection]], list[list[SeenSection]]]:
-    """Return the sections of each level that lie on the ground, from below, and of each that are above it.
+    """Return the sections of each level on the ground, from below, and those of each level above it.
 
-    A bridge of a map without heights is on the ground as well.
+    A bridge of a map without heights counts as on the ground.
     """
     levels = scene.sections_by_layer()
     low = {level: list(sections) for level, sections in levels if level <= 0}
@@ -220,7 +220,7 @@ def _points(sections: Iterable[SeenSection]) -> FloatArray:
 
 
 def _beside(ways: Sequence[FloatArray], paved: shapely.Geometry) -> tuple[FloatArray, shapely.Geometry]:
-    """Return the points of ways that lie on no road, shape (n, 3), and the ground around these."""
+    """Return the points of ways off the road, shape (n, 3), and the ground around these."""
     points = np.concatenate([np.zeros((0, 3)), *ways])
     shapely.prepare(paved)
     off_road = points[~shapely.intersects_xy(paved, points[:, 0], points[:, 1])]
@@ -228,12 +228,12 @@ def _beside(ways: Sequence[FloatArray], paved: shapely.Geometry) -> tuple[FloatA
 
 
 def _off_m(heights: Heights, points_m: FloatArray) -> float:
-    """Return how far points, shape (n, 3), are from the ground, all of them together."""
+    """Return the sum of the distances of points, shape (n, 3), from the ground."""
     return float(np.abs(heights.at(points_m[:, :2]) - points_m[:, 2]).sum())
 
 
 def by_material(made: Mapping[Material, Sequence[Mesh]]) -> list[tuple[Material, Mesh]]:
-    """Return one shape of each material that there is something of, its points on a grid of 4 mm.
+    """Return one shape for each material in use, its points on a grid of 4 mm.
 
     >>> from trace_dag.pages.solid.shapes import box
     >>> post, none_of = Material("#7C8084"), Material("#C1272D")
@@ -254,9 +254,10 @@ def _paint(colour: str) -> Material:
 
 
 def _strokes(lines: Sequence[FloatArray], heights: Heights, width_m: float) -> Mesh:
-    """Return the painted lines, shape (n, 2) each.
+    """Return the painted lines, shape (n, 2) each, as strips.
 
-    If the road bends their points are as dense as the lines have them."""
+    In bends their points are as dense as those of the lines.
+    """
     painted = [line for line in lines if len(line) > 1]
     if not painted:
         return join_shapes([])
@@ -268,7 +269,7 @@ def _strokes(lines: Sequence[FloatArray], heights: Heights, width_m: float) -> M
 
 
 def _areas(scene: MapScene, sections: list[SeenSection]) -> Iterator[tuple[LaneType, shapely.Geometry]]:
-    """Return the paved areas of one level by the type of their lanes, uppermost first: the lanes of traffic."""
+    """Return the paved areas of one level by type of lane, uppermost first; traffic lanes are uppermost."""
     lanes: dict[LaneType, list[SeenLane]] = defaultdict(list)
     for section in sections:
         for lane in section.lanes:
@@ -298,8 +299,8 @@ def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
 def _clean(area: shapely.Geometry) -> shapely.MultiPolygon:
     """Return the polygons of a geometry, without slivers.
 
-    Lines are dropped that are left where two surfaces meet in all but the last digit: GEOS cannot cut a collection of
-    polygons and lines everywhere.
+    It drops lines left between surfaces that meet in all but the last digit, because GEOS cannot always cut a
+    collection of polygons and lines.
     """
     polygons = [part for part in shapely.get_parts(area) if isinstance(part, shapely.Polygon) and part.area > 0.02]
     return shapely.MultiPolygon(polygons)

@@ -12,7 +12,7 @@ from trace_dag.pages.solid.vehicle_shapes import Parts
 
 
 def move_node(name: str, parts: Parts, time_s: FloatArray, places: FloatArray, turns: Rotation) -> Node:
-    """Return a node at places, turned so, at each time; shapes (n,), (n, 3) and n turns.
+    """Return a node with places and rotations at each time; shapes (n,), (n, 3) and n turns.
 
     >>> turns = Rotation.identity(2)
     >>> move_node("arm", [], np.array([0.0, 1.0]), np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), turns).translation
@@ -24,9 +24,9 @@ def move_node(name: str, parts: Parts, time_s: FloatArray, places: FloatArray, t
 
 
 def frames(up: FloatArray, left: FloatArray) -> Rotation:
-    """Return turns whose z axis is along ``up`` and whose y axis is as near to ``left`` as it can be.
+    """Return rotations with the z axis along ``up`` and the y axis as near to ``left`` as possible.
 
-    Both of shape (n, 3).
+    Both have shape (n, 3).
 
     >>> up, left = np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 1.0, 0.0]])
     >>> frames(up, left).magnitude().tolist()  # as it stands: not turned at all
@@ -39,7 +39,7 @@ def frames(up: FloatArray, left: FloatArray) -> Rotation:
 
 
 def frames_ahead(ahead: FloatArray, up: FloatArray) -> Rotation:
-    """Return turns whose x axis is along ``ahead`` and whose z axis is as near to ``up`` as it can be.
+    """Return rotations with the x axis along ``ahead`` and the z axis as near to ``up`` as possible.
 
     >>> ahead, up = np.array([[0.0, 3.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
     >>> frames_ahead(ahead, up).magnitude().round(4).tolist()  # a quarter turn to the left, rad

@@ -1,4 +1,4 @@
-"""Fixed objects as bodies, by what the report calls them: their measures are the simulation's.
+"""Fixed objects as bodies, by the type in the report, with the dimensions of the simulation.
 
 Axes: x along the object, y left, z up from the ground, metres, the origin in its middle.
 """
@@ -86,7 +86,7 @@ def _foot(item: FixedObject) -> Mesh:
 
 
 def _barrier(item: FixedObject) -> Parts:
-    """Return a concrete barrier: broad at its foot."""
+    """Return a concrete barrier with a broad foot."""
     a, b, h = item.length_m / 2, item.width_m / 2, item.height_m
     ring = np.array(
         [(-b, 0.0), (b, 0.0), (b, 0.08), (0.55 * b, 0.33), (0.3 * b, h), (-0.3 * b, h), (-0.55 * b, 0.33), (-b, 0.08)]
@@ -105,7 +105,7 @@ def _fence(item: FixedObject) -> Parts:
 
 
 def _bank(material: Material) -> Maker:
-    """Return a bank: as broad as it is at its foot, and a ridge."""
+    """Return a function that makes a bank with the object's width at its foot, and a ridge."""
 
     def made(item: FixedObject) -> Parts:
         a, b, h = item.length_m / 2, item.width_m / 2, item.height_m
@@ -116,7 +116,7 @@ def _bank(material: Material) -> Maker:
 
 
 def _slope(item: FixedObject) -> Parts:
-    """Return a ditch or an embankment, as the simulation has the ground; an embankment ends behind its top."""
+    """Return a ditch or embankment with the simulated profile; an embankment ends behind its top."""
     profile = slope_profile_m(item)
     (last_m, high_m) = profile[-1]
     if high_m > 0:
@@ -132,7 +132,7 @@ def _slope(item: FixedObject) -> Parts:
 
 
 def _patch(item: FixedObject) -> Parts:
-    """Return the ground that is not paved: flat, as what is below it cannot be seen."""
+    """Return a flat patch of unpaved ground."""
     a, b = item.length_m / 2, item.width_m / 2
     return [(_EARTH, flat(shapely.box(-a, -b, a, b), 0.02))]
 

@@ -1,4 +1,4 @@
-"""People and what they ride, moved as the log has their landmarks: standing, walking, riding, thrown, lying.
+"""People and their mounts, moved by the landmarks in the log: standing, walking, riding, thrown, lying.
 
 A log without landmarks (CARLA's walkers) has one place and heading: such people walk, ride or stand upright there, with
 the gait of :func:`trace_dag.simulation.figures.walking`.
@@ -30,7 +30,7 @@ _HIP, _KNEE, _NECK, _SHOULDER, _ARM, _SOLE = 0.530, 0.285, 0.825, 0.800, 0.36, 0
 
 
 def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
-    """Return the segments of a person, dressed in a colour, and of the mount, each a node that moves by itself.
+    """Return the segments of a person in clothes of one colour, and of the mount, each a node that moves by itself.
 
     >>> from trace_dag.simulation.anthropometry import person_body
     >>> nodes = person_nodes(log.vehicles[0], person_body(BodyKind.PEDESTRIAN, 40), "P1", "#009E73")
@@ -86,7 +86,7 @@ def landmarks(log: VehicleLog, body: Body) -> dict[str, FloatArray]:
 
 
 def _upright(body: Body, posture: Posture) -> dict[str, tuple[float, float, float]]:
-    """Return points of a figure in a posture about the place on the road below it: ahead, left, up."""
+    """Return points of a figure in a posture, relative to the place on the road below it: ahead, left, up."""
     h = body.height_m
     root = root_height(body, posture)
 
@@ -145,7 +145,7 @@ def _ridden(log: VehicleLog, body: Body, name: str, places: dict[str, FloatArray
 
 
 def _torso(h: float, clothes: Material) -> Parts:
-    """Build the torso from the hips up, about the hips; broader than deep."""
+    """Build the torso from the hips up, with the origin at the hips; broader than deep."""
     heights = np.array([-0.05, 0.0, 0.06, 0.16, 0.235, 0.275, 0.30]) * h
     trunk = revolve(heights, np.array([0.055, 0.085, 0.078, 0.095, 0.105, 0.075, 0.03]) * h, 10)
     flattened = trunk.turned(np.diag([0.72, 1.0, 1.0]))
@@ -170,7 +170,7 @@ def _thigh(length: float, h: float) -> Parts:
 
 
 def _shank(length: float, h: float) -> Parts:
-    """Build the shank along z from the knee to the sole; toes point to -x, which is ahead of a leg that hangs down."""
+    """Build the shank along z from the knee to the sole; toes point to -x, which is ahead for a leg that hangs down."""
     leg = revolve(np.array([-0.54, -0.2, 0.45]) * length, np.array([0.036, 0.036, 0.024]) * h)
     low = 0.5 * length
     shoe = box((-0.11 * h, -0.026 * h, low - 0.03 * h), (0.04 * h, 0.026 * h, low + 0.03 * h))

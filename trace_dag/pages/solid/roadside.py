@@ -1,4 +1,4 @@
-"""Things beside roads: fixed objects that vehicles strike, signals and signs, buildings and trees of the map."""
+"""Features beside roads: fixed objects that vehicles strike, signals and signs, buildings and trees of the map."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _MOST_TREES: Final = 400
 
 
 def signs(scene: MapScene, heights: Heights, window: Window) -> Parts:
-    """Return signals and signs in a window, each on its post and facing the traffic it is for."""
+    """Return signals and signs in a window, each on its post and facing its traffic."""
     west, south, east, north = window
     made: dict[Material, list[Mesh]] = defaultdict(list)
     for each in place_signs(scene):
@@ -81,7 +81,7 @@ def _sign(each: PlacedSign) -> Iterator[tuple[Material, Mesh]]:
 
 
 def _polygon(corners: int, radius: float) -> FloatArray:
-    """Return a regular polygon, standing on a side, or of three corners on one of them."""
+    """Return a regular polygon that stands on a side, or a triangle on one of its sides."""
     turn = -math.pi / 2 if corners == 3 else math.pi / corners
     angles = turn + np.arange(corners) * math.tau / corners
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -144,7 +144,7 @@ _LETTER_STEP, _STROKE = 0.85, 0.07
 def areas_of(
     features: Sequence[OsmFeature], frame: LocalFrame, window: Window
 ) -> list[tuple[Material, shapely.Geometry]]:
-    """Return the areas that the ground in a window is made of, the later above the earlier: water, woods, parking.
+    """Return the areas of the ground in a window, later ones above earlier ones: water, woods, parking.
 
     >>> areas_of([], network.frame, (-60.0, -60.0, 60.0, 60.0))  # nothing but grass
     []
@@ -191,12 +191,12 @@ def beside_roads(features: Sequence[OsmFeature], frame: LocalFrame, heights: Hei
 
 
 def _planted(colour: str) -> str:
-    """Return the colour of an area on a map as it is in the open: darker."""
+    """Return the colour of an area on a map, darkened for the 3D view."""
     return "#" + "".join(f"{int(int(colour[k : k + 2], 16) * 0.78):02X}" for k in (1, 3, 5))
 
 
 def _height_m(feature: OsmFeature) -> float:
-    """Return the height of a building as OpenStreetMap tags it, in metres or feet, or by its storeys."""
+    """Return the height of a building from its OpenStreetMap tags, in metres or feet, or by its storeys."""
     found = re.match(r"\s*([\d.]+)\s*(m|ft|')?", feature.tags.get("height", ""))
     try:
         if found:

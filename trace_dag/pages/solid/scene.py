@@ -1,6 +1,6 @@
-"""A whole crash as glTF: the place, everybody in it, and what happened, on the log's clock.
+"""A whole crash as glTF: the place, all parties, and the events, on the log's clock.
 
-Names of nodes and their ``extras`` say what each is, so that a viewer can follow a body or look through a driver's
+Names of nodes and their ``extras`` identify each node, so that a viewer can follow a body or look through a driver's
 eyes: ``trace_dag.kind`` is ``body``, ``person``, ``object``, ``contact`` or ``place``.
 """
 
@@ -57,9 +57,9 @@ def crash_glb(
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
-    """Return the crash as one GLB file: the log's bodies in their poses, dented as deep as the log says, on the road.
+    """Return the crash as one GLB file: the log's bodies in their poses on the road, with their dents.
 
-    If an agent drives, the recorded vehicle is there too, to be seen through. The same input gives the same bytes.
+    If an agent drives, the recorded vehicle is shown too, transparent. Equal input gives equal bytes.
 
     >>> crash_glb(record.key, network, log)[:4]
     b'glTF'
@@ -125,7 +125,7 @@ def _extras(kind: str, **said: Any) -> dict[str, Any]:
 
 
 def _vehicle(log: SimulationLog, vehicle: VehicleLog, body: Body, colour: str) -> Node:
-    """Return a vehicle: a node with the log's pose of the body's middle, its shape, brake lamps and wheels below it."""
+    """Return a vehicle: a node with the pose of the body's middle, its shape, brake lamps and wheels below it."""
     rides = body.vehicle_class is VehicleClass.MOTORCYCLE
     shape = motorcycle_shape(body, colour) if rides else vehicle_shape(body, colour)
     name, down = party_label(vehicle.number), (0.0, 0.0, -body.height_m / 2)
@@ -153,7 +153,7 @@ def _vehicle(log: SimulationLog, vehicle: VehicleLog, body: Body, colour: str) -
 
 
 def _ghost(drive: AgentDrive) -> Node:
-    """Return the recorded vehicle in the place of which an agent drove: its shape, to be seen through."""
+    """Return the recorded vehicle that an agent replaced, as a transparent shape."""
     index, vehicle = next((k, v) for k, v in enumerate(drive.recorded.vehicles) if v.number == drive.number)
     rides = drive.body.vehicle_class is VehicleClass.MOTORCYCLE
     shape = (motorcycle_shape if rides else vehicle_shape)(drive.body, vehicle_colour(index))
@@ -165,7 +165,7 @@ def _ghost(drive: AgentDrive) -> Node:
 
 
 def _above(point_m: tuple[float, float, float], body: Body) -> list[float]:
-    """Return a point given from the road, from the body's middle instead."""
+    """Convert a point given above the road to one relative to the body's middle."""
     return [round(float(value), 4) for value in (*point_m[:2], point_m[2] - body.height_m / 2)]
 
 
@@ -177,7 +177,7 @@ def _moving(name: str, vehicle: VehicleLog, extras: dict[str, Any]) -> Node:
 
 
 def _person(vehicle: VehicleLog, body: Body, colour: str) -> Node:
-    """Return a person or an animal: a node with the log's pose, and one for each segment, in the local frame."""
+    """Return a person or an animal: a node with the pose, and one for each segment, in the local frame."""
     name = party_label(vehicle.number)
     where = _moving(f"{name} middle", vehicle, {})
     animal = body.kind is BodyKind.ANIMAL
@@ -196,7 +196,7 @@ def _object(item: FixedObject) -> Node:
 
 
 def _contact(contact: Contact, k: int) -> Node:
-    """Return a flash where two first touched."""
+    """Return a flash at the first touch of two bodies."""
     times: FloatArray = contact.time_s + np.array([-contact.time_s, 0.0, _FLASH_S])
     node = Node(
         f"contact {k + 1}",

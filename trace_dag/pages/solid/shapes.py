@@ -1,7 +1,7 @@
 """Triangles and the simple shapes that everything else is put together from.
 
-Axes of a shape are those of what it belongs to: x ahead, y left, z up, metres. Triangles are counter-clockwise seen
-from outside. Normals are left out: glTF then has every triangle flat, as these shapes are meant.
+Axes of a shape are those of its body: x ahead, y left, z up, metres. Triangles are counter-clockwise seen from outside.
+Normals are left out, so that glTF shades every triangle flat, as intended.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Mesh(NamedTuple):
     triangles: NDArray[np.int64]
 
     def moved(self, by_m: Sequence[float]) -> Mesh:
-        """Return the same shape somewhere else."""
+        """Return the shape moved by a vector."""
         return Mesh(self.points_m + np.asarray(by_m), self.triangles)
 
     def turned(self, matrix: FloatArray) -> Mesh:
@@ -86,7 +86,7 @@ def loft(stations: FloatArray, rings: FloatArray) -> Mesh:
 
 
 def cylinder(radius_m: float, low_m: float, high_m: float, sides: int = 10, top_m: float | None = None) -> Mesh:
-    """Return an upright cylinder from one height to another; with a radius of its own at the top a cone.
+    """Return an upright cylinder between two heights; with another radius at the top, a cone.
 
     >>> mesh = cylinder(2.0, 0.0, 5.0, sides=4)
     >>> mesh.points_m.min(axis=0).round(6).tolist(), mesh.points_m.max(axis=0).round(6).tolist()
@@ -100,7 +100,7 @@ def cylinder(radius_m: float, low_m: float, high_m: float, sides: int = 10, top_
 
 
 def across(mesh: Mesh) -> Mesh:
-    """Return an upright shape laid on its side: what was up points left.
+    """Return an upright shape laid on its side: its up axis points left.
 
     >>> across(Mesh(np.array([[0.0, 0.0, 1.0]]), np.zeros((0, 3), np.int64))).points_m.tolist()
     [[0.0, 1.0, 0.0]]
@@ -121,7 +121,7 @@ def ball(radius_m: float, stretch: float = 1.0, rings: int = 5, sides: int = 9) 
 
 
 def revolve(heights_m: FloatArray, radii_m: FloatArray, sides: int = 8) -> Mesh:
-    """Return a body around the z axis: its radius at some heights, from below.
+    """Return a body of revolution around the z axis, from radii at heights, lowest first.
 
     >>> post = revolve(np.array([0.0, 3.0]), np.array([0.1, 0.1]))
     >>> float(post.points_m[:, 2].max())
@@ -196,7 +196,9 @@ def _in_order(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def prism(outline: FloatArray, low_m: FloatArray | float, high_m: FloatArray | float) -> Mesh:
-    """Return the upright walls on an outline, shape (n, 2), without floor and roof; heights of each corner or of all.
+    """Return the upright walls on an outline, shape (n, 2), without floor and roof.
+
+    A height is one number, or one for each corner.
 
     >>> len(prism(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), 0.0, 2.0).triangles)  # three walls of two each
     6

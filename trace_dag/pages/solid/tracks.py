@@ -35,9 +35,9 @@ def place_keys(time_s: FloatArray, places_m: FloatArray) -> Keys:
 
 
 def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
-    """Return the key frames of how something is turned at each time.
+    """Return the key frames of a rotation over time.
 
-    It turns less than half a turn from one to the next.
+    Two successive rotations must differ by less than half a turn.
 
     >>> turn_keys(np.array([0.0, 1.0, 2.0]), Rotation.identity(3)).time_s.tolist()  # it does not turn
     [0.0, 2.0]
@@ -50,7 +50,7 @@ def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
 
 
 def size_keys(time_s: FloatArray, sizes: FloatArray) -> Keys:
-    """Return the key frames of something that shows (1) or does not (0), shape (n,).
+    """Return the key frames of an object that is visible (1) or not (0), shape (n,).
 
     >>> size_keys(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0])).time_s.tolist()  # shows from 1 s on
     [0.0, 1.0]
@@ -60,7 +60,7 @@ def size_keys(time_s: FloatArray, sizes: FloatArray) -> Keys:
 
 
 def rolling_keys(time_s: FloatArray, angles_rad: FloatArray) -> Keys:
-    """Return the key frames of a wheel that has turned by some angles about the axis to its left.
+    """Return the key frames of a wheel that has rotated by some angles about the axis to its left.
 
     >>> rolling_keys(np.array([0.0, 1.0]), np.zeros(2)).time_s.tolist()  # it stands
     [0.0]

@@ -1,6 +1,6 @@
-"""Motorcycles with their riders, bicycles, and what else people ride: shapes for the eye within the body's measures.
+"""Motorcycles with their riders, bicycles and other mounts, drawn within the body's dimensions.
 
-Axes: x ahead, y left, z up, metres; of a motorcycle and of a conveyance from the road, of a bicycle from the middle
+Axes: x ahead, y left, z up, metres; for a motorcycle and a conveyance from the road, for a bicycle from the middle
 between its hubs.
 """
 
@@ -26,7 +26,7 @@ _DENIM: Final = Material("#39465C")
 
 @lru_cache(maxsize=64)  # crashes have the same few vehicles
 def motorcycle_shape(body: Body, colour: str) -> VehicleShape:
-    """Return a motorcycle and its rider; the rider stays on it, as in the log, which has one body of both.
+    """Return a motorcycle and its rider, who stays on it, since the log has one body for both.
 
     >>> len(motorcycle_shape(log.bodies[2], "#56B4E9").wheels)
     2
@@ -64,9 +64,10 @@ def _sized(mesh: Mesh, size: float) -> Mesh:
 
 
 def bicycle_parts(hubs_m: float, top_m: tuple[float, float]) -> tuple[Parts, float]:
-    """Return a bicycle without its wheels, and the radius of those.
+    """Return a bicycle without its wheels, and the radius of the wheels.
 
-    ``hubs_m`` is from hub to hub; ``top_m`` the middle of the handlebar, ahead of and above the middle between them.
+    ``hubs_m`` is the distance between the hubs; ``top_m`` the middle of the handlebar, ahead of and above the middle
+    between the hubs.
 
     >>> parts, wheel_m = bicycle_parts(1.04, (0.35, 0.65))
     >>> wheel_m  # 28 inches across

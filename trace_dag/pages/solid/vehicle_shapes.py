@@ -1,7 +1,7 @@
-"""Vehicles by class: a body along the profile that the simulation has of its front, glass, lamps and wheels.
+"""Vehicles by class: a body with the simulated profile of its front, glass, lamps and wheels.
 
-Axes: x ahead, y left, z up from the road, the origin in the middle of the length. Outside measures are the body's of
-the log; what lies within them (belt, windows, cargo box) is typical of the class and for the eye alone.
+Axes: x ahead, y left, z up from the road, the origin in the middle of the length. Outside dimensions are those of the
+log's body; details within (belt, windows, cargo box) are typical of the class and only for display.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Parts = list[tuple[Material, Mesh]]
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheel: where its middle is, its radius (m) and whether it is steered."""
+    """A wheel: the position of its middle, its radius (m) and whether it is steered."""
 
     at_m: tuple[float, float, float]
     radius_m: float
@@ -46,9 +46,9 @@ class Wheel:
 
 @dataclass(frozen=True, eq=False)
 class VehicleShape:
-    """A vehicle: what keeps its shape or is dented, its brake lamps when they are on, and its wheels.
+    """A vehicle: its rigid and its dentable parts, its lit brake lamps, and its wheels.
 
-    ``eye_m`` is where the driver's eyes are.
+    ``eye_m`` is the position of the driver's eyes.
     """
 
     parts: Parts
@@ -84,9 +84,9 @@ _PLANS: Final = {
 
 @lru_cache(maxsize=64)  # crashes have the same few vehicles
 def vehicle_shape(body: Body, colour: str) -> VehicleShape:
-    """Return a vehicle of that class and size, painted in a colour.
+    """Return a vehicle of that class and size, in one colour of paint.
 
-    Motorcycles are :func:`trace_dag.pages.solid.two_wheelers.motorcycle_shape`'s.
+    Motorcycles come from :func:`trace_dag.pages.solid.two_wheelers.motorcycle_shape`.
 
     >>> len(vehicle_shape(log.bodies[1], "#E69F00").wheels)
     4
@@ -126,7 +126,7 @@ def vehicle_shape(body: Body, colour: str) -> VehicleShape:
 
 
 def _trailer_shape(body: Body, colour: str) -> VehicleShape:
-    """Return a box on wheels: with landing gear if it is as high as a semitrailer, else with a drawbar."""
+    """Return a box on wheels: with landing gear if it is as long as a semitrailer, else with a drawbar."""
     length, half, top = body.length_m, body.width_m / 2, body.height_m
     nose, tail = length / 2, -length / 2
     semi = length > _SEMITRAILER_FROM_M
@@ -164,7 +164,7 @@ def _wheels(body: Body, plan: _Plan, *, steered: bool = True) -> tuple[Wheel, ..
 
 @lru_cache(maxsize=64)  # crashes have the same few vehicles
 def wheel_parts(radius_m: float, width_m: float) -> Parts:
-    """Return a wheel about the axis to its left: tyre, and a rim with spokes, so that it is seen to turn.
+    """Return a wheel about the axis to its left: tyre, and a rim with spokes that show its rotation.
 
     >>> tyre = wheel_parts(0.3, 0.2)[0][1]
     >>> np.ptp(tyre.points_m, axis=0).round(6).tolist()  # as long and high as twice the radius
@@ -183,7 +183,7 @@ def wheel_parts(radius_m: float, width_m: float) -> Parts:
 def _tub(side: FloatArray, low: float, half: float) -> Mesh:
     """Return the lower body below a side view, shape (n, 2) of (x, top).
 
-    Rounded at its edges, and at both ends seen from above.
+    It is rounded at its edges, and at both ends seen from above.
     """
     tail, nose = side[0, 0], side[-1, 0]
     stations = np.unique(np.concatenate([np.arange(tail, nose, _STATION_M), side[:, 0]]).round(4))
@@ -194,7 +194,7 @@ def _tub(side: FloatArray, low: float, half: float) -> Mesh:
 
 
 def _ring(half: float, low: float, top: float) -> FloatArray:
-    """Return a section seen from the front, y to its left, counter-clockwise from the front: flanks bulge a little."""
+    """Return a section seen from the front, y to its left, counter-clockwise, with slightly convex flanks."""
     z = np.array([0.0, 0.12, 0.45, 0.72, 0.93, 1.0]) * (top - low) + low
     y = np.array([0.90, 0.97, 1.0, 1.0, 0.97, 0.90]) * half
     middle = np.linspace(-0.9, 0.9, 5)[1:-1] * half  # so that ends and hoods can be dented in their middle
@@ -255,7 +255,7 @@ def _post(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 
 def _lamps(body: Body, nose: float, tail: float, bumper: float, deck: float, half: float) -> tuple[Parts, Mesh]:
-    """Return the head and tail lamps, and what is dark: bumpers and number plates."""
+    """Return the head and tail lamps, and the dark parts: bumpers and number plates."""
 
     def pair(x0: float, x1: float, z0: float, z1: float, width: float) -> Mesh:
         return join_shapes(box((x0, s * 0.70 * half - width, z0), (x1, s * 0.70 * half + width, z1)) for s in (-1, 1))
@@ -272,7 +272,7 @@ def _lamps(body: Body, nose: float, tail: float, bumper: float, deck: float, hal
 
 
 def _subdivided(mesh: Mesh, longest_m: float = 0.6) -> Mesh:
-    """Return triangles halved along their longest edges until none is longer: so that large faces can be dented."""
+    """Return triangles halved along their longest edges until none is longer, so that large faces can be dented."""
     points, triangles = mesh
     for _ in range(12):
         corners = points[triangles]

@@ -1,9 +1,9 @@
-"""First contact of two bodies moving along paths: when, where, and on which part of each body.
+"""First contact of two bodies moving along paths: its time, place, and areas on both bodies.
 
-The bodies are rectangles, with a trailer two each. Paths and speeds leave open how far one is ahead of the other: the
-timing. :func:`first_contacts` looks at a whole range of timings at once. It moves both bodies forward from where they
-are apart, so that every contact it returns is a first one: they touch, do not overlap, and have not touched before.
-Frame: the local frame.
+The bodies are rectangles, two for a vehicle with a trailer. Paths and speeds do not determine how far one body is ahead
+of the other (the timing). :func:`first_contacts` examines a whole range of timings at once. It moves both bodies
+forward from positions apart, so that every contact it returns is a first one: they touch, do not overlap, and have not
+touched before. Frame: the local frame.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ _PATHS_BEND = 1.01  # margin, as a path's points can be nearer to each other tha
 class Shape:
     """Rectangles over time: poses of any shape, length and width (m).
 
-    And the middle and length of the body that clock positions are counted on, of a combination vehicle in line with
-    this part of it.
+    It also has the middle and length of the body to which clock positions refer: for a combination vehicle, the
+    combination in line with this part.
     """
 
     poses: Poses
@@ -48,7 +48,7 @@ class Shape:
 def shapes(
     poses: Poses, size_m: tuple[float, float], trailer: Trailer | None, trailer_heading_rad: FloatArray | None
 ) -> tuple[Shape, ...]:
-    """Return the rectangles of a vehicle: itself, and its trailer.
+    """Return the rectangles of a vehicle: its own, and its trailer's.
 
     >>> (alone,) = shapes((np.zeros(1), np.zeros(1), np.zeros(1)), (4.8, 1.8), None, None)
     >>> alone.size_m
@@ -95,7 +95,7 @@ class Mover:
 
     @classmethod
     def of(cls, vehicle: VehicleRecord, path: Path, station_m: float, speed_mps: float, *, backing: bool) -> Mover:
-        """Return a vehicle of a report, with what it pulls."""
+        """Return a mover for a vehicle of a report, with its trailer."""
         return cls(path, station_m, speed_mps, vehicle.length_m, vehicle.width_m, backing, vehicle.trailer)
 
     @property
@@ -148,8 +148,8 @@ class Contacts:
 def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0) -> Contacts:
     """Return the first contacts for ``timings`` timings around the one at which both reach their stations.
 
-    With ``timings`` 1 exactly that timing is examined. Timings without a contact are left out, and those where the
-    bodies touch from the beginning. The time span examined is what the bodies take to pass each other, at least
+    With ``timings`` 1 only that timing is examined. Timings without a contact, or with bodies touching from the
+    beginning, are left out. The examined time span is the time in which the bodies pass each other, at least
     ``span_s``.
     """
     moving = [mover.speed_mps for mover in (one, two) if mover.speed_mps > STANDING_MPS]
@@ -185,10 +185,10 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
 def _first_touching(
     one: Mover, two: Mover, time_s: FloatArray, ahead_s: FloatArray
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the timings at which the bodies touch, and for each the index into ``time_s`` of the first touch.
+    """Return the timings at which the bodies touch, each with the index into ``time_s`` of the first touch.
 
-    Each mover gets half of the timing, so that both stay near their stations. Every few steps only the distance of the
-    centres is looked at; the bodies themselves are tested where they are near enough to touch within these steps.
+    Each mover gets half of the timing, so that both stay near their stations. Only the distance of the centres is
+    tested every few steps; the bodies are tested if they are near enough to touch within these steps.
     """
     half_s = ahead_s[:, None] / 2
     coarse_s = time_s[::_STEPS_AT_ONCE]
@@ -221,8 +221,8 @@ def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) ->
 class ContactPoints:
     """Contacts of pairs of rectangles, arrays of equal length n.
 
-    The point, its direction on each body as in :func:`trace_dag.common.geometry.body_bearing_rad`, and whether there is
-    one.
+    Each has a point, its direction on each body as in :func:`trace_dag.common.geometry.body_bearing_rad`, and a flag
+    for whether there is a contact.
     """
 
     x_m: FloatArray
@@ -235,13 +235,10 @@ class ContactPoints:
 def find_contact_points(
     state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size_2_m: tuple[float, float]
 ) -> ContactPoints:
-    """Find the contact of bodies that have just met: the mean of those corners of each that lie against the other.
+    """Find the contact of bodies that have just met: the mean of each body's corners that touch the other.
 
-    Args:
-        state_1: x, y and heading of the first bodies, each of shape (n,).
-        size_1_m: length and width of the first bodies.
-        state_2: as ``state_1``, of the second ones.
-        size_2_m: as ``size_1_m``, of the second ones.
+    Args: state_1: x, y and heading of the first bodies, each of shape (n,). size_1_m: length and width of the first
+    bodies. state_2: as ``state_1``, of the second ones. size_2_m: as ``size_1_m``, of the second ones.
 
     >>> one, two = ((np.array([x]), np.zeros(1), np.zeros(1)) for x in (0.0, 4.0))  # head to tail, 4 m long
     >>> touch = find_contact_points(one, (4.0, 2.0), two, (4.0, 2.0))
@@ -261,11 +258,9 @@ def find_contact_points(
 
 
 def _touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> ContactPoints:
-    """Return the same of vehicles that may pull trailers.
+    """Find the contact of vehicles that may have trailers and have just met.
 
-    The contact of each two that have just come to touch is between the parts that are nearest to each other.
-
-    Poses of shape (n,).
+    It is between the parts that are nearest to each other. Poses have shape (n,).
     """
     pairs = list(product(one, two))
     nearest = np.argmin([gaps_m(a.poses, a.size_m, b.poses, b.size_m) for a, b in pairs], axis=0)

@@ -1,4 +1,4 @@
-"""Spots on a vehicle that are touched: the spot of a reported area of impact, and those beside it."""
+"""Contact points on a vehicle: that of a reported area of impact, and those beside it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ContactPoint:
 
 
 def contact_points_of(area: ImpactArea | None, half_length: float, half_width: float) -> list[ContactPoint]:
-    """Return spots to try: the area's own, then the corner of the front or the rear beside it, then the front's middle.
+    """Return contact points to try: that of the area, then the corner beside it, then the middle of the front.
 
     >>> contact_points_of(None, 2.4, 0.9)[0]  # nothing reported: the middle of the front
     ContactPoint(ahead_m=2.4, left_m=0.0, normal=(1.0, 0.0))

@@ -55,7 +55,7 @@ SIGN: Final = {DepartureSide.LEFT: 1.0, DepartureSide.RIGHT: -1.0, DepartureSide
 
 
 def sign_of(departure: Departure) -> float:
-    """Return the side of a departure as a sign, 1 to the left; where none is reported that of the near edge.
+    """Return the side of a departure as a sign, 1 to the left; the near edge's if none is reported.
 
     >>> sign_of(departure)  # ACC_TYPE 1: off the right edge
     -1.0
@@ -69,7 +69,7 @@ GOES_ON_M: Final = 60.0
 
 
 def slope_of(off_m: float, lateral_mps2: float, speed_mps: float) -> float:
-    """Return the slope of a course at a distance off its lane, reached by a constant lateral acceleration at a speed.
+    """Return the slope of a course at a distance from its lane, after a constant lateral acceleration.
 
     >>> slope_of(3.0, 1.0, 20.0)  # sqrt(2 * 3 * 1 / (1.5 * 20 ** 2))
     0.1
@@ -83,7 +83,7 @@ def path_aside(
 ) -> tuple[Path, float]:
     """Return the path that leaves ``base`` and is ``off_m`` to its left at a station, and that station on it.
 
-    It goes on at that slope.
+    It continues with that slope.
 
     >>> from trace_dag.common.paths import from_points
     >>> line = np.linspace(0.0, 200.0, 401)
@@ -101,7 +101,7 @@ def path_aside(
 
 
 def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
-    """Return the speed up to the impact: skidding sideways brakes.
+    """Return the speed up to the impact; a sideways skid brakes.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> alone = party(tree_record, tree_record.vehicles[0])
@@ -115,9 +115,9 @@ def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
 
 
 def lane_path(scene: Scene, option: Option) -> Path:
-    """Return the path before the departure, as driven at this speed.
+    """Return the path before the departure, driven at this speed.
 
-    If a bend is so sharp that this path would leave the carriageway, it follows the middle of the lane instead.
+    In a bend so sharp that this path would leave the carriageway, it follows the middle of the lane instead.
     """
     driven_path = option.path()
     if option.turn is not None:
@@ -129,7 +129,7 @@ def lane_path(scene: Scene, option: Option) -> Path:
 
 
 def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> float | None:
-    """Return where a line beside a path leaves the carriageway near the place; None if it does not."""
+    """Return the station near the place at which a line beside a path leaves the carriageway, or None."""
     s_m = np.arange(place_m + _LOOK_AHEAD_M[0], place_m + _LOOK_AHEAD_M[1], 0.25)
     x, y, heading = base.plan(s_m)
     x, y = x - left_m * np.sin(heading), y + left_m * np.cos(heading)
@@ -139,9 +139,9 @@ def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> fl
 
 
 def edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[float, float]:
-    """Return the station at which the vehicle crosses the carriageway's edge, and the edge's distance there.
+    """Return the station at which the vehicle crosses the edge of the carriageway, and the edge's distance.
 
-    It is at the place itself, or near it if a side street opens there.
+    It is at the place itself, or nearby if a side street opens there.
 
     >>> path = lane_path(tree_scene, way_past_the_tree)
     >>> place_m, _ = path.project(*tree_scene.place_xy_m)
@@ -167,7 +167,7 @@ def rotate_pose(pose: Pose, slip_rad: float) -> Pose:
 
 
 def add_skid(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
-    """Return the same course with the body turning about itself over the last part, up to its slip angle at the impact.
+    """Return the same course with the body rotating over the last part, up to its slip angle at the impact.
 
     >>> car = hypothesis.participants[0]
     >>> skidded = add_skid(car, 0.5, hypothesis.impact_time_s)
@@ -205,7 +205,7 @@ class LeavingCourse:
 
 
 def courses_of(departure: Departure, option: Option, speed_mps: float) -> list[LeavingCourse]:
-    """Return the ways of leaving that the manner, the curve and the area of impact allow.
+    """Return the departures that the manner, the curve and the area of impact allow.
 
     >>> [course.name for course in courses_of(departure, way_past_the_tree, 20.0)]  # it drifted off, and did not skid
     ['at 0.08 g', 'at 0.2 g', 'at 0.35 g']
@@ -240,7 +240,7 @@ _LATERAL_G: Final = {
 
 
 def angle_log_likelihood(angle_rad: float) -> float:
-    """Return the log-likelihood of an angle at which a vehicle leaves the road, 0 for the likeliest.
+    """Return the log-likelihood of a departure angle, 0 for the likeliest.
 
     >>> at = {degrees: angle_log_likelihood(math.radians(degrees)) for degrees in (3, 8, 15, 30)}
     >>> [round(value, 1) for value in at.values()]
@@ -251,10 +251,9 @@ def angle_log_likelihood(angle_rad: float) -> float:
 
 
 def _slip(departure: Departure) -> float:
-    """Return the slip angle at the impact.
+    """Return the slip angle at the impact, with which the area of impact faces ahead.
 
-    So that the area of impact faces ahead, where the report says that the vehicle skidded sideways or the area is one
-    that a vehicle going ahead is not struck at.
+    It is 0 unless the report says that the vehicle skidded sideways, or the area is not struck in forward motion.
     """
     first, vehicle = departure.objects[0], departure.vehicle
     sideways = vehicle.stability_code in (_CLOCKWISE, _COUNTER_CLOCKWISE, 5)
@@ -270,9 +269,9 @@ def _slip(departure: Departure) -> float:
 
 
 def _facing(departure: Departure, first: CrashEvent, area: ImpactArea) -> float | None:
-    """Return the angle by which the body has to be turned for an area to face the object.
+    """Return the angle by which the body has to turn for an area to face the object.
 
-    Ahead if it is compact, beside if it runs along the road; None if the area is struck without turning.
+    The area faces ahead for a compact object, sideways for one along the road; None if it is struck without turning.
     """
     sign = SIGN[departure.side or DepartureSide.AHEAD]
     if KINDS[first.code].form is ObjectForm.LINE and sign:

@@ -1,6 +1,6 @@
 """Manoeuvres: the paths one vehicle can have taken along one approach.
 
-An option is an approach, a manoeuvre and the path that results. Options that can take place anywhere along the road
+An option is an approach, a manoeuvre and the path that results. Options that are possible anywhere along the road
 (keeping the lane, crossing the centre line) can be moved along it to the place of the crash. Moving a turn at a
 junction costs likelihood.
 """
@@ -42,9 +42,9 @@ CURVE_RAD = math.radians(8)
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """One path of one vehicle. ``station_m`` is where it nominally is at the crash, along the approach's own path.
+    """One path of one vehicle. ``station_m`` is its nominal station at the crash, along the approach's own path.
 
-    ``slides``: the manoeuvre may be anywhere along the road. ``costs`` are log-likelihoods of what is unusual in it.
+    ``slides``: the manoeuvre may be anywhere along the road. ``costs`` are log-likelihoods of its unusual parts.
     """
 
     approach: Approach
@@ -62,7 +62,7 @@ class Option:
 
     @property
     def name(self) -> str:
-        """Return a name that tells this option from the others of its vehicle."""
+        """Return a name that is unique among the options of the vehicle."""
         how = f" at {math.degrees(math.atan(self.shift.slope)):.1f} deg" if self.shift is not None else ""
         if self.constant_m:
             how += f" {abs(self.constant_m):.1f} m {'left' if self.constant_m > 0 else 'right'} of the lane's centre"
@@ -87,11 +87,11 @@ class Option:
 def keep_lane(
     approach: Approach, vehicle: VehicleRecord, speed_mps: float, *, offset_m: float = 0.0, turn: Turn | None = None
 ) -> Option:
-    """Keep along the lane, ``offset_m`` left of its centre.
+    """Return the option of keeping the lane, ``offset_m`` left of its centre.
 
     The manoeuvre's name depends on the record and the road.
 
-    ``turn``: the turn that the lane itself makes, if the record calls it a turn.
+    ``turn`` is the turn that the lane itself makes, if the record calls it a turn.
 
     >>> keep_lane(scene.through[0], queue_record.vehicles[1], 0.0).manoeuvre.value  # P_CRASH1 5: stopped in the roadway
     'stopped'
@@ -119,7 +119,7 @@ def keep_lane(
 
 
 def back_up(approach: Approach, speed_mps: float) -> Option:
-    """Return the backward along the approach: the path is the lane reversed, the body faces along the lane."""
+    """Return the option of backing along the approach: the path is the lane reversed, the body faces along the lane."""
     approach = approach.fitted(speed_mps)
     return Option(approach, Manoeuvre.BACKING, approach.station_m, True, speed_mps, backing=True)
 
@@ -193,12 +193,12 @@ def follows_turn(approach: Approach, turn: Turn | None) -> bool:
 
 
 def _turn_angle_rad(approach: Approach, turn: Turn) -> float:
-    """Return the angle of a turn at a right-angled corner, or back; counter-clockwise."""
+    """Return the angle of a turn at a right-angled corner, or of a U-turn; counter-clockwise."""
     return -approach.kerb_sign * math.pi if turn is Turn.U_TURN else _TURN_ANGLE_RAD[turn]
 
 
 def _turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: float) -> TurnShape:
-    """Return the turn that a vehicle can make at this speed: as tight as usual, wider if the speed demands it."""
+    """Return the turn of a vehicle at this speed: of the usual radius, wider if the speed requires it."""
     radius = max(
         min(_TURN_RADIUS_M[turn], _CREEPING_RADIUS_M + _RADIUS_TIME_S * speed_mps),
         least_turn_radius_m(vehicle.vehicle_class, vehicle.length_m),
@@ -213,7 +213,7 @@ def _turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps:
 def make_turn(
     approach: Approach, vehicle: VehicleRecord, speed_mps: float, turn: Turn, *, slides: bool
 ) -> list[Option]:
-    """Return the turns off the approach: to where its lanes lead, else at a right angle at the place of the crash.
+    """Return the turns off the approach: to the exit of its lanes, or else at a right angle at the place of the crash.
 
     Turns that begin earlier or later than the lanes' own are further options, at a cost.
 

@@ -20,7 +20,7 @@ OPPOSITE_HEADING_RAD = math.radians(140)
 
 @dataclass(frozen=True, eq=False)
 class PathPair:
-    """Two options, the mover's first, and the evidence about them as a pair. ``parallel``: see :class:`Candidate`."""
+    """Two options, the mover's first, and their evidence as a pair. ``parallel``: see :class:`Candidate`."""
 
     mover: Option
     other: Option
@@ -32,9 +32,9 @@ class PathPair:
 
 
 def ways(party: Party, approach: Approach, speed: TravelSpeed, *, slides: bool = False) -> list[Option]:
-    """Return the ways of a vehicle that keeps to its path: go along, turn, back up.
+    """Return the options of a vehicle that keeps to its path: straight on, turning, or backing.
 
-    ``slides``: where it turned may follow from where the crash was, at a price; else it turned where the lanes do.
+    ``slides``: at a cost, a turn may be moved to the place of the crash; otherwise it is where the lanes turn.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> rider, street = party(record, record.vehicles[1]), scene.through[0]
@@ -72,7 +72,7 @@ def speed_of(party: Party, approach: Approach, *, crossing: bool = False) -> Tra
 
 
 def apart(one: Approach, two: Approach) -> float:
-    """Return the angle between two directions of travel along one road (rad): at the crash, before a turn.
+    """Return the angle between two directions of travel along one road (rad), at the crash or before a turn.
 
     >>> apart(scene.through[0], scene.through[0])
     0.0
@@ -82,7 +82,7 @@ def apart(one: Approach, two: Approach) -> float:
 
 
 def gap_between(one: Approach, two: Approach) -> float:
-    """Return how far left of ``one`` the path of ``two`` is at the crash (metres).
+    """Return how far the path of ``two`` is left of ``one`` at the crash (metres).
 
     >>> abs(round(gap_between(scene.through[0], scene.through[0]), 6))
     0.0
@@ -103,9 +103,9 @@ def measure_left_of(one: Approach, two: Approach, side: Side) -> float:
 
 
 def turning_approaches(approaches: Iterable[Approach], turn: Turn) -> list[Approach]:
-    """Return streams on which the turn can be made.
+    """Return the approaches on which the turn is possible.
 
-    Those whose lanes lead there, and the shared lane in the middle beside them.
+    These are the approaches whose lanes turn, and the shared middle lane beside them.
 
     >>> {approach.turn.value for approach in turning_approaches(scene.approaches, Turn.RIGHT)}
     {'right'}
@@ -117,7 +117,7 @@ def turning_approaches(approaches: Iterable[Approach], turn: Turn) -> list[Appro
 
 
 def _turning_from_centre(centre: Approach, by_lanes: list[Approach]) -> Approach:
-    """Return the shared lane with the exit of the turning lane beside it, if there is one."""
+    """Return the shared middle lane with the exit of the turning lane beside it, if there is one."""
     beside = [approach for approach in by_lanes if apart(centre, approach) <= SAME_HEADING_RAD]
     if not beside:
         return centre

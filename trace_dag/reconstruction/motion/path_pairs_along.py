@@ -75,7 +75,7 @@ def _both_turn(scenario: PreCrashScenario) -> bool:
 
 
 def _lanes_of_both(scene: Scene, scenario: PreCrashScenario) -> list[Approach]:
-    """Return the lanes that two on one road can have been in: those of a turn that both make, where the map has any."""
+    """Return the possible lanes of two vehicles on one road; those of a common turn, if the map has any."""
     turn = scenario.other.turn
     turning = turning_approaches(scene.approaches, turn) if turn is not None and _both_turn(scenario) else []
     return scene.on_road(turning) or scene.on_road(scene.through)
@@ -84,7 +84,7 @@ def _lanes_of_both(scene: Scene, scenario: PreCrashScenario) -> list[Approach]:
 def _slowed(
     mover: Party, behind: TravelSpeed, other: Party, ahead: TravelSpeed
 ) -> tuple[SpeedProfile | None, dict[str, float]]:
-    """Return the speed of a leader reported no slower than its follower: it slowed down, no more than needed."""
+    """Return the speed of a leader that is reported as no slower than its follower, after the least slowing needed."""
     follower, leader = (speed_profile(party, speed.speed_mps) for party, speed in ((mover, behind), (other, ahead)))
     if leader.impact_mps <= follower.impact_mps - LEAST_CLOSING_MPS:
         return None, {}
@@ -94,7 +94,7 @@ def _slowed(
 
 
 def same_direction(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
-    """Yield the adjacent paths: the mover comes over to the other's, or turns across it.
+    """Yield adjacent paths: the mover changes to the other's path, or turns across it.
 
     >>> pairs = list(same_direction(scene, solution.candidate.scenario))  # were they side by side
     >>> {pair.other.manoeuvre.value for pair in pairs}  # the other keeps to its lane
@@ -122,10 +122,7 @@ def same_direction(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPai
 
 
 def _moving_out(approach: Approach, away_m: float, speed_mps: float) -> Approach:
-    """Return the approach of a vehicle that moved out to pass a little before.
-
-    At first in its lane, beside it at the crash.
-    """
+    """Return the approach of a vehicle that moved out to pass: first in its lane, beside it at the crash."""
     speed_mps = max(speed_mps, _LEAST_PASSING_MPS)
     lateral_mps2 = _PASSING_LATERAL_G * GRAVITY_MPS2
     shift = lateral_shift(away_m, speed_mps, steepest_slope(away_m, speed_mps, lateral_mps2), lateral_mps2)
@@ -217,19 +214,19 @@ def _median_terms(mover: Party, gap_m: float) -> dict[str, float]:
 
 
 def _faster(behind: TravelSpeed, ahead: TravelSpeed) -> TravelSpeed:
-    """Return an unreported speed of a vehicle that ran into another ahead, raised above the other's."""
+    """Return the speed of a vehicle that struck one ahead; an unreported speed is raised above the other's."""
     if behind.source is SpeedSource.REPORTED or behind.speed_mps >= ahead.speed_mps + CLOSING_MPS:
         return behind
     return replace(behind, speed_mps=ahead.speed_mps + CLOSING_MPS)
 
 
 def _is_struck_beside(party: Party, side: float) -> bool:
-    """Return whether it was struck on a side: 1 for its left, -1 for its right."""
+    """Return whether the vehicle was struck on a side: 1 for its left, -1 for its right."""
     impact = party.vehicle.impact
     return impact is not None and side * math.sin(impact.centre_rad) > _OFF_CENTRE
 
 
 def _off_centre(party: Party) -> bool:
-    """Return whether it was struck anywhere but in the middle of its front or rear."""
+    """Return whether the vehicle was struck anywhere but in the middle of its front or rear."""
     impact = party.vehicle.impact
     return impact is not None and abs(math.sin(impact.centre_rad)) > _OFF_CENTRE

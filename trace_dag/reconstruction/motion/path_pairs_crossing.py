@@ -1,4 +1,4 @@
-"""Pairs of paths from two sides: crossing, turning into each other's path, out of driveways, backing."""
+"""Pairs of paths from two sides: crossing, turning into another's path, out of driveways, backing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CROSSING_SIGMA_RAD = math.radians(40)
 
 
 def crossing(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
-    """Return pairs of paths that cross: straight across, or turning into the other's path.
+    """Yield pairs of paths that cross: straight across, or turning into the other's path.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import pre_crash_scenarios, party
     >>> one, two = (party(record, vehicle) for vehicle in record.vehicles)
@@ -59,7 +59,7 @@ def _usable(scene: Scene, turn: Turn | None) -> list[Approach]:
 
 
 def backing(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
-    """Yield the backward along the road into the one behind, or out of a driveway or side road into its traffic.
+    """Yield pairs with a backing vehicle: into the one behind, or out of a driveway or side road into traffic.
 
     >>> pairs = list(backing(scene, solution.candidate.scenario))  # had the first backed up
     >>> {pair.mover.manoeuvre.value for pair in pairs}
@@ -87,7 +87,7 @@ def backing(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
 
 
 def _backward(scene: Scene, roads: list[Approach]) -> list[tuple[Approach, dict[str, float]]]:
-    """Return the lines along which a vehicle can back, with the evidence for or against each."""
+    """Return the lines along which a vehicle can back, each with its evidence."""
     found: list[tuple[Approach, dict[str, float]]] = []
     for approach in roads:
         if approach.extended:  # a side road that ends here: out of it, the body facing into it

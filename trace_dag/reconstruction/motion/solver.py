@@ -1,8 +1,8 @@
-"""From a candidate to states: where the two bodies touch, and where that puts them at the beginning.
+"""States from a candidate: the contact of the two bodies, and their initial positions.
 
 The solver moves both bodies along their paths (:mod:`trace_dag.reconstruction.motion.contact`) for a range of timings,
-takes the first contact that agrees best with the reported areas and the reported place, and moves paths that can be
-anywhere along the road to that place. Then each vehicle's speed profile runs backward from the impact. Speeds are
+takes the first contact that agrees best with the reported areas and the reported place, and moves those paths to that
+place that can be anywhere along the road. Then each vehicle's speed profile runs backward from the impact. Speeds are
 inputs, never results.
 """
 
@@ -33,7 +33,7 @@ _LONE_TIMING = -0.7  # a contact whose neighbouring timings miss would be lost b
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """One vehicle at the impact: its path, how far along it, and what it will do."""
+    """One vehicle at the impact: its path, its station, and its further motion."""
 
     option: Option
     path: Path
@@ -61,7 +61,7 @@ class Solution:
 
     @property
     def name(self) -> str:
-        """Return names both vehicles' manoeuvres and approaches; unique among the candidates of one crash."""
+        """Return the names of both vehicles' manoeuvres and approaches, unique among the candidates of one crash."""
         scenario = self.candidate.scenario
         return "; ".join(
             f"vehicle {party.vehicle.number}: {placed.option.name}"
@@ -72,7 +72,7 @@ class Solution:
 
 
 def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> Solution | None:
-    """Return the best first contact of a candidate near a place; None if the two never meet."""
+    """Return the best first contact of a candidate near a place, or None."""
     scenario = candidate.scenario
     slide = [0.0, 0.0]
     best: tuple[Contacts, int, Mover, Mover] | None = None
@@ -109,7 +109,7 @@ def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> 
 
 
 def _span_s(candidate: Candidate) -> float:
-    """Return the time for two vehicles side by side to come together, as one of them moves over slowly (seconds)."""
+    """Return the time in which two vehicles side by side come together while one changes lanes (seconds)."""
     shift = candidate.mover.shift
     if shift is None or candidate.scenario.relation is not Relation.SAME_DIRECTION:
         return 0.0
@@ -147,7 +147,7 @@ def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) ->
 
 
 def _conflict(one: Path, two: Path, x_m: float, y_m: float) -> tuple[float, float] | None:
-    """Return stations where two paths come closest to each other near a place.
+    """Return stations at which two paths are closest to each other near a place.
 
     None if they stay more than 6 m apart.
     """

@@ -1,8 +1,8 @@
-"""Distributions of speeds that nobody reported: what :mod:`trace_dag.reconstruction.motion.speed_prior` reads.
+"""Distributions of unreported speeds, read by :mod:`trace_dag.reconstruction.motion.speed_prior`.
 
-Written by ``lab/fit_speeds.py`` on 2026-11-23, fitted to 318 reported travel speeds of FARS (2012 to 2023, 214
-crashes) and 148 event data recorders of NHTSA CIREN (2017 to 2025). Units: mph, and shares of a speed. The tables are a
-module and not a data file, so that an estimate's fingerprint covers them.
+Written by ``lab/fit_speeds.py`` on 2026-11-23, fitted to 318 reported travel speeds of FARS (2012 to 2023, 214 crashes)
+and 148 event data recorders of NHTSA CIREN (2017 to 2025). Units: mph, and shares of a speed. The tables are a module
+and not a data file, so that an estimate's fingerprint covers them.
 """
 
 from __future__ import annotations

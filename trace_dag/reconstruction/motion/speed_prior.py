@@ -1,13 +1,13 @@
 """Learned distributions of unreported travel speeds, and of the loss of speed before the strike.
 
-Travel speeds are learned from those that police reported in FARS, as differences from the rule of
+Travel speeds are learned from police reports in FARS, as differences from the rule of
 :mod:`trace_dag.reconstruction.motion.speeds` (limit, manoeuvre, class of the road). The loss of speed before the impact
 is learned from the last five seconds of event data recorders. ``lab/fit_speeds.py`` fits both and writes the tables in
-:mod:`trace_dag.reconstruction.motion.speed_coefficients`; ``lab/mask_and_predict.py`` says how good they are.
+:mod:`trace_dag.reconstruction.motion.speed_coefficients`; ``lab/mask_and_predict.py`` measures their quality.
 
 A reported speed is taken as the speed before braking. For vehicles that go along the road the median reported speed is
-the limit; recorders show that five seconds before the impact, and less at the impact. For vehicles that turn, reported
-speeds match those of recorders at the impact, and are taken as such.
+the limit; in recorders that is the speed five seconds before the impact, and the speed at the impact is lower. For
+vehicles that turn, reported speeds match those of recorders at the impact, and are taken as such.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _FASTEST_MPS: Final = mph_to_mps(151)  # the highest TRAV_SP
 
 
 class SpeedClass(StrEnum):
-    """A class of vehicles whose speeds have the same spread."""
+    """A class of vehicles with the same spread of speeds."""
 
     STANDING = "standing"  # the report says that it stood
     SLOW = "slow"  # turning, backing, from a stop sign
@@ -97,7 +97,7 @@ class Distribution:
 
 
 def speed_class(party: Party, rule: TravelSpeed) -> SpeedClass:
-    """Return the speed class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives.
+    """Return the speed class of a vehicle; ``rule`` is the speed from its manoeuvre, limit or road.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> rule = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
@@ -129,9 +129,9 @@ def role(party: Party) -> Role:
 
 
 def features(party: Party, rule: TravelSpeed) -> dict[str, bool]:
-    """Return the reported facts that a travel speed depends on, beside the rule.
+    """Return the reported facts, beside the rule, that affect a travel speed.
 
-    The names are those of the table of shifts.
+    Their names are those of the table of shifts.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> rider = party(record, record.vehicles[1])
@@ -179,7 +179,7 @@ def features(party: Party, rule: TravelSpeed) -> dict[str, bool]:
 
 
 def likely_travel_speed(party: Party, road: Road | None, *, crossing: bool) -> TravelSpeed:
-    """Return the reported travel speed, or the median of those that can have been.
+    """Return the reported travel speed, or the median of its distribution.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> likely_travel_speed(party(queue_record, queue_record.vehicles[1]), None, crossing=False).speed_mps  # it stood
@@ -192,7 +192,7 @@ def likely_travel_speed(party: Party, road: Road | None, *, crossing: bool) -> T
 
 
 def travel_speed_distribution(party: Party, rule: TravelSpeed) -> Distribution:
-    """Return the distribution of a vehicle's travel speed (m/s) if none is reported."""
+    """Return the distribution of a vehicle's unreported travel speed (m/s)."""
     group = speed_class(party, rule)
     shift = math.fsum(SHIFTS_MPH[name] for name, holds in features(party, rule).items() if holds)
     return Distribution(
@@ -201,9 +201,9 @@ def travel_speed_distribution(party: Party, rule: TravelSpeed) -> Distribution:
 
 
 def speed_kept_distribution(party: Party) -> Distribution:
-    """Return the distribution of the speed at the impact as a share of the travel speed: what is left after braking.
+    """Return the distribution of the speed at the impact as a share of the travel speed.
 
-    It is 1 if the report says that nothing or something else was done to avoid the crash, and for vehicles that turn or
+    It is 1 if the report says that no avoidance or one other than braking was tried, and for vehicles that turn or
     stand.
     """
     whole = Distribution((1.0,) * len(LEVELS))
@@ -213,12 +213,12 @@ def speed_kept_distribution(party: Party) -> Distribution:
 
 
 def speed_profile(party: Party, initial_mps: float, *, most_g: float = math.inf) -> SpeedProfile:
-    """Return the speed before the impact of a vehicle: it starts if the record says so.
+    """Return the speed of a vehicle up to the impact, with a start from rest if the record says so.
 
-    Else it loses what one vehicle of its role lost, drawn from :func:`speed_kept_distribution`, at a deceleration that
-    is drawn from those of recorders; who is reported to have braked, what one of those lost that lost anything.
+    Otherwise the loss of speed is drawn from :func:`speed_kept_distribution` for its role, and the deceleration from
+    those of recorders. If the report says that it braked, the draw is limited to losses above 0.
 
-    A crash always has the same draw. ``most_g``: what the ground holds (g).
+    A crash always has the same draw. ``most_g`` is the limit of the ground (g).
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> speed_profile(party(record, record.vehicles[0]), 6.7)  # who turns keeps its speed

@@ -1,6 +1,6 @@
 """Speeds before the impact: reported ones are kept, others are inferred and marked as such.
 
-A reported travel speed is the speed at the initial state, exactly; how much of it is left at the impact is learned from
+A reported travel speed is exactly the speed at the initial state; the share left at the impact is learned from
 recorders (:mod:`trace_dag.reconstruction.motion.speed_prior`). Speeds in m/s, accelerations in m/s2.
 """
 
@@ -44,7 +44,7 @@ _STARTING = frozenset({PreCrashMovement.STARTING, PreCrashMovement.ACCELERATING,
 
 @dataclass(frozen=True)
 class TravelSpeed:
-    """Speed at the initial state (m/s) and where it comes from."""
+    """Speed at the initial state (m/s) and its source."""
 
     speed_mps: float
     source: SpeedSource
@@ -53,7 +53,7 @@ class TravelSpeed:
 def travel_speed(
     vehicle: VehicleRecord, crash_type: CrashType, turn: Turn | None, road: Road | None, *, crossing: bool
 ) -> TravelSpeed:
-    """Return the reported speed, or the most plausible one for the manoeuvre, the limit and the road, in that order.
+    """Return the reported speed, or else the most plausible one by manoeuvre, limit and road, in that order.
 
     >>> from trace_dag.crash.crash_types import crash_type_of
     >>> told = travel_speed(record.vehicles[1], crash_type_of(record.vehicles[1]), None, None, crossing=False)
@@ -82,9 +82,7 @@ def travel_speed(
 
 
 def as_on_the_right(turn: Turn, road: Road | None) -> Turn:
-    """Return the turn that is like this one where traffic keeps right.
-
-    Across oncoming traffic, or close around the corner.
+    """Return the equivalent turn in right-hand traffic: across oncoming traffic, or close around the corner.
 
     >>> from dataclasses import replace
     >>> as_on_the_right(Turn.LEFT, replace(network.roads[0], left_hand=True)).value
@@ -96,9 +94,9 @@ def as_on_the_right(turn: Turn, road: Road | None) -> Turn:
 
 
 def class_speed_mps(road: Road | None) -> float:
-    """Return the usual speed on a road of its class (m/s), if neither map nor report has a limit.
+    """Return the usual speed on a road of its class (m/s), for a road without a limit on map and report.
 
-    The median limit of fatal crashes on such roads.
+    It is the median limit in fatal crashes on such roads.
     """
     highway = road.highway if road is not None else ""
     limit_mph = LIMITS_MPH.get(highway)
@@ -106,7 +104,7 @@ def class_speed_mps(road: Road | None) -> float:
 
 
 def brakes(vehicle: VehicleRecord) -> bool:
-    """Return whether the record says that the vehicle braked before the impact.
+    """Return whether the record reports braking before the impact.
 
     >>> from dataclasses import replace
     >>> brakes(record.vehicles[0]), brakes(replace(record.vehicles[0], avoidance_code=16))  # P_CRASH3 16: braking
@@ -116,7 +114,7 @@ def brakes(vehicle: VehicleRecord) -> bool:
 
 
 def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
-    """Return whether the vehicle moves off from rest: the record says so and its speed at the initial state is zero."""
+    """Return whether the vehicle starts from rest: the record says so and its initial speed is zero."""
     return speed_mps == 0.0 and vehicle.movement in _STARTING
 
 
@@ -124,8 +122,9 @@ def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
 class SpeedProfile:
     """Constant speed up to ``change_time_s`` before the impact, then a constant rate to the speed at impact.
 
-    A ``change_time_s`` of 0 belongs to equal speeds. A vehicle that starts longer ago than the lead time is in the
-    middle of it."""
+    A ``change_time_s`` of 0 belongs to equal speeds. A vehicle whose start is longer ago than the lead time is already
+    moving at the initial state.
+    """
 
     initial_mps: float
     impact_mps: float
@@ -136,8 +135,8 @@ class SpeedProfile:
 
         The impact is one of the samples.
 
-        After the impact the speed stays the same, as if nothing had happened. A vehicle that brakes begins within the
-        lead time, and loses no more speed in it than tyres hold.
+        After the impact the speed stays constant. A vehicle that brakes begins within the lead time, and loses no more
+        speed in it than tyres allow.
 
         >>> _, _, speeds = SpeedProfile(30.0, 12.0, 4.0).sample(2.5, 0.0)
         >>> float(speeds[0]), round(float(speeds[-1]), 1)  # 2 s at 0.75 g
@@ -162,7 +161,7 @@ class SpeedProfile:
 
 
 def least_turn_radius_m(vehicle_class: VehicleClass, length_m: float) -> float:
-    """Return radius of the tightest path a body's centre can follow, metres (AASHTO design vehicles, centreline radii).
+    """Return the radius of the tightest path of a body's centre, metres (AASHTO design vehicles, centreline radii).
 
     >>> least_turn_radius_m(VehicleClass.CAR, 4.85), least_turn_radius_m(VehicleClass.BUS, 12.0)
     (6.0, 11.0)

@@ -1,10 +1,10 @@
-"""Directions in which a person moved, seen from the striking vehicle, as reported and as left open.
+"""Directions in which a person moved, seen from the striking vehicle, reported or possible.
 
 A course is relative to the vehicle: across its path from its left or right, along with it, towards it, or none. It is
 read from the typing of the crash (``PEDCTYPE``, ``PEDSNR``, ``BIKECTYPE``) and the compass directions (``PEDDIR``,
-``MOTDIR``); if these say nothing, from what the person did (``NMACTION``); if that says nothing either, each course has
-its national share. Sources: FARS/CRSS Pedestrian Bicyclist Crash Typing Manual; shares by the typing of one national
-year (2016: 8,008 pedestrians, 1,115 cyclists).
+``MOTDIR``); else from the person's actions (``NMACTION``); else each course has its national share. Sources: FARS/CRSS
+Pedestrian Bicyclist Crash Typing Manual; shares by the typing of one national year (2016: 8,008 pedestrians, 1,115
+cyclists).
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ _AHEAD_RAD: Final = math.radians(46)  # the front and its corners, by :func:`tra
 
 @dataclass(frozen=True)
 class CourseReading:
-    """One course with its log-probability, and whether the report says it (also if it allows several)."""
+    """One course with its log-probability, and whether the report names it (perhaps among several)."""
 
     course: Course
     log_prior: float
@@ -113,9 +113,9 @@ class CourseReading:
 
 
 def reported_directions(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
-    """Return the courses that the report allows; empty if it says nothing about the course.
+    """Return the courses that the report allows; empty if it is silent on the course.
 
-    ``turn``: the turn the vehicle made.
+    ``turn``: the turn of the vehicle.
     """
     allowed = _of_kind(person)
     side = _told_side(person, turn)
@@ -129,7 +129,7 @@ def reported_directions(person: NonMotorist, turn: Turn | None) -> frozenset[Cou
 def readings(
     person: NonMotorist, turn: Turn | None, area: ImpactArea | None, *, keeps_left: bool = False
 ) -> tuple[CourseReading, ...]:
-    """Return all possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at.
+    """Return all possible courses, likeliest first; before the area of impact is weighed, their shares sum to 1.
 
     >>> found = readings(pedestrian_record.non_motorists[0], None, None)
     >>> round(sum(math.exp(reading.log_prior) for reading in found), 6)
@@ -164,7 +164,7 @@ def _of_kind(person: NonMotorist) -> frozenset[Course]:
 def _told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
     """Return the side of the vehicle's path from which the person came.
 
-    By ``PEDSNR``, else by the compass directions, else by which of the two turned into the other's path.
+    It follows from ``PEDSNR``, else from the compass directions, else from the turn of one into the other's path.
     """
     if person.scenario and person.scenario[-1] in "ab":
         left = person.scenario[-1] == "a"
@@ -185,9 +185,9 @@ def _told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
 
 
 def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
-    """Return the sides for a vehicle that turns across a person who goes straight on in its direction.
+    """Return the side of a person who goes straight on in the direction of a turning vehicle.
 
-    The person crosses from the left the path of a vehicle that turns left.
+    A vehicle that turns left meets such a person from its left.
     """
     code = person.cyclist_type_code
     if turn not in (Turn.LEFT, Turn.RIGHT) or code not in _SAME_WAY_FIRST | _OTHER_WAY_FIRST:
@@ -199,7 +199,7 @@ def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
 def _compass_relative_deg(person: NonMotorist) -> float | None:
     """Return the direction of the person minus that of the motorist: 0, 90, 180 or -90 degrees.
 
-    None if either is not coded.
+    None if one of them is not coded.
     """
     of_person, of_motorist = (
         COMPASS_DEG.get(code or 0) for code in (person.pedestrian_direction_code, person.motorist_direction_code)
@@ -229,7 +229,7 @@ def _of_actions(person: NonMotorist) -> frozenset[Course]:
 
 
 def _side_term(course: Course, area: ImpactArea | None) -> float:
-    """Return a person who came from one side is rarely struck by the other side of the vehicle."""
+    """Return the log-likelihood of a course given the struck side: a person from one side rarely strikes the other."""
     if area is None or course not in CROSSING or abs(area.centre_rad) < _AHEAD_RAD / 3:
         return 0.0
     on_left = area.centre_rad > 0

@@ -99,7 +99,7 @@ class Walk:
 
 @dataclass(frozen=True, eq=False)
 class ImpactPlan(Scored):
-    """One way one strike can have happened. ``terms`` are log-likelihoods."""
+    """One possible course of a strike. ``terms`` are log-likelihoods."""
 
     strike: CrashEvent
     drive: Drive
@@ -109,7 +109,7 @@ class ImpactPlan(Scored):
 
     @property
     def name(self) -> str:
-        """Return the words that distinguish this plan from the others of its crash."""
+        """Return a name that is unique among the plans of the crash."""
         person = self.strike.person
         who = person.species if isinstance(person, StruckAnimal) else f"person {person.number}"
         return (
@@ -125,15 +125,12 @@ class ImpactPlan(Scored):
 
 
 def person_kind_of(person: NonMotorist) -> PartyKind:
-    """Return the kind of figure that the person is simulated as.
-
-    On foot, unless the report names what the person rides.
-    """
+    """Return the kind of the person's figure: on foot, unless the report names a mount."""
     return person.kind if person.kind in _AS_THEY_ARE else PartyKind.PEDESTRIAN
 
 
 def impact_plans(scene: Scene, strike: CrashEvent) -> list[ImpactPlan]:
-    """Return every way the strike can have happened, likeliest first.
+    """Return all possible plans of the strike, likeliest first.
 
     >>> plans = impact_plans(pedestrian_scene, strike_plan.strike)
     >>> plans[0].walk.manoeuvre.value, plans[0].score == max(plan.score for plan in plans)
@@ -187,7 +184,7 @@ def _plan(
 
 # --- the way of the vehicle ------------------------------------------------------------------------------------------
 def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: ContactPoint) -> tuple[Option, Path]:
-    """Return the vehicle's way: along its lanes, or off the carriageway if the person was not on it."""
+    """Return the vehicle's path: along its lanes, or off the carriageway if the person was not on it."""
     zones = reported_zones(scene.record, strike.person)
     if not zones and strike.side in (DepartureSide.LEFT, DepartureSide.RIGHT):
         zones = frozenset({Zone.BESIDE})
@@ -236,7 +233,7 @@ def _walk(
 
 
 def size_of(person: NonMotorist, kind: PartyKind) -> PersonSize:
-    """Return dimensions and mass of a person by age and sex, of an animal by its species."""
+    """Return dimensions and mass: of a person by age and sex, of an animal by its species."""
     if isinstance(person, StruckAnimal):
         return SIZES[person.species]
     return person_size(kind, person.age_years, female={1: False, 2: True}.get(person.sex_code or 0))
@@ -245,8 +242,8 @@ def size_of(person: NonMotorist, kind: PartyKind) -> PersonSize:
 def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
     """Return the heading of the person at the strike.
 
-    Across a road means at right angles to it. If the vehicle turns, that is the road it came from or the one it turns
-    into, whichever the person crossed.
+    A crossing is at a right angle to the road. If the vehicle turns, that is the road it came from or the road it
+    enters, whichever the person crossed.
     """
     backing = math.pi if drive.option.backing else 0.0
     if course is Course.STANDING:

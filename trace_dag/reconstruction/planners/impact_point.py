@@ -47,9 +47,9 @@ _TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at l
 def contact_point_of(
     strike: CrashEvent, option: Option, impact_mps: float, course: Course, speed_mps: float
 ) -> ContactPoint | None:
-    """Return the spot of the reported area, or the nearest one at which the two can touch; None if there is none.
+    """Return the contact point of the reported area, or the nearest possible one; None if there is none.
 
-    A trailer is taken to be in line.
+    A trailer is assumed in line.
     """
     vehicle = strike.vehicle
     half_length, half_width = (vehicle.length_m + vehicle.behind_m) / 2, vehicle.width_m / 2
@@ -71,21 +71,21 @@ def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
 
 # --- where along the path -------------------------------------------------------------------------------------------
 def is_far_side(person: NonMotorist, option: Option) -> bool:
-    """Return whether a turning vehicle struck the person on the far side, where it left the intersection."""
+    """Return whether a turning vehicle struck the person on the far side, on leaving the intersection."""
     return option.turn is not None and not person.at_near_side
 
 
 class Crosswalks(NamedTuple):
     """The crosswalks near the place as one shape, and the share of people who are struck beside them.
 
-    0 where the report has the person in one.
+    The share is 0 if the report places the person in one.
     """
 
     shape: BaseGeometry
     beside_share: float
 
     def log_likelihood(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Score strikes at some places by their distances beside the crosswalks (m): the arrays have one shape.
+        """Score strikes at some places by their distances from the crosswalks (m); the arrays have one shape.
 
         >>> stripes, x_m, y_m = shapely.box(0.0, 0.0, 3.0, 10.0), np.array([1.0, 3.7, 9.0]), np.full(3, 5.0)
         >>> Crosswalks(stripes, 0.0).log_likelihood(x_m, y_m)[:2].round(3) + 0.0  # within, and 0.7 m beside them
@@ -101,11 +101,12 @@ class Crosswalks(NamedTuple):
 
 
 def crosswalks_of(scene: Scene, person: NonMotorist) -> Crosswalks | None:
-    """Return the map's crosswalks near the place; else None.
+    """Return the map's crosswalks near the place, or None.
 
-    They count if the report has the person in one, or does not place the person on the road at an intersection.
+    They count if the report places the person in one, or at an intersection without a place on the road.
 
-    If none is drawn people cross the roads where they meet."""
+    If none is mapped, people are taken to cross at the meeting of the roads.
+    """
     told = is_in_crosswalk(person)
     if not told and not (is_at_intersection(scene.record) and may_have_crossed_in_crosswalk(person)):
         return None
@@ -122,7 +123,7 @@ def place_impact(
 ) -> tuple[Path, float, float]:
     """Return the path, the station at the strike, and the shift of the turn along the road.
 
-    The shift brings the strike to the place.
+    The shift moves the strike to the place.
 
     >>> drive, place = strike_plan.drive, pedestrian_scene.place_xy_m
     >>> front = ContactPoint(strike_plan.strike.vehicle.length_m / 2, 0.0, (1.0, 0.0))
@@ -152,9 +153,9 @@ def _station(
     slide_m: float,
     crosswalks: Crosswalks | None,
 ) -> tuple[float, float]:
-    """Return the station where the spot comes nearest to the place, and the log-likelihood of that.
+    """Return the station at which the contact point is nearest to the place, and its log-likelihood.
 
-    In a turn it must fit how far the vehicle has turned, and it must be in the crosswalk if the person was in one.
+    In a turn it must match the progress of the turn; it must be in the crosswalk if the person was in one.
     """
     x, y = scene.place_xy_m
     near, _ = path.project(x, y)

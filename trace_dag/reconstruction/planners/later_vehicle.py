@@ -1,9 +1,9 @@
-"""Later contacts of one more vehicle with a party whose motion has been simulated: arriving, standing in its way, slow.
+"""Later contacts of another vehicle with a party of known motion: arriving, standing in its way, or slow.
 
-Every way the report leaves open for the vehicle, at every time from the contact before on, or standing anywhere
-along it, is moved forward beside everybody who is there already. The first party that it touches counts, with time
-and place: it has to be the right party, after the contact before. Frame: the local frame; times from the beginning
-of the reconstruction."""
+Every possible path of the vehicle is moved forward among the parties already there, for every time after the earlier
+contact, or with the vehicle standing anywhere along it. The first party that it touches has to be the right one, after
+the earlier contact. Frame: the local frame; times from the beginning of the reconstruction.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class SimulatedMotion:
         return self.length_m, self.width_m
 
     def at(self, time_s: FloatArray) -> Poses:
-        """Return x, y and heading at some times; where it came to rest after the last one."""
+        """Return x, y and heading at some times; the place of rest after the last one."""
         x, y, heading = (np.interp(time_s, self.time_s, each) for each in (self.x_m, self.y_m, self.heading_rad))
         return x, y, heading
 
@@ -90,12 +90,12 @@ class Arrival:
 
     @property
     def group(self) -> tuple[str, bool]:
-        """Return the group, whose arrivals differ in detail only."""
+        """Return the group; arrivals of one group differ only in detail."""
         return self.drive.option.approach.name, self.drive.profile.impact_mps <= STANDING_MPS
 
     @property
     def name(self) -> str:
-        """Return the words that distinguish this arrival from the others of its vehicle."""
+        """Return a name that is unique among the arrivals of the vehicle."""
         return f"vehicle {self.drive.party.vehicle.number}: {self.drive.option.name} at {self.time_s:.1f} s"
 
 
@@ -111,9 +111,9 @@ class _Way:
 def arrivals(
     scene: Scene, contact: CrashEvent, newcomer: int, there: Sequence[SimulatedMotion], *, after_s: float
 ) -> list[Arrival]:
-    """Return every way for a vehicle to have this contact first, with whom it is with, after a time; likeliest first.
+    """Return every way for a vehicle to have this contact as its first after a time, likeliest first.
 
-    ``there``: the motions of all who are there already, the other party of the contact among them.
+    ``there`` has the motions of all parties already present, including the other party of the contact.
     """
     who = party(scene.record, contact.as_struck(newcomer))
     (target,) = (motion for motion in there if motion.number in contact.pair)
@@ -127,7 +127,7 @@ def arrivals(
 
 
 def arrival_plans(search: Search, course: Course, contact: CrashEvent, newcomer: int) -> Iterator[Plan | str]:
-    """Yield the plans of the ways in which a vehicle comes to a contact with one that is there."""
+    """Yield the plans in which a vehicle comes to a contact with a party already there."""
     motions = [SimulatedMotion.of(each, course.log.bodies[each.number]) for each in course.log.vehicles]
     (known,) = (number for number in contact.pair if number != newcomer)
     found = arrivals(search.scene, contact, newcomer, motions, after_s=_after_s(search, course))
@@ -148,7 +148,7 @@ def arrival_plans(search: Search, course: Course, contact: CrashEvent, newcomer:
 
 
 def _after_s(search: Search, course: Course) -> float:
-    """Return the time of the event before, or of the first one where the order is not known."""
+    """Return the time of the earlier event, or of the first one if the order is not known."""
     times = [each.time_s for each in course.matching.matched if each is not None]
     if not times:
         return float(course.states[0].trajectory.time_s[0])
@@ -172,14 +172,15 @@ def _ways(scene: Scene, who: Party) -> Iterator[_Way]:
 
 
 def _approaches(scene: Scene, who: Party) -> list[Approach] | None:
-    """Return all of the road's streams for a vehicle that keeps to one.
+    """Return all through approaches of the road for a vehicle that does not turn, or None.
 
-    An earlier one may have gone across to any."""
+    An earlier vehicle may have gone across to any of them.
+    """
     return scene.through if who.turn is None else None
 
 
 def _may_stand(who: Party) -> bool:
-    """Return whether it may have stood though nothing says so: nothing says that it moved."""
+    """Return whether the vehicle may have stood although that is not reported: its motion is not reported either."""
     return who.vehicle.travel_speed_mps is None and not who.stationary and who.turn is None and not who.backing
 
 
@@ -199,7 +200,7 @@ def _best(
     others: Sequence[SimulatedMotion],
     after_s: float,
 ) -> Arrival | None:
-    """Return the likeliest timing, or standing place, of one way; None if it never has the contact first."""
+    """Return the likeliest timing or standing place of one path; None if it never has the contact first."""
     size = (who.vehicle.length_m, who.vehicle.width_m)
     meets = after_s + np.arange(_TIMING_STEP_S, LONGEST_WAIT_S, _TIMING_STEP_S)
     stations, when = _placings(way, target, size, meets)
@@ -250,7 +251,7 @@ def _stood(target: SimulatedMotion, until_s: float) -> bool:
 
 
 def _left_free_m(way: _Way, target: SimulatedMotion, size_m: tuple[float, float], stations: FloatArray) -> FloatArray:
-    """Return the surplus over a queue's usual gap between a standing vehicle at each station and one that stood."""
+    """Return, for each station of a standing vehicle, the gap to another that stood beyond the usual gap in a queue."""
     x, y, _ = target.at(np.zeros(1))
     station_m, _ = way.path.project(float(x[0]), float(y[0]))
     gaps = np.abs(stations - station_m) - (size_m[0] + target.length_m) / 2
@@ -262,7 +263,7 @@ def _placings(
 ) -> tuple[FloatArray, FloatArray]:
     """Return stations, and the times at which the vehicle is there.
 
-    Beside the other party then, or standing near its way.
+    At that time it is beside the other party, or stands near its path.
     """
     reach = (math.hypot(*size_m) + math.hypot(*target.size_m)) / 2
     x, y, _ = target.at(meets_s)
@@ -279,7 +280,7 @@ def _placings(
 
 
 def _travelled(profile: SpeedProfile, since_s: FloatArray) -> FloatArray:
-    """Return the distance from where the vehicle is at time 0, negative before it."""
+    """Return the distance from the vehicle's position at time 0, negative before it."""
     before = np.minimum(since_s, 0.0)
     change = profile.change_time_s
     distance = profile.impact_mps * since_s
@@ -293,7 +294,7 @@ def _travelled(profile: SpeedProfile, since_s: FloatArray) -> FloatArray:
 def _gaps_m(newcomer: Poses, size_m: tuple[float, float], other: SimulatedMotion, time_s: FloatArray) -> FloatArray:
     """Return gaps between each row of the newcomer's motion and another body.
 
-    Infinite where they are far from each other.
+    They are infinite for distant bodies.
     """
     x, y, heading = other.at(time_s)
     reach = (math.hypot(*size_m) + math.hypot(*other.size_m)) / 2 + _QUEUE_GAP_M
@@ -313,7 +314,7 @@ def _headway(since_s: FloatArray) -> FloatArray:
 
 
 def _steadied(score: FloatArray, places: NDArray[np.intp]) -> FloatArray:
-    """Return each score with a share of its neighbours': what a small error loses is worth less."""
+    """Return each score, averaged with its neighbours', so that a score that a small error would lose counts less."""
     lone = score + math.log(0.5)
     before = np.where(np.diff(places, prepend=-2) == 1, np.roll(score, 1), lone)
     after = np.where(np.diff(places, append=places[-1] + 2) == 1, np.roll(score, -1), lone)
@@ -321,7 +322,7 @@ def _steadied(score: FloatArray, places: NDArray[np.intp]) -> FloatArray:
 
 
 def _closing(way: _Way, target: SimulatedMotion, bodies: tuple[FloatArray, ...], time_s: FloatArray) -> FloatArray:
-    """Return the speed at which the two centres move against each other."""
+    """Return the closing speed of the two centres."""
     sense = -1.0 if way.option.backing else 1.0
     own = sense * way.profile.impact_mps
     before, now = target.at(time_s - _STEP_S), target.at(time_s)

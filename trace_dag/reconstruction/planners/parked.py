@@ -93,7 +93,7 @@ STANDS: Final = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
 
 
 def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
-    """Yield the places where a parked or working vehicle can have stood, by the zone of the first harmful event.
+    """Yield the possible places of a parked or working vehicle, by the zone of the first harmful event.
 
     >>> zones = {stand.zone.value for stand in stands(scene, record.vehicles[0])}
     >>> zones  # the first harmful event was on the roadway
@@ -125,7 +125,7 @@ def _stand(
 
 @dataclass(frozen=True, eq=False)
 class _Plan(Scored):
-    """The contact of one way to drive with one place to stand."""
+    """The contact of one path with one standing place."""
 
     drive: Drive
     stand: Stand
@@ -136,7 +136,7 @@ class _Plan(Scored):
 
     @property
     def group(self) -> tuple[str, str, float]:
-        """Return the group, whose plans differ in detail only."""
+        """Return the group; plans of one group differ only in detail."""
         stand = self.parked.option
         return self.drive.option.approach.name, stand.approach.name, stand.constant_m
 
@@ -201,7 +201,7 @@ def parked_contacts(search: Search, settings: StateSettings) -> tuple[Hypothesis
 # --- one plan --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
 class _Try:
-    """A way to drive, one of a ``pair`` with a place to stand, ``moved`` aside towards it."""
+    """A path, one of a ``pair`` with a standing place, ``moved`` aside towards it."""
 
     pair: int
     speed: TravelSpeed
@@ -212,19 +212,19 @@ class _Try:
 
     @property
     def known(self) -> dict[str, float]:
-        """Return the log-likelihood before the contact is looked at, which can only lower it."""
+        """Return the log-likelihood before the contact, which can only lower it."""
         return self.terms | self.moved.costs | self.stand.terms
 
     @cached_property
     def most(self) -> float:
-        """Return the most that its score can be."""
+        """Return the upper bound of its score."""
         return math.fsum(self.known.values())
 
 
 def _towards(
     scene: Scene, who: Party, option: Option, stand: Stand, parked: VehicleRecord, share: float
 ) -> Iterator[Option]:
-    """Yield the way to drive, moved aside until it meets the standing vehicle with that share of overlap."""
+    """Yield the path, moved aside until it meets the standing vehicle with that share of overlap."""
     if option.turn is not None or option.shift is not None or option.backing:
         if share == 0.0:
             yield option
@@ -301,10 +301,10 @@ def _area(vehicle: VehicleRecord, bearing_rad: float) -> float:
 
 
 def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> float:
-    """Score the contact against the place.
+    """Score the contact's distance from the reported place.
 
-    The reported place of a crash beside the road lies on the road. So across the road it says little: at most which
-    half of the road it was.
+    For a crash beside the road the reported point is on the road, so it hardly limits the position across the road: at
+    most it gives the side of the road.
     """
     missing: FloatArray = np.array([contacts.x_m[0], contacts.y_m[0]]) - np.array(scene.place_xy_m)
     ahead = option.approach.path.pose(option.station_m).forward
@@ -337,7 +337,7 @@ def _hypothesis(scene: Scene, contact: CrashEvent, plan: _Plan, lead_s: float) -
 
 # --- later -----------------------------------------------------------------------------------------------------------
 def standing_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
-    """Yield places for who stood on the ways that the vehicle can have gone on."""
+    """Yield places for the standing party on the vehicle's possible paths."""
     (number,) = (each for each in event.pair if each in course.numbers)
     since_s = course.last_event_s(number)
     if since_s is None:
@@ -378,7 +378,7 @@ def _stood(search: Search, way: Way, event: CrashEvent) -> Iterator[ParticipantS
 def _parked_pose(way: Way, k: int, parked: VehicleRecord, touched: np.ndarray) -> Pose:
     """Return the pose of a vehicle that stands along the road and is touched at a place.
 
-    It is touched on its area of impact, at its rear if that is not known.
+    It is touched on its area of impact, or at its rear if that is unknown.
     """
     at, runs_rad = way.poses[k], way.runs_rad(k)
     heading = runs_rad if math.cos(runs_rad - at.heading_rad) >= 0 else runs_rad + math.pi

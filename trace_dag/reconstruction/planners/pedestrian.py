@@ -1,8 +1,9 @@
-"""A vehicle strikes a person or an animal: as the first event of a crash, or later, where a person lies on the road.
+"""A vehicle strikes a person or an animal: as the first event of a crash, or later, if a person lies on the road.
 
-A person who is struck again lies where the strike before threw them. The next vehicle is led over the place once the
-person has come to rest there. A driver whom another one follows stops at the side, or else in the lane: wherever the
-other one gets past."""
+A person who is struck again lies where the earlier strike threw them. The next vehicle is led over that place after the
+person has come to rest. A driver followed by another vehicle stops at the side or in the lane, whichever lets the other
+pass.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +89,7 @@ _ROOM_M: Final = 0.2
 
 
 def assume_animal(sequence: EventSequence, settings: StateSettings) -> EventSequence:
-    """Return the sequence with what the settings say of an animal.
+    """Return the sequence with the kind and pace of an animal from the settings.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> sequence = sequence_of(pedestrian_record)
@@ -106,7 +107,7 @@ def assume_animal(sequence: EventSequence, settings: StateSettings) -> EventSequ
 
 
 def companions_of(sequence: EventSequence) -> tuple[CrashEvent, ...]:
-    """Return the strikes that follow the first at once, by the same vehicle: of who goes beside the first person.
+    """Return the strikes that follow the first at once, by the same vehicle, of companions of the first person.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> companions_of(sequence_of(pedestrian_record))
@@ -118,11 +119,11 @@ def companions_of(sequence: EventSequence) -> tuple[CrashEvent, ...]:
 
 
 def strike_hypotheses(search: Search, settings: StateSettings) -> tuple[Hypothesis, ...]:
-    """Return the ranked hypotheses of a first strike, at most so many.
+    """Return at most ``most`` ranked hypotheses of a first strike.
 
     If another vehicle comes later there are two of each name: the driver stops at the side, or in the lane.
 
-    Raises :class:`Rejection` (``no_feasible_state``) where no way of the vehicle leads it to them as reported.
+    Raises :class:`Rejection` (``no_feasible_state``) if no path of the vehicle leads to the persons as reported.
     """
     scene, sequence = search.scene, search.sequence
     first, together = sequence.first, companions_of(sequence)
@@ -151,10 +152,10 @@ def strike_hypotheses(search: Search, settings: StateSettings) -> tuple[Hypothes
 
 
 def _drawn_course(key: str, plans: Sequence[ImpactPlan]) -> Walking | None:
-    """Return the course of the person that is shown.
+    """Return the person's course that is shown.
 
-    That of the likeliest plan, but of two that cross from either side one that is drawn by their shares, so that over
-    many crashes the sides come as often as they are likely.
+    It is that of the likeliest plan. If the person may have crossed from either side, the side is drawn by the shares
+    of both, so that over many crashes the sides occur in proportion.
     """
     best = {plan.walk.reading.course: plan.score for plan in sorted(plans, key=lambda plan: plan.score)}
     if not best:
@@ -173,9 +174,9 @@ def _walks(hypothesis: Hypothesis, strike: CrashEvent) -> Manoeuvre:
 
 
 def crossing_lead_s(network: RoadNetwork, hypothesis: Hypothesis) -> float:
-    """Return how long before the strike (s) the reconstruction has to begin, 0 where nobody crosses.
+    """Return how long before the strike (s) the reconstruction has to begin; 0 without a crossing person.
 
-    Nobody who crosses then begins in a lane.
+    The time suffices for a crossing person to begin outside the lanes.
     """
     longest_s = 0.0
     for state in hypothesis.participants:
@@ -190,7 +191,7 @@ def crossing_lead_s(network: RoadNetwork, hypothesis: Hypothesis) -> float:
 
 # --- parties of a strike ---------------------------------------------------------------------------------------------
 def _companions(plan: ImpactPlan, together: Sequence[CrashEvent]) -> list[Walk]:
-    """Return others struck by the same vehicle: beside the first person, as far apart as people walk."""
+    """Return others struck by the same vehicle, beside the first person, as far apart as people walk."""
     found = []
     others = {strike.person.party: strike for strike in together if strike.person.party != plan.strike.person.party}
     for place, strike in enumerate(others.values(), 1):
@@ -226,7 +227,7 @@ def first_states(
 def impact_hypothesis(
     plan: ImpactPlan, states: Sequence[ParticipantState], together: Sequence[CrashEvent], lead_s: float
 ) -> Hypothesis:
-    """Return the hypothesis made of the first strike's plan, and other strikes by the same vehicle with it.
+    """Return the hypothesis of the first strike's plan, together with other strikes by the same vehicle.
 
     >>> states = first_states(pedestrian_scene, strike_plan, [], 5.0, pulls_over=False)
     >>> made = impact_hypothesis(strike_plan, states, [], 5.0)
@@ -287,7 +288,7 @@ def _walked(scene: Scene, walk: Walk, lead_s: float) -> ParticipantState:
 def standing_person(
     scene: Scene, person: NonMotorist, touched_xy_m: FloatArray, outward_rad: float, z_m: float
 ) -> ParticipantState:
-    """Return a standing person or animal that a vehicle touches at a place with a given outward normal."""
+    """Return a standing person or animal, touched by a vehicle at a point with a given outward normal."""
     kind = person_kind_of(person)
     size = size_of(person, kind)
     heading = math.remainder(outward_rad + math.pi / 2, math.tau)  # faces across the way of who comes
@@ -323,7 +324,7 @@ def _least_gap_m(one: ParticipantState, two: ParticipantState, until_s: float) -
 
 # --- later -----------------------------------------------------------------------------------------------------------
 def lying_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
-    """Yield the ways of one more vehicle over a person who was struck before, each later than the one before it."""
+    """Yield plans of another vehicle that runs over a person struck before, each later than the earlier one."""
     number = event.person.party
     struck = next((each for each in course.log.contacts if each.number_2 == number), None)
     if struck is None:
@@ -347,7 +348,7 @@ def lying_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[P
 
 
 def _comes_to_lie(course: Course, number: int) -> tuple[FloatArray, float]:
-    """Return where a person ends up (x, y, m), and since when it lies there (s)."""
+    """Return the place where a person comes to rest (x, y, m), and the time (s)."""
     person = course.log.vehicle_log(number)
     away_m = np.hypot(person.x_m - person.x_m[-1], person.y_m - person.y_m[-1])
     moving = np.flatnonzero(away_m > _RESTS_M)

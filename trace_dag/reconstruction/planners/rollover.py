@@ -1,9 +1,10 @@
-"""Overturns of vehicles: as first events, before any contact, or later, where the course leads to one.
+"""Overturns of vehicles, as first events before any contact, or later in the course.
 
-The vehicle leaves its lane as it would to strike an object, out of control and turned across its course; beyond the
-edge, or on the roadway where the report has it there, nobody holds it any more. The overturn itself is physics: it
-is simulated, with the usual settings, and the whole motion is moved along the road until the overturn is at the
-reported place. A motorcycle falls."""
+The vehicle leaves its lane as for the strike of an object, out of control and turned across its course. Beyond the
+edge, or on the roadway if the report places the overturn there, it moves without control. The overturn itself is
+physics: it is simulated, with the usual settings, and the whole motion is moved along the road until the overturn is at
+the reported place. A motorcycle falls.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +71,7 @@ _FASTER: Final = ((1.15, -0.3), (1.3, -0.7))  # times the usual speed, and its l
 
 @dataclass(frozen=True, eq=False)
 class _Way(Scored):
-    """One way to come to the overturn: the lane path before it, and how the vehicle leaves it."""
+    """One way to the overturn: the lane path before it, and the manner of leaving it."""
 
     departure: Departure
     who: Party
@@ -84,7 +85,7 @@ class _Way(Scored):
 
     @property
     def name(self) -> str:
-        """Return the words that distinguish this way from the others of its crash."""
+        """Return a name that is unique among the ways of the crash."""
         where = f"leaves {self.option.approach.name} {self.departure.side}" if self.departure.side else "overturns on"
         turned = "falls" if not self.slip_rad else "turned clockwise" if self.slip_rad < 0 else "turned anticlockwise"
         where = where if self.departure.side else f"{where} {self.option.approach.name}"
@@ -92,9 +93,9 @@ class _Way(Scored):
 
 
 def overturn_hypotheses(search: Search, settings: StateSettings) -> tuple[Hypothesis, ...]:
-    """Return the ranked hypotheses of a vehicle that overturns before it touches anything, at most so many.
+    """Return at most ``most`` ranked hypotheses of a vehicle that overturns before it touches anything.
 
-    Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
+    Raises :class:`Rejection` (``no_feasible_state``) if no path past the place leads off the road as reported.
     """
     scene = search.scene
     departure = departure_of(scene.record, search.sequence)
@@ -121,8 +122,8 @@ def _ways(scene: Scene, departure: Departure) -> Iterator[_Way]:
 def _slips(departure: Departure) -> tuple[float, ...]:
     """Return the slip angles of the vehicle.
 
-    They are those of ``PCRASH4``, else with its front away from the road it came from, after steering back too hard;
-    none for a motorcycle."""
+    They are those of ``PCRASH4``, or else point the front back to the road after oversteering; a motorcycle has none.
+    """
     vehicle = departure.vehicle
     if vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
         return (0.0,)
@@ -133,9 +134,9 @@ def _slips(departure: Departure) -> tuple[float, ...]:
 
 
 def _fast_enough(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> Hypothesis:
-    """Return the hypothesis of a way: as it goes, else tripped by wheels that dig in.
+    """Return the hypothesis of a way, tripped by wheels that dig in if it would not overturn otherwise.
 
-    A speed that nobody reported may then be as high as one in twenty drives.
+    An unreported speed may then be raised to that of one driver in twenty.
     """
     slowest = _placed(scene, way, simulation, lead_s)
     if _STAYS not in slowest.evidence:
@@ -178,7 +179,7 @@ def _placed(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> H
 
 
 def _hypothesis(scene: Scene, way: _Way, station_m: float, lead_s: float) -> tuple[Hypothesis, FloatArray]:
-    """Return the motion up to where nobody holds the vehicle any more, at a station; and the road's direction there."""
+    """Return the motion up to the loss of control at a station, and the road's direction there."""
     departure = way.departure
     profile = skid_profile(way.who, way.speed.speed_mps, way.slip_rad)
     option, path, at_m = way.option, way.base, station_m
@@ -202,7 +203,7 @@ def _hypothesis(scene: Scene, way: _Way, station_m: float, lead_s: float) -> tup
 
 
 def _until(state: ParticipantState, lead_s: float) -> ParticipantState:
-    """Return the state with its plan up to a time: from then on nobody holds the vehicle."""
+    """Return the state with its plan up to the loss of control."""
     t = state.trajectory
     kept = t.time_s <= lead_s + 1e-9
     columns = (t.time_s, t.x_m, t.y_m, t.z_m, t.heading_rad, t.speed_mps)
@@ -211,7 +212,7 @@ def _until(state: ParticipantState, lead_s: float) -> ParticipantState:
 
 # --- later -----------------------------------------------------------------------------------------------------------
 def later_overturn_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
-    """Yield the ways that a vehicle can have gone on, on one of which it may overturn."""
+    """Yield the possible paths of a vehicle after its last event on which it may overturn."""
     number = event.vehicle.number
     if course.last_event_s(number) is None:
         yield f"vehicle {number} meets nobody before it"

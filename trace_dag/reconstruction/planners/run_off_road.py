@@ -97,9 +97,9 @@ _CLEAR_ZONE_M: Final = 9.1  # 30 ft, AASHTO Roadside Design Guide
 
 @dataclass(frozen=True, eq=False)
 class DeparturePlan(Scored):
-    """One way the vehicle can have left the road.
+    """One possible departure of the vehicle.
 
-    Its path, the station along it where the first object is struck, and when the others are struck. ``terms`` are
+    It has the path, the station of the first object's strike, and the times of the others. ``terms`` are
     log-likelihoods.
     """
 
@@ -112,15 +112,15 @@ class DeparturePlan(Scored):
 
     @property
     def name(self) -> str:
-        """Return a name that tells this plan from the others of its crash."""
+        """Return a name that is unique among the plans of the crash."""
         vehicle, side = self.departure.vehicle.number, self.departure.side
         return f"vehicle {vehicle}: leaves {self.drive.option.approach.name} {side}, {self.course.name}"
 
 
 def departure_hypotheses(search: Search, settings: StateSettings) -> tuple[Hypothesis, ...]:
-    """Return the ranked hypotheses of a vehicle that leaves the road and strikes what stands there, at most so many.
+    """Return at most ``most`` ranked hypotheses of a vehicle that leaves the road and strikes objects there.
 
-    Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
+    Raises :class:`Rejection` (``no_feasible_state``) if no path past the place leads off the road as reported.
     """
     scene = search.scene
     departure = departure_of(scene.record, search.sequence)
@@ -200,7 +200,7 @@ def _plan(
 def _on_free_ground(
     scene: Scene, objects: tuple[FixedObject, ...], planned: PlannedContacts
 ) -> tuple[FixedObject, ...]:
-    """Return the objects up to the first one that cannot stand where it would be struck."""
+    """Return the objects up to the first one that cannot stand at the place of its strike."""
     struck = [(item, xy_m) for item, (_, xy_m) in zip(objects, planned, strict=True)]
     found: list[FixedObject] = []
     for item, xy_m in struck:
@@ -214,7 +214,7 @@ def _on_free_ground(
 
 
 def _zone_term(scene: Scene, contact_xy_m: tuple[float, float]) -> float:
-    """Return the log-likelihood of a place by whether it lies between two roads as reported."""
+    """Return the log-likelihood of a place, by whether it lies between two roads as reported."""
     relation = scene.record.road_relation_code
     if relation not in _ZONES:
         return 0.0
@@ -224,7 +224,7 @@ def _zone_term(scene: Scene, contact_xy_m: tuple[float, float]) -> float:
 
 
 def _side_of_point(scene: Scene, base: Path, place_m: float, sign: float) -> float:
-    """Return the log-likelihood of a departure to a side by the reported point, where that lies off the carriageway."""
+    """Return the log-likelihood of a departure to a side, given a reported point off the carriageway."""
     _, left_m = base.project(0.0, 0.0, near_s_m=place_m)
     return 0.0 if left_m * sign > 0 else -min(point_off_road_m(scene) / _POINT_SCALE_M, _SIDE_AT_MOST)
 
@@ -254,9 +254,10 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
 
 # --- later -----------------------------------------------------------------------------------------------------------
 def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[Plan | str]:
-    """Yield places for the object on the ways that the vehicle can have gone on, first those where the map has it.
+    """Yield places for the object on the vehicle's possible paths, first those where the map has it.
 
-    For a way without any, yield the reason."""
+    For a path without a place it yields the reason.
+    """
     number = event.vehicle.number
     since_s = course.last_event_s(number)
     if since_s is None:
@@ -280,13 +281,13 @@ def object_plans(search: Search, course: Course, event: CrashEvent) -> Iterator[
 
 
 def _struck(course: Course) -> list[Struck]:
-    """Return the objects of a course, each with where it is struck."""
+    """Return the objects of a course, each with the place of its strike."""
     at = {each.number_2: (each.x_m, each.y_m) for each in reversed(course.log.contacts)}
     return [(item, at.get(item.number, (item.pose.x_m, item.pose.y_m))) for item in course.objects]
 
 
 def _beside(struck: Struck, added: Struck, network: RoadNetwork) -> FixedObject:
-    """Return an object that stood before, less what of it another one takes."""
+    """Return an earlier object without the part that another one occupies."""
     item, at_xy_m = struck
     if KINDS[item.code].form is not ObjectForm.LINE:
         return item
@@ -294,7 +295,7 @@ def _beside(struck: Struck, added: Struck, network: RoadNetwork) -> FixedObject:
 
 
 def _of_map(way: Way, event: CrashEvent, things: Sequence[MappedThing]) -> list[Struck]:
-    """Return the objects that the map has on the vehicle's way, each with where it is struck."""
+    """Return the mapped objects on the vehicle's path, each with the place of its strike."""
     found = []
     for k, thing in _mapped(way, event.code, things):
         if way.left_to(event.side, k):
@@ -307,9 +308,9 @@ def _of_map(way: Way, event: CrashEvent, things: Sequence[MappedThing]) -> list[
 
 
 def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[Struck]:
-    """Yield objects that the vehicle would strike on its way where they can stand, and where.
+    """Yield objects that the vehicle would strike on its path, with possible places.
 
-    First as far beyond the edge as is usual, then nearer, then farther.
+    First come places at the usual distance from the edge, then nearer, then farther ones.
     """
     kind = KINDS[event.code]
     line = kind.form is ObjectForm.LINE
@@ -341,7 +342,7 @@ def _objects(way: Way, event: CrashEvent, struck: Sequence[Struck]) -> Iterator[
 
 
 def _mapped(way: Way, code: int, things: Sequence[MappedThing]) -> Iterator[tuple[int, MappedThing]]:
-    """Yield mapped things of a kind on the vehicle's way beyond the edge, each with the step that touches it."""
+    """Yield mapped things of a kind on the vehicle's path beyond the edge, each with the step that touches it."""
     reach_m = 0.0 if KINDS[code].form is ObjectForm.LINE else KINDS[code].width_m / 2
     outside = way.beyond_m.max(axis=1) > 0
     for thing in things:

@@ -1,8 +1,9 @@
-"""The way of a vehicle after its first contact, and its alternatives: the ground for later events.
+"""The path of a vehicle after its first contact, and alternatives to it, for later events.
 
-Nobody drives after a crash of vehicles, and who strikes a person or an animal drives on: where a vehicle goes is
-simulated. If that does not lead to what is reported, the vehicle is taken to be out of control with its front wheels
-turned, by as little as leads there: what led it is not reported."""
+After a crash of vehicles nobody drives; a driver who strikes a person or an animal drives on. The path is simulated. If
+it does not lead to the reported event, the vehicle is assumed out of control with its front wheels turned, by the least
+angle that does.
+"""
 
 from __future__ import annotations
 
@@ -49,15 +50,16 @@ def ways_on(
     tripped: bool = False,
     least_mps: float = _CREEPS_MPS,
 ) -> Iterator[tuple[Course, str]]:
-    """Yield the courses that a vehicle can have gone on, each with what is assumed for it in words.
+    """Yield the possible further courses of a vehicle, each with a text on its assumption.
 
-    First its wheels roll, then its front wheels are turned ever more to the side to which it left the road; to both
-    where none is reported.
+    First its wheels roll, then its front wheels are turned ever more to the side on which it left the road, or to both
+    if none is reported.
 
-    Turned wheels lead nowhere where it moves at less than ``least_mps`` by the time that it can lose control.
+    Turned wheels have no effect if it moves at less than ``least_mps`` when it can lose control.
 
     If it is ``tripped`` its wheels dig in, or catch at a kerb, and it may spin instead: nearly all vehicles that
-    overturn are tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report says by what."""
+    overturn are tripped (NHTSA, DOT HS 809 438, 2002: 95 % of single-vehicle rollovers), and no report names the cause.
+    """
     yield course, ""
     state, since_s = course.state_of(number), course.last_event_s(number)
     if since_s is None or state.vehicle_class is VehicleClass.MOTORCYCLE:
@@ -105,10 +107,10 @@ def _words(loss: LossOfControl) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A vehicle's way after a time.
+    """A vehicle's path after a time.
 
-    The steps of its log in which it moves, its pose at each of them, and how far beyond the edge of the carriageway its
-    four corners are (shape (k, 4), m, negative within it).
+    It has the steps of the log in which the vehicle moves, its poses, and the distances of its four corners beyond the
+    edge of the carriageway (shape (k, 4), m, negative within it).
     """
 
     network: RoadNetwork
@@ -148,15 +150,15 @@ class Way:
         return math.remainder(self.poses[k].heading_rad - course, math.tau)
 
     def runs_rad(self, k: int) -> float:
-        """Return the direction of the road beside the vehicle at a step, that of the vehicle where there is none."""
+        """Return the direction of the road beside the vehicle at a step, or that of the vehicle without a road."""
         pose = self.poses[k]
         place = roadside_at(self.network, pose.x_m, pose.y_m, z_m=pose.z_m)
         return pose.heading_rad if place is None else place.along_rad
 
     def point(self, k: int, area: ImpactArea | None) -> ContactPoint | None:
-        """Return the spot of an area of impact at a step that could strike something.
+        """Return the point of an area of impact that could strike an object at a step.
 
-        None where it does not go ahead.
+        None if the point does not move ahead.
         """
         slip_rad = self.slip_rad(k)
         goes = (math.cos(slip_rad), -math.sin(slip_rad))
@@ -164,9 +166,9 @@ class Way:
         return next((each for each in points if np.dot(goes, each.normal) > _MEETS), None)
 
     def striking(self, area: ImpactArea | None, least_m: float) -> list[tuple[float, ImpactArea | None]]:
-        """Return for each step how far beyond the edge the striking part is (m), and its area.
+        """Return, for each step, the distance of the striking part beyond the edge (m), and the area of impact.
 
-        The distance is -inf where the part does not go ahead. The area is the reported one, if that ever goes ahead so
+        The distance is -inf if the part does not move ahead. The area is the reported one, if that ever moves ahead so
         far beyond the edge, else the foremost.
         """
         reported = self._touching([area] * len(self.poses)) if area is not None else []
@@ -189,7 +191,7 @@ class Way:
         ]
 
     def left_to(self, side: DepartureSide | None, k: int) -> bool:
-        """Return whether the vehicle left the road to a side by a step; any does where None is reported."""
+        """Return whether the vehicle had left the road to a side by a step; None accepts any side."""
         return side is None or side in self.sides(k)
 
     def sides(self, k: int) -> tuple[DepartureSide, ...]:
@@ -198,7 +200,7 @@ class Way:
         return find_departure_after_contact(self.network, self.log, self.driven.number, until_s)
 
     def why_not(self, side: DepartureSide | None) -> str:
-        """Return the reason why an object has no place on the way, as a sentence with the measured value."""
+        """Return a sentence, with the measured value, on why an object has no place on the path."""
         who = f"vehicle {self.driven.number}"
         farthest_m = float(self.beyond_m.max())
         if farthest_m <= 0:
@@ -211,10 +213,10 @@ class Way:
 
 
 def _moves(driven: VehicleLog, least_mps: float = _CREEPS_MPS) -> NDArray[np.bool_]:
-    """Return whether a vehicle moves as fast as that, at each step of its log."""
+    """Return whether a vehicle moves at least that fast, at each step of its log."""
     return np.asarray(np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= least_mps)
 
 
 def _ahead(slip_rad: float) -> ImpactArea | None:
-    """Return the clock position of what goes first."""
+    """Return the area of impact of the foremost part."""
     return impact_area(round(bearing_to_clock_h(-slip_rad)) or 12)

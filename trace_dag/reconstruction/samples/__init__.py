@@ -1,1 +1,1 @@
-"""Draws of what a report leaves open, each simulated and weighed."""
+"""Draws of unreported quantities, each simulated and weighed."""

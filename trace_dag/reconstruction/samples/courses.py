@@ -1,4 +1,4 @@
-"""The courses of a few draws, from before the impact to rest, kept small: places to 5 cm, ten a second.
+"""The courses of a few draws, from before the impact to rest, stored to 5 cm, ten times a second.
 
 Up to shortly before the contact a course is the plan's path at the draw's speeds; from there it is simulated.
 """
@@ -25,9 +25,9 @@ _BEFORE_S: Final = 3.0
 class SampledBody:
     """The course of a body in a draw, a step each :data:`STEP_S`.
 
-    Middle in units of :data:`PLACE_M`, east and north, and heading in units of :data:`TURN_RAD`.
+    The middle is in units of :data:`PLACE_M`, east and north, the heading in units of :data:`TURN_RAD`.
 
-    Each list has the first value and then differences from one step to the next.
+    Each list has the first value, then the differences between steps.
     """
 
     number: int
@@ -37,7 +37,7 @@ class SampledBody:
 
     @classmethod
     def at(cls, number: int, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> SampledBody:
-        """Return a body at these places, arrays of equal length (m, rad); the headings are continuous."""
+        """Return a body with these positions, arrays of equal length (m, rad); the headings are continuous."""
         columns = ((x_m, PLACE_M), (y_m, PLACE_M), (heading_rad, TURN_RAD))
         return cls(number, *(tuple(_differences(values, unit)) for values, unit in columns))
 
@@ -54,7 +54,7 @@ class SampledBody:
 
 @dataclass(frozen=True)
 class SampledCourse:
-    """The course of a draw, by its place among the estimate's.
+    """The course of a draw, with its index among the estimate's draws.
 
     ``begins_s`` is the time of its first step from the contact (s).
     """
@@ -65,7 +65,7 @@ class SampledCourse:
 
 
 def course_of(sample: int, drawn: SampledCrash, log: SimulationLog) -> SampledCourse | None:
-    """Return the course of a draw that was simulated to its end; None if nothing touched in it.
+    """Return the course of a draw that was simulated to its end; None without a contact.
 
     >>> from trace_dag.reconstruction.samples.crash import SampledCrash
     >>> from trace_dag.reconstruction.samples.draws import draw_samples

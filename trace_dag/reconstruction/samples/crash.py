@@ -1,8 +1,8 @@
-"""From a draw of what a report leaves open to what is simulated.
+"""Simulation input from a draw.
 
-Each party on the path of its plan, at the draw's speed, mass and place.
+Each party is on the path of its plan, at the draw's speed, mass and offset.
 
-Belongs here: where the parties of a draw are until they touch. Does not belong here: what comes of it
+Belongs here: the motion of the parties until they touch. Does not belong here: the simulation
 (:mod:`trace_dag.reconstruction.samples.simulated`).
 """
 
@@ -32,7 +32,7 @@ _STEP_S: Final = 0.05
 
 @dataclass(frozen=True, eq=False)
 class SampledCrash:
-    """The parties of a draw; they are simulated from ``back_s`` before the plan has the impact."""
+    """The parties of a draw, simulated from ``back_s`` before the planned impact."""
 
     lines: Sequence[PlannedLine]
     objects: tuple[FixedObject, ...]
@@ -42,7 +42,7 @@ class SampledCrash:
     def of(cls, hypothesis: Hypothesis, sample: Sample) -> SampledCrash | None:
         """Return the draw from shortly before its parties would touch.
 
-        None if they overlap however far back one looks.
+        None if they overlap at all earlier times tried.
         """
         meets_s = hypothesis.planned[0].time_s if hypothesis.planned else hypothesis.impact_time_s
         drawn = zip(hypothesis.participants, sample.parties, strict=True)
@@ -59,9 +59,9 @@ class SampledCrash:
         return cls(lines, objects, float(_BACK_S[back[0]])) if len(back) else None
 
     def participants(self, after_s: float, *, before_s: float = 0.0) -> tuple[Participant, ...]:
-        """Return the parties as the simulation takes them, their plans going on until so long after the planned impact.
+        """Return the parties for the simulation, with plans until ``after_s`` after the planned impact.
 
-        They begin ``back_s`` before it, or ``before_s`` where that is earlier.
+        They begin ``back_s`` before it, or ``before_s`` if that is earlier.
         """
         return tuple(line.participant(max(before_s, self.back_s), after_s, self.back_s) for line in self.lines)
 
@@ -75,7 +75,8 @@ def _standing(item: FixedObject) -> tuple[Shape, ...]:
 class PlannedLine:
     """The path of a party's plan, driven at a draw's speed.
 
-    If it is so many seconds from when the plan has it at the impact. Beyond its ends the path goes straight on."""
+    Times are relative to the planned impact. Beyond its ends the path continues straight.
+    """
 
     def __init__(self, state: ParticipantState, draw: PartyDraw, meets_s: float) -> None:
         plan = state.trajectory
@@ -102,7 +103,7 @@ class PlannedLine:
         return x - left_m * np.sin(heading), y + left_m * np.cos(heading), z, heading
 
     def shapes(self, seconds: FloatArray) -> tuple[Shape, ...]:
-        """Return its bodies at times from the planned impact, at the speed of the impact."""
+        """Return the party's bodies at times from the planned impact, at the impact speed."""
         return self._shapes(self._mps * seconds)
 
     def _shapes(self, ahead_m: FloatArray) -> tuple[Shape, ...]:
@@ -111,7 +112,7 @@ class PlannedLine:
         return shapes((x, y, heading), (state.length_m, state.width_m), state.trailer, self._trailing(ahead_m))
 
     def _trailing(self, ahead_m: FloatArray) -> FloatArray | None:
-        """Return the heading of the trailer, as the plan has it there."""
+        """Return the heading of the trailer, as planned at this distance."""
         if self._trailing_rad is None:
             return None
         return np.asarray(np.interp(self._from_m + ahead_m, self._station_m, self._trailing_rad))
@@ -121,10 +122,10 @@ class PlannedLine:
         return tuple(each.poses for each in self._shapes(self._driven(seconds, back_s)[0]))
 
     def _driven(self, seconds: FloatArray, back_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return distance along the path from the planned impact (m) and speed (m/s), at times from that.
+        """Return distance along the path from the planned impact (m) and speed (m/s), at times from the impact.
 
-        Until ``back_s`` before it, it has slowed down from the travel speed of the draw, or sped up from it, as hard as
-        drivers do.
+        Until ``back_s`` before the impact, the speed changes from the draw's travel speed to its impact speed, as hard
+        as drivers brake or accelerate.
         """
         travel, impact = self._draw.travel_mps, self._mps
         rate = math.copysign(BRAKING_MPS2 if travel > impact else STARTING_MPS2, travel - impact)
@@ -134,7 +135,7 @@ class PlannedLine:
         return impact * np.maximum(seconds, -back_s) - back_m, impact + rate * changing_s
 
     def participant(self, begins_s: float, after_s: float, back_s: float) -> Participant:
-        """Return the party as the simulation takes it, from ``begins_s`` before the planned impact."""
+        """Return the party for the simulation, from ``begins_s`` before the planned impact."""
         time_s = np.arange(0.0, begins_s + after_s, _STEP_S)
         ahead_m, speed = self._driven(time_s - begins_s, back_s)
         x, y, z, heading = self._at(ahead_m)

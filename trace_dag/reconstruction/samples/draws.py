@@ -1,18 +1,16 @@
-"""Other courses that a crash can have taken.
+"""Draws of other possible courses of a crash.
 
-Draws of everything that the report leaves open, around the hypotheses of an estimate.
+They vary the unreported quantities around the hypotheses of an estimate.
 
 A draw chooses one of the kept hypotheses (reading of the record, lanes, manoeuvres), by its likelihood before the
-impact, and varies what it leaves open: speeds, how far each party has come when they meet (the timing), how far it is
-to the side, its mass, and the friction of the road. The draws are simulated and weighed by the report in
-:mod:`trace_dag.reconstruction.samples.simulated`.
+impact, and varies speeds, timing, lateral offset, mass, and the friction of the road. The draws are simulated and
+weighed by the report in :mod:`trace_dag.reconstruction.samples.simulated`.
 
-Speeds that nobody reported and the loss of speed before the impact come from
-:mod:`trace_dag.reconstruction.motion.speed_prior`. Reported speeds are rounded to 5 mph, so they vary by half of that
-either way. The other spreads are judgement, not fits: half a lane's play to either side of a vehicle (0.25 m) and of a
-person's line (0.4 m), a car's length along (1.5 m) and a step of a person (0.5 m), 12 % of the mass (load and model
-within a class), 12 % of the friction (0.65 to 0.85 of dry asphalt: Warner et al., SAE 830612, has 0.5 to 0.9 over all
-pavements), 20 % of a person's pace.
+Unreported speeds and the loss of speed before the impact come from :mod:`trace_dag.reconstruction.motion.speed_prior`.
+Reported speeds are rounded to 5 mph, so they vary by half of that either way. The other spreads are judgement, not
+fits: half a lane's play to either side of a vehicle (0.25 m) and of a person's line (0.4 m), a car's length along (1.5
+m) and a step of a person (0.5 m), 12 % of the mass (load and model within a class), 12 % of the friction (0.65 to 0.85
+of dry asphalt: Warner et al., SAE 830612, has 0.5 to 0.9 over all pavements), 20 % of a person's pace.
 
 Drivers' reaction times are log-normal around the setting's, with the spread of surprised drivers: half of them react
 within 1.1 s, 95 % within 1.6 s (Olson and Sivak, Human Factors 28, 1986).
@@ -50,9 +48,9 @@ _TAILS: Final = 0.005
 
 
 def draw_samples(record: CrashRecord, hypotheses: Sequence[Hypothesis], count: int) -> tuple[Sample, ...]:
-    """Return ``count`` draws, the same every time.
+    """Return ``count`` draws; repeated calls give the same draws.
 
-    They are spread evenly over each of the random numbers that a draw takes.
+    They are spread evenly over each random number.
 
     >>> draws = draw_samples(record, state_estimate.hypotheses, 8)
     >>> len(draws), draws == draw_samples(record, state_estimate.hypotheses, 8)  # the same every time
@@ -87,7 +85,7 @@ def _spread_evenly(key: str, count: int, columns: int) -> Iterator[FloatArray]:
 
 
 def _shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:
-    """Return the likelihood of each hypothesis by what is known before the impact; they add up to 1."""
+    """Return the likelihood of each hypothesis by the evidence from before the impact; they sum to 1."""
     scores = [
         each.score - math.fsum(value for name, value in each.evidence.items() if name.startswith(_WEIGHED_LATER))
         for each in hypotheses
@@ -122,10 +120,7 @@ def _speeds(
     kept: float,
     normal: float,
 ) -> tuple[float, float]:
-    """Return the travel and impact speed of a party (m/s).
-
-    Those of the hypothesis, varied as far as the report leaves them open.
-    """
+    """Return the travel and impact speed of a party (m/s): those of the hypothesis, varied unless reported."""
     planned, at_impact = abs(state.initial_speed_mps), abs(state.impact_speed_mps)
     if state.is_figure or vehicle is None or state.initial_speed_mps < 0:
         pace = math.exp(_PACE * normal)

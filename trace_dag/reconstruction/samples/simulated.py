@@ -1,10 +1,10 @@
 """Simulate the draws of an estimate, weigh them by the report, and compute intervals from them.
 
 Every draw (:mod:`trace_dag.reconstruction.samples.draws`) is run from shortly before its first contact to the end of
-that contact's pulse. A run counts as much as its contact is likely by the report: the areas that were struck, the
-manner of collision and the place, as :mod:`trace_dag.reconstruction.evidence` weighs them; one without a contact does
-not count. The runs that weigh most go on, to rest, for their courses. Draws are always run by the embedded back-end, on
-the crash's own map.
+that contact's pulse. The weight of a run is the likelihood of its contact by the report: struck areas, manner of
+collision and place, as in :mod:`trace_dag.reconstruction.evidence`; a run without a contact has none. The runs of the
+largest weights continue to rest, for their courses. Draws are always run by the embedded back-end, on the crash's own
+map.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _LEAST_WEIGHT: Final = 1e-6
 
 @dataclass(frozen=True)
 class SampledParty:
-    """A party of the first contact: speed at it and change of velocity by it (m/s), bearing of the contact on it."""
+    """A party of the first contact: its speed and change of velocity (m/s), and the bearing of the contact on it."""
 
     number: int
     impact_speed_mps: float
@@ -53,7 +53,7 @@ class SampledParty:
 
 @dataclass(frozen=True)
 class SampledContact:
-    """The first contact of a draw, by its place among the estimate's, and its weight: of all draws together 1."""
+    """The first contact of a draw, with the draw's index and weight; all weights sum to 1."""
 
     sample: int
     weight: float
@@ -67,7 +67,7 @@ class SampledContact:
 class Interval:
     """A quantity of the best hypothesis and of the draws: four in five are between ``low`` and ``high``.
 
-    ``party`` is None of what belongs to the crash.
+    ``party`` is None for a quantity of the whole crash.
     """
 
     quantity: str
@@ -83,8 +83,8 @@ class Interval:
 class SampledRuns:
     """The simulated draws of a crash.
 
-    ``effective`` says how many draws of equal weight they are worth; ``courses`` are those of the draws that weigh
-    most, the heaviest first.
+    ``effective`` is the effective number of draws; ``courses`` are those of the draws with the largest weights, in
+    falling order.
     """
 
     drawn: int
@@ -106,9 +106,9 @@ def simulate_samples(
     record: CrashRecord,
     place_xy_m: tuple[float, float],
 ) -> SampledRuns:
-    """Return the draws of an estimate.
+    """Simulate the draws of an estimate.
 
-    ``logs`` are those of its hypotheses, ``place_xy_m`` where the impact is to be.
+    ``logs`` are those of its hypotheses, ``place_xy_m`` is the reported place of the impact.
     """
     friction = surface_friction(settings, record)
     simulation = EmbeddedSimulation(settings, NetworkSurface(network), friction, network)
@@ -238,7 +238,7 @@ def _interval(
 
 
 def compute_weighted_quantiles(values: Sequence[tuple[float, float]], shares: Sequence[float]) -> list[float]:
-    """Return quantiles of values with weights; each value stands in the middle of its weight.
+    """Return quantiles of values with weights; each value counts at the middle of its weight.
 
     >>> compute_weighted_quantiles([(30.0, 1.0), (10.0, 2.0), (20.0, 1.0)], (0.25, 0.625, 0.9))
     [10.0, 20.0, 30.0]
@@ -256,7 +256,7 @@ def _adapter() -> TypeAdapter[SampledRuns]:
 
 
 def samples_to_json(runs: SampledRuns) -> bytes:
-    """Write the simulated draws as UTF-8 JSON; the same bytes for the same runs.
+    """Write the simulated draws as UTF-8 JSON; equal runs give equal bytes.
 
     >>> samples_to_json(SampledRuns(8, 0.0, (), ()))[:10]
     b'{"drawn":8'
@@ -265,7 +265,9 @@ def samples_to_json(runs: SampledRuns) -> bytes:
 
 
 def samples_from_json(data: bytes) -> SampledRuns:
-    """Read what :func:`samples_to_json` wrote; :class:`Failure` where it is not that.
+    """Read draws written by :func:`samples_to_json`.
+
+    Raises :class:`Failure` for other content.
 
     >>> samples_from_json(b'{"drawn": 8, "effective": 5.5, "contacts": [], "intervals": []}').drawn
     8

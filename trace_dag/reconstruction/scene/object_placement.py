@@ -251,7 +251,7 @@ def _aside(
     impact_mps: float,
     along_rad: float | None,
 ) -> Led:
-    """Return the way off the road to an object whose near face is ``face_m`` to the side of a station of ``base``."""
+    """Return the path off the road to an object whose near face is ``face_m`` to the side of a station of ``base``."""
     sign = sign_of(departure)
     here = base.pose(place_m)
     first = departure.objects[0]
@@ -291,10 +291,11 @@ def straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, 
 
 
 def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int, point_off_m: float | None) -> float:
-    """Return how far beyond the edge the object stands (metres).
+    """Return how far beyond the edge the object stands (metres), within the reported zone.
 
-    It is that of the reported point where that is off the road, else usual for its kind, behind a shoulder, nearer
-    if another road is in the way, within the reported zone."""
+    It is the distance of the reported point if that is off the road. Otherwise it is the usual distance for its kind,
+    behind a shoulder, or less if another road is in the way.
+    """
     usual = KINDS[code].beyond_edge_m
     relation = scene.record.road_relation_code
     if relation in ON_ROADWAY:

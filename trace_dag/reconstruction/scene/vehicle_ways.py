@@ -22,9 +22,9 @@ from trace_dag.reconstruction.scene.scene import Scene
 def approaches_of(
     scene: Scene, who: Party, *, approaches: Sequence[Approach] | None = None
 ) -> Iterator[tuple[Option, TravelSpeed, evidence.Terms]]:
-    """Yield the ways of a vehicle without regard to the person, each with its speed and evidence.
+    """Yield the options of a vehicle regardless of the person, each with its speed and evidence.
 
-    ``approaches``: the approaches to look at; by default those that fit its turn and the place of the crash.
+    ``approaches`` are the approaches to try; by default those that fit its turn and the place of the crash.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import party
     >>> who = party(record, record.vehicles[1])
