@@ -29,6 +29,8 @@ OF_VEHICLE = {
     "Vsoes": "vsoe",
     "VinDeriveds": "vpicdecode",
     "Persons": "person",
+    "Violations": "violatn",
+    "DrierRFs": "driverrf",
 }
 PCRASH4 = {
     "Tracking": "1",

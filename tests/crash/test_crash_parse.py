@@ -498,3 +498,20 @@ def test_trailers_are_not_counted_where_the_report_does_not_say(
 ) -> None:
     record = read(report(vehicles=[{"TOW_VEH": code}, {"VEH_NO": 2}]), settings)
     assert record.vehicles[0].trailers == trailers
+
+
+@pytest.mark.parametrize(
+    ("charge", "factor", "disobeyed"),
+    [(31, 0, True), (0, 39, True), (0, 0, False), (36, 28, False), (99, 99, None), (None, None, None)],
+)
+def test_a_driver_disobeyed_its_light_or_sign_if_charged_or_noted(
+    charge: int | None, factor: int | None, disobeyed: bool | None, settings: CrashSettings
+) -> None:
+    """31 is a red light, 39 a factor of signs and signals, 36 a railway crossing, 28 the use of lanes."""
+    tables = {
+        "Violations": f"<Violation><VEH_NO>1</VEH_NO><VIOLATION>{charge}</VIOLATION></Violation>",
+        "DrierRFs": f"<DriverRF><VEH_NO>1</VEH_NO><DRIVERRF>{factor}</DRIVERRF></DriverRF>",
+    }
+    lists = "".join(f"<{name}>{row}</{name}>" for name, row in tables.items() if "None" not in row)
+    data = report().replace(b"</Vehicle>", f"{lists}</Vehicle>".encode(), 1)
+    assert [each.disobeyed_control for each in read(data, settings).vehicles] == [disobeyed, None]

@@ -214,6 +214,7 @@ class VehicleRecord:
     profile_code: int | None = None  # VPROFILE
     surface_condition_code: int | None = None  # VSURCOND
     traffic_control_code: int | None = None  # VTRAFCON
+    disobeyed_control: bool | None = None  # VIOLATION, DRIVERRF / DR_SF1 to 4
     movement: PreCrashMovement = PreCrashMovement.UNKNOWN  # P_CRASH1
     critical_event_code: int | None = None  # P_CRASH2
     avoidance_code: int | None = None  # P_CRASH3

@@ -274,7 +274,8 @@ def _critical_event(vehicle: VehicleRecord) -> str:
 
 
 def _control(vehicle: VehicleRecord) -> str:
-    return codes.VTRAFCON.meaning(vehicle.traffic_control_code) if vehicle.traffic_control_code else ""
+    control = codes.VTRAFCON.meaning(vehicle.traffic_control_code) if vehicle.traffic_control_code else ""
+    return f"{control}, which it disobeyed" if control and vehicle.disobeyed_control else control
 
 
 def _sequence(record: CrashRecord) -> str:

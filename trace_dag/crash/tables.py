@@ -21,7 +21,7 @@ from trace_dag.crash.record import CrashRecord
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SCHEMA_VERSION: Final = 3
+SCHEMA_VERSION: Final = 4
 """Version of :data:`CRASH_RECORD`, in every file: raised when a column comes, goes or changes its meaning."""
 _INTEGER, _REAL, _TEXT, _BOOLEAN = ColumnType.INTEGER, ColumnType.REAL, ColumnType.TEXT, ColumnType.BOOLEAN
 
@@ -92,6 +92,7 @@ VEHICLE_COLUMNS: Final = (
     Column("profile_code", _INTEGER, "Grade", source="VPROFILE"),
     Column("surface_condition_code", _INTEGER, "Condition of the surface", source="VSURCOND"),
     Column("traffic_control_code", _INTEGER, "Traffic control device", source="VTRAFCON"),
+    Column("disobeyed_control", _BOOLEAN, "Its driver disobeyed it, as charged or noted", source="VIOLATION, DRIVERRF"),
     Column("movement", _INTEGER, "Movement before the critical event", source="P_CRASH1", required=True),
     Column("critical_event_code", _INTEGER, "What made the crash imminent", source="P_CRASH2"),
     Column("avoidance_code", _INTEGER, "Attempted avoidance", source="P_CRASH3"),

@@ -91,6 +91,7 @@ def read_vehicle(fields: Fields) -> VehicleRecord:
         profile_code=fields.known_code(codes.VPROFILE),
         surface_condition_code=fields.known_code(codes.VSURCOND),
         traffic_control_code=fields.known_code(codes.VTRAFCON),
+        disobeyed_control=_disobeyed_control(fields),
         movement=PreCrashMovement.UNKNOWN if movement is None else PreCrashMovement(movement),
         critical_event_code=fields.known_code(codes.P_CRASH2),
         avoidance_code=fields.known_code(codes.P_CRASH3),
@@ -184,6 +185,20 @@ def _occupants(fields: Fields) -> tuple[Occupant, ...]:
 def _belted(driver: Occupant | None) -> bool | None:
     code = None if driver is None else driver.restraint_code
     return True if code in _BELTED else False if code in _UNBELTED else None
+
+
+def _disobeyed_control(fields: Fields) -> bool | None:
+    """Return whether the driver was charged with, or noted for, disobeying a signal or sign; None if nothing is known.
+
+    >>> _disobeyed_control(Fields({"VEH_NO": "1", "DR_SF1": "0", "DR_SF2": "39"}, "a report", 2015))
+    True
+    """
+    charges = {row.integer("VIOLATION", "MVIOLATN") for row in fields.own_rows("violatn")}
+    factors = {fields.integer(f"DR_SF{number}") for number in (1, 2, 3, 4)}
+    factors |= {row.integer("DRIVERRF") for row in fields.own_rows("driverrf")}
+    if charges & codes.CHARGES_OF_CONTROL or codes.FACTOR_OF_CONTROL in factors:
+        return True
+    return False if (charges | factors) - codes.UNKNOWN_FACTORS else None
 
 
 def _within(value: int | None, most: int) -> int | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from io import BytesIO
 from typing import Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
@@ -35,6 +35,7 @@ from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.drives import Drive
 from trace_dag.scenario.driving_files import courses_to_json, ensemble_to_json, lanes_to_json
+from trace_dag.scenario.lights import crash_lights
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
 from trace_dag.scenario.opendrive_objects import PlacedObject, add_objects, fixed_objects
 from trace_dag.scenario.opendrive_surroundings import surrounding_objects
@@ -186,6 +187,9 @@ def _scenarios(crash: PackageInput) -> list[_File]:
         scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: everybody follows their trajectory"),
         scenario("scenario.carla.xosc", Flavour(carla=True), "OpenSCENARIO 1.0 for CARLA's ScenarioRunner 0.9.16"),
     ]
+    for k, each in enumerate(scenarios.lights[1:], 1):
+        what = f"OpenSCENARIO 1.2 with the other reading of the lights: {each.in_words}"
+        files.append(scenario(f"scenario.lights_{k + 1}.xosc", Flavour(lights=k), what))
     if crash.traffic is not None:
         surrounded = add_traffic(crash.log, crash.traffic.traffic, throughout=True)
         data = OpenScenarios(crash.record, crash.network, surrounded).write()
@@ -253,6 +257,10 @@ def _results(crash: PackageInput) -> list[_File]:
         _File("picture.png", crash.rights.licence, "the crash from above", crash.picture or _drawn(crash)),
         _File("provenance.json", _CC0, "code, settings and inputs of every step", _json(crash.provenance)),
     ]
+    lights = crash_lights(crash.record, crash.network, crash.log)
+    if lights:
+        what = "traffic lights by the ids of the map's signals: programs from the start on, and what the parties met"
+        files.append(_File("lights.json", _CC0, what, _json([asdict(each) for each in lights])))
     struck = strikes(crash.log)
     if struck:
         files.append(_File("strikes.json", _CC0, "of each person struck: trigger, path, impact point", _json(struck)))

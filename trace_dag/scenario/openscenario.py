@@ -30,6 +30,7 @@ from trace_dag.crash.parties import SURROUNDING, party_label, party_of_body
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.trailer import Trailer
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.lights import LightCycle, crash_lights
 from trace_dag.scenario.openscenario_conflict import KeptConflict
 from trace_dag.scenario.openscenario_elements import Element, element, properties, teleport_action
 from trace_dag.scenario.openscenario_environment import environment
@@ -66,12 +67,13 @@ class Flavour:
     """The form of OpenSCENARIO: 1.2 or that of CARLA's ScenarioRunner, and which vehicle (``VEH_NO``) is free.
 
     ``keeps_conflict``, of 1.2 with a free vehicle: whom it met comes when it comes, however slow it is
-    (:mod:`trace_dag.scenario.openscenario_conflict`).
+    (:mod:`trace_dag.scenario.openscenario_conflict`). ``lights``: which reading of :func:`crash_lights` it has, of 1.2.
     """
 
     carla: bool = False
     free: int | None = None
     keeps_conflict: bool = False
+    lights: int = 0
 
 
 class OpenScenarios:
@@ -80,6 +82,7 @@ class OpenScenarios:
     def __init__(self, record: CrashRecord, network: RoadNetwork, log: SimulationLog) -> None:
         self._record = record
         self._log = log
+        self.lights = crash_lights(record, network, log)
         paths = np.concatenate([np.stack([each.x_m, each.y_m], axis=-1) for each in log.vehicles])
         self._surface = NetworkSurface(network).around(paths)
         self._motions: dict[int, PlayedMotion] = {}
@@ -108,7 +111,7 @@ class OpenScenarios:
             [
                 _header(record, flavour),
                 element("CatalogLocations"),
-                element("RoadNetwork", element("LogicFile", filepath=map_file)),
+                element("RoadNetwork", element("LogicFile", filepath=map_file), self._signals(flavour)),
                 _entities(log, flavour),
                 _storyboard(record, log, flavour, driven),
             ]
@@ -119,6 +122,12 @@ class OpenScenarios:
             name, depth = polyline.text or "", sum(1 for _ in polyline.iterancestors())
             text = text.replace(f">{name}</Polyline>", _polyline(driven[name], depth=depth))
         return text.encode() + b"\n"
+
+    def _signals(self, flavour: Flavour) -> Element | None:
+        """Return the programs of the traffic lights; none without lights, nor for CARLA, whose lights are its own."""
+        if flavour.carla or not self.lights:
+            return None
+        return element("TrafficSignals", *map(_controller_of_lights, self.lights[flavour.lights].cycles))
 
     def _followed(self, vehicle: VehicleLog, flavour: Flavour) -> _Driven:
         """Return a vehicle's motion.
@@ -262,6 +271,20 @@ def _entities(log: SimulationLog, flavour: Flavour) -> Element:
 def _shown_objects(log: SimulationLog, flavour: Flavour) -> tuple[FixedObject, ...]:
     """Return the fixed objects of a scenario: ScenarioRunner takes the props of CARLA's library alone."""
     return () if flavour.carla else log.objects
+
+
+def _controller_of_lights(cycle: LightCycle) -> Element:
+    """Return a controller of the map by its id, with phases that follow each other from the start, over and over."""
+    phases = [
+        element(
+            "Phase",
+            *(element("TrafficSignalState", trafficSignalId=each, state=colour) for each in cycle.signal_ids),
+            name=f"{colour}_{number}",  # a phase has a name of its own
+            duration=duration_s,
+        )
+        for number, (duration_s, colour) in enumerate(cycle.steps, 1)
+    ]
+    return element("TrafficSignalController", *phases, name=cycle.controller_id)
 
 
 def _controller() -> Element:

@@ -52,7 +52,7 @@ _COMPARISONS = {
     "perturbed_files": PERTURBED,
     "estimator_files": ESTIMATORS,
 }
-VERSION = "10"
+VERSION = "11"
 """Number of the code and the SQL that build a warehouse; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _BUILD_ATTEMPTS = 3
 _MEMORY_LIMIT = "1GB"

@@ -65,6 +65,7 @@ class Unit:
     avoidance: int = 99  # P_CRASH3
     location: int = 1  # PCRASH5
     control: int = 0  # VTRAFCON
+    charge: int = 0  # VIOLATION
     speed_reported: bool = True  # TRAV_SP is the true speed before the vehicle reacts, else 998
     travel_speed_code: int | None = None  # TRAV_SP where it is neither
     before: tuple[int, ...] = ()  # SOE of its events before the collision: 68 crossed the centre line, 63 ran off, ...

@@ -228,7 +228,8 @@ def _write_vehicle(x: _Xml, report: Report, v: VehicleCodes) -> None:
         ("DRDISTRACTNAME", "Not Reported"),
     ]])  # fmt: skip
     x.lists("Violations", "Violation", [[
-        *plain, ("MVIOLATN", 0), ("MVIOLATNNAME", "None"), ("VIOLATION", 0), ("VIOLATIONNAME", "None"),
+        *plain, ("MVIOLATN", v.charge), ("MVIOLATNNAME", LABELS["VIOLATION"][v.charge]), ("VIOLATION", v.charge),
+        ("VIOLATIONNAME", LABELS["VIOLATION"][v.charge]),
     ]])  # fmt: skip
     own_events = [(i, e) for i, e in enumerate(report.events, 1) if v.number in (e.vehicle_1, e.vehicle_2)]
     x.lists("VEvents", "VEvent", [_own_event(report, v, i, n, e) for n, (i, e) in enumerate(own_events, 1)])

@@ -10,6 +10,7 @@ from make.plane import plane_points
 from make.roads import Road
 
 SIGNAL, STOP, YIELD = 3, 20, 21
+RED_LIGHT = 31  # VIOLATION
 
 
 def crashes(r: dict[str, Road]) -> list[Crash]:
@@ -24,7 +25,8 @@ def _four_way(r: dict[str, Road]) -> list[Crash]:
     x = meeting(birch.curve(), main_east.curve(), (-130, 0))
     out.append(Crash(
         1, "Red light at Main and Birch: struck on the right", (
-            Unit(bodies.SEDAN, birch, Speed(38), 86, 1, 17, "straight", birch.curve(), x, control=SIGNAL),
+            Unit(bodies.SEDAN, birch, Speed(38), 86, 1, 17, "straight", birch.curve(), x, control=SIGNAL,
+                 charge=RED_LIGHT),
             Unit(bodies.SUV, main_east, Speed(30), 87, 1, 66, "straight", main_east.curve(), x, 1.5, control=SIGNAL),
         ), 6, 2, 2, ("BIRCH ST", "NE-411/MAIN ST"), when=(1, 13, 17, 42), light=3,
     ))  # fmt: skip

@@ -77,6 +77,7 @@ LABELS: dict[str, dict[int, str]] = {
         0: "No Controls", 3: "Traffic control signal(on colors) not known whether or not Pedestrian Signal",
         20: "Stop Sign", 21: "Yield Sign",
     },
+    "VIOLATION": {0: "None", 31: "Fail to stop for red signal"},
     "VTCONT_F": {0: "No Controls", 3: "Device Functioning Properly"},
     "P_CRASH1": {
         1: "Going Straight", 2: "Decelerating in Road", 4: "Starting in Road", 5: "Stopped in Roadway",

@@ -55,6 +55,7 @@ class VehicleCodes:
     occupants: int
     driver_age: int
     driver_sex: int
+    charge: int = 0
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def coded_vehicle(number: int, unit: Unit, hour: int, *, deaths: int, surface: i
         number=number, body=unit.body, travel_speed=unit.travel_speed,
         speed_limit=0 if off_road else limit_of(road, unit), lanes=0 if off_road else lanes,
         trafficway=road.trafficway, alignment=0 if off_road else unit.alignment, control=unit.control, surface=surface,
-        movement=unit.movement, event=unit.event, avoidance=unit.avoidance,
+        charge=unit.charge, movement=unit.movement, event=unit.event, avoidance=unit.avoidance,
         stability=2 if unit.avoidance == 16 else 1, location=unit.location, crash_type=unit.crash_type, impact=hour,
         deaths=deaths, occupants=1, driver_age=19 + (seed * 17 + number * 23) % 61, driver_sex=1 + (seed + number) % 2,
     )  # fmt: skip

@@ -24,7 +24,7 @@ def part_of(record: CrashRecord, number: int) -> CrashPart | None:
 
     The initiator is the vehicle whose own action made the crash imminent, or the one that runs into a vehicle ahead. If
     that does not distinguish the drivers, the initiator is the only one who was speeding or had been drinking. None if
-    the drivers cannot be distinguished. Charged violations are not in the record.
+    the drivers cannot be distinguished. Charged violations are not used.
 
     >>> part_of(record, 1), part_of(record, 2)  # a car that turns left across a motorcycle
     (<CrashPart.INITIATOR: 'initiator'>, <CrashPart.RESPONDER: 'responder'>)

@@ -21,6 +21,15 @@ CURVED: Final = frozenset({2, 3, 4})
 VPROFILE = code_table("VPROFILE")
 VSURCOND = code_table("VSURCOND")
 VTRAFCON = code_table("VTRAFCON")
+SIGNALS: Final = frozenset({1, 2, 3})
+"""``VTRAFCON`` of signals that go from colour to colour."""
+FLASHING: Final = 4
+CHARGES_OF_CONTROL: Final = frozenset({*range(31, 36), *range(37, 40)})
+"""``VIOLATION``: red lights, turns on red, flashing signals, signs and controls in general; not railway crossings."""
+FACTOR_OF_CONTROL: Final = 39
+"""``DRIVERRF``, until 2019 ``DR_SF1`` to ``DR_SF4``: failure to obey signs, control devices or officers."""
+UNKNOWN_FACTORS: Final = frozenset({None, 98, 99})
+
 HIT_RUN = code_table("HIT_RUN")
 ROLLOVER = code_table("ROLLOVER")
 NO_ROLLOVER: Final = frozenset({0, 8})

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 TABLES: Final = (
     *("accident", "vehicle", "person", "cevent", "vevent", "vsoe", "damage", "maneuver"),
-    *("pbtype", "nmprior", "nmcrash", "safetyeq", "parkwork", "vpicdecode", "weather"),
+    *("pbtype", "nmprior", "nmcrash", "safetyeq", "parkwork", "vpicdecode", "weather", "violatn", "driverrf"),
 )
 """The files that are read, by stem; further ones (drugs, race, ...) say nothing a reconstruction uses."""
 

@@ -35,6 +35,9 @@ _TABLE_OF_LIST: Final = {
     "NMPRIORS": "nmprior",
     "NMCRASHES": "nmcrash",
     "SAFETYEQS": "safetyeq",
+    "VIOLATIONS": "violatn",
+    "DRIVERRFS": "driverrf",
+    "DRIERRFS": "driverrf",  # the service's spelling
 }
 """Lists of CrashAPI, of a crash or of a vehicle, and the tables that have their rows."""
 

@@ -12,7 +12,7 @@ from trace_dag.flow.contract import Flow, StageDefinition
 
 VERSIONS = {
     Stage.RAW_REPORT: 1,
-    Stage.CRASH_RECORD: 8,
+    Stage.CRASH_RECORD: 9,
     Stage.OSM_EXTRACT: 3,
     Stage.ROAD_MAP: 7,
     Stage.STATE_ESTIMATE: 11,

@@ -29,6 +29,7 @@ SELECT
     meaning_of('VPROFILE', vehicle.profile_code) AS profile,
     vehicle.traffic_control_code,
     meaning_of('VTRAFCON', vehicle.traffic_control_code) AS traffic_control,
+    vehicle.disobeyed_control,
     known_code('P_CRASH1', vehicle.movement) AS movement_code,
     meaning_of('P_CRASH1', vehicle.movement) AS movement,
     vehicle.critical_event_code,
@@ -77,6 +78,7 @@ COMMENT ON COLUMN vehicles.profile_code IS 'Grade (VPROFILE)';
 COMMENT ON COLUMN vehicles.profile IS 'Grade, in words';
 COMMENT ON COLUMN vehicles.traffic_control_code IS 'Traffic control (VTRAFCON)';
 COMMENT ON COLUMN vehicles.traffic_control IS 'Traffic control, in words';
+COMMENT ON COLUMN vehicles.disobeyed_control IS 'The driver disobeyed it, as charged or noted (VIOLATION, DRIVERRF)';
 COMMENT ON COLUMN vehicles.movement_code IS 'Movement before the critical event (P_CRASH1); where implied has movement, as the crash type implies it';
 COMMENT ON COLUMN vehicles.movement IS 'Movement before the critical event, in words';
 COMMENT ON COLUMN vehicles.critical_event_code IS 'What made the crash imminent (P_CRASH2)';
