@@ -1,11 +1,10 @@
-"""The estimate of a crash: its first event planned, and then event after event from the course so far.
+"""The estimate of a crash: the first event is planned, then event after event from the course so far.
 
-A planner says how one kind of event can come about; what it comes to is simulated, as long as nothing unexpected
-happens, and the best few courses are kept. Contacts with vehicles, people and animals come first: who takes part in the
-crash follows from them. Then what vehicles strike beside the road, and whether they overturn, is looked for in the best
-course, in the order of the events; what a planner cannot bring about is left out, and the hypothesis says why. The
-simulator's settings are the default ones, whatever those of the simulation are: an estimate follows from the record and
-the map.
+A planner makes plans for one kind of event. Each plan is simulated as long as nothing unexpected happens, and the best
+few courses are kept. Contacts with vehicles, people and animals come first, because they determine the parties. Then
+strikes of objects and overturns are searched in the best course, in the order of the events. An event without a
+successful plan is left out, and the hypothesis has the reason. The simulator always has its default settings, so that
+an estimate follows from the record and the map alone.
 """
 
 from __future__ import annotations
@@ -70,10 +69,10 @@ def estimate_by_record(
     settings: StateSettings,
     first_planner: FirstPlanner = plan_first_event,
 ) -> StateEstimate:
-    """Return the ranked hypotheses of a crash, best first: those in which more of its events happen.
+    """Return the ranked hypotheses of a crash: those with more of its events first.
 
-    ``first_planner`` plans the first event; another one may ask somebody how it came about. Raises :class:`Rejection`:
-    ``no_feasible_state`` where none lets happen what is reported, ``map_too_small`` where the map ends too near.
+    ``first_planner`` plans the first event; another planner may ask a language model. Raises :class:`Rejection`:
+    ``no_feasible_state`` if the reported events are impossible, ``map_too_small`` if the map ends too near.
     """
 
     if not settings.reported_headings:
@@ -98,7 +97,7 @@ def estimate_by_record(
 def _estimate(
     record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings, first_planner: FirstPlanner
 ) -> StateEstimate:
-    """Return the ranked hypotheses with the lead time of the settings, wherever the map ends."""
+    """Return the ranked hypotheses with the lead time of the settings, regardless of the end of the map."""
     sequence = assume_animal(sequence_of(record), settings)
     lead_s = settings.lead_time_s
     longest_s = LONGEST_WAIT_S if sequence.first.kind is EventKind.VEHICLE_CONTACT else LONGEST_CHAIN_S
@@ -122,7 +121,7 @@ def _estimate(
 
 
 def _orders(sequence: EventSequence) -> Iterator[EventSequence]:
-    """Yield the sequence, and with its contacts in the other order where the report does not say which came first."""
+    """Yield the sequence; if the order of its contacts is not reported, yield also the reverse order."""
     yield sequence
     contacts = list(sequence.contacts)
     if not sequence.order_known and len(contacts) == len(sequence.events) > 1:
@@ -130,7 +129,7 @@ def _orders(sequence: EventSequence) -> Iterator[EventSequence]:
 
 
 def _in_order(search: Search, settings: StateSettings, first_planner: FirstPlanner) -> FirstEvent:
-    """Return the ranked hypotheses for one order of the events, and how unsure the best is."""
+    """Return the ranked hypotheses for one order of the events, and the doubt of the best."""
     later = _later_contacts(search.sequence)
     most = max(settings.max_hypotheses, _FIRSTS) if later else settings.max_hypotheses
     first = first_planner(search, settings.model_copy(update={"max_hypotheses": most}))
@@ -141,7 +140,7 @@ def _in_order(search: Search, settings: StateSettings, first_planner: FirstPlann
 
 
 def _later_contacts(sequence: EventSequence) -> tuple[CrashEvent, ...]:
-    """Return the contacts that are planned after the first event, and not together with it."""
+    """Return the contacts that are planned after the first event, rather than together with it."""
     together = companions_of(sequence) if sequence.first.kind is EventKind.PERSON_STRUCK else ()
     return tuple(event for event in sequence.contacts if event is not sequence.first and event not in together)
 
@@ -150,10 +149,7 @@ def _later_contacts(sequence: EventSequence) -> tuple[CrashEvent, ...]:
 def _with_contacts(
     search: Search, firsts: Sequence[Hypothesis], settings: StateSettings
 ) -> tuple[tuple[Hypothesis, ...], float]:
-    """Return the hypotheses of a first event with the contacts that follow it, best first.
-
-    And how unsure the best is.
-    """
+    """Return the hypotheses of a first event with the following contacts, best first, and the doubt of the best."""
     later = _later_contacts(search.sequence)
     planned = tuple(event for event in search.sequence.events if event not in later)
     begun = tuple(
@@ -193,11 +189,12 @@ def _begun(search: Search, plan: Plan, events: Sequence[CrashEvent]) -> Course:
 
 
 def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[str]) -> list[Course]:
-    """Return the course with one contact more: as it is where both meet by themselves, else with who is missing.
+    """Return courses with one more contact: unchanged if both parties meet by themselves, else with the missing one.
 
-    If no plan of a vehicle that is missing brings the contact about, the likeliest is kept: a verdict says what it
-    lacks. If both are there, or one stood there, the course stays as it is. A party that joins a course that went
-    wrong before cannot set it right: one plan will do."""
+    If no plan of a missing vehicle leads to the contact, the likeliest is kept, and the verdict reports the failure. If
+    both parties are present, or one stood there, the course stays as it is. If the course has already failed, one plan
+    for a joining party suffices.
+    """
     as_it_is = search.with_event(course, event)
     newcomers = [number for number in event.pair if number not in course.numbers]
     if not newcomers or as_it_is.matching.matched[-1] is not None:
@@ -223,7 +220,7 @@ def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[
 
 
 def _is_struck_so(course: Course, event: CrashEvent) -> bool:
-    """Return whether the vehicles of a contact are touched within the clock positions that a verdict allows."""
+    """Return whether the vehicles of a contact touch within the clock positions that a verdict allows."""
     seen = course.matching.matched[course.events.index(event)]
     if seen is None or seen.contact is None:
         return False
@@ -237,7 +234,7 @@ def _is_struck_so(course: Course, event: CrashEvent) -> bool:
 
 
 def _contact_plans(search: Search, course: Course, event: CrashEvent, newcomers: Sequence[int]) -> Plans:
-    """Plan the ways in which missing parties can come to a contact."""
+    """Yield plans of missing parties for a contact."""
     if len(newcomers) == 2:
         yield from _plans_by_themselves(search, course, event)
         return
@@ -260,7 +257,7 @@ def _contact_plans(search: Search, course: Course, event: CrashEvent, newcomers:
 
 
 def _plans_by_themselves(search: Search, course: Course, event: CrashEvent) -> Plans:
-    """Yield a contact of two who were not there before: planned as a first one, a while after the one before."""
+    """Yield plans of a contact of two new parties, planned as a first contact, some time after the previous one."""
     last_s = max((each.time_s for each in course.matching.matched if each is not None), default=search.lead_s)
     settings = StateSettings(lead_time_s=round(last_s + _AFTER_S, _DECIMALS), max_hypotheses=_TRIED)
     alone = Search(search.scene, EventSequence((event,)), search.simulation, settings.lead_time_s)
@@ -316,8 +313,9 @@ _LATER: Final[Mapping[EventKind, Callable[[Search, Course, CrashEvent], Plans]]]
 def _with_later_events(search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the hypotheses with the later objects and overturns of the report.
 
-    The first of those that go as reported up to there is taken, and the next one if not all can be brought about in
-    it; the one of the two with more of them comes first."""
+    These are added to the first hypothesis that agrees with the report so far. If not all can be added, the next one is
+    tried, and the one with more of them comes first.
+    """
     first = search.sequence.first
     wanted = [event for event in search.sequence.events if event.kind in _LATER and event is not first]
     if not wanted:
@@ -353,7 +351,7 @@ def _off_the_road(hypothesis: Hypothesis, later: Sequence[CrashEvent]) -> Hypoth
 
 
 def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tuple[Course, EstimateCheck]:
-    """Return the course with one event more, or as it is; and what came of it."""
+    """Return the course with one more event, or unchanged, and a sentence on the outcome."""
     as_it_is = search.with_event(course, event)
     number = event.vehicle.number
     place = as_it_is.events.index(event)
@@ -376,14 +374,14 @@ def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tupl
 
 
 def _grazes(course: Course, seen: SimulatedEvent) -> bool:
-    """Return whether an object that stands firm is touched so lightly that nothing comes of it."""
+    """Return whether a firm object is touched so lightly that the touch has no effect."""
     item = course.log.object_of(seen.pair[1])
     stands = item is not None and item.resistance in (Resistance.RIGID, Resistance.YIELDING)
     return stands and seen.contact is not None and seen.contact.closing_speed_mps < _GRAZES_MPS
 
 
 def _worse(tried: Course, before: Course, place: int) -> bool:
-    """Return whether an event that happened before does not any more, or a contact that nobody reported comes about."""
+    """Return whether an earlier event no longer happens, or a new unreported contact occurs."""
     lost = any(
         was is not None and now is None
         for at, (was, now) in enumerate(zip(before.matching.matched, tried.matching.matched, strict=True))

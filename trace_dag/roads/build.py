@@ -1,4 +1,4 @@
-"""From an extract and a record to the road map of a crash: converted, placed, filled, checked, compared."""
+"""The road map of a crash from an extract and a record: converted, placed, filled, checked, compared."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class RoadMap:
 
 @dataclass(frozen=True)
 class PlainMap:
-    """A road map without a crash, its gates, and the tags that it does not follow."""
+    """A road map without a crash, its gates, and the tags that it ignores."""
 
     stored: StoredMap
     gates: tuple[MapGate, ...]
@@ -75,8 +75,8 @@ class RejectedRoadMap(Rejection):
 def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSettings) -> RoadMap:
     """Return the road map of one crash, in the local frame of its reported point.
 
-    The extract is converted and the crash placed. If the report says something about the streets there that OSM does
-    not, the extract is converted again with it. The map as written must pass every gate.
+    The extract is converted and the crash placed. If the report has facts about these streets that OSM lacks, the
+    extract is converted again with them. The written map must pass every gate.
 
     Raises :class:`Rejection`: ``map_distorted``, ``crash_off_road``, or ``vertical_geometry`` if elevation is switched
     off; as :class:`RejectedRoadMap` if there is a map to look at.
@@ -153,10 +153,10 @@ def road_converter(settings: RoadSettings) -> Converter:
 def build_plain_map(
     extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, *, name: str, left_hand: bool
 ) -> PlainMap:
-    """Return the road map of an extract by itself, without a crash, in ``frame``; ``left_hand``: traffic keeps left.
+    """Return the road map of an extract without a crash, in ``frame``; ``left_hand``: traffic keeps left.
 
-    Its gates are measured, all roads in their scope; none rejects the map. Raises :class:`Rejection`
-    (``map_distorted``) where nothing can be made of the extract.
+    The gates of all roads are measured, but reject nothing. Raises :class:`Rejection` (``map_distorted``) if no map can
+    be made of the extract.
     """
     extract = along_traffic(extract)
     network = _network(extract, frame, settings, {}, left_hand=left_hand)
@@ -180,7 +180,7 @@ def _network(
 
 
 def tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> tuple[TagNotFollowed, ...]:
-    """Return the tags that contradict others or cannot be read, of the ways that are roads of the map."""
+    """Return the contradictory or unreadable tags of the ways that are roads of the map."""
     return tuple(_tags_not_followed(network, extract))
 
 
@@ -218,7 +218,7 @@ def _marked(comparison: Comparison, filled: frozenset[str]) -> Comparison:
 
 
 def _reject_vertical_geometry(extract: OsmExtract, frame: LocalFrame, settings: RoadSettings) -> None:
-    """Reject bridges and tunnels near the crash, as the published pipeline does, which has no heights."""
+    """Reject bridges and tunnels near the crash, like the published pipeline, which has no heights."""
     limit_m = settings.vertical_geometry_radius_m
     for way in extract.ways:
         raised = [key for key in ("bridge", "tunnel", "layer") if way.tags.get(key, "no") not in ("no", "0")]

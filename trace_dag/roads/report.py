@@ -1,7 +1,7 @@
 """The report on a road map: the crash's place on it, its gates, its agreement with the crash report.
 
-Stored beside the map as ``road_map/<key>.json``; for a map for which its crash is rejected, as
-``road_map/<key>.rejected.json``. Types only.
+It is stored beside the map as ``road_map/<key>.json``, or for a rejected map as ``road_map/<key>.rejected.json``. Types
+only.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ class CrashPlacement:
 
     The reported point is the origin of the local frame; both are kept.
 
-    ``road_id`` is the road the report names (or the nearest), ``moved_m`` how far the point was moved to reach its
-    carriageway, ``junction_id`` the crossing of an intersection crash, ``matched_by`` the evidence used.
-    ``cross_road_ids``: the other roads of that crossing, or those that ``TWAY_ID2`` names.
+    ``road_id`` is the reported road (or the nearest), ``moved_m`` the distance of the point's move to its carriageway,
+    ``junction_id`` the crossing of an intersection crash, ``matched_by`` the evidence used. ``cross_road_ids``: the
+    other roads of that crossing, or those that ``TWAY_ID2`` names.
     """
 
     x_m: float
@@ -82,10 +82,9 @@ class InferredRoad:
 
 @dataclass(frozen=True)
 class MappedThing:
-    """A thing beside the road that a vehicle can strike, by OpenStreetMap.
+    """A feature of OpenStreetMap beside the road that a vehicle can strike.
 
-    ``tag`` says what it is ("natural=tree"); ``xy_m`` is its place in the local frame: a point or the corners of a
-    line.
+    ``tag`` is its type ("natural=tree"); ``xy_m`` is its place in the local frame: a point or the corners of a line.
     """
 
     osm_id: str
@@ -95,7 +94,7 @@ class MappedThing:
 
 @dataclass(frozen=True)
 class DataEnd:
-    """An end of the map's data where the road goes on in reality: ``distance_m`` from the crash along the roads."""
+    """An end of the map's data where the road continues in reality: ``distance_m`` from the crash along the roads."""
 
     road_id: str
     name: str
@@ -104,7 +103,7 @@ class DataEnd:
 
 @dataclass(frozen=True)
 class LeftOutRoad:
-    """A road that is not on the map since it failed a gate, or (``road_id`` "") a way of which no road could be made.
+    """A road left out because it failed a gate, or (``road_id`` "") a way that could not become a road.
 
     The crash cannot have used it.
     """
@@ -117,7 +116,7 @@ class LeftOutRoad:
 
 @dataclass(frozen=True)
 class TagNotFollowed:
-    """A tag of an OpenStreetMap way that the map does not follow, since it contradicts other tags or cannot be read."""
+    """A tag of an OpenStreetMap way that the map ignores, since it contradicts other tags or cannot be read."""
 
     way_id: int
     what: str
@@ -127,8 +126,8 @@ class TagNotFollowed:
 class ReversibleRoad:
     """A road whose lanes go one way at a time.
 
-    ``direction``: "by the hour" if the hour of the crash tells which way they went, or "unknown": on the map they go
-    the way that OpenStreetMap has drawn, and may have gone the other.
+    ``direction`` is "by the hour" if the hour of the crash determines it, or "unknown". In that case the lanes have the
+    direction of OpenStreetMap's way, and the real one may have been the opposite.
     """
 
     road_id: str
@@ -159,9 +158,9 @@ class MapReport:
 class NearStreet:
     """A street around the reported point.
 
-    ``distance_m`` to its surface, and the surface's nearest point ``nearest_xy_m``.
+    It has the distance to its surface, ``distance_m``, and the surface's nearest point, ``nearest_xy_m``.
 
-    ``bears_reported_name``: whether it is one of the streets that the report names; None if names cannot be compared.
+    ``bears_reported_name``: whether it has a reported name; None if names cannot be compared.
     """
 
     name: str
@@ -176,7 +175,7 @@ class RejectedMapReport:
     """The report beside a map for which its crash is rejected.
 
     ``streets`` around the reported point, nearest first; the point may be moved by at most ``max_move_m`` to its road.
-    ``gates``: measured only where the crash was placed on the map.
+    ``gates`` are measured only if the crash was placed on the map.
     """
 
     converter: str

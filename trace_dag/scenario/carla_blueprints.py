@@ -1,7 +1,7 @@
 """Blueprints of CARLA for reported vehicles, people and bicycles.
 
-CARLA tells a blueprint's size only once it is spawned. So this table has the lengths and widths of the bounding boxes
-in CARLA 0.9.15, rounded, to choose by. The log records the box of the actor that was spawned.
+CARLA shows a blueprint's size only after it is spawned. So the choice uses this table of rounded lengths and widths of
+the bounding boxes in CARLA 0.9.15. The log records the box of the spawned actor.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _C = VehicleClass
 
 @dataclass(frozen=True)
 class Blueprint:
-    """A vehicle of CARLA's library: id, the classes it stands for (best first), length and width of its box."""
+    """A vehicle of CARLA's library: id, the classes it represents (best first), length and width of its box."""
 
     id: str
     classes: tuple[VehicleClass, ...]
@@ -63,7 +63,7 @@ _SECOND_CHOICE_M = 0.5  # size a blueprint made for the class may differ more th
 
 
 def choose_blueprint(body: Body, available: Iterable[str]) -> Blueprint:
-    """Return the blueprint nearest in class, then in length and width, of those the server has.
+    """Return the server's blueprint nearest in class, then in length and width.
 
     Raises :class:`Failure` if it has none of them.
 
@@ -92,7 +92,7 @@ def choose_blueprint(body: Body, available: Iterable[str]) -> Blueprint:
 
 
 def choose_walker(body: Body, available: Iterable[str] = (*WALKERS, *CHILD_WALKERS)) -> str:
-    """Return the walker for a person on foot, a child for one of a child's stature, of those the server has.
+    """Return the server's walker for a person on foot, of a child for a child's stature.
 
     Raises :class:`Failure` if it has no walkers.
     """
@@ -105,7 +105,7 @@ def choose_walker(body: Body, available: Iterable[str] = (*WALKERS, *CHILD_WALKE
 
 
 def choose_bicycle(available: Iterable[str] = BICYCLES) -> str:
-    """Return the bicycle, with its rider, of those the server has.
+    """Return the server's bicycle with rider.
 
     Raises :class:`Failure` if it has none.
 

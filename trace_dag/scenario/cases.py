@@ -1,4 +1,4 @@
-"""Cases of evaluations: a crash, or a variation of one, as a scenario that any participant can be taken out of."""
+"""Cases of evaluations: a crash, or a variation of one, as a scenario in which an agent can replace any participant."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Scenario:
 
     Nothing about the crash.
 
-    ``route`` follows lanes as far as the vehicle went along them; ``recorded_path`` is where it really went, without
-    the crash. ``period_s`` is the time between two calls of ``act``.
+    ``route`` follows lanes as far as the vehicle did; ``recorded_path`` is its real path, without the crash.
+    ``period_s`` is the time between two calls of ``act``.
     """
 
     vehicle: VehicleModel
@@ -60,11 +60,10 @@ class Scenario:
 class Case:
     """A crash to drive in.
 
-    ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it
-    had not happened; ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a
-    variation's. ``parked``: numbers of vehicles that nobody drives. ``departed``: the vehicle that left the road by
-    itself, to strike one of the ``objects`` or to overturn; None where somebody met somebody. ``parts``: who was the
-    initiator and who the responder, by number, as far as reported.
+    ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it had not happened;
+    ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a variation's. ``parked``: numbers of
+    vehicles without drivers. ``departed``: the vehicle that left the road by itself, to strike one of the ``objects``
+    or to overturn; None if two parties met. ``parts``: the initiator and the responder, by number, as far as reported.
     """
 
     case_id: str
@@ -82,14 +81,15 @@ class Case:
 
     @property
     def contact(self) -> Contact | None:
-        """Return the recorded first contact; None for a variation that is a near miss."""
+        """Return the recorded first contact; None for a near miss."""
         return self.recorded.first_contact
 
     @property
     def pair(self) -> tuple[int, int]:
-        """Return numbers of the two that collided first, the lower one first.
+        """Return the numbers of the two parties that collided first, the lower one first.
 
-        For a near miss, return the first two participants; twice the one that left the road by itself."""
+        For a near miss these are the first two participants; for a departure, twice the vehicle that left the road.
+        """
         if self.departed is not None:
             return self.departed, self.departed
         contact = self.contact
@@ -99,9 +99,10 @@ class Case:
 
     @property
     def striking(self) -> int:
-        """Return the number of the one that closed in faster at the recorded contact.
+        """Return the number of the party that closed in faster at the recorded contact.
 
-        For a near miss, return the first one's."""
+        For a near miss or a departure it is the first one of the pair.
+        """
         contact = self.contact
         if contact is None or self.departed is not None:
             return self.pair[0]
@@ -134,11 +135,10 @@ class Case:
 
     @cached_property
     def going_on(self) -> tuple[Participant, ...]:
-        """Return all participants with plans that reach the end of an evaluation, however slow the agent is.
+        """Return all participants with plans up to the end of an evaluation, however slow the agent is.
 
-        For one that skids, follow the plan: it slides on by itself.
-
-        Nobody loses control as a consequence of a crash that need not happen.
+        The plan of a skidding vehicle is kept, since it slides on by itself. No participant loses control as a
+        consequence of the crash, which may not happen.
         """
         return tuple(self._going_on(each) for each in self.participants)
 
@@ -153,11 +153,11 @@ class Case:
 
     @cached_property
     def _ways(self) -> dict[int, tuple[Route, Path]]:
-        """Return the route and the recorded path of each participant that was asked for: the same for every agent."""
+        """Return the cache of routes and recorded paths by participant, which are the same for every agent."""
         return {}
 
     def route(self, number: int) -> Route:
-        """Return the way along lanes that a participant was going."""
+        """Return the route along lanes of a participant."""
         return self._way(number)[0]
 
     def _way(self, number: int) -> tuple[Route, Path]:
@@ -183,9 +183,9 @@ class Case:
 
 
 def extend_motion(trajectory: Trajectory, until_s: float) -> Trajectory:
-    """Return the same motion, going on straight at its last speed until a time.
+    """Return the same motion, extended straight at its last speed to a time.
 
-    Unchanged where it lasts that long or is one point to stand on.
+    It is unchanged if it already lasts that long or is a single point.
     """
     t = trajectory
     if len(t.time_s) < 2 or float(t.time_s[-1]) >= until_s:
@@ -204,7 +204,7 @@ def extend_motion(trajectory: Trajectory, until_s: float) -> Trajectory:
 
 
 def path_of(trajectory: Trajectory, start: Pose) -> Path:
-    """Return the path of a motion, in its direction of travel; straight ahead for one that goes nowhere."""
+    """Return the path of a motion in its direction of travel; straight ahead for a standing participant."""
     points = np.column_stack([trajectory.x_m, trajectory.y_m, trajectory.z_m])
     if float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum()) < _STANDING_M:
         return straight(start, back_m=0.0, ahead_m=_STANDING_ROUTE_M)

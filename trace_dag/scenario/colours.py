@@ -25,5 +25,5 @@ def vehicle_colour(index: int) -> str:
 
 
 def body_colour(number: int, numbers: Iterable[int]) -> str:
-    """Return the colour of a body among those of a simulation, in its order: a trailer has that of what pulls it."""
+    """Return the colour of a body among those of a simulation; a trailer has that of its vehicle."""
     return vehicle_colour(list(numbers).index(party_of_body(number)))

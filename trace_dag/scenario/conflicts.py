@@ -1,4 +1,4 @@
-"""Two bodies on their way: how long until they touch if neither changes its velocity, and by how long they missed."""
+"""Conflict measures of two bodies: time to contact at constant velocities, and post-encroachment time."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _ALIKE_RAD = math.radians(45.0)
 
 
 def time_to_contact_s(one: Outline, velocity_1_mps: Velocity, two: Outline, velocity_2_mps: Velocity) -> float:
-    """Return the time until two rectangles that keep velocity and heading first touch, s.
+    """Return the time until two rectangles with constant velocity and heading first touch, s.
 
-    0 if they do, infinity if they never will.
+    It is 0 if they touch now, infinity if they never will.
 
-    On each of the four axes that can separate them their projections overlap for an interval of time; the bodies touch
+    On each of the four axes that can separate them, their projections overlap for an interval of time; the bodies touch
     while they overlap on all four.
     """
     dx, dy = two.x_m - one.x_m, two.y_m - one.y_m
@@ -42,13 +42,13 @@ def time_to_contact_s(one: Outline, velocity_1_mps: Velocity, two: Outline, velo
 
 
 def post_encroachment_time_s(one: VehicleLog, body_1: Body, two: VehicleLog, body_2: Body) -> float | None:
-    """Return the shortest time between one body's leaving a place and the other's coming there, s.
+    """Return the shortest time between one body's leaving a place and the other's arrival there, s.
 
     None if they share no place.
 
-    The post-encroachment time of Allen, Shin and Cooper (TRR 667, 1978) without a drawn conflict area: the least
+    It is the post-encroachment time of Allen, Shin and Cooper (TRR 667, 1978) without a drawn conflict area: the least
     difference between two moments at which the two bodies, each at its own, would overlap. Logs are read in steps of
-    0.06 s, so it can come out two of these too long. For two that follow each other it is their time gap.
+    0.06 s, so it may be too long by two of these. For two bodies in line it is their time gap.
     """
     (poses_1, times_1), (poses_2, times_2) = _poses(one), _poses(two)
     size_1, size_2 = ((body.length_m, body.width_m) for body in (body_1, body_2))

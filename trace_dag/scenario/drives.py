@@ -1,7 +1,8 @@
 """Intended drives: each party's course without the crash, each driver's route and goal.
 
-Driving tools ask this of a scenario, in the crash's local frame. Belongs here: deriving it from a case. Does not
-belong here: the files that say it (:mod:`trace_dag.scenario.driving_files`, :mod:`trace_dag.export.formats`)."""
+Driving tools need this from a scenario, in the crash's local frame. Belongs here: deriving it from a case. Does not
+belong here: the files with it (:mod:`trace_dag.scenario.driving_files`, :mod:`trace_dag.export.formats`).
+"""
 
 from __future__ import annotations
 
@@ -45,7 +46,7 @@ class Drive:
     """One body without the crash: a party, or the trailer of one.
 
     ``course`` has shape (n, 5), a row per :data:`STEP_S`, columns :data:`COURSE_COLUMNS`, headings within half a turn.
-    ``route`` and ``goal`` are None for people, for parked vehicles and for trailers, which nobody drives.
+    ``route`` and ``goal`` are None for people, parked vehicles and trailers.
     """
 
     participant: Participant
@@ -61,7 +62,7 @@ class Drive:
 
     @property
     def is_driven(self) -> bool:
-        """Return whether somebody sits at the wheel."""
+        """Return whether the body has a driver."""
         return self.route is not None
 
 
@@ -82,9 +83,9 @@ def meets(own: Drive, other: Drive) -> bool:
 
 
 def course_of(participant: Participant, end_s: float) -> FloatArray:
-    """Return a participant's plan every :data:`STEP_S` up to a time, columns as :class:`Drive` has them.
+    """Return a participant's plan every :data:`STEP_S` up to a time, with the columns of :class:`Drive`.
 
-    After its end the motion goes on as it was last. The speed of a vehicle that skids is that over the ground.
+    After its end the motion continues with its last velocity. The speed of a skidding vehicle is that over the ground.
     """
     t = participant.trajectory
     times = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
@@ -112,7 +113,7 @@ def _drive(case: Case, participant: Participant) -> Drive:
 
 
 def _trailer(drive: Drive) -> Drive | None:
-    """Return the trailer of a party, on the tractrix of its hitch from where it was at the start; None without one."""
+    """Return the trailer of a party on the tractrix of its hitch, from its initial place; None without one."""
     puller, body = drive.participant, pulled_body(drive.participant)
     if body is None or puller.trailer is None:
         return None
@@ -129,7 +130,7 @@ def _trailer(drive: Drive) -> Drive | None:
 
 
 def _goal_pose(course: FloatArray, route: Route) -> Pose:
-    """Return the end of the course where that is on the route; else as far along the route as the course is long.
+    """Return the end of the course if it is on the route; else the point at the course's length along the route.
 
     A vehicle that left the road was going to stay on it.
     """

@@ -1,9 +1,8 @@
 """Files of a package for driving tools: ``lanes.json``, ``courses.json`` and ``ensemble.json``.
 
-The first has every drivable lane as points, with the lanes after and beside it. The second has the motion that every
-party and every trailer would have had without the crash, the third the same of parties in other courses that agree with
-the report, with their weights. Numbers are rounded to the centimetre (and a thousandth of a
-radian).
+The first has every drivable lane as points, with the lanes after and beside it. The second has the motion of every
+party and trailer without the crash. The third has the same for other likely courses of the parties, with their weights.
+Numbers are rounded to the centimetre (and a thousandth of a radian).
 """
 
 from __future__ import annotations
@@ -75,7 +74,7 @@ def lane_id(ref: LaneRef) -> str:
 
 
 def lanes_to_json(key: str, network: RoadNetwork) -> bytes:
-    """Return the drivable lanes as UTF-8 JSON; the same bytes for the same map."""
+    """Return the drivable lanes as UTF-8 JSON; equal maps give equal bytes."""
     shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
     known = {shape.ref for shape in shapes}
     kept = worth_keeping([(shape.left_m, shape.right_m) for shape in shapes], _AS_GOOD_AS_M)
@@ -91,9 +90,9 @@ def lanes_to_json(key: str, network: RoadNetwork) -> bytes:
 
 
 def courses_to_json(key: str, drives: Sequence[Drive]) -> bytes:
-    """Return the motions that all parties would have had without the crash, as UTF-8 JSON.
+    """Return the motions of all parties without the crash, as UTF-8 JSON.
 
-    The same bytes for the same crash.
+    Equal crashes give equal bytes.
 
     >>> json.loads(courses_to_json("2023-319003", []))["parties"]  # nobody moved
     {}
@@ -111,7 +110,7 @@ def courses_to_json(key: str, drives: Sequence[Drive]) -> bytes:
 def ensemble_to_json(key: str, estimate: StateEstimate, sampled: SampledRuns) -> bytes:
     """Return the likely courses of a crash without its collision, the heaviest first, as UTF-8 JSON.
 
-    The same bytes for the same crash.
+    Equal crashes give equal bytes.
     """
     courses = [(sample, weight, draw_course(estimate, sample)) for sample, weight in likely_draws(sampled)]
     document = {
@@ -142,7 +141,7 @@ def _course(course: FloatArray) -> dict[str, Any]:
 
 
 def _lane(shape: LaneShape, kept: list[int], known: set[LaneRef]) -> dict[str, Any]:
-    """Return a lane with those points of its borders that are kept."""
+    """Return a lane with only the kept points of its borders."""
 
     def beside(ref: LaneRef | None, same_way: bool) -> dict[str, Any] | None:
         return {"id": lane_id(ref), "same_way": same_way} if ref in known and ref is not None else None

@@ -1,4 +1,4 @@
-"""A crash as an ensemble: what its report leaves open, as weighted courses that an agent can be put into.
+"""A crash as an ensemble: unreported quantities as weighted courses, in which an agent can drive.
 
 The draws of an estimate are weighed by the report (:mod:`trace_dag.reconstruction.samples.simulated`).
 :func:`likely_draws` takes at most :data:`MOST_COURSES` of them, :func:`draw_course` makes the plans of one from the
@@ -36,10 +36,11 @@ class DrawnCourse(NamedTuple):
 
 
 def likely_draws(sampled: SampledRuns, most: int = MOST_COURSES) -> list[tuple[int, float]]:
-    """Return draws by their place among the estimate's, the heaviest first, with weights that add up to 1.
+    """Return draws by their index among the estimate's, the heaviest first, with weights that sum to 1.
 
-    Systematic resampling (Kitagawa, Journal of Computational and Graphical Statistics 5, 1996): ``most`` evenly spaced
-    points of the weights laid end to end, so that a draw is taken as often as it weighs, and none of them by chance.
+    They come from systematic resampling (Kitagawa, Journal of Computational and Graphical Statistics 5, 1996): ``most``
+    evenly spaced points on the weights laid end to end, so that a draw is taken in proportion to its weight, without
+    chance.
     """
     if not sampled.contacts:
         return []
@@ -51,7 +52,7 @@ def likely_draws(sampled: SampledRuns, most: int = MOST_COURSES) -> list[tuple[i
 
 
 def draw_course(estimate: StateEstimate, sample: int) -> DrawnCourse:
-    """Return a draw that has a contact, from as long before the impact as the crash begins."""
+    """Return the course of a draw with a contact; it begins as long before the impact as the crash."""
     draw = estimate.samples[sample]
     hypothesis = estimate.hypotheses[draw.hypothesis]
     crash = SampledCrash.of(hypothesis, draw)

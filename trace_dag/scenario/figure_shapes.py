@@ -1,7 +1,8 @@
-"""A person or an animal from above, as pictures, replays and sketches draw one: head, body, limbs, and what is ridden.
+"""A person or an animal from above, for pictures, replays and sketches: head, body, limbs, and mount.
 
-If a log has the landmarks of a jointed figure, that is drawn, standing, riding or thrown; where it has none, and for
-plans, somebody who stands upright or rides along the heading."""
+If a log has the landmarks of a jointed figure, that figure is drawn, standing, riding or thrown. Without them, and for
+plans, the figure stands upright or rides along the heading.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +54,7 @@ class FigureShape:
 
     @property
     def lines(self) -> list[tuple[FloatArray, float]]:
-        """Return the body's lines with their widths (m), what lies lower first."""
+        """Return the body's lines with their widths (m), lower ones first."""
         torso_m, shoulders_m, limb_m = self.widths_m
         return [*((limb, limb_m) for limb in self.limbs), (self.torso, torso_m), (self.shoulders, shoulders_m)]
 
@@ -86,7 +87,7 @@ def logged_shape(log: VehicleLog, k: int, body: Body) -> FigureShape:
 
 
 def upright_shape(place: FloatArray, heading_rad: float, body: Body) -> FigureShape:
-    """Return the somebody who stands upright at a place, or rides there, facing a heading; or an animal."""
+    """Return a person who stands upright or rides at a place, with a heading; or an animal."""
     along = np.array(_ahead(heading_rad))
     left = np.array([-along[1], along[0]])
     if body.kind is BodyKind.ANIMAL:
@@ -115,7 +116,7 @@ def _across(place: FloatArray, along: FloatArray, body: Body) -> FloatArray:
 
 
 def _ridden(front: FloatArray, rear: FloatArray, top: FloatArray, body: Body) -> FloatArray:
-    """Return wheels and frame as one line, a wheel longer than from hub to hub, and a bicycle's handlebar."""
+    """Return wheels and frame as one line, a wheel longer than the distance between hubs, and a bicycle's handlebar."""
     way = front - rear
     length_m = float(np.hypot(*way))
     along = way / length_m if length_m > 0.05 else np.array([1.0, 0.0])

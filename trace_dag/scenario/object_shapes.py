@@ -1,4 +1,4 @@
-"""Fixed objects as pictures and replays show them: their outlines, and where their place comes from."""
+"""Fixed objects for pictures and replays: their outlines, and the origin of their place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OBJECT_NOTE: Final = "placed by the program: the map has none of the kind there"
 
 
 def outline(item: FixedObject) -> FloatArray:
-    """Return corners of an object seen from above, shape (n, 2): of a ditch or embankment, of all that slopes.
+    """Return corners of an object seen from above, shape (n, 2); for a ditch or embankment, of the whole slope.
 
     >>> from trace_dag.common.geometry import Pose
     >>> barrier = FixedObject(1001, 1, 25, "concrete barrier", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 1.0, Resistance.RIGID)
@@ -69,9 +69,7 @@ _CATEGORIES: Final = {
 
 
 def object_category(item: FixedObject) -> str:
-    """Return the object's category, as OpenDRIVE (``e_objectType``) and OpenSCENARIO share it.
-
-    OpenSCENARIO has it as ``MiscObjectCategory``.
+    """Return the object's category, common to OpenDRIVE (``e_objectType``) and OpenSCENARIO (``MiscObjectCategory``).
 
     >>> object_category(tree)
     'tree'

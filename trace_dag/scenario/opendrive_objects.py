@@ -1,7 +1,7 @@
-"""Objects on an OpenDRIVE map: how one is written, and the fixed objects of a crash, saying who placed each.
+"""Objects on an OpenDRIVE map: the writing of one, and the fixed objects of a crash with the origin of each.
 
 ASAM OpenDRIVE 1.7, section 11: position and heading are relative to the road's reference line, the origin is the middle
-of the object's base. That the program placed an object is said in its name and in ``userData``.
+of the object's base. An object placed by the program is marked in its name and in ``userData``.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _PARSER: Final = etree.XMLParser(resolve_entities=False, no_network=True, huge_t
 
 
 class PlacedObject(NamedTuple):
-    """An ``<object>`` and the road it belongs to."""
+    """An ``<object>`` and its road."""
 
     road_id: str
     element: etree._Element
 
 
 def add_objects(xodr: bytes, objects: Sequence[PlacedObject]) -> bytes:
-    """Return the map with the objects on it, numbered on from its own; the same bytes where there are none."""
+    """Return the map with the objects on it, numbered after its own; unchanged if there are none."""
     if not objects:
         return xodr
     root = etree.fromstring(xodr, _PARSER)
@@ -65,10 +65,10 @@ def fixed_objects(network: RoadNetwork, items: Iterable[FixedObject]) -> list[Pl
 def new_object(
     category: str, name: str, place: tuple[float, float, float], size_m: Mapping[str, float]
 ) -> etree._Element:
-    """Return an ``<object>``, which gets its id on the map.
+    """Return an ``<object>``, whose id is set when it is added to the map.
 
-    ``place`` is s and t (m) and the heading (rad) relative to the road there, ``size_m`` its ``height`` and its
-    ``radius`` or ``length`` and ``width``.
+    ``place`` is s and t (m) and the heading (rad) relative to the road, ``size_m`` its ``height`` and its ``radius`` or
+    ``length`` and ``width``.
 
     >>> new_object("pole", "mast", (12.0, -4.5, 0.0), {"height": 8.0, "radius": 0.1}).get("t")  # right of the road
     '-4.5'
@@ -81,7 +81,7 @@ def new_object(
 
 
 def add_notes(made: etree._Element, notes: Mapping[str, object]) -> None:
-    """Add ``userData`` at the end of an object; an empty note is left out.
+    """Add ``userData`` at the end of an object, without empty notes.
 
     >>> from lxml import etree
     >>> made = etree.Element("object")

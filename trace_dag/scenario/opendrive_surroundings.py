@@ -1,9 +1,9 @@
-"""Things that OpenStreetMap has beside the roads, as ``<object>``s of a map: buildings, trees, woods, barriers, poles.
+"""OpenStreetMap features beside the roads, as ``<object>``s of a map: buildings, trees, woods, barriers, poles.
 
 ASAM OpenDRIVE 1.7, section 11: an object belongs to a road, here the nearest that is in no junction; corners of its
-outline are relative to its origin. Water, railways and parking areas have no type there and are left out. So are things
-on a carriageway or across a road: woods around a road, buildings above one. Heights are OpenStreetMap's if it has them;
-if a usual height is used, ``userData`` says so.
+outline are relative to its origin. Water, railways and parking areas have no type there and are left out. So are
+features on a carriageway or across a road: woods around a road, buildings above one. Heights are OpenStreetMap's if it
+has them; a usual height is marked in ``userData``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _STOREY_M: Final = 3.0
 
 
 class _Kind(NamedTuple):
-    """``type`` of OpenDRIVE; the usual height, and the radius of what is a point (m)."""
+    """``type`` of OpenDRIVE; the usual height, and the radius of a point feature (m)."""
 
     category: str
     height_m: float
@@ -73,7 +73,7 @@ _POINTS: Final = {
 def surrounding_objects(
     network: RoadNetwork, features: Sequence[OsmFeature], *, without: Collection[str] = ()
 ) -> list[PlacedObject]:
-    """Return the objects of a map for ``features``, in their order; those with an id in ``without`` are there already.
+    """Return the objects of a map for ``features``, in order, without the ids in ``without``.
 
     >>> surrounding_objects(network, [])
     []
@@ -97,7 +97,7 @@ def surrounding_objects(
 
 
 class _Place(NamedTuple):
-    """The place of an object: its road, s and t there (m), and the point (m) and the road's heading (rad) there."""
+    """The place of an object: its road with s and t (m), the point (m), and the road's heading (rad)."""
 
     road_id: str
     s_m: float
@@ -107,7 +107,7 @@ class _Place(NamedTuple):
 
 
 class _Roads:
-    """The reference lines of roads near some shapes: of those that are in no junction, by place, and of all."""
+    """The reference lines of roads near some shapes: of roads outside junctions, by place, and of all."""
 
     def __init__(self, network: RoadNetwork, shapes: Sequence[BaseGeometry]) -> None:
         self._network = network
@@ -177,7 +177,7 @@ def _object(feature: OsmFeature, shape: BaseGeometry, kind: _Kind, place: _Place
 
 
 def _corners(shape: BaseGeometry) -> FloatArray:
-    """Return the corners of a shape (m), those of an area counter-clockwise and each once."""
+    """Return the corners of a shape (m); those of an area counter-clockwise and without repetition."""
     if isinstance(shape, shapely.Polygon):
         ring = shapely.geometry.polygon.orient(shape).exterior.simplify(_SIMPLIFIED_BY_M)
         return shapely.get_coordinates(ring)[:-1]

@@ -1,17 +1,17 @@
-"""A simulated crash as OpenSCENARIO: replayed by everyone, or with one participant free.
+"""A simulated crash as OpenSCENARIO: replayed as a whole, or with one participant free.
 
-Two dialects. OpenSCENARIO 1.2 for players in general: positions are of the middle of the rear axle on the road, as the
-standard has it. The 1.0 form that CARLA's ScenarioRunner (0.9.16) accepts: positions are of the body's middle, since
-that is where it puts an actor. Both are in the map's own frame (metres, radians counter-clockwise from east) with
+There are two dialects. In OpenSCENARIO 1.2, for players in general, positions are those of the middle of the rear axle
+on the road, as in the standard. In the 1.0 form of CARLA's ScenarioRunner (0.9.16), positions are those of the body's
+middle, where it places an actor. Both are in the map's own frame (metres, radians counter-clockwise from east) with
 times in seconds from the start of the reconstruction.
 
 If a participant is free, a controller drives it from its initial state. The others follow their motion up to the
 contact with it, since their motion after that was caused by the contact. From there they continue as the standard
 defines for entities without an action.
 
-Sources: ASAM OpenSCENARIO XML 1.0.0 and 1.2.0; ScenarioRunner ``openscenario_parser.py`` for what 1.0 files it reads:
-``FollowTrajectoryAction`` in the Story only, polylines only, a ``time`` on every vertex, no negative initial speed. It
-mirrors y and heading into CARLA's frame by itself, unless the header's description begins with ``CARLA:``.
+Sources: ASAM OpenSCENARIO XML 1.0.0 and 1.2.0; ScenarioRunner's ``openscenario_parser.py`` for the 1.0 files that it
+reads: ``FollowTrajectoryAction`` in the Story only, polylines only, a ``time`` on every vertex, no negative initial
+speed. It mirrors y and heading into CARLA's frame by itself, unless the header's description begins with ``CARLA:``.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class OpenScenarios:
     def write(self, flavour: Flavour | None = None, *, map_file: str = "map.xodr") -> bytes:
         """Return one scenario as XML.
 
-        ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible.
+        ``map_file`` is the map's path relative to the scenario. Equal input gives equal bytes.
 
         Raises :class:`ValueError` if the free vehicle is not in the log, or is a person.
         """
@@ -132,7 +132,7 @@ class OpenScenarios:
     def _followed(self, vehicle: VehicleLog, flavour: Flavour) -> _Driven:
         """Return a vehicle's motion.
 
-        All of it or, if another one is free, up to where it would first touch that one.
+        If another vehicle is free, it ends where the vehicle would first touch that one.
         """
         place = vehicle.number, _reference_ahead_m(self._log, vehicle.number, flavour)
         if place not in self._driven:
@@ -161,7 +161,7 @@ class _Driven(NamedTuple):
     poses: list[_Pose]
 
     def pose_at(self, time_s: float) -> _Pose:
-        """Return the pose at a time; its headings run on."""
+        """Return the pose at a time; headings are continuous."""
         columns = np.array(self.poses).T
         return tuple(round(float(np.interp(time_s, self.time_s, values)), 6) + 0.0 for values in columns)
 
@@ -170,7 +170,7 @@ class _Driven(NamedTuple):
         return _Driven([*self.time_s, time_s], [*self.poses, pose])
 
     def straight_on(self) -> _Driven:
-        """Return the motion, going on as it ends for a second: who comes a frame late is not to turn away in it."""
+        """Extend the motion by one second at its final velocity, so that a player one frame late keeps its heading."""
         end_s, last = self.time_s[-1], self.poses[-1]
         before = self.pose_at(end_s - _ENDS_S)
         place = (round(v + (v - u) / _ENDS_S * _GOES_ON_S, 6) for u, v in zip(before[:3], last[:3], strict=True))
@@ -194,8 +194,7 @@ def _header(record: CrashRecord, flavour: Flavour) -> Element:
 def _polyline(driven: _Driven, *, depth: int) -> str:
     """Return the vertices of a polyline as text, with the polyline's end tag.
 
-    Thousands of vertices are nine tenths of a scenario: written as elements one by one, indented and parsed they took
-    nine tenths of the time.
+    Thousands of vertices are nine tenths of a scenario, and as single elements they took nine tenths of the time.
     """
     start = "\n" + " " * (depth + 1)
     vertices = [
@@ -223,9 +222,9 @@ def _trailer(log: SimulationLog, number: int) -> Trailer | None:
 def _shown_bodies(log: SimulationLog, flavour: Flavour) -> dict[int, Body]:
     """Return the bodies of a scenario, by number.
 
-    A trailer is an object of its own, that follows its own trajectory: revision 1.2 cannot couple two. Behind a vehicle
-    that is left to a controller none would follow, so that there is none; nor for CARLA, which spawns no two vehicles
-    that overlap, as tractor and semitrailer do.
+    A trailer is a separate object with a trajectory of its own, because revision 1.2 cannot couple two. There is none
+    behind a vehicle that is left to a controller, which it would not follow. There is none for CARLA, which spawns no
+    overlapping vehicles such as tractor and semitrailer.
     """
     free = () if flavour.free is None else (flavour.free,)
     return {
@@ -238,7 +237,7 @@ def _shown_bodies(log: SimulationLog, flavour: Flavour) -> dict[int, Body]:
 def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> float:
     """Return the time until which a vehicle follows its motion.
 
-    If another one is free, until it would first touch that one.
+    If another vehicle is free, it is the first touch with that one.
     """
     pair = {party_of_body(number), free}
     touching = [contact.time_s for contact in log.contacts if {contact.number_1, contact.number_2} == pair]
@@ -269,7 +268,7 @@ def _entities(log: SimulationLog, flavour: Flavour) -> Element:
 
 
 def _shown_objects(log: SimulationLog, flavour: Flavour) -> tuple[FixedObject, ...]:
-    """Return the fixed objects of a scenario: ScenarioRunner takes the props of CARLA's library alone."""
+    """Return the fixed objects of a scenario; none for CARLA, whose ScenarioRunner only takes props of its library."""
     return () if flavour.carla else log.objects
 
 
@@ -323,7 +322,10 @@ def _speed(first_mps: float, flavour: Flavour) -> Element:
 
 
 def _handing_over(flavour: Flavour) -> Element:
-    """Give a vehicle to its controller; revision 1.0 wants it assigned, and every override stated."""
+    """Return the action that gives a vehicle to its controller.
+
+    Revision 1.0 also needs its assignment and every override.
+    """
     if not flavour.carla:
         activated = element("ActivateControllerAction", lateral=True, longitudinal=True)
         return element("PrivateAction", element("ControllerAction", activated))
@@ -336,7 +338,7 @@ def _handing_over(flavour: Flavour) -> Element:
 
 
 def _follow(name: str, driven: _Driven, flavour: Flavour, kept: KeptConflict | None = None) -> Element:
-    """Return the manoeuvre of who follows its motion: by the clock, or so that it keeps a conflict."""
+    """Return the manoeuvre of a vehicle that follows its motion: by the clock, or so that it keeps a conflict."""
     polyline = element("Polyline")
     polyline.text = name  # in the place of its vertices, which are written as text
     trajectory = element("Trajectory", element("Shape", polyline), name=f"{name}{_TRAJECTORY}", closed=False)
@@ -373,7 +375,7 @@ def _follow(name: str, driven: _Driven, flavour: Flavour, kept: KeptConflict | N
 def _arriving(name: str, kept: KeptConflict | None) -> Element | None:
     """Return the manoeuvre in which a vehicle arrives together with the free one; None if it needs none.
 
-    It goes on until the vehicle would have to be too quick.
+    It ends when the vehicle would have to be too fast.
     """
     action = None if kept is None else kept.synchronized()
     if kept is None or action is None:
@@ -424,9 +426,9 @@ def _at_start(name: str, flavour: Flavour) -> Element:
 
 
 def _stop(log: SimulationLog, flavour: Flavour) -> Element:
-    """Stop at the end of the motion.
+    """Return the stop at the end of the motion.
 
-    With a vehicle free, some time after the recorded contact or a collision it has.
+    With a free vehicle it is some time after the recorded contact or a collision of that vehicle.
     """
     contact, end_s = log.first_contact, log.duration_s
     if flavour.free is not None:

@@ -1,12 +1,12 @@
 """Conflicts kept in an OpenSCENARIO file: the other party arrives when the free vehicle does.
 
-Vehicles go along their trajectories without a clock, and a ``SynchronizeAction`` brings them to their place of the
-contact when the free vehicle is at its own, at the speed they had there; whoever drives ahead of it at the recorded
-share of its speed. (A headway in seconds would not do: the slower the one who follows, the longer it is.) A vehicle
-that would need more than 0.4 g or 1.25 times its highest speed for that keeps the speed it has then. People begin
-to walk when the free vehicle, at its pace of now, is as long from the place of the contact as it was recorded to be at
-the start: a time-to-collision condition. Everybody else goes by the clock, and so does whoever met a free vehicle that
-stood on its way there, or could not arrive within these bounds at the recorded pace.
+Vehicles follow their trajectories without a clock. A ``SynchronizeAction`` brings them to the place of the contact
+together with the free vehicle, at their recorded speed there. A vehicle ahead of it drives at the recorded share of its
+speed. (A headway in seconds does not work, because it grows as the follower slows down.) A vehicle that would need more
+than 0.4 g or 1.25 times its highest speed for that keeps its present speed. People begin to walk when the free vehicle,
+at its present speed, is as many seconds from the place of the contact as recorded at the start: a time-to-collision
+condition. All others follow the clock. So does a party that met a free vehicle which stood on its way, or that could
+not arrive within these bounds at the recorded pace.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _TOLERANCE_S = 0.02  # the same time for both: the same distance would be a long
 
 
 class Motion(Protocol):
-    """A motion as it is written."""
+    """A motion in its written form."""
 
     def pose_at(self, time_s: float) -> tuple[float, ...]:
         """Return x, y, z, heading, pitch and roll at a time."""
@@ -42,8 +42,8 @@ class Motion(Protocol):
 class KeptConflict:
     """The free vehicle by name, and the contact as recorded.
 
-    It has its and the other's places (x, y, z, heading, pitch, roll) at the contact, the time (s), how fast either came
-    there and how fast the other one may be (m/s), whether it is a person, and whether it drives ahead.
+    It has both parties' poses (x, y, z, heading, pitch, roll) at the contact, the time (s), both speeds there and the
+    other's highest permitted speed (m/s), and whether the other is a person or drives ahead.
     """
 
     free: str
@@ -58,9 +58,9 @@ class KeptConflict:
 
     @classmethod
     def of(cls, log: SimulationLog, free: int, other: int, motions: Mapping[str, Motion]) -> KeptConflict | None:
-        """Return the conflict of a free vehicle with another body, a trailer too.
+        """Return the conflict of a free vehicle with another body, perhaps a trailer.
 
-        None if they were not the first to touch each other, or that one stands there.
+        None if they were not the first to touch each other, or if the other one stands there.
         """
         contact = next((each for each in log.contacts if free in (each.number_1, each.number_2)), None)
         if contact is None or {contact.number_1, contact.number_2} != {free, party_of_body(other)}:
@@ -89,7 +89,7 @@ class KeptConflict:
         return element("None")
 
     def sets_out(self, name: str, at_start: Element) -> Element:
-        """Return the condition on which it sets out: a vehicle at the start."""
+        """Return the start condition of the party; for a vehicle it is ``at_start``."""
         if not self.walks:
             return at_start
         by = element("TriggeringEntities", element("EntityRef", entityRef=self.free), triggeringEntitiesRule="any")
@@ -106,7 +106,7 @@ class KeptConflict:
         return element("Condition", said, name=name, delay=0.0, conditionEdge="none")
 
     def synchronized(self) -> Element | None:
-        """Return the action that brings a vehicle to its place; None of people."""
+        """Return the action that brings a vehicle to its place; None for people."""
         if self.walks:
             return None
         action = element(
@@ -121,7 +121,7 @@ class KeptConflict:
         return element("PrivateAction", action)
 
     def keeps_speed(self, name: str) -> tuple[list[Element], Element]:
-        """Return the conditions on any of which a vehicle stops adapting, and the action that it goes on with."""
+        """Return the conditions on which a vehicle stops adapting, and the action that follows."""
         by = element("TriggeringEntities", element("EntityRef", entityRef=name), triggeringEntitiesRule="any")
         limit_mps2 = round(BRAKING_MPS2, 3)
         limits = (
@@ -152,9 +152,9 @@ class KeptConflict:
 
 
 def _arrives_within(other: VehicleLog, contact_s: float, speed_mps: float, most_mps: float) -> bool:
-    """Return whether a vehicle arrives as recorded by two even changes of its speed, as players drive it.
+    """Return whether a vehicle arrives as recorded after two even changes of its speed, as players drive it.
 
-    They stay within the bounds of persistent traffic; a vehicle that stands there does not arrive.
+    The changes stay within the bounds of persistent traffic; a vehicle that stands there does not arrive.
     """
     before = other.time_s <= contact_s
     length_m = float(np.hypot(np.diff(other.x_m[before]), np.diff(other.y_m[before])).sum())

@@ -16,7 +16,7 @@ Element: TypeAlias = etree._Element
 
 
 def element(tag: str, /, *children: Element | None, **attributes: object) -> Element:
-    """Return an element with its children and attributes, in this order; those that are None are left out.
+    """Return an element with its children and attributes in this order, without those that are None.
 
     >>> etree.tostring(element("Sun", azimuth=1.5, intensity=None))
     b'<Sun azimuth="1.5"/>'
@@ -32,7 +32,7 @@ def _text(value: object) -> str:
 
 
 def bounding_box(width_m: float, length_m: float, height_m: float, *, ahead_m: float, up_m: float) -> Element:
-    """Return a box whose middle is so far ahead of and above the reference point.
+    """Return a box whose middle is ``ahead_m`` ahead of and ``up_m`` above the reference point.
 
     >>> bounding_box(1.8, 4.5, 1.5, ahead_m=1.4, up_m=0.75)[0].get("x")
     '1.4'
@@ -45,7 +45,7 @@ def bounding_box(width_m: float, length_m: float, height_m: float, *, ahead_m: f
 
 
 def box_of(body: Body, reference_ahead_m: float) -> Element:
-    """Return the box of a body on the road, its reference point so far ahead of its middle.
+    """Return the box of a body on the road with its reference point ahead of its middle.
 
     >>> float(box_of(log.bodies[1], -1.4)[0].get("x"))
     1.4
@@ -63,9 +63,9 @@ def properties(values: Mapping[str, str]) -> Element:
 
 
 def teleport_action(*pose: float) -> Element:
-    """Return the action that puts an entity somewhere.
+    """Return the action that places an entity.
 
-    X, y, z (m), heading, and pitch and roll (rad) where they are told.
+    It has x, y, z (m), heading, and optionally pitch and roll (rad).
 
     >>> etree.tostring(teleport_action(1.0, 2.0, 0.0, 0.5)).count(b"WorldPosition")
     1

@@ -1,8 +1,7 @@
-"""Time of day, light, weather and the state of the road as the report has them, as OpenSCENARIO's environment.
+"""The reported time of day, light, weather and road condition as OpenSCENARIO's environment.
 
-The sun stands where it was at the reported time and place. If the reported light contradicts that (time zones have odd
-borders, and clocks are wrong), it stands as near to there as the light allows. Values that the report does not have are
-left out.
+The sun is placed by the reported time and place. If the reported light contradicts that (time zones have odd borders,
+and clocks are wrong), it is placed as near to that as the light allows. Unreported values are left out.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ _HIGHEST_LUX: Final = 100_000.0  # of the sun at the zenith (CIE clear sky)
 
 @dataclass(frozen=True)
 class Weather:
-    """The weather of the scenario for the reported one."""
+    """The weather of a scenario."""
 
     oktas: int
     kind: Literal["dry", "rain", "snow"] = "dry"
@@ -49,9 +48,9 @@ _WEATHERS: Final = {
 
 
 def environment(record: CrashRecord, *, carla: bool) -> Element | None:
-    """Return the environment of a crash, as an action; None if the report has neither time nor light nor weather.
+    """Return the environment of a crash, as an action; None without time, light and weather.
 
-    ``carla``: as ScenarioRunner reads it, which wants every part stated, intensities from 0 to 1, and no snow.
+    ``carla``: in the form of ScenarioRunner, with every part, intensities from 0 to 1, and no snow.
 
     >>> environment(record, carla=False).find(".//Environment").get("name")
     'as reported'
@@ -126,7 +125,7 @@ def _weather_for_carla(weather: Weather, azimuth_rad: float, elevation_rad: floa
 
 
 def _when(record: CrashRecord) -> datetime.datetime | None:
-    """Return the time of the crash by local clocks; None if the hour is not reported."""
+    """Return the local time of the crash; None if the hour is not reported."""
     if record.hour is None or record.month is None or record.day is None:
         return None
     return datetime.datetime(
@@ -137,7 +136,7 @@ def _when(record: CrashRecord) -> datetime.datetime | None:
 def _sun(record: CrashRecord, when: datetime.datetime | None) -> tuple[float, float] | None:
     """Return the azimuth (radians clockwise from north) and elevation of the sun.
 
-    None where neither time nor light is told.
+    None if neither time nor light is reported.
     """
     lowest, highest = _LIGHTS.get(record.light_code or 0, (-90.0, 90.0))
     if when is not None:
@@ -152,8 +151,8 @@ def _sun(record: CrashRecord, when: datetime.datetime | None) -> tuple[float, fl
 def sun_position(local: datetime.datetime, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
     """Return the azimuth (radians clockwise from north, 0 to 2 pi) and elevation of the sun, to about a degree.
 
-    ``local`` is by the clocks of the United States there: standard time of the nearest meridian of 15 degrees, and an
-    hour more from the second Sunday of March to the first of November. Source: NOAA, General Solar Position
+    ``local`` is the clock time of the United States at the place: standard time of the nearest meridian of 15 degrees,
+    and an hour more from the second Sunday of March to the first of November. Source: NOAA, General Solar Position
     Calculations (Spencer's series of 1971).
 
     >>> noon = datetime.datetime(2023, 6, 21, 13)  # an hour later by the clocks, on the meridian of their zone
@@ -188,7 +187,10 @@ def sun_position(local: datetime.datetime, latitude_deg: float, longitude_deg: f
 
 
 def _daylight_saving_h(local: datetime.datetime) -> int:
-    """Return the energy Policy Act of 2005: from the second Sunday of March to the first Sunday of November, at two."""
+    """Return 1 during daylight saving time, else 0.
+
+    By the Energy Policy Act of 2005 it is from the second Sunday of March to the first Sunday of November, at two.
+    """
     begins = _sunday(local.year, 3, 2)
     ends = _sunday(local.year, 11, 1)
     return int(begins <= local < ends)

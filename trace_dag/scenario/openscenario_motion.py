@@ -1,9 +1,9 @@
-"""The driven motion as OpenSCENARIO wants it: timed poses of an entity's reference point on the road.
+"""The driven motion for OpenSCENARIO: timed poses of an entity's reference point on the road.
 
-The log has the body's centre at every logged step and where two bodies overlap deepest. A player that interpolates
-between steps needs the beginning of the crash too: so the first touch of every contact is a vertex of its own. Steps
-that lie on the way between others, to a millimetre, are no vertices: at an even speed straight ahead two are enough.
-Which of the vertices players keep is handled in :mod:`trace_dag.scenario.openscenario_vertices`.
+The log has the body's centre at every logged step and at the deepest overlap of two bodies. A player that interpolates
+between steps also needs the beginning of the contact, so the first touch of every contact is a vertex. Steps within a
+millimetre of the line between others are no vertices: at constant speed straight ahead two are enough. The choice of
+vertices that players keep is in :mod:`trace_dag.scenario.openscenario_vertices`.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ SAME_TIME_S = 1e-5  # moments closer together than this are one
 class TimedPoses:
     """Poses over time, arrays of equal length n, of a point of the body at road level.
 
-    ``heading_rad`` runs on past a full turn, without jumps. ``pitch_rad`` is positive nose down and ``roll_rad``
-    right side down, as in ISO 8855.
+    ``heading_rad`` is continuous beyond a full turn. ``pitch_rad`` is positive nose down and ``roll_rad`` right side
+    down, as in ISO 8855.
     """
 
     time_s: FloatArray
@@ -60,8 +60,8 @@ class TimedPoses:
 class PlayedMotion:
     """A vehicle's motion, from which the poses of any point of its body follow.
 
-    Rows of time, x, y and z of the centre, heading, grade and bank, shape (n, 7), and of each contact the moments (s)
-    that players are to keep.
+    It has rows of time, x, y and z of the centre, heading, grade and bank, shape (n, 7), and for each contact the
+    moments (s) that players must keep.
     """
 
     log: SimulationLog
@@ -71,7 +71,7 @@ class PlayedMotion:
 
     @classmethod
     def of(cls, log: SimulationLog, vehicle: VehicleLog, surface: Surface) -> PlayedMotion:
-        """Return the motion of a log; ``surface`` gives the grade it stands on."""
+        """Return the motion in a log; ``surface`` gives the grade under it."""
         centres, seen_s = _with_contacts(log, vehicle)
         time, x, y, z, heading = centres.T
         heading = np.unwrap(heading)
@@ -103,7 +103,7 @@ class PlayedMotion:
 
 
 def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequence[tuple[float, ...]]) -> FloatArray:
-    """Return the vertices that are needed, those at a vehicle's touches and at players' moments among them."""
+    """Return the needed vertices, including those at a vehicle's touches and at the moments for players."""
     time_s = vertices[:, 0]
     touches_s = [contact.time_s for contact in log.contacts if number in contact.poses]
     moments_s = np.array([*touches_s, *(moment_s for group in seen_s for moment_s in group)])
@@ -119,7 +119,8 @@ def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequ
 def _rolled(vertices: FloatArray, vehicle: VehicleLog, height_m: float) -> FloatArray:
     """Return the vertices of a vehicle that overturns.
 
-    Its reference point lies at the bottom of the body, which turns about its middle, as high above the road as that is.
+    Its reference point is at the bottom of the body, which rotates about its middle at the logged height above the
+    road.
     """
     roll, above = (
         np.interp(vertices[:, 0], vehicle.time_s, values) for values in (vehicle.roll_rad, vehicle.above_road_m)
@@ -134,7 +135,7 @@ def _rolled(vertices: FloatArray, vehicle: VehicleLog, height_m: float) -> Float
 
 
 def _until_struck(log: SimulationLog, number: int, time_s: FloatArray, heading_rad: FloatArray) -> FloatArray:
-    """Return a person's heading; from the first strike on it stays the same."""
+    """Return a person's heading, constant from the first strike on."""
     struck_s = min((c.time_s for c in log.contacts if number in (c.number_1, c.number_2)), default=math.inf)
     before = np.flatnonzero(time_s <= struck_s + SAME_TIME_S)
     kept: FloatArray = heading_rad[np.minimum(np.arange(len(time_s)), before[-1] if len(before) else 0)]
@@ -144,7 +145,7 @@ def _until_struck(log: SimulationLog, number: int, time_s: FloatArray, heading_r
 def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray, list[tuple[float, ...]]]:
     """Return the log's time, x, y, z and heading, shape (n, 5), with first touches, and the moments to keep.
 
-    For each contact these are the moments at which players are to see the bodies overlap, else the touch.
+    For each contact these are the moments at which players should show the overlap, or else the touch.
     """
     logged = np.stack([vehicle.time_s, vehicle.x_m, vehicle.y_m, vehicle.z_m, vehicle.heading_rad], axis=-1)
     known = logged[:, 0]
@@ -173,9 +174,9 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray,
 
 
 def _seen_s(log: SimulationLog, contact: Contact) -> list[float]:
-    """Return the logged moments soon after a first touch in which players may see the two bodies overlap clearly.
+    """Return the logged moments soon after a first touch at which players can show a clear overlap.
 
-    The first on a step of theirs, and the first; none if they overlap in none.
+    They are the first moment on a step of the players, and the first of all; empty without an overlap.
     """
     one, two = (vehicle for vehicle in log.vehicles if vehicle.number in contact.touched)
     soon = (one.time_s > contact.time_s + SAME_TIME_S) & (one.time_s < contact.time_s + DEEPEST_EVERY_S)

@@ -1,7 +1,8 @@
-"""Fixed objects as OpenSCENARIO has them: a ``MiscObject`` each, that stands where it is.
+"""Fixed objects in OpenSCENARIO, one ``MiscObject`` each.
 
 ASAM OpenSCENARIO 1.2: its box is given from its reference point, the middle of its base; a ditch lies below that. A
-property marks objects that the program placed."""
+property marks objects that the program placed.
+"""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""People and animals as OpenSCENARIO entities: pedestrians, and bicycles with who rides them.
+"""People and animals as OpenSCENARIO entities: pedestrians, and bicycles with their riders.
 
-An animal is a pedestrian of the category ``animal``, as the standard has it. CARLA's library has no animals: its
-flavour has a walker in the place of one.
+An animal is a pedestrian of the category ``animal``, as in the standard. CARLA's library has no animals, so its flavour
+has a walker instead.
 
 A pedestrian's reference point is the middle of its box on the road, that of a bicycle, a vehicle, the middle of its
 rear axle. Players have no jointed bodies. From the strike on an entity is on the road below the middle of the thrown
-body and keeps the heading at the strike. A bicycle stands for bicycle and rider until then, and for the rider after it.
+body and keeps the heading at the strike. A bicycle represents bicycle and rider until then, and the rider afterwards.
 The motion of the body's parts is in the package's trajectories.
 """
 
@@ -26,7 +26,7 @@ _MAX_SPEED_MPS, _MAX_ACCELERATION_MPS2, _MAX_DECELERATION_MPS2 = 15.0, 2.0, 5.0 
 
 
 def person_reference_ahead_m(body: Body) -> float:
-    """Return the reference point of OpenSCENARIO 1.2 ahead of the body's middle: of a bicycle negative.
+    """Return how far the reference point of OpenSCENARIO 1.2 is ahead of the body's middle; negative for a bicycle.
 
     >>> from trace_dag.crash.record import VehicleClass
     >>> person_reference_ahead_m(Body(BodyKind.CYCLIST, VehicleClass.OTHER, 1.75, 0.6, 1.75, 90.0))  # the rear hub
@@ -36,11 +36,11 @@ def person_reference_ahead_m(body: Body) -> float:
 
 
 def person(number: int, body: Body, said: Mapping[str, str], *, reference_ahead_m: float, carla: bool) -> Element:
-    """Return a person or an animal as an entity, and what is ``said`` of it.
+    """Return a person or an animal as an entity with the properties ``said``.
 
-    The box is of the person with what the person rides.
+    The box includes the mount.
 
-    ``carla`` names it by the blueprint of CARLA's library, which is how ScenarioRunner chooses.
+    ``carla`` names it by a blueprint of CARLA's library, by which ScenarioRunner chooses.
 
     >>> from trace_dag.simulation.anthropometry import person_body
     >>> person(101, person_body(BodyKind.PEDESTRIAN, 40), {}, reference_ahead_m=0.0, carla=False).get("name")

@@ -1,9 +1,9 @@
 """Bodies as OpenSCENARIO vehicles: bounding box, axles, limits, category.
 
-Two conventions for where an entity is. OpenSCENARIO's own reference point is the middle of the rear axle, on the road;
-the bounding box and the front axle are given from there. CARLA's ScenarioRunner reads no boxes and puts an actor's
-origin, the middle of its body, where the file says. It reads no axles either, and other players (esmini) move a box by
-as much as the rear axle is not at the reference point; so the rear axle is at the origin for both.
+There are two conventions for an entity's position. OpenSCENARIO's own reference point is the middle of the rear axle,
+on the road; the bounding box and the front axle are relative to it. CARLA's ScenarioRunner reads no boxes and places an
+actor's origin, the middle of its body, at the file's position. It reads no axles either, and other players (esmini)
+shift a box by the distance of the rear axle from the reference point; so the rear axle is at the origin for both.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ _CATEGORIES: Final = {
 
 
 def rear_axle_ahead_m(body: Body, trailer: Trailer | None = None) -> float:
-    """Return the rear axle ahead of the body's centre: negative.
+    """Return how far the rear axle is ahead of the body's centre (negative).
 
-    ``trailer`` is the trailer that it is.
+    ``trailer`` is given if the body is a trailer.
     """
     model = vehicle_model(body) if trailer is None else trailer_model(body, trailer)
     return model.cg_ahead_m - model.rear_axle_m
@@ -54,9 +54,9 @@ def vehicle(
 ) -> Element:
     """Return the vehicle with its reference point ``reference_ahead_m`` ahead of the body's centre.
 
-    ``said`` are its properties; ``trailer`` marks a trailer, whose front axle is then where it is coupled.
+    ``said`` are its properties; ``trailer`` marks a trailer, whose front axle is then at its coupling.
 
-    ``carla`` names it by the blueprint of CARLA's library nearest to the body, which is how ScenarioRunner chooses.
+    ``carla`` names it by the most similar blueprint of CARLA's library, by which ScenarioRunner chooses.
 
     >>> vehicle(1, log.bodies[1], {}, reference_ahead_m=-1.4, carla=False).get("name")
     'car_1'
@@ -90,7 +90,7 @@ def performance(speed_mps: float, acceleration_mps2: float, deceleration_mps2: f
 
 
 def axles(wheel_m: float, track_m: float, wheelbase_m: float, *, max_steer_rad: float) -> Element:
-    """Return the axles of a vehicle, the rear one at its origin; ``wheel_m`` is a wheel's diameter.
+    """Return the axles of a vehicle, the rear one at its origin; ``wheel_m`` is the diameter of a wheel.
 
     >>> axles(0.65, 1.5, 2.7, max_steer_rad=0.6)[1].get("positionX")
     '0.0'

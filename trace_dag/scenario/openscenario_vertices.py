@@ -1,12 +1,12 @@
 """The vertices of a trajectory, chosen so that players that leave some of them out show the same crash.
 
-Players merge vertices that lie close together: esmini, started with default options, goes along a polyline and leaves
-out what is within 0.1 m of the last vertex it kept (``--traj_filter``, its ``PolyLineShape::FinalizeVertices``). After
-an impact bodies are slow, and the moment in which they overlap is then left out. So vertices are placed such that the
-filter keeps the important moments. Before each of them is a vertex a little more than the filter's radius away, which
-the filter also keeps; all vertices between the two lie within that radius. A vertex added for this lies on the motion
-and changes nothing for a player that keeps all vertices. Logged steps less than the radius before it are removed: there
-vehicles still drive, and a straight line to the next vertex is off by millimetres only.
+Players merge vertices that lie close together: esmini, with default options, drops vertices within 0.1 m of the last
+one kept (``--traj_filter``, its ``PolyLineShape::FinalizeVertices``). After an impact bodies are slow, and the moment
+of their overlap would be dropped. So vertices are placed such that the filter keeps the important moments. Before each
+of them is a vertex a little more than the filter's radius away, which the filter also keeps; all vertices between the
+two lie within that radius. A vertex added for this lies on the motion and changes nothing for a player that keeps all
+vertices. Logged steps less than the radius before it are removed: vehicles still drive there, and a straight line to
+the next vertex is off by millimetres only.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _WITHIN_M = FILTER_RADIUS_M - _ROUNDED_M
 
 
 def select_vertices(rows: FloatArray, moments_s: Sequence[tuple[float, ...]]) -> FloatArray:
-    """Return the vertices, rows of time, x, y and more, such that moments outlast a filter, the earliest first.
+    """Return the vertices, rows of time, x, y and more, with moments that survive a filter, the earliest first.
 
-    In each group of moments the first possible one is taken: a moment is impossible where the vehicle comes back to
-    where it was within the filter's radius, or has not moved so far since the start or the moment before.
+    In each group of moments the first possible one is taken. A moment is impossible if the vehicle returns to an
+    earlier position within the filter's radius, or has not moved that far since the start or the earlier moment.
 
     >>> rows = np.column_stack([np.arange(3.0), 10.0 * np.arange(3.0), np.zeros(3)])  # 10 m a second
     >>> select_vertices(rows, [(1.0,)])[:, 0].round(3).tolist()  # one more just outside a radius of 0.1 m
@@ -48,7 +48,7 @@ def select_vertices(rows: FloatArray, moments_s: Sequence[tuple[float, ...]]) ->
 
 
 def _with_kept(rows: FloatArray, kept: int, after_s: float) -> FloatArray | None:
-    """Return the vertices with one of them kept by filters; nothing up to ``after_s`` is taken away for it."""
+    """Return the vertices with one of them kept by filters; none up to ``after_s`` is removed for it."""
     away = np.flatnonzero(_distances(rows[:kept], rows[kept]) >= _BEYOND_M)
     if not len(away):
         return None
@@ -66,7 +66,7 @@ def _with_kept(rows: FloatArray, kept: int, after_s: float) -> FloatArray | None
 
 
 def _left_soon(rows: FloatArray) -> FloatArray:
-    """Insert a vertex where the way leaves the filter's radius, which keeps that stretch short."""
+    """Insert a vertex where the path leaves the filter's radius, which keeps that stretch short."""
     away = np.flatnonzero(_distances(rows, rows[0]) >= _BEYOND_M)
     if not len(away):
         return rows

@@ -16,11 +16,11 @@ _Away = Callable[[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]], FloatAr
 def worth_keeping(groups: Sequence[Sequence[FloatArray]], by_m: float) -> list[list[int]]:
     """Return the points to keep of each group of lines that are simplified together.
 
-    No point of any is farther than ``by_m`` from the simplified line.
+    No other point is farther than ``by_m`` from the simplified line.
 
-    Lines have shape (n, 2) or (n, 3), metres; those of a group have one n, and all groups have as many lines. Indices
-    in order, both ends among them. All groups are looked at together: of hundreds of short lines that takes a tenth of
-    the time.
+    Lines have shape (n, 2) or (n, 3), metres; those of a group have one n, and all groups have the same number of
+    lines. The result has indices in order, including both ends. All groups are processed at once, in a tenth of the
+    time for hundreds of short lines.
 
     >>> straight, bent = (np.array([[0.0, 0.0], [5.0, aside], [10.0, 0.0]]) for aside in (0.1, 9.0))
     >>> worth_keeping([[straight], [bent]], 0.2)  # the middle of the first is 0.1 m off
@@ -50,9 +50,9 @@ def simplify_in_time(
 ) -> NDArray[np.intp]:
     """Return the rows of values over time, shape (n, k), to keep in a simplified motion.
 
-    Every number of the others is within ``by`` of the straight line, over time, between those before and after it.
+    Every other row is within ``by`` of the straight line, over time, between its kept neighbours.
 
-    Indices in order, both ends among them, and those that are ``also`` kept.
+    The result has indices in order, including both ends and those in ``also``.
 
     >>> time_s = np.array([0.0, 1.0, 2.0, 3.0])
     >>> simplify_in_time(time_s, np.array([[0.0], [1.0], [2.0], [9.0]]), 0.1).tolist()  # even until 2 s
@@ -72,7 +72,7 @@ def simplify_in_time(
 def _refined(kept: NDArray[np.bool_], away: _Away, by: float) -> NDArray[np.bool_]:
     """Add points until no other is off by more than ``by``.
 
-    ``away`` says of some points, of which each lies between two others that are kept, how far it is off.
+    ``away`` returns the errors of points, each between two kept ones.
     """
     kept = kept.copy()
     ends = np.flatnonzero(kept)

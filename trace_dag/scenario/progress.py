@@ -1,4 +1,4 @@
-"""Progress of a participant along its recorded way, and its arrival."""
+"""Progress of a participant along its recorded path, and its arrival."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _REACHES_M = 1.0  # a controller keeps to its place within so much
 
 
 class RecordedWay:
-    """The way of a participant without the crash: its places by distance (m), and when it was at each (s)."""
+    """The path of a participant without the crash: its places by distance (m), with their times (s)."""
 
     def __init__(self, case: Case, number: int) -> None:
         plan = next(each.trajectory for each in case.going_on if each.number == number)
@@ -45,7 +45,7 @@ class RecordedWay:
         return float(np.interp(time_s, self._time_s, self._along_m))
 
     def time_at(self, along_m: float) -> float:
-        """Return the time at a place, s; where it stood there, the time of driving on."""
+        """Return the time at a place, s; if the participant stood there, the time of driving on."""
         after = int(np.searchsorted(self._along_m, along_m + _MOVES_M, side="right"))
         if after == 0:
             return 0.0
@@ -61,11 +61,11 @@ class RecordedWay:
 
     @property
     def limit_s(self) -> float:
-        """Return the end of a run: twice the time that it took to the goal."""
+        """Return the end of a run: twice the recorded time to the goal."""
         return max(self._end_s, MOST_TIMES * self.time_at(self.goal_m)) if self.goal_m > _MOVES_M else self._end_s
 
     def follower(self) -> PathFollower | None:
-        """Return the search for places on the way; None for a participant that stands."""
+        """Return the search for places on the path; None for a standing participant."""
         length_m = float(self._along_m[-1])
         if length_m < _LEAST_WAY_M:
             return None
@@ -79,7 +79,7 @@ class RecordedWay:
         return self._reaches(log, self.goal_m)
 
     def is_past_conflict(self, log: VehicleLog) -> bool:
-        """Return whether a vehicle got past the place of its conflict, or to its goal where that is nearer."""
+        """Return whether a vehicle got past the place of its conflict, or to its goal if that is nearer."""
         return self._reaches(log, min(self.conflict_m + PAST_M, self.goal_m))
 
     def _reaches(self, log: VehicleLog, place_m: float) -> bool:
@@ -93,9 +93,9 @@ class RecordedWay:
 
 
 class Arrival:
-    """The arrival of a participant at its goal, watched while it drives.
+    """The arrival of a participant at its goal, observed during the run.
 
-    Not before the recorded end: until then others may run into it.
+    It is not before the recorded end, because until then others may run into it.
     """
 
     def __init__(self, case: Case, number: int, way: RecordedWay) -> None:
@@ -111,6 +111,6 @@ class Arrival:
 
 
 def contact_with(case: Case, number: int) -> Contact | None:
-    """Return the first recorded contact of a participant; None where it touched nobody."""
+    """Return the first recorded contact of a participant, or None."""
     contacts = [each for each in case.recorded.contacts if number in (each.number_1, each.number_2)]
     return min(contacts, key=lambda contact: contact.time_s, default=None)

@@ -1,10 +1,11 @@
-"""Lines of sight: from when on each of two parties could see the other before they met.
+"""Lines of sight: the time from which each of two parties could see the other before they met.
 
-Lines go from the driver's eye to the corners and the middle of the other's body; the other is seen while one of them is
-free. A thing hides the part of a line that is below its top (2.5 D; the ground between is taken as level, and looking
-that way and through the own vehicle as possible). Buildings, walls and hedges of OpenStreetMap hide, without a height
-those of :mod:`trace_dag.scenario.opendrive_surroundings` (two storeys, 1.5 m); fixed objects; and other vehicles and
-persons. Woods, fences, the traffic that a report does not have, and buildings that are relations do not.
+Lines go from the driver's eye to the corners and the middle of the other's body; the other is visible while one of them
+is free. An obstacle hides the part of a line that is below its top (2.5 D). The ground between is assumed level, and
+the view in that direction and through the own vehicle as free. Obstacles are buildings, walls and hedges of
+OpenStreetMap (without a height, with that of :mod:`trace_dag.scenario.opendrive_surroundings`: two storeys, 1.5 m),
+fixed objects, and other vehicles and persons. Woods, fences, unreported traffic, and buildings that are relations are
+no obstacles.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ _Bools = npt.NDArray[np.bool_]
 
 
 class _Hider(NamedTuple):
-    """A thing that can hide others: its shape, or one for each moment, shape (n, 1), and its height (m)."""
+    """An obstacle: its shape, or one for each moment, shape (n, 1), and its height (m)."""
 
     name: str
     osm_id: str
@@ -51,9 +52,9 @@ class _Hider(NamedTuple):
 
 
 def sight_lines(log: SimulationLog, features: Sequence[OsmFeature], frame: LocalFrame) -> tuple[SightLine, ...]:
-    """Return the view that each party of the first contact had of the other, of animals none.
+    """Return each party's view of the other in the first contact; animals have none.
 
-    ``features`` are those beside the roads. There is none where nobody met anybody.
+    ``features`` are those beside the roads. The result is empty without a contact.
 
     >>> [round(each.hidden_share, 2) for each in sight_lines(log, [], network.frame)]  # nothing stands there
     [0.0, 0.0]
@@ -107,7 +108,7 @@ def _sight_line(
 
 
 def _hides(hider: _Hider, eyes: FloatArray, points: FloatArray) -> _Bools:
-    """Return which lines meet a thing where they are below its top; ends of shapes (n, 1, 3) and (n, m, 3)."""
+    """Return a mask of the lines that an obstacle hides; ends have shapes (n, 1, 3) and (n, m, 3)."""
     eye_m, point_m = np.broadcast_arrays(eyes[..., 2], points[..., 2])
     low_eye, low_point = eye_m < hider.height_m, point_m < hider.height_m
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,7 +123,7 @@ def _hides(hider: _Hider, eyes: FloatArray, points: FloatArray) -> _Bools:
 
 
 def _things(features: Sequence[OsmFeature], frame: LocalFrame, paths: npt.NDArray[np.object_]) -> Iterator[_Hider]:
-    """Yield opaque things between two ways, no buildings that somebody is in: under a roof, or by a map's error."""
+    """Yield obstacles between two paths, without buildings that contain a party: under a roof, or by a map error."""
     reach = shapely.MultiLineString(list(paths)).convex_hull.buffer(_BESIDE_WAYS_M)
     shapely.prepare(reach)
     for feature in features:
@@ -161,7 +162,7 @@ def _body(log: VehicleLog, body: Body, steps: npt.NDArray[np.int64]) -> _Hider:
 
 
 def _points(log: VehicleLog, body: Body, steps: npt.NDArray[np.int64]) -> FloatArray:
-    """Return the corners and the middle of a body, as high as has to be seen, shape (n, 5, 3)."""
+    """Return the corners and the middle of a body at the height that must be visible, shape (n, 5, 3)."""
     return _in_frame(log, steps, _CORNERS * (body.length_m, body.width_m), max(body.height_m - _BELOW_TOP_M, 0.0))
 
 

@@ -25,7 +25,7 @@ _FRAME = "x east, y north of the reported point, headings counter-clockwise from
 
 
 def log_to_json(key: str, log: SimulationLog) -> bytes:
-    """Return a log as UTF-8 JSON, ending with a newline; the same bytes for the same log.
+    """Return a log as UTF-8 JSON, ending with a newline; equal logs give equal bytes.
 
     ``key`` is the crash's.
 
@@ -62,9 +62,9 @@ def log_to_json(key: str, log: SimulationLog) -> bytes:
 
 
 def log_from_json(data: bytes, *, name: str) -> SimulationLog:
-    """Return the log that :func:`log_to_json` wrote.
+    """Return the log in a document of :func:`log_to_json`.
 
-    Raises :class:`DamagedFile`, which names the file ``name``, for anything else.
+    Raises :class:`DamagedFile`, which names the file ``name``, for other content.
     """
     try:
         document: dict[str, Any] = json.loads(data)
@@ -100,7 +100,7 @@ def _adapter(of: type) -> TypeAdapter[Any]:
 
 
 def _plain(value: object) -> object:
-    """Return a dataclass of ours or numbers as JSON can hold them, shortened."""
+    """Return a dataclass or numbers as plain values for JSON, rounded."""
     if hasattr(value, "__dataclass_fields__"):
         return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
     if isinstance(value, (tuple, list)):

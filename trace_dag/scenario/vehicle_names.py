@@ -1,7 +1,7 @@
-"""Makes and models as a person would say them, of the labels of FARS.
+"""Makes and models as plain names, from the labels of FARS.
 
-A label tells coders more than a name: which model years a code holds for, which code has the others, and in asterisks
-that a footnote follows. Records and tables keep labels as they are; what is shown to people has names.
+A label has notes for coders: model years of the code, codes of other years, and asterisks for footnotes. Records and
+tables keep labels as they are; texts for people have names.
 """
 
 from __future__ import annotations
@@ -15,11 +15,9 @@ _FOOTNOTE: Final = re.compile(r"\*+:?")
 
 
 def vehicle_name(label: str) -> str:
-    """Return the name in a label of make and model (``MAK_MODNAME``).
+    """Return the name in a label of make and model (``MAK_MODNAME``), without notes and marks of footnotes.
 
-    Without notes in parentheses and marks of footnotes.
-
-    Empty where the label says that neither is known.
+    Empty if the label says that neither is known.
 
     >>> vehicle_name("Mercury Marquis/Monterey (car version; for van version 2004 on see code 444) /Grand Marquis")
     'Mercury Marquis/Monterey/Grand Marquis'

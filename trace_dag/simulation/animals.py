@@ -8,7 +8,7 @@ Chapman, Wild Mammals of North America, 2nd ed., 2003), cattle by the mean live 
 Paces follow from the height of the hip: animals of all sizes go from a walk to a trot near a Froude number (v^2 over g
 times hip height) of 0.5, and to a gallop between 2 and 3 (Alexander and Jayes, Journal of Zoology 201, 1983). A trot is
 taken at the geometric mean of both changes, a walk at half of its upper one, a gallop at twice its lower one. A deer in
-flight is faster, up to 17 m/s over a short distance; how fast those were that were struck is not known.
+flight is faster, up to 17 m/s over a short distance; the speeds of struck deer are unknown.
 """
 
 from __future__ import annotations

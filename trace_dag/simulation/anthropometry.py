@@ -1,4 +1,4 @@
-"""Bodies of people as the simulation takes them, from their age and sex (:mod:`trace_dag.simulation.body_sizes`)."""
+"""Bodies of people for the simulation, from their age and sex (:mod:`trace_dag.simulation.body_sizes`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from trace_dag.simulation.types import Body, BodyKind
 
 
 def person_body(kind: BodyKind, age_years: float | None = None, *, female: bool | None = None) -> Body:
-    """Return the body of a person of an age (years) and sex, with what the person rides.
+    """Return the body of a person of an age (years) and sex, with the mount.
 
     ``height_m`` is the stature, ``mass_kg`` that of the person with the bicycle or conveyance; length and width are
     those of the outline on the road until the person is touched.
@@ -19,7 +19,7 @@ def person_body(kind: BodyKind, age_years: float | None = None, *, female: bool 
 
 
 def ridden_kg(body: Body) -> float:
-    """Return the mass of what a person rides, part of the body's mass; no more than half of it.
+    """Return the mass of a person's mount, which is part of the body's mass, at most half.
 
     >>> ridden_kg(Body(BodyKind.CYCLIST, VehicleClass.OTHER, 1.75, 0.6, 1.75, 90.0))  # a bicycle for adults
     15.0

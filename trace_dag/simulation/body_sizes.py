@@ -1,9 +1,10 @@
-"""Body sizes of people, and of what they ride, from age and sex.
+"""Body sizes of people, and of their mounts, from age and sex.
 
-Stature and mass are the middle of the population: children by the 50th percentile of the CDC growth charts
-(Kuczmarski et al., Vital and Health Statistics 11(246), 2002), adults by the means of the National Health and
-Nutrition Examination Survey 2011-2014 (Fryar et al., Vital and Health Statistics 3(39), 2016). If the sex is not
-known the mean of both is taken, where the age is not known an adult."""
+Stature and mass are the middle of the population: children by the 50th percentile of the CDC growth charts (Kuczmarski
+et al., Vital and Health Statistics 11(246), 2002), adults by the means of the National Health and Nutrition Examination
+Survey 2011-2014 (Fryar et al., Vital and Health Statistics 3(39), 2016). An unknown sex gives the mean of both, an
+unknown age an adult.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +51,7 @@ class PersonSize:
 
 
 def person_size(kind: PartyKind, age_years: float | None = None, *, female: bool | None = None) -> PersonSize:
-    """Return the size of a person of an age (years) and sex, with what the person rides."""
+    """Return the size of a person of an age (years) and sex, with the mount."""
     years = _ADULT_YEARS if age_years is None else age_years
     share = 0.5 if female is None else float(female)
 

@@ -1,7 +1,7 @@
-"""A vehicle that does what a driver's pedals and steering say, on the tyres of :mod:`trace_dag.simulation.dynamics`.
+"""A vehicle that follows a driver's pedals and steering, on the tyres of :mod:`trace_dag.simulation.dynamics`.
 
-Wheels turn at a limited rate and pedals act with a lag of first order, as in real vehicles: full braking builds up
-over a quarter of a second, and no driver, human or not, steers by steps.
+Wheels turn at a limited rate and pedals act with a lag of first order, as in real vehicles: full braking builds up over
+a quarter of a second, and steering is continuous.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _LEAST_GRIP = 0.1  # share of the grip that is left sideways, however hard a tyr
 
 
 class CommandedVehicle(Vehicle):
-    """Follows its plan like any other vehicle while it has no command, or at the pace that was last commanded.
+    """A vehicle that follows its plan without a command, or at the last commanded pace.
 
-    With pedals it does what they say.
+    With pedals it follows them.
     """
 
     __slots__ = ("_brake", "_clock", "_step_s", "_throttle", "_wanted")
@@ -48,7 +48,7 @@ class CommandedVehicle(Vehicle):
 
     @property
     def follows_plan(self) -> bool:
-        """Return whether it is where the plan has it at this time: it has no command."""
+        """Return whether the vehicle is where its plan places it, because it has no command."""
         return self._wanted is None and self._clock.is_as_planned
 
     def command(self, wanted: Pedals | Pace | None, time_s: float) -> None:
@@ -66,7 +66,7 @@ class CommandedVehicle(Vehicle):
         return self._paced(step * self._step_s)
 
     def _paced(self, time_s: float) -> tuple[float, float, float]:
-        """Follow the plan where its clock is: the same way, at as many times the speed as the clock is fast."""
+        """Return the force for following the plan at the pace of its clock."""
         at, pace = self._clock.at(time_s) / self._step_s, self._clock.pace
         if at >= len(self._plan) - 1:
             return self._free(1.0) if self.plan_end_s > 0 else super()._tyre_force(0)

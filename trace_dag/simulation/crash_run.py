@@ -1,7 +1,7 @@
 """One run of the embedded back-end: step by step to the end, and its log.
 
-A run has motor vehicles, and what else the crash has as components: people and animals
-(:mod:`trace_dag.simulation.thrown`), and what is beside the road (:mod:`trace_dag.simulation.roadside`).
+A run has motor vehicles, and optional components: people and animals (:mod:`trace_dag.simulation.thrown`), and the
+roadside (:mod:`trace_dag.simulation.roadside`).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _MAX_DISTANCE_M = 5000.0
 
 
 class CrashRun:
-    """A run of motor vehicles, with people or animals and with what is beside the road where the crash has them."""
+    """A run of motor vehicles, with people, animals and the roadside if the crash has them."""
 
     def __init__(
         self,
@@ -131,10 +131,10 @@ class CrashRun:
         after_contact_s: float = math.inf,
         as_long_as: Callable[[Sequence[Contact]], bool] | None = None,
     ) -> SimulationLog:
-        """Simulate to the end and say what came of it.
+        """Simulate to the end and return the log.
 
-        The run ends early where nothing has touched until a time (s), so long after the first contact, or once
-        ``as_long_as`` does not hold for the contacts so far; asked again, it goes on from there.
+        The run ends early without a contact until ``until_s``, ``after_contact_s`` after the first contact, or once
+        ``as_long_as`` returns False for the contacts so far. A repeated call continues from there.
         """
         termination, reason = self._advance_until_end(until_s, after_contact_s, as_long_as)
         duration_s = self._step * self.step_s
@@ -171,10 +171,7 @@ class CrashRun:
 
     @property
     def _first_contact_s(self) -> float | None:
-        """Return the time at which two bodies first touched, or a vehicle struck an object or overturned.
-
-        None if none did.
-        """
+        """Return the time of the first contact, object strike or overturn, or None."""
         firsts = [episode.start_s for episode in (*self._closed, *self.open.values())]
         return min([*firsts, *(self.roadside.firsts_s if self.roadside else ())], default=None)
 
@@ -207,12 +204,12 @@ class CrashRun:
         return Termination.TIME_LIMIT, f"still moving after {limit_s:g} s"
 
     def _look(self) -> None:
-        """Stand on the ground as it is here, and keep the state."""
+        """Put the vehicles on the ground under them, and record the state."""
         self._stand_on_surface()
         self._record(self._step * self.step_s)
 
     def _advance_to(self, last: int) -> None:
-        """Take the steps up to another one."""
+        """Advance to a later step."""
         while self._step < last:
             step = self._step
             for vehicle in self.vehicles:
@@ -232,9 +229,9 @@ class CrashRun:
             self._step = step + 1
 
     def _alone_until(self, step: int) -> int:
-        """Return the step before which nobody can touch anybody and nothing but the road moves anyone.
+        """Return the step before which no bodies can touch and only the road exerts forces.
 
-        No vehicle's steps depend on another's until then.
+        Until then the vehicles are independent of each other.
         """
         if self.thrown is not None and self.thrown.moving:
             return step
@@ -245,7 +242,7 @@ class CrashRun:
         return until if self.roadside is None else self.roadside.alone_until(until)
 
     def _go_alone(self, step: int, until: int) -> None:
-        """Take the steps up to another one with each vehicle by itself."""
+        """Advance to a later step with each vehicle by itself."""
         self.state = self.before = None
         for i, vehicle in enumerate(self.vehicles):
             for each in range(step, until):
@@ -318,7 +315,7 @@ class CrashRun:
         return None
 
     def _no_contact_reason(self) -> str:
-        """Return a sentence on how near the vehicles that could have met came to each other, from the logged states."""
+        """Return a sentence on the least distance of vehicles that could have met, from the logged states."""
         if self.roadside is not None and len(self.vehicles) == 1 and not self.people:
             return self.roadside.no_contact_reason(self.vehicles[0].number)
         nearest, when, numbers = math.inf, 0.0, (0, 0)
@@ -411,21 +408,21 @@ class CrashRun:
     def forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
         """Return the forces on the vehicles in a part of a step.
 
-        Those of the road, of each other's crush, and of objects.
+        They come from the road, from crush, and from objects.
         """
         total = self.pairs.press(forces, now_s, part_s)
         return total if self.roadside is None else self.roadside.press(total, now_s, part_s)
 
     def held(self, forces: list[float], part_s: float) -> list[float]:
-        """Return the given forces on the vehicles with those of the hitches added."""
+        """Return the given forces on the vehicles plus those of the hitches."""
         for hitch in self.hitches:
             hitch.hold(forces, part_s)
         return forces
 
     def _place_planned(self, time_s: float) -> None:
-        """Move who goes along a plan exactly to the planned place.
+        """Move bodies on plans exactly to their planned places.
 
-        People whom nobody has touched, vehicles that skid.
+        These are people before a touch, and vehicles that skid.
         """
         if self.thrown is not None:
             self.thrown.bodies.carry(time_s)
@@ -452,7 +449,7 @@ class CrashRun:
         self.close_ended((step + 1) * self.step_s)
 
     def step_leaning(self, step: int, forces: list[float]) -> None:
-        """Take whole steps while bodies lean on each other, or lie in each other's dents."""
+        """Advance by whole steps while bodies lean on each other, or lie in each other's dents."""
         self.before = None
         self.taken_over()
         total = self.forces_now(forces, step * self.step_s, self.step_s)
@@ -466,7 +463,7 @@ class CrashRun:
         self.close_ended(end_s)
 
     def watch_contacts(self, time_s: float) -> None:
-        """Watch the deepest overlap of vehicles, and whether strikes are over, or a crash to the vehicle."""
+        """Update the deepest overlap of vehicles, and whether strikes are over, or count as a crash to the vehicle."""
         for pair, episode in self.open.items():
             if pair[1] < len(self.vehicles):
                 self.watch_overlap(pair, time_s)
@@ -485,7 +482,7 @@ class CrashRun:
     def begin(
         self, pair: tuple[int, int], before: BodyStates, now: BodyStates, before_s: float, part_s: float
     ) -> ContactEpisode:
-        """Return a contact that came about between two states a part of a step from each other."""
+        """Return a contact that began between two states a part of a step apart."""
         if self.thrown is not None and pair[1] >= len(self.vehicles):
             return self.thrown.begin(pair, before_s + part_s, part_s)
         one, two = (self.vehicles[i] for i in pair)

@@ -1,27 +1,25 @@
 """Two vehicles that crush each other: the force over the depth of crush, the energy it absorbs, and the rebound.
 
-Both keep their outlines, which overlap: the overlap is what is crushed. The force is the overlap's area times the
-stiffness of both faces in series, N per metre of crush and metre of width. It acts at the middle of the area, so that
-the point of contact moves inward, and where both turn against each other on the part that still closes: crush does
-not spring back. It acts across the line through the two points where the outlines cross, which is the side's normal
-for a front in a side, and lies between both normals for two fronts at an angle; once they are pressed in, that surface
-stays and turns with both. On the way back the force falls so fast that the energy comes back that the restitution
-says. Across it Coulomb friction stops the sliding. The forces on both are equal and opposite, at one point: momentum
-is kept.
+Both keep their outlines, and their overlap is the crushed part. The force is the overlap's area times the stiffness of
+both faces in series, N per metre of crush and metre of width. It acts at the middle of the area, so that the point of
+contact moves inward. If the bodies rotate against each other, it acts on the part that still closes, because crush does
+not spring back. Its direction is normal to the line through the two crossings of the outlines: the side's normal for a
+front in a side, and between both normals for two fronts at an angle. Once pressed in, that surface stays and rotates
+with both. During rebound the force falls so fast that the returned energy matches the restitution. Coulomb friction
+stops the sliding along the surface. The forces on both are equal and opposite, at one point: momentum is kept.
 
 Stiffness by class and side, linear and proportional to the mass:
 
 * Fronts: a car strikes a rigid wall at 15.6 m/s with 0.55 m of dynamic crush (0.5 to 0.65 in NHTSA's frontal tests at
-  35 mph), which is 1.2 MN/m for 1500 kg; objects take the same table, :mod:`trace_dag.simulation.obstacles`.
-* Sides and rears: 0.6 and 0.8 of it. CRASH3's tables (McHenry and Lynch, DOT HS 805 732, 1981) have a slope of 320 to
-  460 kN per metre of crush and of width for sides of compact and larger cars, 240 to 390 for fronts; today's fronts
-  have some 650.
+35 mph), which is 1.2 MN/m for 1500 kg; objects take the same table, :mod:`trace_dag.simulation.obstacles`. * Sides and
+rears: 0.6 and 0.8 of it. CRASH3's tables (McHenry and Lynch, DOT HS 805 732, 1981) have a slope of 320 to 460 kN per
+metre of crush and of width for sides of compact and larger cars, 240 to 390 for fronts; modern fronts have some 650.
 
 Restitution falls with the closing speed v, m/s: 0.5992 exp(-0.2508 v + 0.01934 v^2 - 0.001279 v^3) in collisions of
 bumpers (Antonetti, SAE 980552). Beyond their speeds the structures of two vehicles spring back with some 2.5 m/s
 whatever the crush: about 0.1 at medium and high speeds (SAE 931842), 0.126 and 0.089 in oblique tests, whose closing
-speeds along the normal were 23.4 and 24.1 m/s (Rose et al., SAE 2006-01-0908); one vehicle springs back from what does
-not give way with some 2 m/s.
+speeds along the normal were 23.4 and 24.1 m/s (Rose et al., SAE 2006-01-0908); one vehicle rebounds from a rigid object
+with some 2 m/s.
 """
 
 from __future__ import annotations
@@ -76,7 +74,7 @@ class Pressed(NamedTuple):
 def restitution_at(closing_mps: float, rebound_mps: float = _FROM_VEHICLE_MPS) -> float:
     """Return the restitution of two vehicles that close at a speed along the normal.
 
-    It is also that of one alone, with the speed at which its structure springs back.
+    For one vehicle alone, pass the speed of its structure's rebound.
 
     >>> [round(restitution_at(speed), 2) for speed in (0.0, 2.0, 5.0, 16.0, 32.0)]
     [0.6, 0.39, 0.3, 0.16, 0.08]
@@ -95,7 +93,7 @@ def front_stiffness_npm2(body: Body) -> float:
 
 
 def _of_front(ahead: float, left: float) -> float:
-    """Return the stiffness of the face that a direction points to, as a share of the front's."""
+    """Return the stiffness of the face in a direction, as a share of the front's."""
     end = 1.0 if ahead >= 0 else _REAR
     return end * ahead * ahead + _SIDE * left * left
 
@@ -118,10 +116,7 @@ class Crush:
         """Greatest depth of each."""
 
     def press(self, outlines: tuple[Outline, Outline], now_s: float, part_s: float) -> Pressed | None:
-        """Return the forces of this moment, where the outlines are now, for a part of a step.
-
-        None where none is exerted.
-        """
+        """Return the present forces of the outlines, for a part of a step; None if there are none."""
         one, two = self._one, self._two
         polygon = overlap_polygon(*outlines)
         area, px, py = _area_and_middle(polygon)
@@ -160,7 +155,7 @@ class Crush:
         return self._pressed((px + shift_m * tx, py + shift_m * ty), (nx, ny), normal_n, part_s)
 
     def _part(self, area_m2: float) -> None:
-        """End the contact: the overlap is a dent from now on, and only overlap beyond it presses again."""
+        """End the contact: the overlap becomes a dent, and only overlap beyond it presses again."""
         self._settled_rad, self._deepest_m2 = None, 0.0
         if self._last_s > -math.inf:
             self._dent_m2 = min(self._dent_m2, area_m2) if self._apart else area_m2
@@ -183,7 +178,7 @@ class Crush:
     def _normal(self, polygon: list[tuple[float, float]], one: Outline, two: Outline) -> tuple[float, float]:
         """Return the normal of the surface between both, from the first to the second.
 
-        Once it is pressed in it turns with both and stays: what lies beside it is crushed already.
+        Once pressed in, the surface stays and rotates with both, because the parts beside it are crushed already.
         """
         turned = (self._one.heading + self._two.heading) / 2
         if self._settled_rad is not None:
@@ -206,7 +201,7 @@ class Crush:
         return total
 
     def _forces_n(self, stiffness: float, area_m2: float) -> tuple[float, float]:
-        """Return the normal force at an overlap: as it deepens, and as it would be if it came back from now on."""
+        """Return the normal force at an overlap while it deepens, and the force if it rebounded from now on."""
         energy = self._restitution**2
         back = max(energy, _SPRINGS_BACK)
         if area_m2 >= self._deepest_m2:
@@ -225,9 +220,9 @@ class Crush:
 
 
 def _shift_m(width_m: float, closing_mps: float, turning_rps: float) -> float:
-    """Return how far the force is from the middle of a contact whose sides turn against each other.
+    """Return the offset of the force from the middle of a contact whose sides rotate against each other.
 
-    Crush does not spring back, so that only the part that still closes presses.
+    Crush does not spring back, so only the part that still closes presses.
     """
     across_mps = abs(turning_rps) * width_m
     if across_mps < 1e-9:
@@ -258,8 +253,7 @@ def _area_and_middle(polygon: list[tuple[float, float]]) -> tuple[float, float, 
 def _across_crossings(polygon: list[tuple[float, float]], one: Outline, two: Outline) -> tuple[float, float]:
     """Return the direction from the first to the second, across the line through their crossing outlines.
 
-    Outlines that lie flush cross nowhere, or where one reaches through the other four times: there the face that
-    separates them.
+    If the outlines are flush, or one reaches through the other, it is the normal of the separating face.
     """
     crossings = [point for point in polygon if not _is_corner(point, one) and not _is_corner(point, two)]
     if len(crossings) == 2:
@@ -282,7 +276,7 @@ def _is_corner(point: tuple[float, float], outline: Outline) -> bool:
 
 
 def _facing(outline: Outline, front_npm2: float, nx: float, ny: float) -> float:
-    """Return the stiffness of a vehicle's face in a direction outward from it, by that of its front."""
+    """Return the stiffness of a vehicle's face in an outward direction, from that of its front."""
     c, s = outline.ahead
     return front_npm2 * _of_front(nx * c + ny * s, ny * c - nx * s)
 

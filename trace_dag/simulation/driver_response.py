@@ -1,12 +1,12 @@
 """Drivers after a contact.
 
-A crash ends the drive: nobody steers or brakes from then on. A contact that changes a vehicle's velocity by less than
-an event data recorder has to record (``sim.crash_delta_v_mps``, 8 km/h: 49 CFR 563.5) is none to its driver, who reacts
-as to a person that was struck: keeps the planned path, and brakes after a reaction. A motorcycle falls at any touch.
+A crash ends the drive: nobody steers or brakes from then on. A change of a vehicle's velocity below the threshold of
+event data recorders (``sim.crash_delta_v_mps``, 8 km/h: 49 CFR 563.5) is no crash to its driver. The driver then reacts
+as to a struck person: keeps the planned path, and brakes after a reaction time. A motorcycle falls at any touch.
 
-The reaction to a person begins when the person comes into the vehicle's lane (reaction times are measured from when an
-obstacle comes into sight: Olson and Sivak, Human Factors 28, 1986). It ends at the strike at the earliest, since who
-brakes before does so by the plan. Whoever was in the lane all along was not seen until struck.
+The reaction to a person begins when the person enters the vehicle's lane (reaction times are measured from the
+appearance of an obstacle: Olson and Sivak, Human Factors 28, 1986). It ends at the strike at the earliest, since
+earlier braking is part of the plan. A person who was in the lane all along was not seen until struck.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from trace_dag.simulation.vehicles import vehicle_model
 class DriverResponse:
     """The reactions of a run's drivers, and their lasting loss of control.
 
-    Those ``led_by`` others (agents) end their drive at any contact.
+    Vehicles ``led_by`` agents end their drive at any contact.
     """
 
     def __init__(
@@ -49,14 +49,14 @@ class DriverResponse:
                 self._lost.add(each.number)
 
     def lose(self, vehicle: Vehicle) -> None:
-        """Take the driver from the vehicle."""
+        """Remove the driver of the vehicle."""
         vehicle.crashed = True
         self._lost.add(party_of_body(vehicle.number))
 
     def react(self, vehicle: Vehicle, since_s: float, *, seen_for_s: float = 0.0, beside: bool = False) -> None:
-        """Let a driver react to an event at a time that had been in sight for ``seen_for_s``.
+        """Start a driver's reaction to an event that had been in sight for ``seen_for_s``.
 
-        Pushed ``beside`` the path, the vehicle stays there.
+        A vehicle pushed ``beside`` its path stays there.
         """
         reaction = self._reactions[party_of_body(vehicle.number)]
         reaction = replace(reaction, reaction_s=max(reaction.reaction_s - seen_for_s, 0.0))
@@ -67,7 +67,7 @@ class DriverResponse:
         return impulse_ns / mass_kg >= self._crash_delta_v_mps
 
     def after(self, episode: ContactEpisode, under_way: Iterable[ContactEpisode]) -> None:
-        """Decide who goes on driving after a contact of two vehicles; others may be under way."""
+        """Decide which drivers go on driving after a contact of two vehicles, while others may be under way."""
         touching = {party_of_body(each.number) for other in under_way for each in (other.one, other.two)}
         for vehicle, mass_kg in zip((episode.one, episode.two), episode.masses_kg, strict=True):
             if isinstance(vehicle, Person):

@@ -49,9 +49,9 @@ class Pedals:
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """A driver's command to follow the plan at so many times its pace, from the place of the plan one is at.
+    """A driver's command to follow the plan at a multiple of its pace, from the present place.
 
-    1 as planned, 0 waits there.
+    1 means as planned, 0 to wait.
     """
 
     pace: float = 1.0
@@ -71,7 +71,7 @@ class PlanClock:
         return self._plan_s + self.pace * (time_s - self._since_s)
 
     def set_pace(self, time_s: float, pace: float) -> None:
-        """Go on at another pace from a time of the run on."""
+        """Continue at another pace from a time of the run on."""
         if pace != self.pace:
             self._since_s, self._plan_s, self.pace = time_s, self.at(time_s), pace
 
@@ -82,17 +82,17 @@ class PlanClock:
 
 
 class Driver(Protocol):
-    """Drives one participant until its first contact; after that it is not driven."""
+    """A driver of one participant until its first contact."""
 
     period_s: float
     """Rate at which it is asked; its answer is held until the next time."""
 
     @property
     def has_arrived(self) -> bool:
-        """Return whether it need not drive on: a run in which nobody has touched anybody ends once all drivers have."""
+        """Return whether it need not drive on; a run without a contact ends once all drivers have arrived."""
 
     def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | Pace | None:
-        """Return the pedals and steering for now, given the true state of every participant by number.
+        """Return the pedals and steering for now, from the true states of all participants by number.
 
-        A pace of the plan, the only command that people take; None keeps to the plan.
+        A :class:`Pace` of the plan is the only command for people; None keeps to the plan.
         """

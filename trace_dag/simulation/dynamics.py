@@ -1,18 +1,16 @@
-"""Planar single-track vehicle: its state, its tyres, its driver up to the first contact and what it does after it.
+"""Planar single-track vehicle: its state, its tyres, its driver up to the first contact, and its motion afterwards.
 
-The body is a rigid body, which MuJoCo moves where bodies can touch; this module gives the forces the road exerts on it
-at each step and moves it where nothing else does. Both
-axles carry their static load (no load transfer, no suspension, no roll). Frame of forces: the local frame, at the
-centre of gravity.
+The body is rigid. MuJoCo moves it while bodies can touch; this module computes the forces of the road at each step, and
+moves it at all other times. Both axles carry their static load (no load transfer, no suspension, no roll). Frame of
+forces: the local frame, at the centre of gravity.
 
 * Driven: each axle's tyre force is friction-limited by an ellipse; lateral force saturates as a tanh of the slip with
-  the class's cornering stiffness. The driver reads the plan at the current time and asks for the acceleration that
-  brings position and velocity back to it; the longitudinal part becomes traction or braking, the lateral part a
-  steering angle, by inverting the front tyre (Kritayakirana and Gerdes, IJVAS 2012). At walking pace, where tyre slip
-  says nothing, steering is kinematic. The motion stays within the forces of the tyres.
-* Free (after the impact, or beyond the plan's end): nobody drives. A share of each axle's load stands on
-  locked wheels, which slide against their velocity with the full friction; the rest on free-rolling ones, which only
-  resist sideways. Wheels point ahead.
+the class's cornering stiffness. The driver compares the plan at the current time and demands the acceleration that
+brings position and velocity back to it; the longitudinal part becomes traction or braking, the lateral part a steering
+angle, by inverting the front tyre (Kritayakirana and Gerdes, IJVAS 2012). At walking pace, where tyre slip is
+undefined, steering is kinematic. The motion stays within the forces of the tyres. * Free (after the impact, or beyond
+the plan's end): nobody drives. A share of each axle's load is on locked wheels, which slide with full friction against
+their velocity; the rest is on free-rolling ones, which only resist sideways. Wheels point ahead.
 
 A driver who strikes a person is not in a crash: see :mod:`trace_dag.simulation.post_impact_driving`.
 """
@@ -50,7 +48,7 @@ _REST_MPS, _REST_RPS = 0.08, 0.05
 
 
 class Vehicle:
-    """One vehicle while it is simulated: state at its centre of gravity, controls, and who drives."""
+    """One simulated vehicle: state at its centre of gravity, controls, and driver."""
 
     __slots__ = (
         "_after_strike",
@@ -153,7 +151,7 @@ class Vehicle:
         self._along_n = 0.0
 
     def stand_on(self, friction: float) -> None:
-        """Put the tyres on ground of this friction, that of a car's, from now on."""
+        """Set the friction of the ground, as for a car's tyres, from now on."""
         friction *= self.model.tyre_grip
         if friction == self._friction:
             return
@@ -164,14 +162,15 @@ class Vehicle:
         self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
 
     def lose_control(self, losses: Sequence[tuple[int, LossOfControl]]) -> None:
-        """Take the driver away from the first of these steps on.
+        """Remove the driver from the first of these steps on.
 
-        Assumptions about the vehicle hold until the next one."""
+        The assumptions of a loss hold until the next one.
+        """
         self._losses = list(losses)
         self.lost_from_step, self.next_loss_step = losses[0][0], losses[0][0]
 
     def begin_loss(self) -> None:
-        """Take over what is assumed from the next loss of control on."""
+        """Apply the assumptions of the next loss of control."""
         _, loss = self._losses.pop(0)
         self._turned_rad, self.digs_in = loss.wheels_rad, loss.digs_in
         self.yaw_rate += loss.yaw_rps
@@ -180,7 +179,7 @@ class Vehicle:
         self.next_loss_step = self._losses[0][0] if self._losses else sys.maxsize
 
     def carry(self, time_s: float, step_s: float) -> None:
-        """Carry the vehicle along its plan: its place at a time, and its motion there."""
+        """Move the vehicle to its planned place and motion at a time."""
         at = min(time_s / step_s, len(self._plan) - 1.001)
         k = int(at)
         before, after, share = self._plan.row(k), self._plan.row(k + 1), at - k

@@ -119,7 +119,7 @@ class ImpactPlan(Scored):
 
     @property
     def group(self) -> tuple[int, str, str]:
-        """Return the group, whose plans differ in detail only."""
+        """Return the group; plans of one group differ only in detail."""
         option = self.drive.option
         return option.approach.side, option.manoeuvre.value, self.walk.reading.course.value
 

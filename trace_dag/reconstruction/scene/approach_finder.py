@@ -1,8 +1,7 @@
 """Finding the approaches past the crash in the road network.
 
-Every hypothesis chooses from them: through traffic of each lane, the approaches of a junction with
-where one can turn, the ways into and around a roundabout, and the shared lane in the middle in both directions. Frame:
-the local frame.
+Every hypothesis chooses from them: through traffic of each lane, the approaches of a junction with their turns, the
+paths into and around a roundabout, and the shared middle lane in both directions. Frame: the local frame.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ class ApproachFinder:
     _rings: dict[LaneRef, tuple[LaneRef, ...]] = field(default_factory=dict)
 
     def approaches(self, junction_id: str | None) -> tuple[Approach, ...]:
-        """Return every approach within reach, nearest first, in an order that depends on the map alone."""
+        """Return every approach within reach, nearest first; the order depends on the map alone."""
         found: dict[str, Approach] = {}
         covered: set[LaneRef] = set()  # lanes of an approach that goes straight along them, or around a ring
         for seed in self._seeds(junction_id):
@@ -78,7 +77,7 @@ class ApproachFinder:
         return tuple(sorted(found.values(), key=lambda approach: (round(abs(approach.offset_m), 3), approach.name)))
 
     def against(self, approach: Approach) -> Approach:
-        """Return the same line driven the wrong way, with enough road behind: from the road beyond the crash."""
+        """Return the approach in the wrong direction, with enough road behind it, from the road beyond the crash."""
         if approach.other_way:
             lanes = approach.lanes
             chain = self._chain(lanes[0], upstream_m=self.back_m, downstream_m=self.ahead_m, keep=lanes)
@@ -101,7 +100,7 @@ class ApproachFinder:
         )
 
     def _other_way(self, approach: Approach) -> Approach:
-        """Return the approach as it is at hours when the traffic of its reversible road goes the other way."""
+        """Return the approach for hours when the traffic of its reversible road goes in the other direction."""
         back = self.against(approach)
         return replace(
             back,
@@ -152,7 +151,7 @@ class ApproachFinder:
         return [approach] if approach is not None else []
 
     def _through_junction(self, seed: LaneRef) -> list[Approach]:
-        """Return the movement of a connecting lane: through, a turn, or both if it turns little."""
+        """Return the movements of a connecting lane: through, a turn, or both for a slight turn."""
         turn = self._turn(seed)
         slight = self._slight_turn(seed)
         found = [self._through(seed)] if turn is None else [self._turning(seed, turn)]
@@ -161,7 +160,7 @@ class ApproachFinder:
         return [approach for approach in found if approach is not None]
 
     def _through(self, seed: LaneRef) -> Approach | None:
-        """Return the straight past the crash along the seed; None if its lanes turn there."""
+        """Return the straight path past the crash along the seed; None if its lanes turn there."""
         chain = self._chain(seed, upstream_m=self.back_m, downstream_m=self.ahead_m)
         for ref in chain.lanes:
             in_junction = self._road(ref).junction_id is not None
@@ -177,7 +176,7 @@ class ApproachFinder:
         return [along, replace(back, name=f"{along.name} against", wrong_way=False)]
 
     def _ring(self, seed: LaneRef) -> tuple[LaneRef, ...]:
-        """Return the roundabout a lane belongs to, empty if none."""
+        """Return the roundabout of a lane, or an empty tuple."""
         if seed not in self._rings:
             ring = ring_through(self.network, seed, self._centre) if self._distance(seed) <= AROUND_M else ()
             for ref in (seed, *ring):
@@ -185,7 +184,7 @@ class ApproachFinder:
         return self._rings[seed]
 
     def _around(self, ring: tuple[LaneRef, ...]) -> list[Approach]:
-        """Return one approach for each way into a roundabout: the approach, then once around."""
+        """Return one approach for each entry of a roundabout: the approach, then once around."""
         approaches = []
         for position, ref in enumerate(ring):
             for entry in self.network.predecessors(ref):
@@ -201,7 +200,7 @@ class ApproachFinder:
         return approaches
 
     def _straight_on(self, lane_before: LaneRef) -> Approach:
-        """Return the approach continued straight on where no lane goes straight: the stem of a T, a road that ends."""
+        """Return the approach continued straight where no lane goes straight: the stem of a T, or the end of a road."""
         chain = self._chain(lane_before, upstream_m=self.back_m, downstream_m=0.0)
         approach = self._approach(chain)
         return replace(approach, name=f"{approach.name} straight on", extended=True)
@@ -269,7 +268,7 @@ class ApproachFinder:
     def _chain(
         self, seed: LaneRef, *, upstream_m: float, downstream_m: float, keep: tuple[LaneRef, ...] = ()
     ) -> _Chain:
-        """Return the seed with the straightest lanes added at both ends, until it covers both distances."""
+        """Return the seed with the straightest lanes added at both ends, up to both distances."""
         centre = self._centre(seed)
         s = arc_lengths(centre)
         here = float(s[int(np.argmin(np.hypot(centre[:, 0] - self.x_m, centre[:, 1] - self.y_m)))])
@@ -294,7 +293,7 @@ class ApproachFinder:
     ) -> tuple[tuple[LaneRef, ...], tuple[LaneRef, LaneRef] | None]:
         """Return the seed and the lanes before it, backwards.
 
-        If one of these begins beside a lane from which traffic changes over into it, also that pair of lanes.
+        If one of these begins beside a lane from which traffic merges into it, that pair of lanes is returned too.
         """
         merged: tuple[LaneRef, LaneRef] | None = None
 
@@ -319,9 +318,9 @@ class ApproachFinder:
         return [min(options, key=lambda option: self._detour(option, name, keep))] if options else ()
 
     def _lane_before(self, ref: LaneRef) -> LaneRef | None:
-        """Return the lane beside one that begins here, from which traffic changes over into it; None if there is none.
+        """Return the lane beside one that begins here, from which traffic merges into it, or None.
 
-        A shared lane in the middle is entered anywhere along it.
+        A shared middle lane is entered anywhere along it.
         """
         if self.network.lane(ref).type is LaneType.BIDIRECTIONAL:
             return None
@@ -334,7 +333,7 @@ class ApproachFinder:
         return None
 
     def _merging(self, chain: _Chain, begun: LaneRef, beside: LaneRef) -> _Chain:
-        """Return the chain with a change over from the lane beside, within the part where both lanes exist."""
+        """Return the chain with a lane change from the lane beside it, where both lanes exist."""
         first = chain.lanes.index(begun)
         offsets: list[FloatArray] = []
         following: LaneRef | None = beside
@@ -380,11 +379,10 @@ class ApproachFinder:
         )
 
     def _turn(self, connecting: LaneRef) -> Turn | None:
-        """Return the turn that a connecting lane makes.
+        """Return the turn of a connecting lane.
 
-        By its own ends or by the roads some way off, whichever turns less.
-
-        Maps often bend a carriageway into the junction's centre just before it, and roads often bend just beyond.
+        It follows from its own ends or from the roads some way off, whichever turns less: maps often bend a carriageway
+        into the junction's centre just before it, and roads often bend just beyond.
         """
         if connecting not in self._turns:
             heading = self._centre(connecting)[:, 3]
@@ -401,7 +399,7 @@ class ApproachFinder:
         return self._turns[connecting]
 
     def _slight_turn(self, connecting: LaneRef) -> Turn | None:
-        """Return the turn as a driver would call it if a road of another name branches off at an acute angle."""
+        """Return the turn as a driver would name it, if a road of another name branches off at an acute angle."""
         if self._turn(connecting) is not None or abs(self._angles[connecting]) < SLIGHT_TURN_RAD:
             return None
         before, after = self.network.predecessors(connecting), self.network.successors(connecting)

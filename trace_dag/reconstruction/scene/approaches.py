@@ -1,6 +1,6 @@
-"""An approach: one way traffic can pass the crash.
+"""An approach: one path of traffic past the crash.
 
-A chain of lanes followed upstream and downstream of the crash, with the smooth path along it. Streams are found by
+It is a chain of lanes upstream and downstream of the crash, with the smooth path along it. Approaches are found by
 :mod:`trace_dag.reconstruction.scene.approach_finder`. Frame: the local frame; distances in metres along the approach's
 own path.
 """
@@ -29,17 +29,17 @@ LEAST_ROOM_M = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """One way past the crash.
+    """One path past the crash.
 
-    ``station_m`` is where the path is closest to the crash and ``offset_m`` how far to the left of the path the crash
-    lies there. ``turn`` is the turn that the lanes themselves make. In that case ``path`` runs straight on from
-    ``turn_from_m``, where the turn's lanes begin, and ``exit_pose`` is where they end. ``wrong_way``: against the
-    lane's traffic. ``other_way``: against the way that the map has for a reversible road, whose traffic can have gone
-    either way at the hour. ``extended``: continued straight on where the road ends. ``moves_out``: leaves the lane to
-    pass, before the crash. ``share_of_ring``: how far around a roundabout it has come at the crash. ``centre_lane``:
-    the shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight. ``beyond`` is
-    the first lane past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane among those of
-    its direction; ``lanes_total`` counts both.
+    ``station_m`` is the station closest to the crash, and ``offset_m`` the distance of the crash to the left of the
+    path there. ``turn`` is the turn that the lanes themselves make. In that case ``path`` runs straight on from
+    ``turn_from_m``, where the turn's lanes begin, and ``exit_pose`` is their end. ``wrong_way``: against the lane's
+    traffic. ``other_way``: against the mapped direction of a reversible road, whose traffic may have gone either way at
+    that hour. ``extended``: continued straight on where the road ends. ``moves_out``: leaves the lane to pass, before
+    the crash. ``share_of_ring``: the part of a roundabout driven before the crash. ``centre_lane``: the shared turn
+    lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight. ``beyond`` is the first lane
+    past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane among those of its direction;
+    ``lanes_total`` counts both.
     """
 
     name: str
@@ -71,9 +71,8 @@ class Approach:
     def fitted(self, speed_mps: float) -> Approach:
         """Return the approach as driven at this speed.
 
-        Bends that a map draws as kinks are rounded until they can be driven.
-
-        The path stays within the lane if a car can; a bend too sharp for that is cut as far as necessary.
+        Bends that a map draws as kinks are rounded until they are drivable. The path stays within the lane if a car
+        can; a sharper bend is cut as far as necessary.
         """
         reach_m = max(speed_mps, 1.0) * 7.0
         room_m = max((self.width_m - BODY_WIDTH_M) / 2, LEAST_ROOM_M)
@@ -92,7 +91,7 @@ class Approach:
         return in_lane or approach
 
     def _moved_m(self, path: Path, driven: NDArray[np.bool_]) -> float:
-        """Return how far a smoothed path is from this approach's own where it is driven (metres)."""
+        """Return the largest distance of a smoothed path from this approach's own where it is driven (metres)."""
         if path is self.path or not driven.any():
             return 0.0
         every = slice(None, None, 4)  # 2 m
@@ -116,35 +115,35 @@ class Approach:
 
     @property
     def side(self) -> int:
-        """Return the eighth of the compass it heads for, 0 for east, counter-clockwise.
+        """Return the compass octant of its direction, 0 for east, counter-clockwise.
 
-        Approaches of one side differ in their lanes alone.
+        Approaches of one side differ only in their lanes.
         """
         return round(self.heading_rad / (math.pi / 4)) % 8
 
     @property
     def course_rad(self) -> float:
-        """Return the direction of travel where the path passes the crash."""
+        """Return the direction of travel at the crash."""
         return self.path.pose(self.station_m).heading_rad
 
     @property
     def kerb_sign(self) -> float:
-        """Return the side of the road's edge, seen from its lanes: -1 the right, 1 (traffic keeps left) the left."""
+        """Return the side of the road's edge seen from its lanes: -1 right, 1 left (in left-hand traffic)."""
         return 1.0 if self.road is not None and self.road.left_hand else -1.0
 
     @property
     def turn_across(self) -> Turn:
-        """Return the turn across oncoming traffic: to the left, where traffic keeps left to the right."""
+        """Return the turn across oncoming traffic: left, or right in left-hand traffic."""
         return Turn.LEFT if self.kerb_sign < 0 else Turn.RIGHT
 
     @property
     def lane_from_centre(self) -> int:
-        """Return the number of lanes of its direction between it and the centre of the road."""
+        """Return the number of lanes of its direction between this lane and the centre of the road."""
         return self.lane_from_left if self.kerb_sign < 0 else self.lanes_along - 1 - self.lane_from_left
 
     @property
     def goes_either_way(self) -> bool:
-        """Return whether its traffic, all one way, can have gone this way or the other at the hour of the crash."""
+        """Return whether its one-way traffic may have gone either way at the hour of the crash."""
         return self.road is not None and self.road.reversible == "unknown"
 
     @property

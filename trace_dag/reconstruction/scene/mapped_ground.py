@@ -2,8 +2,8 @@
 
 Carriageways, junctions, driveways, shoulders and pavements, and outside buildings.
 
-A vehicle that the report has leave the road may do so, one may be parked where none is mapped, and a person walks
-anywhere; none of them goes through a building.
+A vehicle may leave the road if the report says so, it may be parked off mapped ground, and a person walks anywhere; no
+party goes through a building.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _LEFT_ROAD: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, RAN_OFF_AT_END, RAN_
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """The way of a party: its number and kind, and where its middle is (m, local frame) at times (s)."""
+    """The path of a party: its number and kind, and the positions of its middle (m, local frame) at times (s)."""
 
     number: int
     kind: PartyKind
@@ -47,10 +47,11 @@ class Way:
 
 @dataclass(frozen=True)
 class Astray:
-    """A party that is where none can be.
+    """A party on impossible ground.
 
-    The result has how far off mapped ground at most (m), in a building (then 0 m), from the beginning until
-    ``until_s`` (s) or, if that is None, later on."""
+    It has the largest distance from mapped ground (m), or 0 m in a building. The party is there from the beginning
+    until ``until_s`` (s), or later if that is None.
+    """
 
     number: int
     off_m: float
@@ -84,7 +85,7 @@ def ways_of(participants: Iterable[ParticipantState]) -> Iterator[Way]:
 def astray(
     record: CrashRecord, network: RoadNetwork, things: Sequence[MappedThing], ways: Iterable[Way], event_s: float
 ) -> tuple[Astray, ...]:
-    """Return the parties that are where none can be before the first event at ``event_s`` (s).
+    """Return the parties on impossible ground before the first event at ``event_s`` (s).
 
     >>> astray(record, network, map_report.things, ways_of(hypothesis.participants), hypothesis.impact_time_s)
     ()
@@ -111,7 +112,7 @@ def astray(
 
 
 def leaves_road(record: CrashRecord, number: int) -> bool:
-    """Return whether the report has a vehicle off the road before or at the first harmful event.
+    """Return whether the report places a vehicle off the road before or at the first harmful event.
 
     >>> leaves_road(record, 1), leaves_road(tree_record, 1)
     (False, True)
@@ -127,7 +128,7 @@ def leaves_road(record: CrashRecord, number: int) -> bool:
 
 
 def _off_m(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-    """Return how far points are off mapped ground (m)."""
+    """Return the distances of points from mapped ground (m)."""
     off_m = np.zeros_like(x_m)
     outside: NDArray[np.bool_] = ~network.paved_area.contains(x_m, y_m)
     if outside.any():
@@ -140,7 +141,7 @@ def _off_m(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> FloatArray
 def _junctions(network: RoadNetwork, x_m: FloatArray, y_m: FloatArray) -> shapely.Geometry:
     """Return the ground of the junctions around points.
 
-    Within one all is paved, between the lanes of its movements too.
+    All of a junction is paved, also between the lanes of its movements.
     """
     box_m = (float(x_m.min()), float(y_m.min()), float(x_m.max()), float(y_m.max()))
     movements: dict[str, list[FloatArray]] = {}

@@ -1,8 +1,8 @@
-"""Fixed objects that OpenStreetMap has: the one of the reported kind that stands where the vehicle left the road.
+"""Fixed objects in OpenStreetMap: the one of the reported kind where the vehicle left the road.
 
-It is used instead of an object placed by the program, since the map knows better than a rule where a tree stands. It
-must be within the distance along the road that a verdict allows, on the reported side, beyond the edge and in the
-reported zone.
+It is used instead of an object placed by the program, since a mapped place is more accurate than a rule. It must be
+within the distance along the road that a verdict allows, on the reported side, beyond the edge and in the reported
+zone.
 """
 
 from __future__ import annotations
@@ -65,10 +65,9 @@ _RUNS_ALONG_RAD: Final = math.radians(35)  # a line that turns farther from the 
 
 @dataclass(frozen=True)
 class MappedObject:
-    """A thing of the map beside a path.
+    """A mapped object beside a path.
 
-    The path's station there, how far to the path's side it stands (m), its place, and the direction of a thing that
-    runs along the road.
+    It has the station, the distance to the path's side (m), the place, and for a long object its direction.
     """
 
     thing: MappedThing
@@ -79,7 +78,7 @@ class MappedObject:
 
 
 def things_of_kind(things: Sequence[MappedThing], code: int) -> Iterator[MappedThing]:
-    """Yield the things of a map that an ``SOE`` names: points of compact kinds, lines of those that run along a road.
+    """Yield the mapped objects that an ``SOE`` names: points for compact kinds, lines for those along a road.
 
     >>> from trace_dag.roads.report import MappedThing
     >>> tree = MappedThing("n1", "natural=tree", ((3.0, 4.0),))
@@ -93,9 +92,7 @@ def things_of_kind(things: Sequence[MappedThing], code: int) -> Iterator[MappedT
 
 
 def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> MappedObject | None:
-    """Return the nearest thing of a kind that stands where a vehicle on ``base`` can have left the road.
-
-    None if there is none.
+    """Return the nearest mapped object of a kind where a vehicle on ``base`` may have left the road, or None.
 
     ``side_sign`` is 1 to the left of the path and -1 to the right.
 
@@ -133,7 +130,7 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
 
 
 def nearest_of(thing: MappedThing, to_xy_m: FloatArray) -> tuple[tuple[float, float], float | None]:
-    """Return the point of a thing that is nearest to another, and a line's direction there.
+    """Return the point of a mapped object that is nearest to another point, and a line's direction there.
 
     >>> from trace_dag.roads.report import MappedThing
     >>> wall = MappedThing("w1", "barrier=wall", ((0.0, 0.0), (10.0, 0.0)))

@@ -1,7 +1,7 @@
-"""The ground that a placed object may take.
+"""The ground for placed objects.
 
-Beside lanes and shoulders, a bridge rail on its bridge, none where another one stands; kerbs, rails and walls end where
-a street opens.
+They stand beside lanes and shoulders, a bridge rail on its bridge, and none inside another one; kerbs, rails and walls
+end where a street opens.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ def on_free_ground(
     *,
     relation: int | None = None,
 ) -> FixedObject | None:
-    """Return the object where it can stand, or None where it cannot.
+    """Return the object, shortened to free ground, or None if it cannot stand there.
 
-    On a lane or shoulder, off the bridge whose rail it is, in another object.
+    It cannot stand on a lane or shoulder, off its bridge (for a bridge rail), or in another object.
 
-    A lengthwise object keeps the part around the place where it is struck that lies across no roadway, and nearer to
-    that place than to where another lengthwise one is struck: of one rail that is struck twice each has its part.
-    ``relation``: the ``REL_ROAD`` of the event. An object that is struck on the roadway may stand there (an island's
-    kerb), and so may one that lay there."""
+    A lengthwise object keeps the part around the place of its strike that lies across no roadway and nearer to that
+    place than to the strike of another lengthwise object: a rail that is struck twice is divided. ``relation`` is the
+    ``REL_ROAD`` of the event. An object that is struck on the roadway may stand or lie there (the kerb of an island).
+    """
     if relation in ON_ROADWAY or item.code in LYING_OBJECTS:
         return item
     pose, reach_m = item.pose, item.length_m + item.width_m
@@ -93,11 +93,11 @@ def on_free_ground(
 
 
 def beyond_range_m(network: RoadNetwork, edge: Pose, sign: float, code: int) -> tuple[float, float]:
-    """Return how far beyond the carriageway's edge (m) an object stands at least, and at most.
+    """Return the least and largest distance of an object from the edge of the carriageway (m).
 
-    It stands behind the shoulder, and lanes for parking and cycling, that the map has there, and behind the usual
-    shoulder of such a road; a kerb has no such before it, and a bridge ends there. ``edge``: a place at the edge, in
-    the direction of the traffic beside it. ``sign``: 1 to the left of it, -1 to the right.
+    It stands behind the mapped shoulder and lanes for parking and cycling, and behind the usual shoulder of such a
+    road. For a kerb these do not count; a bridge ends there. ``edge`` is a place at the edge, in the direction of the
+    traffic beside it. ``sign`` is 1 for the left of it, -1 for the right.
     """
     away = np.arange(0.0, _WIDEST_M, 0.25)
     at = edge.to_world(np.column_stack([np.zeros(len(away)), sign * (away + _TOUCHING_M)]))
@@ -117,7 +117,7 @@ def _outline(item: FixedObject, width_m: float) -> shapely.Polygon:
 
 
 def _on_bridge(clear: BaseGeometry, network: RoadNetwork, pose: Pose, reach_m: float) -> BaseGeometry:
-    """Return the part of a line beside a bridge; the line as it is where the map has no bridge near."""
+    """Return the part of a line beside a bridge, or the whole line if no bridge is near."""
     bridges = network.paved_near(pose.x_m, pose.y_m, reach_m, z_m=pose.z_m, of=lambda road: road.bridge)
     near = bridges.within(shapely.Point(pose.xy_m).buffer(reach_m).bounds, _TOUCHING_M)
     return clear if near.is_empty else clear.intersection(near.buffer(_OF_BRIDGE_M))
@@ -136,7 +136,7 @@ def _spans(axis: shapely.LineString, shape: BaseGeometry) -> BaseGeometry:
 
 
 def _nearer(own: FloatArray, other: FloatArray) -> shapely.Polygon:
-    """Return all that is nearer to one point than to another, as far as any object reaches."""
+    """Return the area nearer to one point than to another, within the reach of objects."""
     towards = (own - other) / np.linalg.norm(own - other)
     across = np.array([-towards[1], towards[0]])
     middle = (own + other) / 2

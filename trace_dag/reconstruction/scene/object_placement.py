@@ -51,9 +51,9 @@ PlannedContacts = tuple[tuple[float, tuple[float, float]], ...]
 
 @dataclass(frozen=True, eq=False)
 class Led:
-    """A way off the road: the path, the station of the first object, and the objects' direction (rad).
+    """A path off the road, with the station of the first object and the objects' direction (rad).
 
-    ``ends`` tells whether the road ends.
+    ``ends``: the road ends there.
     """
 
     path: Path
@@ -63,7 +63,7 @@ class Led:
 
 
 def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
-    """Return an object that stands where the map has it, marked as the map's.
+    """Return an object at its mapped place, marked as the map's.
 
     >>> on_map = as_mapped(tree, MappedThing("n1", "natural=tree", ((3.0, 4.0),)))
     >>> on_map.pose.x_m, on_map.pose.y_m, on_map.placed_by.value
@@ -78,8 +78,8 @@ def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
 def find_touch_point(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float, outward_rad: float) -> ContactPoint:
     """Return the point of the vehicle that an object touches.
 
-    For a compact one the spot of the area of impact, for one along the edge the foremost corner towards ``outward_rad``
-    (in the vehicle's axes).
+    For a compact object it is the point of the area of impact, for one along the edge the foremost corner towards
+    ``outward_rad`` (in the vehicle's axes).
 
     >>> car = tree_record.vehicles[0]
     >>> find_touch_point(car, replace(departure.objects[0], area=None), 0.0, 0.0).ahead_m  # half its length
@@ -99,9 +99,9 @@ def find_touch_point(vehicle: VehicleRecord, struck: CrashEvent, slip_rad: float
 def objects_along(
     departure: Departure, led: Led, course: LeavingCourse, impact_mps: float
 ) -> tuple[tuple[FixedObject, ...], PlannedContacts]:
-    """Return the objects along the course, as far as the vehicle gets, each placed at its area of impact.
+    """Return the objects on the vehicle's course, with the time and place of each strike.
 
-    And when and where each is struck.
+    Each is placed at its area of impact.
 
     >>> straight_on = Led(way_past_the_tree.path(), station_m=100.0, along_rad=0.0, ended=False)
     >>> objects, planned = objects_along(departure, straight_on, LeavingCourse("drifting", 0.8, 0.0, 0.0), 20.0)
@@ -134,7 +134,7 @@ def objects_along(
 
 
 def _passes(departure: Departure, item: FixedObject) -> bool:
-    """Return whether the vehicle goes on along its course past an object."""
+    """Return whether the vehicle continues on its course past an object."""
     if departure.vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
         return False
     return item.resistance is Resistance.DRIVEN_OVER or (item.energy_j is not None and item.energy_j <= _BREAKS_J)
@@ -151,9 +151,9 @@ def place_object(
 ) -> tuple[FixedObject, tuple[float, float]]:
     """Return an object that touches a vehicle in a pose, and the point of contact.
 
-    A compact object lies outside the spot where it is struck; the near face of an object along the edge, which runs
-    along ``along_rad`` and is at most ``straight_m`` long, goes through the vehicle's foremost corner. ``slip_rad``:
-    the vehicle's heading less its course.
+    A compact object lies outside the struck point. The near face of an object along the edge goes through the vehicle's
+    foremost corner; the object has the direction ``along_rad`` and at most the length ``straight_m``. ``slip_rad``: the
+    vehicle's heading less its course.
 
     >>> at_origin = Pose(0.0, 0.0, 0.0)  # heading east
     >>> item, touched = place_object(departure.vehicle, departure.objects[0], at_origin, 0.0, 0.0)
@@ -191,7 +191,7 @@ def place_object(
 
 
 def _straight_m(path: Path, pose: Pose) -> float:
-    """Return the longest straight object (metres) along a road that curves as the path does."""
+    """Return the longest straight object (metres) along a road with the path's curvature."""
     at, _ = path.project(pose.x_m, pose.y_m)
     near = np.abs(path.s_m - at) < 15.0
     curvature = abs(float(np.mean(path.curvature_1pm[near]))) if near.any() else 0.0

@@ -22,11 +22,9 @@ _OUT_OF_ROUND = 1.7  # farthest over nearest distance from the middle; a pair of
 def ring_through(
     network: RoadNetwork, seed: LaneRef, centreline: Callable[[LaneRef], FloatArray]
 ) -> tuple[LaneRef, ...]:
-    """Return the lanes of the roundabout that ``seed`` belongs to, in the direction of travel from it.
+    """Return the lanes of the roundabout of ``seed``, in the direction of travel from it; empty without one.
 
-    Empty if it belongs to none.
-
-    ``centreline`` gives a lane's centre, shape (n, 4), as :meth:`RoadNetwork.centreline`.
+    ``centreline`` returns a lane's centre, shape (n, 4), as :meth:`RoadNetwork.centreline`.
 
     >>> lane = network.drivable_lanes()[0]
     >>> ring_through(network, lane, network.centreline)  # this town has crossings, and no roundabout

@@ -22,7 +22,7 @@ _ON_ROAD_M = 8.0  # the crash was not on a lane whose centre is farther away
 
 
 def place_of(placement: CrashPlacement) -> tuple[float, float]:
-    """Return the expected place of impact: the reported point, unless that had to be moved to another road.
+    """Return the expected place of impact: the reported point, unless it was moved to another road.
 
     >>> place_of(map_report.placement)  # the point of the report is the origin of the local frame
     (0.0, 0.0)
@@ -32,7 +32,7 @@ def place_of(placement: CrashPlacement) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The crash on its map: what every candidate is made from."""
+    """The crash on its map, the base of every candidate."""
 
     record: CrashRecord
     network: RoadNetwork
@@ -48,9 +48,10 @@ class Scene:
 
     @property
     def on_road_m(self) -> float:
-        """Return how far from the reported point the centre of the crash's lane can be.
+        """Return how far the centre of the crash's lane may be from the reported point (m).
 
-        It is as much farther as the point can be off."""
+        It includes the possible error of the point.
+        """
         return _ON_ROAD_M + (self.record.position_accuracy_m or 0.0)
 
     @cached_property
@@ -65,12 +66,12 @@ class Scene:
         return [approach for approach in self.approaches if approach.turn is None]
 
     def no_way_that(self, does: str) -> str:
-        """Return the sentence that no way past the crash does something, such as "leads off the road"."""
+        """Return the sentence that no path past the crash has a property, such as "leads off the road"."""
         if not self.approaches:
             return "no lane of the map passes the crash"
         return f"{count_of(len(self.approaches), 'way')} past the crash, none of which {does}"
 
     def on_road(self, wanted: list[Approach]) -> list[Approach]:
-        """Return streams that pass within a lane or two of the crash, else the nearest ones."""
+        """Return approaches that pass within a lane or two of the crash, or else the nearest ones."""
         near = [approach for approach in wanted if abs(approach.offset_m) <= self.on_road_m]
         return near or wanted[:2]

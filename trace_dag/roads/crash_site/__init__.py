@@ -1,1 +1,1 @@
-"""The crash on the road map: where it is, whether map and report agree, and what the report adds to the map."""
+"""The crash on the road map: its place, the agreement of map and report, and the report's additions to the map."""

@@ -1,11 +1,10 @@
 """The map against the report, at the crash: lanes, limit, division, traffic control, and kind of intersection.
 
-Each attribute agrees, differs, or cannot be compared because one of the two does not say. If both say something, the
-map keeps OSM's value and the difference is recorded. Each vehicle is compared with the street it was on: the road that
-it drives along in a simulation, where there is one. At a crossing the report does not say which of the two streets that
-was. The one that fits its lanes, limit, trafficway and control better is taken; the crash's own street if both fit
-equally well. Gaps in OSM are filled from the report in
-:mod:`trace_dag.roads.crash_site.gap_filling`.
+Each attribute agrees, differs, or cannot be compared because one of the two lacks it. If both have it, the map keeps
+OSM's value and the difference is recorded. Each vehicle is compared with its street, which is the road on which it
+drives in a simulation, if there is one. At a crossing the report does not name the vehicle's street. The street that
+fits its lanes, limit, trafficway and control better is taken, or the crash's own street if both fit equally well. Gaps
+in OSM are filled from the report in :mod:`trace_dag.roads.crash_site.gap_filling`.
 """
 
 from __future__ import annotations
@@ -87,7 +86,7 @@ def compare(
 ) -> tuple[Comparison, ...]:
     """Compare the attributes that report and map have in common, in a fixed order.
 
-    ``driven``: the roads that vehicles drive along, by number, in place of the streets that fit their forms best.
+    ``driven`` has the roads of vehicles in a simulation, by number; they replace the streets that fit the report best.
 
     >>> [(each.attribute, each.reported, each.mapped) for each in compare(network, record, map_report.placement)][:2]
     [('lanes', '4', '4'), ('intersection type', 'four_way', 'four_way')]
@@ -108,7 +107,7 @@ def streets_at(
     placement: CrashPlacement,
     driven: Mapping[int, str] = MappingProxyType({}),
 ) -> SiteStreets:
-    """Return the streets at the crash, and which one each vehicle was on: that of its ``driven`` road where given.
+    """Return the streets at the crash, and the street of each vehicle, which is that of its ``driven`` road if given.
 
     >>> streets = streets_at(network, record, map_report.placement)
     >>> {road.name for road in streets.own.roads}, {road.name for road in streets.cross.roads}
@@ -187,7 +186,7 @@ def _controls(
 
 
 def _fit(vehicle: VehicleRecord, street: StreetAtCrash) -> int:
-    """Score a street: attributes of a vehicle's road that fit it, minus those that do not."""
+    """Return the score of a street: matching attributes of a vehicle's road minus different ones."""
     score = 0
     for reported, mapped in (
         (_reported_lanes(vehicle), _mapped_lanes(vehicle, street)),
@@ -206,7 +205,7 @@ def _per_vehicle(
     reported_of: Callable[[VehicleRecord], str | None],
     mapped_of: Callable[[VehicleRecord, StreetAtCrash], tuple[str, ...]],
 ) -> Comparison:
-    """Return agrees if for every street the map has the value that a vehicle on it reports.
+    """Return a comparison that agrees if the map has, for every street, a value that a vehicle on it reports.
 
     Vehicles on one street may report different values, each for its own direction and place (one counts a turn lane
     that the other has passed). The map then agrees if it has one of the values.
@@ -253,7 +252,10 @@ def _reported_control(vehicle: VehicleRecord) -> str | None:
 
 
 def _mapped_controls(vehicle: VehicleRecord, street: StreetAtCrash) -> tuple[str, ...]:
-    """Return the mapped controls; none, since OSM lacks many signs, only beside a report of no control."""
+    """Return the mapped controls.
+
+    "none" counts only if the report has no control, since OSM lacks many signs.
+    """
     if street.controls:
         return tuple(sorted(control.value for control in street.controls))
     return (Control.NONE.value,) if control_of(vehicle) == Control.NONE else ()
@@ -293,11 +295,10 @@ def _intersection(
 def _kind_as_named(
     network: RoadNetwork, record: CrashRecord, placement: CrashPlacement, own: Crossing | None
 ) -> RoadTopology:
-    """Return the kind of the crossing that the report means.
+    """Return the kind of the reported crossing.
 
-    The crash's own, unless only another one has the reported names.
-
-    A crash on the way to or from a crossing may lie nearer to another crossing.
+    It is the crash's own crossing, unless only another one has the reported names: a crash on the way to or from a
+    crossing may be nearer to another one.
     """
     meant = own
     if own is None or not is_named(own, record):
@@ -318,14 +319,14 @@ def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:
 
 
 def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:
-    """Return whether the street turns at the crash, also where one road ends and a road of another name begins."""
+    """Return whether the street turns at the crash, also if a road of another name begins there."""
     return abs(bend_rad(network, placement, _BEND_REACH_M)) > _BEND_RAD
 
 
 def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) -> float:
-    """Return the turn of the crash's road around the crash, radians to the left along its reference line.
+    """Return the angle by which the crash's road turns around the crash, radians to the left along its reference line.
 
-    It is that from ``reach_m`` before the crash to ``reach_m`` behind it.
+    It is measured from ``reach_m`` before the crash to ``reach_m`` behind it.
     """
     s_m = network.road_geometry(placement.road_id).line.project(placement.x_m, placement.y_m)[0]
     before, after = (_heading_along(network, placement.road_id, s_m + reach) for reach in (-reach_m, reach_m))
@@ -335,7 +336,7 @@ def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) ->
 def _heading_along(network: RoadNetwork, road_id: str, s_m: float) -> float:
     """Return the heading of a road at ``s_m``.
 
-    Beyond its end that of the road it is linked to, in the same direction.
+    Beyond its end it is that of the linked road, in the same direction.
     """
     road = network.road_by_id[road_id]
     line = network.road_geometry(road_id).line

@@ -1,7 +1,7 @@
 """OpenStreetMap features beside the road at the crash that a vehicle can strike: trees, poles, barriers and buildings.
 
-Only things that a report can name as a fixed object. Areas farther off (water, woods, parking) are only drawn in
-pictures.
+They include only objects that a report can name as fixed objects. Areas farther off (water, woods, parking) are only
+drawn in pictures.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def things_near(
 
 
 def _tag(feature: OsmFeature) -> str | None:
-    """Return the tag that says what a thing is, as "natural=tree"; only the key, if any value means the same."""
+    """Return the tag that names the type of a feature, as "natural=tree"; only the key if any value will do."""
     for key in _ANY_VALUE:
         if feature.tags.get(key, "no") not in _WITHOUT_WALLS:
             return key

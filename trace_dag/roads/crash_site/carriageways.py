@@ -23,7 +23,7 @@ class LaneCount:
     """Traffic lanes of a road object: along its reference line, against it, and turn lanes in the middle.
 
     A cross-section with lanes that only turn is counted twice, with and without them. ``VNUM_LAN`` includes them if
-    they belong to what the vehicle drove on, and the map cannot know that.
+    they belong to the vehicle's roadway, which the map does not show.
     """
 
     along: int
@@ -38,7 +38,7 @@ class LaneCount:
 
 @dataclass(frozen=True)
 class Carriageway:
-    """A road object at a place, and the other carriageway of the same street where it is divided."""
+    """A road object at a place, and the other carriageway of the same street if it is divided."""
 
     road: Road
     counts: tuple[LaneCount, ...]  # every count of every cross-section within the approach, nearest first
@@ -100,7 +100,7 @@ def _count(road: Road, lanes: list[Lane], centre: int) -> LaneCount:
 
 
 def _opposite(network: RoadNetwork, road: Road, x_m: float, y_m: float, heading_rad: float) -> Road | None:
-    """Return the nearest one-way road in the other direction, on its side, unless it is clearly another street."""
+    """Return the nearest one-way road in the other direction on its side, unless that is clearly another street."""
     for match in network.nearest_lanes(x_m, y_m, _OTHER_CARRIAGEWAY_M):
         other = network.road_by_id[match.lane.road_id]
         if other.id == road.id or other.junction_id is not None or other.highway in SERVICE_HIGHWAYS:

@@ -21,9 +21,9 @@ _SYSTEMS: Final = {1: RouteSystem.INTERSTATE, 2: RouteSystem.US, 3: RouteSystem.
 
 
 def is_on_ramp(record: CrashRecord) -> bool:
-    """Return whether the report has the crash on a ramp.
+    """Return whether the report places the crash on a ramp.
 
-    By its relation to the junction, the road's name or ``VTRAFWAY``.
+    It uses the relation to the junction, the road's name and ``VTRAFWAY``.
 
     >>> is_on_ramp(record)
     False
@@ -36,9 +36,9 @@ def is_on_ramp(record: CrashRecord) -> bool:
 
 
 def is_numbered_as_reported(record: CrashRecord, road: Road) -> bool | None:
-    """Return whether a road bears a number of the system that ``ROUTE`` names.
+    """Return whether a road has a number of the system that ``ROUTE`` names.
 
-    None where the report names none, or the road has names alone and no number is wanted.
+    None if the report names no system, or if the road has only names and needs no number.
 
     >>> is_numbered_as_reported(record, network.road_by_id[map_report.placement.road_id])  # ROUTE 3, ref NE 411
     True
@@ -52,7 +52,7 @@ def is_numbered_as_reported(record: CrashRecord, road: Road) -> bool | None:
 
 
 def is_town_street_for_interstate(record: CrashRecord, road: Road) -> bool:
-    """Return whether the report is of an interstate, and the road is a town's street.
+    """Return whether the report is of an interstate but the road is a town's street.
 
     >>> is_town_street_for_interstate(record, network.road_by_id[map_report.placement.road_id])
     False
@@ -64,7 +64,7 @@ def is_town_street_for_interstate(record: CrashRecord, road: Road) -> bool:
 def has_name_of_another(record: CrashRecord, names: Collection[str], network: RoadNetwork) -> bool:
     """Return whether none of a place's ``names`` is reported, and the first reported one is elsewhere.
 
-    A ramp bears no name of its own, and is reported by that of the road it belongs to.
+    A ramp has no name of its own, and is reported under that of its road.
 
     >>> has_name_of_another(record, {"Elder Street"}, network), has_name_of_another(record, {"Low Road"}, network)
     (False, True)
@@ -79,9 +79,9 @@ def has_name_of_another(record: CrashRecord, names: Collection[str], network: Ro
 
 
 def contradiction(record: CrashRecord, road: Road, names: Collection[str], network: RoadNetwork) -> str:
-    """Return the sentence that says what speaks outright against a road; empty if nothing does.
+    """Return a sentence on a contradiction that rules out a road; empty if there is none.
 
-    ``names``: of the road, and of those that meet it where the crash is at a crossing.
+    ``names`` are those of the road, and at a crossing also of the roads that meet it.
 
     >>> main_street = network.road_by_id[map_report.placement.road_id]
     >>> contradiction(record, main_street, main_street.names, network)
@@ -101,7 +101,7 @@ def contradiction(record: CrashRecord, road: Road, names: Collection[str], netwo
 
 
 def _has_other_name(record: CrashRecord, names: Collection[str]) -> bool:
-    """Return whether a place has other names than those reported, where the first can be compared."""
+    """Return whether a place has names other than those reported, if the first one can be compared."""
     reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
     if is_on_ramp(record) or similarity(record.trafficway_1, names) is None:
         return False

@@ -1,7 +1,7 @@
 """Crossings as a road user sees them: their arms and their kind of intersection.
 
-A junction of the map is where lanes connect. A crossing is what a police officer would call an intersection: several
-junctions where a divided road is crossed, none at all where a ramp merges or a driveway joins. Kinds are the words of
+A junction of the map is where lanes connect. A crossing is an intersection as a police officer sees it: several
+junctions at a divided road, none at a merging ramp or a driveway. Kinds are the words of
 :class:`trace_dag.crash.classes.RoadTopology`, after the element ``TYP_INT`` of FARS ("Type of Intersection").
 """
 
@@ -34,7 +34,7 @@ _T_STEM_RAD: Final = math.radians(50)  # a third arm at least this angle from th
 
 @dataclass(frozen=True)
 class Arm:
-    """One arm of a crossing: its roads (two where divided), the heading in which it leaves, radians, and its names.
+    """One arm of a crossing: its roads (two if divided), its outward heading, radians, and its names.
 
     ``bearing_rad`` is its direction from the centre of the crossing.
     """
@@ -72,7 +72,7 @@ class Crossing:
 
 
 def _is_same_street(a: Arm, b: Arm) -> bool:
-    """Return whether two arms are one street: of one name, or straight on where either has none."""
+    """Return whether two arms are one street: of the same name, or straight on if one has no name."""
     if a.names and b.names:
         return _may_be_one_street(a, b)
     return math.pi - abs(wrap_angle(a.heading_rad - b.heading_rad)) < _STRAIGHT_ON_RAD
@@ -81,7 +81,7 @@ def _is_same_street(a: Arm, b: Arm) -> bool:
 def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
     """Return all crossings of a network.
 
-    Kinds of junctions that :func:`add_kinds` has set are used.
+    Kinds set by :func:`add_kinds` are used.
 
     >>> junction_id = map_report.placement.junction_id
     >>> at_crash = next(each for each in find_crossings(network) if junction_id in each.junction_ids)
@@ -94,7 +94,7 @@ def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
 def add_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
     """Return the network with each junction's ``kind`` set to that of its crossing, intersection or not.
 
-    The extract says what the network does not: which ways are roundabouts and which are private.
+    The extract adds facts that the network lacks: the ways that are roundabouts or private.
 
     >>> sorted({junction.kind for junction in add_kinds(network, extract).junctions})
     ['four_way', 'not_an_intersection', 't']
@@ -201,7 +201,7 @@ def _is_inside_crossing(road: Road, junctions: list[Junction], ends: dict[str, l
 def _on_divided_road(ends: list[_End], median_road: Road) -> bool:
     """Return whether a carriageway passes this junction beside the road over the median.
 
-    One one-way road in, one out.
+    That takes one one-way road in and one out.
     """
     others = [(road, contact) for road, contact in ends if road.id != median_road.id and road.one_way]
     return len({contact for _, contact in others}) == 2
@@ -295,7 +295,7 @@ def _arm(network: RoadNetwork, road: Road, contact: ContactPoint, centre: tuple[
 
 
 def _lead_to_one_place(network: RoadNetwork, a: Arm, b: Arm, members: Collection[str]) -> bool:
-    """Return whether two arms meet again at their far ends, one of them one-way: the sides of a traffic island."""
+    """Return whether two arms, one of them one-way, meet again at their far ends, around a traffic island."""
     roads = [network.road_by_id[road_id] for road_id in (*a.road_ids, *b.road_ids)]
     if any(road.length_m > _SLIP_ROAD_M for road in roads) or not any(road.one_way for road in roads):
         return False
@@ -354,7 +354,7 @@ def _kind(arms: tuple[Arm, ...]) -> RoadTopology | None:
 
 
 def _merges_or_divides(arms: tuple[Arm, ...]) -> bool:
-    """Return whether traffic only merges or divides here, as where a ramp meets a motorway: no paths cross."""
+    """Return whether traffic only merges or divides here, as at a ramp of a motorway, without crossing paths."""
     entering = [arm for arm in arms if arm.enters]
     leaving = [arm for arm in arms if arm.leaves]
     if len(entering) + len(leaving) > len(arms) or min(len(entering), len(leaving)) > 1:
@@ -363,7 +363,7 @@ def _merges_or_divides(arms: tuple[Arm, ...]) -> bool:
 
 
 def _is_t(headings_rad: list[float]) -> bool:
-    """Return whether two of three arms go straight on and the third comes from the side."""
+    """Return whether two of three arms are straight and the third comes from the side."""
     for stem in range(3):
         a, b = (headings_rad[i] for i in range(3) if i != stem)
         bent = math.pi - abs(wrap_angle(a - b))

@@ -1,10 +1,10 @@
 """Driveways that the report mentions and OpenStreetMap does not have: drawn as roads of the map and marked as inferred.
 
-A vehicle that is reported to have come out of a driveway, from the side, or to have turned off the street between
-intersections, must have used a driveway. If no road of the map passes the crash on that side, a way is added to a copy
-of the extract, as a mapper would have drawn it: at right angles to the street, through the crash's place, on both sides
-if the report does not say which. Its tag ``trace_dag:inferred`` says why it is there. On a divided street it crosses
-the median if the reported course does.
+A vehicle must have used a driveway if it is reported to have come out of one, from the side, or to have turned off the
+street between intersections. If no road of the map passes the crash on that side, a way is added to a copy of the
+extract, as a mapper would have drawn it: at right angles to the street, through the crash's place, on both sides if the
+report does not say which. Its tag ``trace_dag:inferred`` has the reason. On a divided street it crosses the median if
+the reported course does.
 """
 
 from __future__ import annotations
@@ -54,11 +54,10 @@ _TAGS: Final = {"highway": "service", "service": "driveway", "width": f"{_WIDTH_
 
 @dataclass(frozen=True)
 class Access:
-    """The way off the street that the report mentions. ``side``: as seen in the direction of the street's traffic.
+    """The reported access to the street. ``side``: as seen in the direction of the street's traffic.
 
-    None: either.
-
-    ``turn``: that of the vehicle which came out of it. ``across``: the course leads over the whole street.
+    None means either side. ``turn``: the turn of the vehicle that came out of it. ``across``: the course leads over the
+    whole street.
     """
 
     why: str
@@ -69,7 +68,7 @@ class Access:
 
 
 def _reported_access(record: CrashRecord) -> Access | None:
-    """Return the way off the street that the report mentions, whether or not the map has it."""
+    """Return the access to the street in the report, whether or not the map has it."""
     pair = pair_of(record)
     if len(pair) != 2:
         return None
@@ -104,9 +103,9 @@ def _reported_access(record: CrashRecord) -> Access | None:
 def add_driveways(
     network: RoadNetwork, extract: OsmExtract, record: CrashRecord, placement: CrashPlacement
 ) -> OsmExtract:
-    """Return the extract with the driveways that the report mentions.
+    """Return the extract with the reported driveways.
 
-    Unchanged if the map has a road there or no room.
+    It is unchanged if the map has a road there or no room.
     """
     access = _reported_access(record)
     road = network.road_by_id[placement.road_id]
@@ -182,7 +181,7 @@ class _Street:
 
 
 def _at_its_crossing(network: RoadNetwork, placement: CrashPlacement) -> bool:
-    """Return whether the crash lies at the crossing it was placed at, whatever the angles of its arms."""
+    """Return whether the crash is at the crossing of its placement, regardless of the angles of its arms."""
     if placement.junction_id is None or not placement.cross_road_ids:
         return False
     near = network.nearest_lanes(placement.x_m, placement.y_m, _PASSES_M)
@@ -204,7 +203,7 @@ def _sides_passed(network: RoadNetwork, street: _Street) -> set[Side]:
 
 
 def _road_ends(network: RoadNetwork) -> Iterator[tuple[FloatArray, float]]:
-    """Return the ends of roads at junctions, and the heading away from there along the road."""
+    """Yield the ends of roads at junctions, with the heading away from there along the road."""
     for road in network.roads:
         if road.junction_id is not None:
             continue
@@ -255,7 +254,7 @@ class _Canvas:
         return min(found, key=lambda each: each[:2])[2] if found else None
 
     def draw(self, street: _Street, side: Side, access: Access) -> None:
-        """Draw a driveway on one side of a street; nothing if another road leaves no room."""
+        """Draw a driveway on one side of a street, if other roads leave room."""
         outward = street.outward(side)
         along_m = 0.0
         if access.turn is Turn.RIGHT:
@@ -284,7 +283,7 @@ class _Canvas:
         self._drawn.append(OsmWay(way_id, tuple(nodes), {**_TAGS, INFERRED_TAG: access.why}))
 
     def extract(self) -> OsmExtract:
-        """Return the extract with the driveways drawn; the same object if there are none."""
+        """Return the extract with the driveways, or the same object if there are none."""
         if not self._drawn:
             return self._extract
         nodes = {**self._extract.nodes, **{node.id: node for node in self._new_nodes}}
@@ -295,7 +294,7 @@ class _Canvas:
         return np.array([self._xy[node_id] for node_id in way.node_ids])
 
     def _junction_near(self, street: _Street, s_m: float) -> float:
-        """Return the station of a junction so near that a driveway would be an arm of it, else ``s_m``."""
+        """Return the station of a junction of which the driveway would be an arm, if one is that near; else ``s_m``."""
         stations = arc_lengths(self._line(street.way))
         near = [
             (abs(float(station) - s_m), float(station))
@@ -306,7 +305,7 @@ class _Canvas:
         return station if apart_m <= _SAME_JUNCTION_M else s_m
 
     def _hits(self, street: _Street, start: FloatArray, towards: FloatArray, reach_m: float) -> list[_Hit]:
-        """Return other ways on the level of the street that a straight line meets, nearest first."""
+        """Return the other ways on the street's level that a straight line meets, nearest first."""
         hits = []
         for way in self._ways:
             if any(way.tags.get(key, "no") != "no" for key in ("bridge", "tunnel")):
@@ -328,7 +327,7 @@ class _Canvas:
         return sorted(hits, key=lambda hit: (hit.distance_m, hit.way.id))
 
     def _node_at(self, way: OsmWay, s_m: float) -> int:
-        """Return the way's node at a station; a new one if it has none there."""
+        """Return the way's node at a station, new if there is none."""
         line = self._line(way)
         at = [*zip(arc_lengths(line).tolist(), way.node_ids, strict=True), *self._inserted[way.id]]
         apart_m, node_id = min((abs(station - s_m), node_id) for station, node_id in at)
@@ -372,7 +371,7 @@ def _station(line: FloatArray, point: FloatArray) -> float:
 
 
 def _on(line: FloatArray, s_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return the point at a station of a polyline, and the unit vector along it there."""
+    """Return the point at a station of a polyline, and the unit vector along it."""
     stations = arc_lengths(line)
     i = min(max(int(np.searchsorted(stations, s_m, side="right")) - 1, 0), len(line) - 2)
     along = line[i + 1] - line[i]

@@ -35,7 +35,7 @@ _Number = TypeVar("_Number", int, float)
 
 @dataclass(frozen=True)
 class GapFilling:
-    """The extract with the report's signals, signs and driveways, hints by OSM way id, and what was filled."""
+    """The extract with the report's signals, signs and driveways, hints by OSM way id, and the filled attributes."""
 
     extract: OsmExtract
     hints: dict[int, WayHints]
@@ -45,7 +45,7 @@ class GapFilling:
 def fill_gaps(network: RoadNetwork, extract: OsmExtract, record: CrashRecord, placement: CrashPlacement) -> GapFilling:
     """Fill gaps in the map from the report, for the streets at the crash.
 
-    A street is filled along its whole length on the map. Nothing is filled in if vehicles contradict each other.
+    A street is filled along its whole length on the map. Values on which vehicles contradict each other are not used.
 
     >>> filling = fill_gaps(network, extract, record, map_report.placement)
     >>> filling.attributes, filling.extract is extract  # the sample's ways have lanes, limits and signals of their own
@@ -133,7 +133,7 @@ def _add_controls(network: RoadNetwork, extract: OsmExtract, streets: SiteStreet
 
 
 def _with_signals(extract: OsmExtract, node_ids: set[int]) -> OsmExtract:
-    """Return signals on those nodes of a crossing where ways meet."""
+    """Return the extract with signals on nodes of a crossing where ways meet."""
     arms = Counter(node_id for way in extract.ways for pair in pairwise(way.node_ids) for node_id in pair)
     new = {
         node_id: node._replace(tags={**node.tags, "highway": "traffic_signals"})
@@ -144,7 +144,7 @@ def _with_signals(extract: OsmExtract, node_ids: set[int]) -> OsmExtract:
 
 
 def _with_signs(extract: OsmExtract, way_ids: set[int], crossing_nodes: set[int], tag: str) -> OsmExtract:
-    """Return signs on the ways of a street, before the crossing and facing the traffic that comes towards it."""
+    """Return the extract with signs on the ways of a street, before the crossing and facing approaching traffic."""
     nodes = dict(extract.nodes)
     ways = tuple(_way_with_signs(way, nodes, crossing_nodes, tag) if way.id in way_ids else way for way in extract.ways)
     return extract if nodes == extract.nodes else replace(extract, nodes=nodes, ways=ways)
@@ -166,9 +166,9 @@ def _way_with_signs(way: OsmWay, nodes: dict[int, OsmNode], crossing_nodes: set[
 
 
 def _add_sign(nodes: dict[int, OsmNode], far: OsmNode, crossing: OsmNode, tags: dict[str, str]) -> int | None:
-    """Return a sign between two nodes of a way.
+    """Add a sign between two nodes of a way; return the id of its node.
 
-    A new node if there is room (its id is returned), else the far node of the two.
+    If there is no room for a new node, tag the far node and return None.
     """
     length_m = _distance_m(far, crossing)
     if length_m <= 2 * _SIGN_BEFORE_M:

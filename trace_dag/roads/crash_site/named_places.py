@@ -33,9 +33,9 @@ _NAMES: Final = ("name", "ref", "alt_name", "official_name", "old_name")
 
 
 def find_places(maps: Sequence[Path], wanted: Collection[FromCrossing]) -> dict[FromCrossing, list[Place]]:
-    """Find each place: none if the streets do not cross there, several if they do so more than once.
+    """Return the points of each place: none if the streets do not cross, several if they cross repeatedly.
 
-    The distance is that in a straight line from the middle of the crossing to the street. Streets are compared as
+    The distance is measured in a straight line from the middle of the crossing to the street. Streets are compared as
     :mod:`trace_dag.roads.crash_site.street_names` does. Every file is read twice. Raises :class:`UserError` for files
     that are no OSM data.
     """
@@ -51,7 +51,7 @@ def find_places(maps: Sequence[Path], wanted: Collection[FromCrossing]) -> dict[
 
 
 class _Streets:
-    """The roads of a file that have one of some names. ``along``: those on which places away from crossings lie."""
+    """The roads of a file that have one of some names. ``along``: the roads with places away from crossings."""
 
     def __init__(self, path: Path, names: Collection[str], along: Collection[str]) -> None:
         roads = _named_roads(path)
@@ -74,7 +74,7 @@ class _Streets:
         return [place for crossing in crossings if (place := self._away(wanted, crossing)) is not None]
 
     def _away(self, wanted: FromCrossing, crossing: Place) -> Place | None:
-        """Return the middle of where the street leaves a circle around a crossing nearest to the direction."""
+        """Return the middle of the street's exits from a circle around a crossing that are nearest to the direction."""
         assert wanted.direction is not None
         frame, lines = LocalFrame(*crossing), self._lines(wanted.street)
         box = box_around(Site("", *crossing), wanted.distance_m)
@@ -99,7 +99,7 @@ class _Streets:
 
 
 def _named_roads(path: Path) -> dict[tuple[str, ...], list[array[int]]]:
-    """Return the nodes of every road, by the names it has."""
+    """Return the nodes of every road, by its names."""
     import osmium
 
     found: dict[tuple[str, ...], list[array[int]]] = {}

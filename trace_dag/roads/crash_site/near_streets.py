@@ -1,4 +1,4 @@
-"""The roads and streets around the reported point, how near they are, and which of them have a reported name."""
+"""The roads and streets around the reported point, with their distances and whether they have a reported name."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Nearness:
 def roads_near(network: RoadNetwork, x_m: float, y_m: float, reach_m: float) -> dict[str, Nearness]:
     """Return roads around a point, by id.
 
-    A movement through a junction counts for the roads it comes from and leads to.
+    A movement through a junction counts for the roads that it joins.
 
     >>> sorted({network.road_by_id[road_id].name for road_id in roads_near(network, 0.0, 0.0, 10.0)})
     ['Elder Street', 'Main Street']
@@ -53,7 +53,7 @@ def roads_near(network: RoadNetwork, x_m: float, y_m: float, reach_m: float) -> 
 
 
 def joined_by(network: RoadNetwork, connecting: Road) -> tuple[Road, ...]:
-    """Return the roads that a movement through a junction comes from and leads to.
+    """Return the roads that a movement through a junction joins.
 
     >>> through = network.road_by_id[map_report.placement.lane.lane.road_id]  # a movement through the crossing
     >>> through.turn, [road.name for road in joined_by(network, through)]

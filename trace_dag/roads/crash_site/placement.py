@@ -1,16 +1,16 @@
 """Placement of the crash on the map: road, place along it, crossing.
 
 The reported point is a coded point: some metres beside the road, on the wrong carriageway, or on the bridge above. So
-the road is chosen by what the report says about it: its name or number, who numbers it, class, lanes, limit, whether it
-is divided or a ramp, and how far the point lies from it. Each of these gives a log-likelihood ratio (how many times
-likelier such a report is for this road than for another), and they are added up. The weights are what
-``lab/placement_weights.py`` measures on stored maps: 127 roads that bear the reported name against 316 others
-within 100 m (crashes in Virginia in 2023 and FARS 2012 to 2016); by judgement where it says so. Facts of a road hang
-together (a wide road has a high limit), so they are counted at half of what each says alone.
+the road is chosen by the report: its name or number, the numbering system, class, lanes, limit, whether it is divided
+or a ramp, and the distance of the point. Each of these gives a log-likelihood ratio (how many times likelier such a
+report is for this road than for another), and they are added up. The weights are measured by
+``lab/placement_weights.py`` on stored maps (127 roads with the reported name against 316 others within 100 m; crashes
+in Virginia in 2023 and FARS 2012 to 2016), or set by judgement where marked. Facts of a road are correlated (a wide
+road has a high limit), so each weighs half of its value alone.
 
-No road stands against what the report says outright: a street of another name where the reported one is elsewhere on
-the map, a town street for an interstate, a mainline for a ramp that the map has. Nor is a road reached from beside it
-because its limit alone is right.
+A road is excluded if it contradicts the report outright: a street of another name while the reported one is elsewhere
+on the map, a town street for an interstate, or a mainline for a ramp that the map has. A point beside a road is also
+not assigned to it if only the limit fits.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ def place_crash(network: RoadNetwork, record: CrashRecord, settings: RoadSetting
     A point on the surface of its road stays where it is. A point beside it is moved just inside the nearest lane, by at
     most ``settings.max_move_m``.
 
-    Raises :class:`Rejection` (``crash_off_road``) if no road is that near, if the report says outright that the
-    likeliest is not its road, or if only its limit speaks for a road that the point lies beside.
+    Raises :class:`Rejection` (``crash_off_road``) if no road is that near, if the report contradicts the likeliest road
+    outright, or if the point is beside the road and only the limit fits.
 
     >>> from trace_dag.common.settings import RoadSettings
     >>> placement = place_crash(network, record, RoadSettings())
@@ -112,7 +112,7 @@ def is_at_intersection(record: CrashRecord) -> bool:
 
 
 def is_named(crossing: Crossing, record: CrashRecord) -> bool:
-    """Return whether a crossing is the one that the report names: both named streets meet there.
+    """Return whether the report names the crossing: both named streets meet there.
 
     >>> sum(is_named(crossing, record) for crossing in find_crossings(network))
     1
@@ -121,9 +121,9 @@ def is_named(crossing: Crossing, record: CrashRecord) -> bool:
 
 
 def class_steps(record: CrashRecord, road: Road) -> float | None:
-    """Return the number of classes between the reported functional class (``FUNC_SYS``) and a road's class on the map.
+    """Return the number of classes between the reported functional class (``FUNC_SYS``) and the road's mapped class.
 
-    None if one of the two is not known: a driveway or a track has no functional class.
+    None if one of the two is unknown: a driveway or a track has no functional class.
 
     >>> road = network.road_by_id[map_report.placement.road_id]
     >>> record.function_class_code, road.highway, round(class_steps(record, road), 1)  # a minor arterial
@@ -136,7 +136,7 @@ def class_steps(record: CrashRecord, road: Road) -> float | None:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A road near the point, with what each thing that the report says weighs for it (log-likelihood ratios)."""
+    """A road near the point, with the weight of each reported fact for it (log-likelihood ratio)."""
 
     road: Road
     distance_m: float
@@ -152,7 +152,7 @@ class _Candidate:
 
     @property
     def speaks_for_it(self) -> float:
-        """Score a road by the report but for the point and the limit, which many roads share."""
+        """Score a road by the report without the point and the limit, which many roads share."""
         return math.fsum(weight for name, weight in self.weights.items() if name not in ("distance", "limit"))
 
 
@@ -261,7 +261,7 @@ class _Placer:
         return best
 
     def _require_no_contradiction(self, road: Road) -> None:
-        """Raise :class:`Rejection` where the report says outright that this is not its road."""
+        """Raise :class:`Rejection` if the report rules out this road."""
         against = contradiction(self._record, road, road.names, self._network)
         if against:
             named = self._named(self._record.trafficway_1, exclude=())
@@ -269,7 +269,7 @@ class _Placer:
             raise Rejection(Reason.CRASH_OFF_ROAD, against, measured=measured, threshold=self._settings.max_move_m)
 
     def _named(self, reported: str, *, exclude: Collection[str]) -> tuple[str, ...]:
-        """Return roads near the point whose names fit a street name of the report."""
+        """Return roads near the point whose names match a reported street name."""
         if not reported:
             return ()
         return tuple(
@@ -281,7 +281,7 @@ class _Placer:
 
     # --- crossings -------------------------------------------------------------------------------------------
     def _crossing(self) -> Crossing | None:
-        """Return the crossing that the report means, chosen by distance, names of streets, and kind."""
+        """Return the reported crossing, chosen by distance, street names and kind."""
         record, best, best_score = self._record, None, -math.inf
         for crossing in self._crossings:
             if crossing.kind is None:
@@ -318,7 +318,7 @@ class _Placer:
         return self._placement(best, surface, junction, self._cross_roads(crossing, best.road))
 
     def _belongs(self, lane: LaneRef, crossing: Crossing, names: Collection[str]) -> bool:
-        """Return whether a lane belongs to the crossing or to one of its streets farther on."""
+        """Return whether a lane belongs to the crossing or to a further part of one of its streets."""
         road = self._network.road_by_id[lane.road_id]
         if road.id in crossing.road_ids or road.junction_id in crossing.junction_ids:
             return True
@@ -335,7 +335,7 @@ class _Placer:
         return min(inside, default=math.inf)
 
     def _cross_roads(self, crossing: Crossing, road: Road) -> tuple[str, ...]:
-        """Return roads of the crossing other than the crash's own street; those that ``TWAY_ID2`` names, if it does."""
+        """Return roads of the crossing other than the crash's own street; if ``TWAY_ID2`` names some, only these."""
         own = set(crossing.street_of(road.id))
         others = [arm for arm in crossing.arms if own.isdisjoint(arm.road_ids)]
         if self._record.trafficway_2:
@@ -348,7 +348,7 @@ class _Placer:
         return tuple(road_id for arm in others for road_id in arm.road_ids)
 
     def _driveway(self) -> tuple[str | None, tuple[str, ...]]:
-        """Return the junction of the nearest driveway within reach, and the driveways there."""
+        """Return the junction of the nearest driveway within reach, and its driveways."""
         best: tuple[float, str] | None = None
         for junction in self._network.junctions:
             distance_m = self._junction_distance(junction.id)

@@ -2,7 +2,7 @@
 
 FARS elements, by the FARS Analytical User's Manual: ``VTRAFWAY`` describes the trafficway. ``VNUM_LAN`` counts the
 lanes of the roadway the vehicle was on: both directions together where the trafficway is not divided, only the
-vehicle's own roadway where it is; turn lanes count if they belong to what the vehicle drove on; 7 means seven or more.
+vehicle's own roadway where it is; turn lanes count if they belong to the vehicle's roadway; 7 means seven or more.
 ``VTRAFCON`` is the traffic control that applied to the vehicle.
 """
 
@@ -53,7 +53,7 @@ _CONTROLS: Final = {
 
 
 def trafficway_of(vehicle: VehicleRecord) -> Trafficway | None:
-    """Return the trafficway; None if it is not reported or is a driveway.
+    """Return the trafficway; None if it is a driveway or not reported.
 
     >>> record.vehicles[0].trafficway_code, trafficway_of(record.vehicles[0]).value
     (1, 'undivided')
@@ -62,7 +62,7 @@ def trafficway_of(vehicle: VehicleRecord) -> Trafficway | None:
 
 
 def control_of(vehicle: VehicleRecord) -> Control | None:
-    """Return the traffic control; None if it is not reported or no map has such (a person, a warning sign).
+    """Return the traffic control; None if it is not reported or has no mapped equivalent (a person, a warning sign).
 
     >>> record.vehicles[0].traffic_control_code, control_of(record.vehicles[0]).value
     (3, 'signal')
@@ -71,7 +71,7 @@ def control_of(vehicle: VehicleRecord) -> Control | None:
 
 
 def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
-    """Return the two vehicles that collided; all vehicles if the record names no such two.
+    """Return the two vehicles that collided; all vehicles if the record names no two.
 
     >>> [vehicle.number for vehicle in pair_of(record)], [vehicle.number for vehicle in pair_of(tree_record)]
     ([2, 1], [1])
@@ -80,10 +80,10 @@ def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
 
 
 def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> frozenset[int]:
-    """Return the ``VNUM_LAN`` of a street of the map, counted as ``VTRAFWAY`` implies.
+    """Return the ``VNUM_LAN`` of a mapped street, counted as ``VTRAFWAY`` implies.
 
     There are several values if lanes begin, end or only turn near the place, or if the two directions differ. If the
-    report does not say whether the trafficway is divided, both ways to count a divided one are included.
+    report does not say whether the trafficway is divided, both counts of a divided one are included.
 
     >>> from trace_dag.roads.crash_site.carriageways import carriageway_at
     >>> main_street = carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)  # two lanes each way

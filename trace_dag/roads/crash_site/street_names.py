@@ -196,7 +196,9 @@ _SHORTEST_MISSPELT: Final = 5  # letters: shorter names that differ are differen
 
 @lru_cache(maxsize=4096)
 def parse_street(text: str) -> StreetName:
-    """Split one text. Parts divided by ``/``, ``;``, ``,``, ``(`` or ``@`` are names of the same street.
+    """Return the routes and names in a text.
+
+    Parts divided by ``/``, ``;``, ``,``, ``(`` or ``@`` are names of the same street.
 
     >>> parse_street('N MAIN ST').names[0].core
     ('MAIN',)
@@ -219,7 +221,7 @@ def parse_street(text: str) -> StreetName:
 
 
 def similarity(reported: str, mapped: Iterable[str]) -> float | None:
-    """Score the fit of a reported street to the names of a mapped one, 0 (another street) to 1 (the same).
+    """Score the fit of a reported street to the names of a mapped one, from 0 (another street) to 1 (the same).
 
     None if the two cannot be compared: one has only names and the other only route numbers, or one has neither.
 
@@ -238,7 +240,7 @@ def similarity(reported: str, mapped: Iterable[str]) -> float | None:
 
 
 class StreetIndex:
-    """The names of a map's streets, each street with all of its own, to be found by what a report calls them."""
+    """An index of a map's streets by all their names, for reported names."""
 
     def __init__(self, mapped: Iterable[tuple[str, ...]]) -> None:
         self._streets = {names: [parse_street(text) for text in names] for names in mapped}
@@ -248,9 +250,7 @@ class StreetIndex:
                 self._by_key.setdefault(key, []).append(names)
 
     def same(self, reported: str) -> list[tuple[str, ...]]:
-        """Return the streets of that name: those that are spelled as reported.
-
-        If there is none, with a typing error.
+        """Return the streets of a reported name: those with the same spelling, or else those with a typing error.
 
         >>> StreetIndex([("Elder Street",), ("Main Street", "US 1"), ("Maine Road",)]).same("N MAIN ST")
         [('Main Street', 'US 1')]
@@ -268,9 +268,9 @@ class StreetIndex:
 
 
 def _keys(name: StreetName) -> Iterator[object]:
-    """Return the keys that two texts of one street share if there is no typing error.
+    """Yield the keys that two spellings of one street share without a typing error.
 
-    A route's number, or all words.
+    A key is a route's number, or all words.
     """
     yield from (route.number for route in name.routes)
     for each in name.names:
@@ -349,9 +349,9 @@ def _plain_name(text: str) -> PlainName | None:
 
 
 def _without_address(tokens: list[str]) -> list[str]:
-    """Return a name without the number of a house or block before it: "4300 BLK OF WISCONSIN AVE NW".
+    """Return a name without a leading number of a house or block: "4300 BLK OF WISCONSIN AVE NW".
 
-    Numbers below 100 are names: "12 MILE RD". So is one that a type follows: "142 STREET".
+    Numbers below 100 are names ("12 MILE RD"), and so are numbers before a type ("142 STREET").
     """
     if len(tokens) < 2 or not tokens[0].isdecimal() or int(tokens[0]) < _LEAST_ADDRESS or tokens[1] in _TYPES:
         return tokens
@@ -362,9 +362,9 @@ def _without_address(tokens: list[str]) -> list[str]:
 
 
 def _take_directions(tokens: list[str]) -> tuple[tuple[str, ...], list[str]]:
-    """Return directions before and after a name, and the rest.
+    """Return the directions before and after a name, and the rest.
 
-    One without which only a type would be left stays ("North Street", "Avenue E").
+    A direction stays if only a type would be left ("North Street", "Avenue E").
     """
     directions: list[str] = []
     rest = list(tokens)

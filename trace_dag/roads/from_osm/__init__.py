@@ -1,4 +1,4 @@
-"""From OpenStreetMap to a road map.
+"""Conversion of OpenStreetMap to a road map.
 
-Belongs here: what tags and shapes of streets become. Does not belong here: anything about a crash.
+Belongs here: the conversion of tags and shapes of streets. Does not belong here: anything about a crash.
 """

@@ -1,7 +1,7 @@
 """Cuts of a junction's arms that make room for the turns.
 
-An arm is a street where it meets the junction. It is cut back to where its carriageway is clear of every other arm's,
-plus room for the corner. Does not belong here: which streets meet at a junction
+An arm is a street where it meets the junction. It is cut back until its carriageway is clear of every other arm's, plus
+room for the corner. Does not belong here: finding the streets of a junction
 (:mod:`~trace_dag.roads.from_osm.junction_areas`).
 """
 
@@ -55,7 +55,7 @@ class Cut(NamedTuple):
 
 
 def end_profile(street: Street, at_start: bool) -> WayProfile:
-    """Return the profile of the street where it ends, in the street's direction.
+    """Return the profile of the street at one end, in the street's direction.
 
     >>> street = street_graph.streets[0]
     >>> end_profile(street, True) == street.spans[0].profile, end_profile(street, False) == street.spans[-1].profile
@@ -65,14 +65,14 @@ def end_profile(street: Street, at_start: bool) -> WayProfile:
 
 
 def _extents(section: CrossSection) -> tuple[float, float]:
-    """Return how far the road reaches left and right of the way's geometry."""
+    """Return the extent of the road to the left and right of the way's geometry."""
     left = section.offset_m + math.fsum(lane.width_m for lane in section.left)
     right = -section.offset_m + math.fsum(lane.width_m for lane in section.forward)
     return left, right
 
 
 def _inner_borders(section: CrossSection) -> tuple[float | None, float | None]:
-    """Return the left borders of the lanes along the way and against it, left of the geometry as driven."""
+    """Return the left borders of the lanes in both directions, left of the geometry as driven."""
     centre_m = section.centre.width_m if section.centre else 0.0
     return (section.offset_m if section.forward else None, -section.offset_m - centre_m if section.backward else None)
 
@@ -99,10 +99,10 @@ class _Strip:
         self.heading = _chord_heading(self.segments)
 
     def shift_to(self, other: _Strip) -> float:
-        """Return the sideways shift of lanes on the way to or from an opposite arm, metres.
+        """Return the sideways shift of lanes to or from an opposite arm, metres.
 
         Either the outer edges shift, or the inner ones: where a street becomes divided, its one lane can become the two
-        lanes of a carriageway that is as wide as the street was.
+        lanes of a carriageway as wide as the street.
         """
         inner = ((self.incoming, other.outgoing), (self.outgoing, other.incoming))
         return max(
@@ -112,9 +112,9 @@ class _Strip:
         )
 
     def clear_of(self, other: _Strip) -> float:
-        """Return the distance along this arm (metres) beyond which neither of its edges is on the other arm's ground.
+        """Return the distance along this arm (metres) beyond which its edges are clear of the other arm's ground.
 
-        Ground that the arm reaches again after having been clear of it does not count.
+        Ground of the other arm that it reaches again later does not count.
         """
         clear = 0.0
         for s, x, y, c, n, length in self.segments:
@@ -170,7 +170,7 @@ def cuts_of(
 ) -> list[Cut]:
     """Return the cut of each arm of one junction, as if streets were long enough.
 
-    ``crossovers`` has the end of a way across the median at which an arm ends, if nothing else there makes room for
+    ``crossovers`` has the end of a street across the median for an arm that ends there, if nothing else makes room for
     turning into it.
 
     >>> cuts_of([StreetEnd(0, True)], street_graph.streets, plans)  # one arm alone has none to be clear of
@@ -226,7 +226,7 @@ def _corner_m(strip: _Strip, other: _Strip) -> float:
 
 
 def _longest_fold_cut_m(angle_rad: float) -> float:
-    """Return the longest cut (metres) of both arms of a fold that keeps the curve near its point.
+    """Return the longest cut (metres) of both arms of a bend with which the curve stays near the bend's point.
 
     The arms are ``angle_rad`` apart.
     """

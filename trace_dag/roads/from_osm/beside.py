@@ -1,10 +1,10 @@
 """Sidewalks, cycle lanes and usual shoulders beside the roads of a street.
 
 They are laid outside the finished lanes of the traffic, so that no road moves for them: cycle lanes next to the
-traffic, then shoulders, sidewalks outermost. The verge between carriageway and sidewalk is a lane of type "none". If
-another road's carriageway lies, there is none of them; a shoulder leaves room for that road's shoulder, too.
-Shoulders end at junctions; the others go through them on roads of their own
-(:mod:`trace_dag.roads.from_osm.corners`)."""
+traffic, then shoulders, sidewalks outermost. The verge between carriageway and sidewalk is a lane of type "none". They
+are left out on another road's carriageway; a shoulder leaves room for that road's shoulder, too. Shoulders end at
+junctions; the others go through them on roads of their own (:mod:`trace_dag.roads.from_osm.corners`).
+"""
 
 from __future__ import annotations
 
@@ -51,8 +51,7 @@ def add_lanes_beside(
 ) -> tuple[Road, ...]:
     """Return ``roads``, finished, with sidewalks, cycle lanes and usual shoulders beside them.
 
-    ``built`` has the roads of each street as they were before heights and links; ``carriageways`` are those of
-    ``roads``.
+    ``built`` has the roads of each street before heights and links; ``carriageways`` are those of ``roads``.
     """
     strips = strips_along(extract, graph, plans, built)
     for index, found in shoulders_along(extract, graph.streets, plans, built, strips).items():
@@ -100,7 +99,7 @@ class _Chain:
         self._elements = np.array([(e.s_m, e.x_m, e.y_m, e.heading_rad, e.curvature_1pm) for e in plan.elements]).T
 
     def edges_m(self, s_m: FloatArray, side: int, *, drivable: bool) -> FloatArray:
-        """Return the distance of the edge of the lanes of one side, or of those to drive in, from the street's plan."""
+        """Return the distance of the edge of one side's lanes, or of its drivable lanes, from the street's plan."""
         numbers = np.minimum(np.searchsorted(self._piece_ends_m, s_m), len(self._pieces) - 1)
         found = np.empty(len(s_m))
         for number in np.unique(numbers).tolist():
@@ -117,7 +116,7 @@ class _Chain:
         return along_arcs(x[k], y[k], heading[k], s_m - begins_m[k], curvature[k])
 
     def reach_m(self, strip: Strip) -> tuple[float, float]:
-        """Return the ends of a strip within the roads, extended to a junction that it ends just before."""
+        """Return the ends of a strip within the roads, extended to a junction just beyond."""
         begins, ends = (link is not None for link in (self.roads[0].predecessor, self.roads[-1].successor))
         low_m, high_m = max(strip.begin_m, self.begin_m), min(strip.end_m, self.end_m)
         if begins and low_m - self.begin_m <= _TO_JUNCTION_M:
@@ -127,9 +126,9 @@ class _Chain:
         return low_m, high_m
 
     def folds(self, s_m: FloatArray, strip: Strip, others: Sequence[Strip]) -> NDArray[np.bool_]:
-        """Return where a strip lies inside a bend that is too tight for its outer edge.
+        """Return a mask of the places where a strip is inside a bend too tight for its outer edge.
 
-        All ``others`` may lie further in.
+        It is assumed that all ``others`` may lie further in.
         """
         out_m = self.edges_m(s_m, strip.side, drivable=strip.type is LaneType.BIKING) + strip.verge_m + strip.width_m
         if strip.type is LaneType.SIDEWALK:
@@ -194,7 +193,7 @@ class _Outside:
 
     @classmethod
     def of(cls, piece: _Piece, strips: Sequence[Strip], side: int) -> _Outside:
-        """Return one side of a piece of a street with its share of the strips."""
+        """Return one side of a part of a street with its parts of the strips."""
         lanes = piece.road.lane_sections[piece.section].lanes
         own = sorted((lane for lane in lanes if lane.id * side > 0), key=lambda lane: abs(lane.id))
         here = [
@@ -227,7 +226,7 @@ class _Outside:
         return cls(own, new, side)
 
     def lanes(self, before: _Outside | None, after: _Outside | None) -> Iterator[Lane]:
-        """Yield the lanes, linked to those of the sections before and after."""
+        """Yield the lanes, linked to those of the previous and next section."""
         for lane_id, each in self._order:
             if isinstance(each, Lane):
                 yield replace(
@@ -261,7 +260,7 @@ class _Outside:
 
 
 def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float, least_m: float) -> tuple[Cubic, ...]:
-    """Return the width of a lane along a section, as cubics: its own where the strips are, else ``least_m``."""
+    """Return the width of a lane along a section, as cubics: its own along the strips, else ``least_m``."""
     cubics: list[Cubic] = []
     for strip, width_m in sorted(strips):
         low_m, high_m = max(strip.begin_m, begin_m), min(strip.end_m, end_m)
@@ -284,7 +283,7 @@ def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float,
 
 # --- room for them ---------------------------------------------------------------------------------------------------
 class _Samples(NamedTuple):
-    """Places of a strip: its street, its number among the street's strips, and how far along the street."""
+    """Places of a strip: its street, its number among the street's strips, and the stations along the street."""
 
     street: int
     strip: int
@@ -292,7 +291,7 @@ class _Samples(NamedTuple):
 
 
 def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: Carriageways) -> Strips:
-    """Return the strips where no other road's lanes are, none of them shorter than the least."""
+    """Return the parts of strips clear of other roads' lanes, without those below the least length."""
     samples: list[_Samples] = []
     edges: list[FloatArray] = []
     for index, of_street in strips.items():
@@ -334,7 +333,7 @@ def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: 
 
 
 def _leaves(road: Road, street: Collection[str]) -> bool:
-    """Return whether a road of a junction touches the sidewalks of a street's roads at one of its ends."""
+    """Return whether a road of a junction ends at the sidewalks of a street's roads."""
     ends = (road.predecessor, road.successor)
     return road.junction_id is not None and any(link is not None and link.element_id in street for link in ends)
 

@@ -13,7 +13,7 @@ _WIDTHS_M: Final = (0.9, 4.5)  # a tagged width outside this range is a typing e
 
 
 class Beside(NamedTuple):
-    """Widths (m) of the sidewalks and cycle lanes by a way's tags, seen along the way; None where there is none."""
+    """Widths (m) of the sidewalks and cycle lanes by a way's tags, seen along the way; None means none."""
 
     sidewalk_left_m: float | None = None
     sidewalk_right_m: float | None = None
@@ -31,8 +31,8 @@ NOTHING: Final = Beside()
 def read_beside(tags: Mapping[str, str], *, oneway: bool) -> Beside:
     """Read ``sidewalk`` and ``cycleway`` tags of a road, seen along the OSM way.
 
-    A cycle lane of a one-way road without a side is on the right of its traffic, one for those who may ride against it
-    (``oneway:bicycle=no`` with ``lanes:backward``) on the left. Sidewalks tagged ``separate`` are ways of their own.
+    On a one-way road, a cycle lane without a side is on the right of the traffic; one against the traffic
+    (``oneway:bicycle=no`` with ``lanes:backward``) is on the left. Sidewalks tagged ``separate`` are ways of their own.
 
     >>> read_beside({"sidewalk": "right", "sidewalk:width": "2 m"}, oneway=False)
     Beside(sidewalk_left_m=None, sidewalk_right_m=2.0, cycle_left_m=None, cycle_right_m=None)

@@ -1,4 +1,4 @@
-"""Carriageways as shapes: the roads on whose lanes a place lies."""
+"""Carriageways as shapes, for finding the roads at a place."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _CLEAR_M: Final = 0.1
 class Carriageways:
     """The lanes that traffic drives in of finished roads.
 
-    Each short piece of a reference line stands for a box about it as wide as the lanes get anywhere on the road.
+    Each short piece of a reference line has a box around it with the largest width of the road's lanes.
     """
 
     def __init__(self, roads: Sequence[Road]) -> None:
         self._roads = roads
 
     def at(self, points: FloatArray) -> Iterator[tuple[int, Road]]:
-        """Return candidates of the roads on whose lanes the points, (n, 2), lie: sometimes too many, never too few."""
+        """Return candidates of the roads with lanes at the points, (n, 2): perhaps too many, never too few."""
         owner, (x, y, heading, half, left_m, right_m) = self._boxes
         tree = shapely.STRtree(np.asarray(shapely.points(points)))
         reach = np.hypot(np.maximum(np.abs(left_m), np.abs(right_m)) + _CLEAR_M, half + _CLEAR_M)
@@ -43,7 +43,7 @@ class Carriageways:
 
     @cached_property
     def _boxes(self) -> tuple[NDArray[np.int_], tuple[FloatArray, ...]]:
-        """Return for each box its road's number, x, y, heading, half length, and reach to the left and right."""
+        """Return, for each box, its road's number, x, y, heading, half length, and extents to the left and right."""
         pieces = [
             (number, each.x_m, each.y_m, each.heading_rad, each.length_m, each.curvature_1pm)
             for number, road in enumerate(self._roads)
@@ -63,7 +63,7 @@ class Carriageways:
 
 
 def _extent_m(road: Road) -> tuple[float, float]:
-    """Return the reach of the road's drivable lanes left and right of the reference line (metres).
+    """Return the extents of the road's drivable lanes left and right of the reference line (metres).
 
     Left is positive.
     """

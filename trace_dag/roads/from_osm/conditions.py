@@ -1,4 +1,4 @@
-"""Facts of OpenStreetMap that hold at certain hours (``no_left_turn @ (Mo-Fr 07:00-09:00)``), and for certain users."""
+"""OpenStreetMap tags for certain hours (``no_left_turn @ (Mo-Fr 07:00-09:00)``), and for certain users."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CONDITION: Final = re.compile(r"([^;@\s]+)\s*@\s*(?:\(([^)]*)\)|([^;]+))")
 
 
 def value_at(conditional: str, when: datetime | None) -> str | None:
-    """Return the value that holds at ``when`` (local time), None where none does or a condition cannot be read.
+    """Return the value at ``when`` (local time); None if no condition holds or one cannot be read.
 
     >>> value_at("no_left_turn @ (Mo-Fr 07:00-09:00)", datetime(2023, 5, 5, 8))  # a Friday
     'no_left_turn'
@@ -35,9 +35,9 @@ def value_at(conditional: str, when: datetime | None) -> str | None:
 
 
 def restrictions_at(relations: Iterable[OsmRelation], when: datetime | None) -> tuple[OsmRelation, ...]:
-    """Return the relations that hold for cars at ``when`` (local time), each with the kind as ``restriction`` alone.
+    """Return the relations that hold for cars at ``when`` (local time), each reduced to its ``restriction``.
 
-    Those that hold at certain hours (``:conditional``, ``hour_on``) are left out where the time is None.
+    Those with conditions on the hour (``:conditional``, ``hour_on``) are left out if the time is None.
 
     >>> relation = OsmRelation(1, (), {"restriction": "no_left_turn", "hour_on": "07:00", "hour_off": "09:00"})
     >>> [len(restrictions_at([relation], datetime(2023, 5, 6, hour))) for hour in (8, 21)]
@@ -59,7 +59,7 @@ def _kind_at(tags: Mapping[str, str], when: datetime | None) -> str:
 
 
 def _hours(tags: Mapping[str, str]) -> str:
-    """Return the days and hours of the tags that were used before ``:conditional``, as that has them."""
+    """Return the days and hours of tags older than ``:conditional``, in its form."""
     days = "-".join(tags[key][:2] for key in ("day_on", "day_off") if key in tags)
     hours = "-".join(tags[key].zfill(5) for key in ("hour_on", "hour_off") if key in tags)
     return f"{days} {hours}".strip()

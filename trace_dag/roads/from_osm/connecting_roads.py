@@ -56,7 +56,7 @@ _SHIFT_RADIUS_M: Final = 3.7
 class _Link(NamedTuple):
     """Lanes next to each other that share a connecting road, left to right.
 
-    ``offsets_m``: where the left border of the leftmost lane lies left of the reference line at its start and end.
+    ``offsets_m``: distance of the leftmost lane's left border to the left of the reference line, at start and end.
     """
 
     movement: Movement
@@ -118,7 +118,7 @@ def _links(movements: Sequence[Movement]) -> list[_Link]:
 
 
 def _side_by_side(movement: Movement, run: Sequence[tuple[ArmLane, ArmLane]], plan: PlanView) -> list[_Link]:
-    """Return lanes on one connecting road; each on its own if they shift sideways faster than a car can steer."""
+    """Return lanes as one connecting road, or each as its own if they shift sideways faster than a car can steer."""
     shift_m = abs(run[0][1].offset_m - run[0][0].offset_m)
     if 6 * shift_m * _SHIFT_RADIUS_M > plan.length_m**2:  # the curvature at the ends of a cubic from level to level
         return [link for pair in run if (link := _lane_link(movement, pair)) is not None]
@@ -135,7 +135,7 @@ def _street_link(
 
 
 def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | None:
-    """Return a lane with a road of its own; None if no sensible curve connects its ends."""
+    """Return a lane as a road of its own; None if no sensible curve connects its ends."""
     lane_in, lane_out = pair
     start = _shifted(movement.origin.inbound, lane_in.offset_m)
     end = _shifted(movement.target.outbound, lane_out.offset_m)
@@ -149,10 +149,10 @@ def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | Non
 
 
 def _possible(links: list[_Link]) -> list[_Link]:
-    """Return the links that a car can drive, and U-turns that it cannot only if a lane has no other way on or in.
+    """Return the drivable links; others only as U-turns of lanes with no other way on or in.
 
-    A car cannot drive U-turns that leave the junction's ground (to turn round across a narrow median it needs room to
-    swing out first), nor corners that are too tight even with swinging out.
+    A car cannot drive U-turns that leave the junction's ground (to turn around a narrow median it has to swing out
+    first), nor corners that are too tight even after swinging out.
     """
     links = [link for link in links if tightest_radius_m(link.plan) >= CORNER_RADIUS_M * 0.999]
     undrivable = [link for link in links if link.movement.turn == "u_turn" and not _fits(link, links)]
@@ -197,7 +197,7 @@ def _fits(link: _Link, links: Sequence[_Link]) -> bool:
 
 
 def _is_sharp(movement: Movement, plan: PlanView) -> bool:
-    """Return whether straight on is a bend too tight for a car, or with lanes a fifth longer than others."""
+    """Return whether a straight movement bends too tightly for a car, or makes some lanes a fifth longer."""
     outermost = max(max(abs(a.offset_m), abs(b.offset_m)) for a, b in movement.lanes)
     return tightest_radius_m(plan) < max(outermost / _MOST_CURVED, TIGHTEST_RADIUS_M + outermost)
 
@@ -219,7 +219,7 @@ def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
 
 
 def _along_streets(movement: Movement) -> PlanView | None:
-    """Return the streets' own geometry through the junction; None if it bends back on itself."""
+    """Return the geometry of the streets through the junction; None if it turns back on itself."""
     head, first = _split_last_line(movement.origin.rest)
     tail, last = _split_last_line(movement.target.rest)
     points = [first, *_distinct(movement, first, last), last]
@@ -234,7 +234,7 @@ def _along_streets(movement: Movement) -> PlanView | None:
 
 
 def _split_last_line(rest: PlanView) -> tuple[PlanView, tuple[float, float]]:
-    """Return a plan without its last line, and where that line begins."""
+    """Return a plan without its last line, and the beginning of that line."""
     last = rest.elements[-1]
     return cut_plan(rest, 0.0, last.s_m), (last.x_m, last.y_m)
 

@@ -1,8 +1,8 @@
 """Groups of traffic lights that change together: OpenDRIVE's controllers and their junctions.
 
 A controller gives all its signals the same state (ASAM OpenDRIVE 1.7.0, 14.6). The lights of opposing approaches to a
-junction have one, those of the street that crosses them the next: the two-phase plan of the US Signal Timing Manual
-(FHWA-HOP-08-024, 4.1). When they change is left to the simulator.
+junction have one controller, those of the crossing street another: the two-phase plan of the US Signal Timing Manual
+(FHWA-HOP-08-024, 4.1). The simulator chooses the times.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _OPPOSITE_RAD: Final = math.radians(40)
 
 @dataclass(frozen=True)
 class _Approach:
-    """A light, and how traffic under it enters its junction: direction of travel (radians) and street."""
+    """A light, with the direction (radians) and street of its traffic at the junction."""
 
     signal_id: str
     heading_rad: float
@@ -36,7 +36,7 @@ class _Approach:
 
 
 def add_controllers(network: RoadNetwork) -> RoadNetwork:
-    """Return the network with a controller for each group of lights, named by the junctions they stand at.
+    """Return the network with a controller for each group of lights, named by their junctions.
 
     >>> sorted({controller.name for controller in add_controllers(network).controllers})
     ['Cedar Street', 'Elder Street', 'Main Street']
@@ -67,7 +67,7 @@ def add_controllers(network: RoadNetwork) -> RoadNetwork:
 
 
 def _approach(network: RoadNetwork, road: Road, signal: Signal) -> tuple[str | None, _Approach]:
-    """Return the junction that traffic under a light comes to next, if it is near, and the approach to it."""
+    """Return the next junction of the traffic at a light, if it is near, and the approach to it."""
     street = road.name
     forward = signal.orientation == "+"
     left_m = road.length_m - signal.s_m if forward else signal.s_m
@@ -85,7 +85,7 @@ def _approach(network: RoadNetwork, road: Road, signal: Signal) -> tuple[str | N
 
 
 def _phases(approaches: Iterable[_Approach]) -> Iterator[list[_Approach]]:
-    """Yield approaches that are opposite each other, or of one street and direction; the rest each by itself."""
+    """Yield groups of approaches that are opposite, or of one street and direction; the others one by one."""
     waiting = list(approaches)
     while waiting:
         first = waiting[0]

@@ -4,10 +4,9 @@ Every street between two junctions becomes one road per stretch of one name, cla
 in it; every junction gets a connecting road per permitted movement. The parts are beside this module:
 :mod:`~trace_dag.roads.from_osm.street_graph`, :mod:`~trace_dag.roads.from_osm.lanes`,
 :mod:`~trace_dag.roads.from_osm.junction_areas`, :mod:`~trace_dag.roads.from_osm.arm_cuts`,
-:mod:`~trace_dag.roads.from_osm.movements` and
-:mod:`~trace_dag.roads.from_osm.connecting_roads`; what people walk and ride on is laid beside the finished roads by
-:mod:`~trace_dag.roads.from_osm.beside`, across them by :mod:`~trace_dag.roads.from_osm.crosswalks` and through
-junctions by :mod:`~trace_dag.roads.from_osm.corners`.
+:mod:`~trace_dag.roads.from_osm.movements` and :mod:`~trace_dag.roads.from_osm.connecting_roads`; sidewalks and cycle
+lanes are laid beside the finished roads by :mod:`~trace_dag.roads.from_osm.beside`, across them by
+:mod:`~trace_dag.roads.from_osm.crosswalks` and through junctions by :mod:`~trace_dag.roads.from_osm.corners`.
 """
 
 from __future__ import annotations
@@ -73,7 +72,7 @@ class NativeConverter:
     limits = MapLimits()
 
     def require(self) -> None:
-        """Require nothing: it needs no extra."""
+        """Require nothing, because the converter needs no extra."""
 
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
@@ -90,7 +89,7 @@ def convert(
 
     ``hints`` by OSM way id fill gaps in its tags.
 
-    Raises :class:`Rejection` (``map_distorted``) if the extract holds no road that could be built.
+    Raises :class:`Rejection` (``map_distorted``) if no road can be built from the extract.
 
     >>> made = convert(extract, network.frame, RoadSettings())
     >>> len(made.junctions), {road.name for road in made.roads} == {road.name for road in network.roads}
@@ -181,8 +180,8 @@ def convert(
 def _plan(street: Street) -> PlanView:
     """Return the reference line of a street.
 
-    Bends as wide as its lanes like where there is room, and nowhere so tight that a lane folds at its inner edge or its
-    centre is tighter than a corner that a car can take.
+    Bends have the radius preferred by the lanes where there is room. They are never so tight that a lane folds at its
+    inner edge, or that its centre is tighter than a corner that a car can take.
     """
     wanted, needed = zip(*(radii for span in street.spans for radii in _radii(span.profile.section)), strict=True)
     plan = fit_plan(street.points, max(wanted))
@@ -197,9 +196,9 @@ def _plan(street: Street) -> PlanView:
 
 
 def _radii(section: CrossSection) -> Iterator[tuple[float, float]]:
-    """Yield the radius of the reference line that each lane of a cross-section likes, and the least it needs.
+    """Yield the preferred and the least radius of the reference line for each lane of a cross-section.
 
-    Lanes then differ little in length.
+    With the preferred one, lanes differ little in length.
     """
     for lanes, sign in ((section.left, 1), (section.forward, -1)):
         border = section.offset_m
@@ -215,7 +214,7 @@ def _radii(section: CrossSection) -> Iterator[tuple[float, float]]:
 def _linked(roads: list[Road], start_junction: str | None, end_junction: str | None) -> list[Road]:
     """Return roads of one street linked to each other and to the junctions at its ends.
 
-    Lanes that lead nowhere unlinked.
+    Lanes without a continuation are not linked.
     """
     linked = []
     for i, road in enumerate(roads):

@@ -1,4 +1,4 @@
-"""The interface of a converter, which makes a road network of an extract, and the limits its maps have to keep."""
+"""The interface of a converter, which makes a road network from an extract, and the limits for its maps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trace_dag.roads.map.network import RoadNetwork
 
 @dataclass(frozen=True)
 class MapLimits:
-    """Thresholds of the gates. The defaults are what the native converter guarantees.
+    """Thresholds of the gates. The native converter guarantees the defaults.
 
     With infinity a gate only measures.
     """
@@ -61,9 +61,9 @@ class Converter(Protocol):
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
     ) -> RoadNetwork:
-        """Return the road network of an extract whose one-way roads go along their ways, in ``frame``.
+        """Return the road network of an extract, in ``frame``; one-way ways have the direction of their traffic.
 
-        ``hints`` by OSM way id.
+        ``hints`` are by OSM way id.
 
-        Raises :class:`trace_dag.common.errors.Rejection` (``map_distorted``) where nothing can be made of the extract.
+        Raises :class:`trace_dag.common.errors.Rejection` (``map_distorted``) if no map can be made of the extract.
         """

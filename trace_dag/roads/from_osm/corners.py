@@ -1,7 +1,7 @@
 """Sidewalks and cycle lanes through junctions, on roads of their own.
 
-A sidewalk goes round each corner that has one on both its sides, and past a street that joins on the other side; a
-cycle lane goes on with the traffic beside it, straight on and to the right. Each is a road of the junction with one
+A sidewalk continues around each corner that has one on both sides, and past a street that joins on the other side. A
+cycle lane continues with the traffic beside it, straight on and to the right. Each is a road of the junction with one
 lane, whose middle is the reference line. The roads of the traffic do not change.
 """
 
@@ -42,7 +42,7 @@ _STEP_M: Final = 1.0
 
 
 class _Beside(NamedTuple):
-    """A sidewalk or cycle lane where its road ends: ``left_m`` of the reference line seen into the junction."""
+    """A sidewalk or cycle lane at the end of its road, ``left_m`` left of the reference line seen into the junction."""
 
     lane_id: int
     left_m: float
@@ -50,7 +50,7 @@ class _Beside(NamedTuple):
 
 
 class _Arm(NamedTuple):
-    """The end of a road at a junction, seen into it: where it is, how high and how steep, and what is beside it."""
+    """The end of a road at a junction, seen into it: its pose, height and slope, and the lanes beside it."""
 
     road: Road
     contact: ContactPoint
@@ -61,7 +61,7 @@ class _Arm(NamedTuple):
 
 
 class _Path(NamedTuple):
-    """A way through a junction, from a lane of one arm to one of another."""
+    """A path through a junction, from a lane of one arm to one of another."""
 
     kind: LaneType
     origin: _Arm
@@ -74,7 +74,7 @@ class _Path(NamedTuple):
 def add_lanes_through_junctions(
     network: RoadNetwork, carriageways: Carriageways, new_road_id: Callable[[], str]
 ) -> RoadNetwork:
-    """Return the network with a road for every sidewalk and cycle lane that goes on through a junction.
+    """Return the network with a road for every sidewalk and cycle lane that continues through a junction.
 
     >>> led_on = add_lanes_through_junctions(network, Carriageways(network.roads), lambda: "")
     >>> len(led_on.roads) - len(network.roads)  # at no junction here do two streets with sidewalks meet
@@ -102,7 +102,7 @@ def add_lanes_through_junctions(
 
 
 def _end(link: RoadLink) -> str:
-    """Return names the end of a road that a link touches."""
+    """Return a name for the road end that a link touches."""
     return f"{link.element_id} {link.contact_point}"
 
 
@@ -149,7 +149,7 @@ def _arm(road: Road, contact: ContactPoint, beside: Mapping[tuple[LaneType, int]
 
 # --- which lead where ------------------------------------------------------------------------------------------------
 def _round_corners(arms: Sequence[_Arm]) -> Iterator[_Path]:
-    """Yield sidewalks: from the right side of each arm to the left side of the next one counter-clockwise."""
+    """Yield sidewalks: from the right side of each arm to the left side of the next arm counter-clockwise."""
     if len(arms) < 2:
         return
     middle_x, middle_y = np.mean([arm.pose[:2] for arm in arms], axis=0).tolist()
@@ -161,7 +161,7 @@ def _round_corners(arms: Sequence[_Arm]) -> Iterator[_Path]:
 
 
 def _with_traffic(arms: Sequence[_Arm], followed: Mapping[tuple[str, str], str]) -> Iterator[_Path]:
-    """Yield the cycle lanes: where traffic from one arm goes straight on or right into another."""
+    """Yield the cycle lanes along traffic that goes straight or right from one arm to another."""
     for origin in arms:
         for target in arms:
             from_end, to_end = (f"{arm.road.id} {arm.contact}" for arm in (origin, target))
@@ -177,7 +177,7 @@ def _with_traffic(arms: Sequence[_Arm], followed: Mapping[tuple[str, str], str])
 
 
 def _path(kind: LaneType, origin: _Arm, side: int, target: _Arm) -> _Path | None:
-    """Return the path from one side of an arm to the same side of another as it leaves the junction."""
+    """Return the path from one side of an arm to the same side of another, seen leaving the junction."""
     lane, onward = origin.beside.get((kind, side)), target.beside.get((kind, -side))
     if lane is None or onward is None or origin is target:
         return None
@@ -198,7 +198,7 @@ def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
 
 
 def _clear_of_traffic(paths: Mapping[str, Sequence[_Path]], carriageways: Carriageways) -> dict[str, list[_Path]]:
-    """Return the paths, without sidewalks that would lie where vehicles drive.
+    """Return the paths, without sidewalks on ground where vehicles drive.
 
     Cycle lanes may cross turning traffic.
     """

@@ -1,7 +1,7 @@
-"""Crosswalks: from OSM's crossings, nodes of a road or ways across it, to outlines from edge to edge of that road.
+"""Crosswalks: OSM's crossings, nodes of a road or ways across it, as outlines from edge to edge of that road.
 
 A crosswalk has the direction of the crossing's own way, if there is one, and otherwise leads straight across. Near a
-junction, where the road is cut back for the turns, a crosswalk belongs to the road but lies beyond its end.
+junction, where the road is cut back for the turns, a crosswalk belongs to the road although it is beyond its end.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ def add_crosswalks(
     plans: Sequence[PlanView],
     built: Mapping[int, StreetRoads],
 ) -> tuple[Road, ...]:
-    """Return ``roads``, finished, with the crosswalks that OpenStreetMap has across them.
+    """Return ``roads``, finished, with OpenStreetMap's crosswalks.
 
-    ``built`` has the roads of each street as they were before heights and links.
+    ``built`` has the roads of each street before heights and links.
 
     >>> roads = add_crosswalks(bare_roads, extract, street_graph, plans, street_roads)
     >>> [len(road.crosswalks) for road in roads if road.crosswalks]
@@ -80,7 +80,10 @@ def add_crosswalks(
 def _at_nodes(
     extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
 ) -> list[_Crossing]:
-    """Return crossings that are nodes of a street, without those on a junction: nothing says which arm they cross."""
+    """Return crossings that are nodes of a street.
+
+    Those on a junction are left out, because the arm that they cross is unknown.
+    """
     tagged = {
         graph.aliases.get(node.id, node.id): node
         for node in extract.nodes.values()
@@ -109,7 +112,7 @@ def _add_ways(
     plans: Sequence[PlanView],
     built: Mapping[int, StreetRoads],
 ) -> None:
-    """Add what the ways of crossings say: the direction of crossings that have nodes, and crossings that have none."""
+    """Add the ways of crossings: they give directions to crossings with nodes, and add crossings without."""
     ways = [way for way in extract.walkways if is_crossing(way.tags)]
     numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
     if not ways or not numbers:
@@ -188,7 +191,7 @@ def _crosswalk(crossing: _Crossing, plan: PlanView, road: Road, begin_m: float, 
 
 
 def edges_of_carriageway(road: Road, s_m: float) -> tuple[float, float]:
-    """Return the right and left edge of what a crosswalk crosses, metres left of the reference line."""
+    """Return the right and left edge of the carriageway at a crosswalk, metres left of the reference line."""
     section = max((s for s in road.lane_sections if s.s_m <= s_m), key=lambda s: s.s_m, default=road.lane_sections[0])
     middle_m = CubicProfile.of(road.lane_offset).at(s_m)
     reach = {1: 0.0, -1: 0.0}

@@ -1,11 +1,11 @@
 """Heights of the roads: from layers, bridges and tunnels, and from ``ele`` and ``incline`` where they are tagged.
 
-OpenStreetMap says which road passes over which, seldom how high. So the ground is level (or follows the tags), a road
-that passes over another is raised by one storey where they cross, a tunnel is lowered by one, and from there each road
-comes back to the ground no steeper than roads are: among all heights that satisfy the crossings and the grade, each
-place gets the one nearest to the ground (a McShane extension on the graph of roads). Roads share their height and slope
-where they are linked; a junction is level. Along a road the heights are a monotone cubic spline, so that value and
-slope are continuous and nothing overshoots.
+OpenStreetMap shows which road passes over which, but seldom heights. So the ground is level (or follows the tags). A
+road that passes over another is raised by one storey at the crossing, a tunnel is lowered by one. From there each road
+returns to the ground with a usual grade: among all heights that satisfy the crossings and the grade, each place gets
+the one nearest to the ground (a McShane extension on the graph of roads). Roads share their height and slope where they
+are linked; a junction is level. Along a road the heights are a monotone cubic spline, so that value and slope are
+continuous and nothing overshoots.
 
 Sources: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), 7.2.2 and 8.2.9: grades of 5 to 8 % by
 class and terrain, vertical clearance 16 ft (4.9 m); the structure itself takes about a metre.
@@ -40,7 +40,7 @@ _TIGHT_STOREY_M: Final = 4.7  # where roads are tied too closely for more
 
 
 class _Attempt(NamedTuple):
-    """Grade of chords, height of a storey, and whether the level part about a crossing shrinks to its very middle."""
+    """Grade of chords, height of a storey, and whether the level part at a crossing shrinks to its middle."""
 
     grade: float
     storey_m: float = STOREY_M
@@ -63,7 +63,7 @@ _CROSSING_MARGIN_M: Final = 8.0  # the height of a crossing holds this far beyon
 
 
 def elevate(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """Return the network with heights; a network that nothing gives a height to is returned as it is."""
+    """Return the network with heights; unchanged if no road needs a height."""
     separated = find_separations(network, between_levels=True)
     sloped = has_height_tags(extract)
     if not separated and not sloped:
@@ -92,7 +92,7 @@ def elevate(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
 
 
 def _half_width_m(road: Road) -> float:
-    """Return the reach of the carriageway from the reference line to its wider side, at most."""
+    """Return the extent of the carriageway from the reference line to its wider side, at most."""
     sides = [0.0]
     for section in road.lane_sections:
         for sign in (1, -1):
@@ -101,7 +101,7 @@ def _half_width_m(road: Road) -> float:
 
 
 def _stations(road: Road, marks: Sequence[tuple[float, float]]) -> list[float]:
-    """Return stations of a road's height nodes: even, and closer about its crossings."""
+    """Return the stations of a road's height nodes: evenly spaced, and denser at its crossings."""
     pieces = max(1, math.ceil(road.length_m / _NODE_SPACING_M))
     even = [road.length_m * i / pieces for i in range(pieces + 1)]
     wanted = sorted({s for centre, half in marks for s in (centre - half, centre, centre + half)})
@@ -114,7 +114,7 @@ def _stations(road: Road, marks: Sequence[tuple[float, float]]) -> list[float]:
 def _nodes_near(
     graph: HeightGraph, road: Road, s_m: float, marks: Sequence[tuple[float, float]], tight: bool
 ) -> list[NodeId]:
-    """Return nodes within the level part about a crossing, or just the nearest; of a connecting road, its junction."""
+    """Return nodes within the level part at a crossing, or just the nearest; for a connecting road, its junction."""
     if road.junction_id is not None:
         node = graph.junction_node(road.junction_id)
         return [] if node is None else [node]
@@ -125,7 +125,7 @@ def _nodes_near(
 
 
 class _Pair(NamedTuple):
-    """Nodes of two roads of which the first passes over the second; which of them leaves the ground for it."""
+    """Nodes of two roads, of which the first passes over the second, and the one that leaves the ground."""
 
     upper: list[NodeId]
     lower: list[NodeId]
@@ -148,10 +148,11 @@ def _pair(
 def _separate(
     graph: HeightGraph, pairs: Sequence[_Pair], ground: FloatArray, attempt: _Attempt
 ) -> tuple[FloatArray, bool]:
-    """Return heights nowhere steeper than the attempt's grade, nearest to the ground, with a storey between every pair.
+    """Return heights within the attempt's grade, nearest to the ground, with a storey between every pair.
 
-    If a pair lacks height, its upper road is asked to rise (or its lower one to dive) by what is missing; what that
-    does to other pairs is seen in the next round. The flag says whether all of them have what they need."""
+    If a pair lacks height, its upper road is raised (or its lower one lowered) by the difference; the effect on other
+    pairs shows in the next round. The flag says whether all pairs have a storey.
+    """
     least: dict[NodeId, float] = {}
     most: dict[NodeId, float] = {}
     heights, reached = ground, False
@@ -182,7 +183,7 @@ def _separate(
 def _slopes(graph: HeightGraph, heights: FloatArray) -> dict[str, list[float]]:
     """Return the slope at each height node along each road.
 
-    Fritsch and Carlson's harmonic means, so that nothing overshoots.
+    They are Fritsch and Carlson's harmonic means, which do not overshoot.
     """
     secants = {
         road_id: np.diff(heights[profile.nodes]) / np.diff(profile.s_m) for road_id, profile in graph.profiles.items()
@@ -203,7 +204,7 @@ def _end_slope(
 ) -> float:
     """Return the slope at a road's end, along the road.
 
-    Level at junctions, shared with the one road it continues in.
+    It is level at junctions, and shared with the one road that continues it.
     """
     own = float(secants[road_id][0 if at_start else -1])
     if node in graph.junction_nodes:
@@ -236,7 +237,7 @@ def _spline(profile: HeightProfile, heights: FloatArray, slopes: Sequence[float]
 
 
 def _continues(before: Cubic, piece: Cubic, length_m: float) -> bool:
-    """Return whether a piece of some length runs on as the one before it would."""
+    """Return whether a piece continues the cubic of the previous one for a length."""
     continued = CubicProfile.of([before]).coefficients_at(piece.s_m)
     own = (piece.a, piece.b, piece.c, piece.d)
     return (
@@ -252,7 +253,7 @@ def _between_links(
     heights: FloatArray,
     slopes: Mapping[str, Sequence[float]],
 ) -> tuple[Cubic, ...]:
-    """Return a connecting road's height: a cubic between the heights and slopes of the roads it joins."""
+    """Return a connecting road's height: a cubic between the heights and slopes of its two roads."""
     ends = []
     for link, leaving in ((road.predecessor, True), (road.successor, False)):
         ends.append(_height_and_slope(link, leaving, graph, heights, slopes))

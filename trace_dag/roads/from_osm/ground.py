@@ -20,7 +20,7 @@ _REACH_M: Final = 15.0  # a tagged height counts for height nodes this near to i
 
 
 def has_height_tags(extract: OsmExtract) -> bool:
-    """Return whether any incline, or heights of two places, are tagged: one height alone says nothing."""
+    """Return whether any incline, or heights of two places, are tagged; one height alone is not enough."""
     return any(_incline(way.tags) is not None for way in extract.ways) or (
         sum(_metres(node.tags.get("ele")) is not None for node in extract.nodes.values()) >= 2
     )
@@ -61,7 +61,7 @@ def ground_heights(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract
 def _ways_forward(
     network: RoadNetwork, graph: HeightGraph, extract: OsmExtract, inclines: Mapping[int, float]
 ) -> dict[str, int]:
-    """Return +1 where a road runs along its first tagged way, -1 where it runs against it."""
+    """Return +1 for a road along its first tagged way, -1 for a road against it."""
     ways = {way.id: way for way in extract.ways if way.id in inclines}
     forward: dict[str, int] = {}
     for road_id, profile in graph.profiles.items():
@@ -77,7 +77,7 @@ def _ways_forward(
 
 
 def _surveyed(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract) -> dict[NodeId, float]:
-    """Return the tagged heights of way nodes at the nearest height node of a road made of that way."""
+    """Return the tagged heights of way nodes, each at the nearest height node of a road of that way."""
     of_node: dict[int, set[int]] = defaultdict(set)
     for way in extract.ways:
         for node_id in way.node_ids:
@@ -100,7 +100,7 @@ def _surveyed(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract) -> 
 def _incline(tags: Mapping[str, str]) -> float | None:
     """Return ``incline`` as rise over run along the way: ``5%``, ``-3.5 %`` or ``4°``.
 
-    "up" and "down" say no number.
+    "up" and "down" have no number and are ignored.
     """
     text = tags.get("incline", "").replace(" ", "").replace(",", ".")
     try:

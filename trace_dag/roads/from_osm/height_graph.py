@@ -88,9 +88,9 @@ class HeightGraph:
         return self._by_end.get(("junction", junction_id))
 
     def extended(self, values: Mapping[NodeId, float], grade: float) -> FloatArray:
-        """Return the lowest of ``value + grade * distance`` over all given nodes, at every node.
+        """Return, at every node, the lowest of ``value + grade * distance`` over all given nodes.
 
-        It is inf where none is reached.
+        It is inf for nodes out of reach.
         """
         lowest = np.full(len(self), math.inf)
         queue = [(value, node) for node, value in values.items()]

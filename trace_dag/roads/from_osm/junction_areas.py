@@ -1,7 +1,7 @@
 """Junction areas: crossings joined, streets cut back to make room for the turns.
 
 Each street that meets a junction is an arm, which is cut back (:mod:`~trace_dag.roads.from_osm.arm_cuts`). Junctions
-whose arms would be used up that way, and the two crossings a divided road makes with one cross street, become one.
+whose arms would be used up by the cuts become one, and so do the two crossings of a divided road with one cross street.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class JunctionArea:
 
 @dataclass
 class Layout:
-    """All junctions, and by how much each street is cut back at its start and end (0 at dead ends), metres."""
+    """All junctions, and the cuts of each street at its start and end (0 at dead ends), metres."""
 
     junctions: list[JunctionArea]
     trims: list[tuple[float, float]]  # per street: at its start, at its end
@@ -74,10 +74,10 @@ def lay_out(streets: Sequence[Street], plans: Sequence[PlanView]) -> Layout:
 
 
 class _Crossings:
-    """Junction nodes grouped into crossings, and how far each crossing cuts its arms back.
+    """Junction nodes grouped into crossings, with the cuts of their arms.
 
-    Each depends on the other: if the cuts at a street's two ends use it up, its two crossings become one, and that one
-    has other arms to be clear of.
+    Each depends on the other: if the cuts at a street's two ends use it up, its two crossings become one, which has
+    more arms.
     """
 
     def __init__(self, streets: Sequence[Street], plans: Sequence[PlanView]) -> None:
@@ -101,7 +101,7 @@ class _Crossings:
             self._joined_to[b] = a
 
     def cut_back_and_join(self) -> None:
-        """Cut arms back and join crossings whose street is used up by that; repeat until no more are joined."""
+        """Cut arms back and join crossings whose street is used up by the cuts, until no more are joined."""
         changed = {self._root(node) for node in self._ends}
         while changed:
             nodes_of: dict[int, list[int]] = defaultdict(list)
@@ -113,7 +113,7 @@ class _Crossings:
             changed = self._join_used_up(nodes_of)
 
     def layout(self) -> Layout:
-        """Return the crossings as junctions, and each street's cuts as far as there is room for them."""
+        """Return the crossings as junctions, and each street's cuts as far as there is room."""
         areas: dict[int, JunctionArea] = {}
         for node, ends in self._ends.items():
             area = areas.setdefault(self._root(node), JunctionArea([]))
@@ -128,7 +128,7 @@ class _Crossings:
         return Layout(list(areas.values()), trims, self._inner)
 
     def _root(self, node: int) -> int:
-        """Return the node that stands for the crossing a node belongs to."""
+        """Return the node that represents a node's crossing."""
         joined_to = self._joined_to
         while joined_to[node] != node:
             joined_to[node] = joined_to[joined_to[node]]
@@ -136,7 +136,7 @@ class _Crossings:
         return node
 
     def _roots(self, index: int) -> tuple[int, int]:
-        """Return the crossings at the two ends of a street that has one at either."""
+        """Return the crossings at the two ends of a street between crossings."""
         street = self._streets[index]
         assert street.start_node is not None
         assert street.end_node is not None
@@ -155,14 +155,14 @@ class _Crossings:
         return a == b and self._plans[index].length_m <= _DIVIDED_JOIN_M
 
     def _cut_back(self, ends: Sequence[StreetEnd]) -> None:
-        """Cut back the arms of one crossing; streets on which no traffic enters or leaves it stay whole."""
+        """Cut back the arms of one crossing; streets without traffic to or from the other arms stay whole."""
         arms = [end for end in ends if end.street not in self._inner]
         self._cuts.update((end, Cut(0.0, 0.0)) for end in arms)
         arms = [end for end in arms if _connects(end, arms, self._streets)]
         self._cuts.update(zip(arms, cuts_of(arms, self._streets, self._plans, self._crossovers(ends)), strict=True))
 
     def _crossovers(self, ends: Sequence[StreetEnd]) -> dict[StreetEnd, StreetEnd]:
-        """Return the end of the way across a median, by each end of the carriageway that meets nothing else there."""
+        """Return, for each carriageway end that meets nothing else, the end of the street across the median there."""
         found: dict[StreetEnd, StreetEnd] = {}
         for inner in (end for end in ends if end.street in self._inner):
             street = self._streets[inner.street]
@@ -176,7 +176,7 @@ class _Crossings:
         return found
 
     def _join_used_up(self, nodes_of: dict[int, list[int]]) -> set[int]:
-        """Join crossings whose street has no room for the corners at both its ends. Returns the joined crossings."""
+        """Join crossings whose street has no room for the corners at both ends; return the joined crossings."""
         joined = set()
         for index in range(len(self._streets)):
             if index in self._inner or not self._is_between_nodes(index):
@@ -189,7 +189,7 @@ class _Crossings:
         return {self._root(node) for node in joined}
 
     def _is_used_up(self, index: int) -> bool:
-        """Return whether too little of a street is left between its cuts; never true for streets of roundabouts."""
+        """Return whether too little of a street is left between its cuts; False for streets of roundabouts."""
         length_m = self._plans[index].length_m
         if length_m > _JOIN_M or self._streets[index].spans[0].profile.roundabout:
             return False
@@ -209,7 +209,7 @@ def _both_ends(street: int) -> tuple[StreetEnd, StreetEnd]:
 def _divided_crossings(
     streets: Sequence[Street], plans: Sequence[PlanView], nodes: dict[int, list[StreetEnd]]
 ) -> list[int]:
-    """Return streets that run across the median of a divided road: opposite one-ways of one name at their two ends."""
+    """Return streets across the median of a divided road, with opposite one-ways of one name at their ends."""
     through: dict[int, list[tuple[tuple[str, ...], str, float]]] = {}
     for node, ends in nodes.items():
         through[node] = []
@@ -246,7 +246,7 @@ def _bearing(street: Street, at_start: bool) -> float:
 
 
 def _connects(end: StreetEnd, ends: Sequence[StreetEnd], streets: Sequence[Street]) -> bool:
-    """Return whether traffic can enter or leave a junction's arm from or to another one."""
+    """Return whether traffic can go between one arm of a junction and another arm."""
     enters, leaves = _directions(end, streets)
     return any(
         (enters and other_leaves) or (leaves and other_enters)
@@ -257,6 +257,6 @@ def _connects(end: StreetEnd, ends: Sequence[StreetEnd], streets: Sequence[Stree
 
 
 def _directions(end: StreetEnd, streets: Sequence[Street]) -> tuple[bool, bool]:
-    """Return whether traffic enters the junction from a street's end, and whether it leaves by it."""
+    """Return whether traffic enters the junction from a street's end, and whether it leaves there."""
     oneway = end_profile(streets[end.street], end.at_start).oneway
     return not (oneway and end.at_start), not (oneway and not end.at_start)

@@ -1,13 +1,13 @@
-"""Reads how many lanes a road has in each direction, and what is said of each, from its tags.
+"""Lanes of a road in each direction, with their attributes, from its tags.
 
 The tags of lanes contradict each other often. More particular tags are trusted more; the others are reported:
 
-1. ``oneway``, but for what ``oneway:bus=no`` and its like let go against it on lanes of its own;
-2. of a road both ways ``lanes:forward``, ``lanes:backward`` and ``lanes:both_ways``; of one one way ``lanes``;
-3. the lists of one entry a lane (``turn:lanes`` and its like), without the entries that are no lanes for cars or buses.
-   One with more entries than ``lanes`` counts pockets that ``lanes`` leaves out; one with fewer is not complete;
-4. ``lanes`` of a road both ways, halved, with a turn lane in the middle where the number is odd, as US roads have it;
-5. the report's number; 6. the usual number for the road's class.
+1. ``oneway``, except for lanes against it by ``oneway:bus=no`` and similar tags; 2. of a road both ways
+``lanes:forward``, ``lanes:backward`` and ``lanes:both_ways``; of one one way ``lanes``; 3. the lists of one entry a
+lane (``turn:lanes`` and its like), without the entries that are no lanes for cars or buses. One with more entries than
+``lanes`` counts pockets that ``lanes`` leaves out; one with fewer is not complete; 4. ``lanes`` of a road both ways,
+halved, with a turn lane in the middle where the number is odd, as US roads have it; 5. the report's number; 6. the
+usual number for the road's class.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _WIDTHS_M: Final = (2.0, 6.0)  # a tagged width of one lane outside this range i
 
 
 class TaggedLane(NamedTuple):
-    """The tags of one lane: painted turns (OSM's words), width, limit, lane changes, and buses alone.
+    """The tags of one lane: painted turns (OSM's words), width, limit, lane changes, and whether it is for buses alone.
 
     ``change:lanes`` has the lane changes.
     """
@@ -57,8 +57,8 @@ class TaggedLane(NamedTuple):
 class LaneReading:
     """The lanes of each direction from left to right as its drivers see them, and the turn lane between the two.
 
-    ``tagged``: the tags say how many there are. ``shared``: two directions of one lane. ``not_followed`` has a
-    sentence for each tag that contradicts another one or cannot be read.
+    ``tagged``: the number is from the tags. ``shared``: both directions use one lane. ``not_followed`` has a sentence
+    for each tag that contradicts another one or cannot be read.
     """
 
     forward: tuple[TaggedLane, ...]
@@ -70,7 +70,7 @@ class LaneReading:
 
 
 def read_lanes(tags: Tags, *, oneway: bool, hint: int | None = None) -> LaneReading:
-    """Return the lanes of a road whose one-way traffic goes along its way; ``hint`` is their number by the report.
+    """Return the lanes of a road whose one-way traffic follows its way; ``hint`` is their number by the report.
 
     >>> tags = {"lanes": "3", "turn:lanes": "left|through|through|right", "vehicle:lanes": "yes|yes|no|yes"}
     >>> [lane.turns for lane in read_lanes(tags, oneway=True).forward]
@@ -98,7 +98,7 @@ def _lanes_against(tags: Tags) -> int:
 
 
 class _Lists:
-    """The lists of one entry a lane of one direction, without the entries that are neither for cars nor for buses."""
+    """The tags with one entry per lane of a direction, without entries for lanes of neither cars nor buses."""
 
     def __init__(self, tags: Tags, *suffixes: str) -> None:
         found = {
@@ -125,7 +125,7 @@ class _Lists:
         self.count = max(said or told, default=0) or None
 
     def without_buses(self) -> int | None:
-        """Return the number of lanes without those for buses alone."""
+        """Return the number of lanes without bus lanes."""
         bus = self._bus_only.get(self.count or 0, [])
         return None if self.count is None else self.count - sum(bus)
 
@@ -155,7 +155,7 @@ class _Lists:
 
 
 def _user(entry: Tags) -> str:
-    """Return the user of a lane: "car", "bus", or "" for none with a motor."""
+    """Return the user of a lane: "car", "bus", or "" if no motor vehicle may use it."""
     if entry.get("hov") in CAR_POOLS:  # often with "motor_vehicle:lanes=no" for those who are alone in theirs
         return "car"
     car = next((entry[key] for key in _CAR_KEYS if entry.get(key)), "")
@@ -175,7 +175,7 @@ def _width_m(entry: str) -> float | None:
 
 
 class _Reader:
-    """Reads the tags of one road and notes what it does not follow."""
+    """Reads the tags of one road and notes the tags that it ignores."""
 
     def __init__(self, tags: Tags) -> None:
         self._tags = tags
@@ -195,7 +195,7 @@ class _Reader:
         )
 
     def contraflow(self, against: int) -> LaneReading:
-        """Return a one-way road with lanes on which buses go the other way."""
+        """Return the lanes of a one-way road with bus lanes in the other direction."""
         ahead = _Lists(self._tags, ":lanes:forward")
         back = _Lists(self._tags, ":lanes:backward")
         total = self._count("lanes")
@@ -250,7 +250,7 @@ class _Reader:
         return parse_integer(self._tags.get(key), 1, MOST_LANES)
 
     def _reversible_lanes(self) -> int:
-        """Return the lanes in the middle that go either way in turn, or that either way overtakes in."""
+        """Return the middle lanes with alternating direction, or for overtaking from both directions."""
         tagged = self._count("lanes:reversible")
         listed = "reversible" in self._tags.get("turn:lanes:both_ways", "")
         overtaking = self._tags.get("overtaking:lanes:both_ways", "no") == "yes"
@@ -276,7 +276,7 @@ class _Reader:
         return lanes
 
     def _bus_lanes(self, count: int, direction: str, *, oneway: bool) -> tuple[int, int]:
-        """Return the lanes for buses alone at the left and, as usual, at the right of a direction."""
+        """Return the bus lanes at the left and (usually) at the right of a direction."""
         tags = self._tags
         for bus in _BUS_KEYS:
             if number := parse_integer(tags.get(f"lanes:{bus}:{direction}"), 1, count - 1):
@@ -293,7 +293,7 @@ class _Reader:
 
 
 def _split(total: int | None, forward: int | None, backward: int | None, centre: bool) -> tuple[int, int, int]:
-    """Return lanes forward, backward and between, from those counts that are there."""
+    """Return the numbers of lanes forward, backward and between, from the known counts."""
     if forward is not None and backward is not None:
         return forward, backward, int(centre or total == forward + backward + 1)
     if total is None:

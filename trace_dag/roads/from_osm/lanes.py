@@ -1,9 +1,10 @@
-"""Lane sections of a street: which lane continues which, and how widths and offsets change in between.
+"""Lane sections of a street: the continuation of lanes, and the change of widths and offsets in between.
 
-If one way continues another with other lanes, the new lanes open and the ending ones close over a taper, so that
-every lane border is continuous in position and direction. The boundary between two sections has only the lanes that
-match, at widths that fit both sides. A section goes from the widths at its start over its full cross-section to the
-widths at its end."""
+If one way continues another with other lanes, the new lanes open and the ending ones close over a taper, so that every
+lane border is continuous in position and direction. The boundary between two sections has only the lanes that match, at
+widths that fit both sides. A section goes from the widths at its start over its full cross-section to the widths at its
+end.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +62,7 @@ class EndLane(NamedTuple):
 
 
 class _Matched(NamedTuple):
-    """A lane that goes on across a boundary: its index before and after, and its width there."""
+    """A lane that continues across a boundary: its index before and after, and its width there."""
 
     before: int
     after: int
@@ -72,7 +73,7 @@ _Side = list[_Matched]
 
 
 class _Boundary(NamedTuple):
-    """State between two stretches: the lanes that go on on each side, and the offset of the centre line."""
+    """State between two stretches: the continuing lanes of each side, and the offset of the centre line."""
 
     left: _Side
     right: _Side
@@ -83,7 +84,7 @@ class _Boundary(NamedTuple):
 class SectionLanes:
     """One stretch with its lanes built: ``offset`` holds the lane offset, ``s_m`` counted from the stretch's begin.
 
-    ``start`` and ``end`` are the lanes as they are at the two ends, left to right, lanes of no width left out.
+    ``start`` and ``end`` are the lanes at the two ends, left to right, without lanes of zero width.
     """
 
     stretch: Stretch
@@ -141,8 +142,8 @@ def _boundary(before: CrossSection, after: CrossSection) -> _Boundary:
 def _match(before: Sequence[LaneSpec], after: Sequence[LaneSpec], *, towards_end: bool) -> list[tuple[int, int]]:
     """Match lanes before a boundary with lanes after it; both lists run from the centre outwards.
 
-    ``towards_end``: traffic of this side drives from ``before`` to ``after``. Lanes are added and dropped at the
-    outer edge unless the turns painted on them say that it happens at the centre.
+    ``towards_end``: traffic of this side drives from ``before`` to ``after``. Lanes are added and dropped at the outer
+    edge unless the painted turns show a change at the centre.
     """
     old = [i for i, lane in enumerate(before) if lane.type.drivable]
     new = [j for j, lane in enumerate(after) if lane.type.drivable]
@@ -168,10 +169,7 @@ def _inner_extra(
     *,
     ending: bool,
 ) -> int:
-    """Return how many of the lanes that only ``many`` has lie next to the centre.
-
-    Left-turn pockets, lanes merging right.
-    """
+    """Return the number of lanes next to the centre that only ``many`` has: left-turn pockets, lanes merging right."""
     extra = 0
     for index in drivable:
         turns = many[index].turns
@@ -188,7 +186,7 @@ def _inner_extra(
 
 
 def _taper_m(profile: WayProfile, shift_m: float) -> float:
-    """Return the length over which lanes shift by ``shift_m``; 0 where nothing changes."""
+    """Return the length over which lanes shift by ``shift_m``; 0 without a shift."""
     if shift_m <= _SAME_M:
         return 0.0
     return max({0: 60.0, 1: 60.0, 2: 25.0, 3: 25.0}.get(profile.rank, 15.0), _TAPER_RATIO * shift_m)
@@ -256,7 +254,7 @@ def _build(stretch: Stretch, start: _Boundary | None, end: _Boundary | None) -> 
 
 
 def _state(specs: Sequence[LaneSpec], side: _Side | None, *, second: bool) -> tuple[list[float], dict[int, int]]:
-    """Return widths at a boundary, and the other stretch's index of each lane that goes on there."""
+    """Return widths at a boundary, and the other stretch's index of each continuing lane."""
     if side is None:
         return [spec.width_m for spec in specs], {}
     state = [0.0] * len(specs)
@@ -269,7 +267,7 @@ def _state(specs: Sequence[LaneSpec], side: _Side | None, *, second: bool) -> tu
 
 
 def _shift(section: CrossSection, left: Sequence[float], right: Sequence[float], offset: float) -> float:
-    """Return the largest distance (metres) of a lane border from its place in the full cross-section."""
+    """Return the largest shift (metres) of a lane border from its place in the full cross-section."""
     most = moved = abs(offset - section.offset_m)
     for specs, widths, sign in ((section.left, left, 1), (section.forward, right, -1)):
         border = sign * (offset - section.offset_m)
@@ -285,7 +283,7 @@ def _profile(
 ) -> tuple[Cubic, ...]:
     """Return cubics from ``start`` over ``middle`` to ``end`` with slope 0 at both ends.
 
-    They begin with the stretch.
+    Their ``s`` begins with the stretch.
     """
     cubics: list[Cubic] = []
     if abs(start - middle) > _SAME_M:
@@ -327,7 +325,7 @@ def _end_lanes(
 
 
 def _marks(specs: Sequence[LaneSpec], index: int, outermost: bool, sign: int) -> tuple[RoadMark, RoadMark | None]:
-    """Return the mark of a lane's outer border: as written for reconstruction, and as the law has it if that differs.
+    """Return the mark of a lane's outer border: as written for reconstruction, and the legal one if different.
 
     After the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B, and ``change:lanes``. ``sign`` is that
     of the lanes' ids.

@@ -1,8 +1,9 @@
 """Traffic on the left: the map of the mirrored place, mirrored back.
 
-Everything that is made of streets here is made for traffic on the right. If traffic keeps left the place is seen in
-a mirror: its geometry, and every tag that has a side. The result is mirrored back, so that lanes, turns, signals and
-signs are on the other side (OpenDRIVE 1.7, 9.1, ``rule="LHT"``)."""
+The converter works for traffic on the right. If traffic keeps left, the place is mirrored: its geometry, and every tag
+that has a side. The result is mirrored back, so that lanes, turns, signals and signs are on the other side (OpenDRIVE
+1.7, 9.1, ``rule="LHT"``).
+"""
 
 from __future__ import annotations
 
@@ -48,7 +49,7 @@ def mirror_extract(extract: OsmExtract, frame: LocalFrame) -> OsmExtract:
 
 
 def mirror_tags(tags: Mapping[str, str]) -> dict[str, str]:
-    """Return tags of a way with left and right in each other's place.
+    """Return tags of a way with left and right exchanged.
 
     >>> mirror_tags({"turn:lanes": "left|through|", "parking:left": "lane", "name": "Left Fork"})
     {'turn:lanes': '|through|right', 'parking:right': 'lane', 'name': 'Left Fork'}
@@ -71,7 +72,7 @@ def mirror_tags(tags: Mapping[str, str]) -> dict[str, str]:
 
 
 def mirror_network(network: RoadNetwork) -> RoadNetwork:
-    """Return the network of a mirrored place in its true one, with traffic on the left.
+    """Return the network of a mirrored place, mirrored back, with traffic on the left.
 
     >>> first = mirror_network(network).roads[0]
     >>> first.left_hand, first.plan[0].x_m == -network.roads[0].plan[0].x_m
@@ -129,7 +130,7 @@ def _lane(lane: Lane) -> Lane:
 
 
 def _mark(mark: RoadMark | None, lane_id: int) -> RoadMark | None:
-    """Return the parts of a mark, from the inner lane to the outer one, those of the centre from left to right."""
+    """Return a mark with its parts from the inner to the outer lane; those of the centre from left to right."""
     if mark is None:
         return None
     kind = " ".join(mark.type.split(" ")[::-1]) if lane_id == 0 else mark.type

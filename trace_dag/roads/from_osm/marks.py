@@ -1,7 +1,7 @@
-"""The lane markings that roads are given, as OpenDRIVE has them: shape, colour and who may change lanes across.
+"""Lane markings of roads in terms of OpenDRIVE: shape, colour and permitted lane changes.
 
-After the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B. A ``LEGAL`` mark is what the law has where
-the road as driven in crashes is written with another: drivers cross centre lines and edges.
+They follow the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B. A ``LEGAL`` mark is the one required
+by law where the map for reconstruction has another, since drivers in crashes cross centre lines and edges.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ NOT_CROSSED: Final = RoadMark("none", "standard", "none")
 def lane_line(*, outward: bool, inward: bool, left: bool) -> RoadMark:
     """Return the line between two lanes of one direction that may be crossed ``outward``, ``inward``, or not at all.
 
-    OpenDRIVE names its parts from the inner lane to the outer one, and the ways across it by the ids of the lanes,
-    which grow outward on the ``left`` of the road.
+    OpenDRIVE orders its parts from the inner to the outer lane. It names the directions of crossing by the ids of the
+    lanes, which grow outward on the ``left`` of the road.
 
     >>> lane_line(outward=True, inward=False, left=True)
     RoadMark(type='broken solid', colour='white', lane_change='increase')

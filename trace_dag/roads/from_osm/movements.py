@@ -55,7 +55,7 @@ _TURN_ANGLES: Final = {
 
 @dataclass(frozen=True)
 class ArmLane:
-    """A lane of an arm as a driver sees it: ``offset_m`` of its centre left of the arm's line in driving direction."""
+    """A lane of an arm as a driver sees it; ``offset_m`` is that of its centre to the left of the arm's line."""
 
     id: int
     type: LaneType
@@ -91,7 +91,7 @@ class JunctionArm:
 
 @dataclass(frozen=True)
 class InnerWay:
-    """A street inside a joined junction: its OSM ways, and the nodes where it begins, those meet, and it ends."""
+    """A street inside a joined junction: its OSM ways, and the nodes at their ends, in order."""
 
     oneway: bool
     way_ids: tuple[int, ...]
@@ -102,7 +102,7 @@ class InnerWay:
 
 @dataclass(frozen=True)
 class Movement:
-    """From one arm to another: its kind, the lanes that make it, and the places and OSM ways inside that it passes."""
+    """A movement from one arm to another: its kind, its lanes, and the places and OSM ways on its path."""
 
     origin: JunctionArm
     target: JunctionArm
@@ -177,7 +177,7 @@ class TurnRestrictions:
             self._forbidden.add((origin, via, target))
 
     def permits(self, ways: Sequence[int], nodes: Sequence[int]) -> bool:
-        """Return whether a path along ``ways``, meeting at ``nodes`` (one fewer), respects all of them."""
+        """Return whether a path along ``ways``, meeting at ``nodes`` (one fewer), respects all restrictions."""
         for index, node in enumerate(nodes):
             if (ways[index], node, ways[index + 1]) in self._forbidden:
                 return False
@@ -277,7 +277,7 @@ def _with_turns(movements: Sequence[Movement]) -> list[Movement]:
 
 
 def _straightness(movement: Movement) -> tuple[float, int]:
-    """Return the sorting key by which the smallest turn comes first.
+    """Return the sorting key, with the smallest turn first.
 
     A road of another class or name has to be clearly straighter than the same road.
     """
@@ -317,13 +317,13 @@ def _assign_lanes(origin: JunctionArm, movements: list[Movement]) -> list[Moveme
 
 
 def _continues(origin: JunctionArm, target: JunctionArm) -> bool:
-    """Return whether the same turn lanes simply go on beyond a minor junction, to which some lane leads straight on."""
+    """Return whether the same turn lanes continue beyond a minor junction, with at least one lane straight on."""
     turns = [lane.turns for lane in origin.incoming]
     return turns == [lane.turns for lane in target.outgoing] and any(not each or "through" in each for each in turns)
 
 
 def _painted_movements(lane: ArmLane, movements: Sequence[Movement]) -> set[int]:
-    """Return the movements that the arrows of lanes allow.
+    """Return the movements that the arrows of a lane allow.
 
     An unmarked lane among marked ones goes straight on.
     """
@@ -382,9 +382,9 @@ def _customary(lanes: Sequence[ArmLane], movements: Sequence[Movement]) -> list[
 
 
 def _turning_lanes(movement: Movement, lanes: Sequence[ArmLane], through: Sequence[ArmLane], *, from_left: bool) -> int:
-    """Return the number of turning lanes: those that cannot go straight on.
+    """Return the number of turning lanes, which cannot go straight on.
 
-    If roads diverge, as many as the target has.
+    If roads diverge, it is the number of the target's lanes.
     """
     spare = 0
     for lane in lanes if from_left else reversed(lanes):
@@ -419,7 +419,7 @@ def _pair(movement: Movement, lanes: Sequence[ArmLane]) -> tuple[tuple[ArmLane, 
 
 
 def _lane_to_turn_into(movement: Movement, lane: ArmLane) -> ArmLane:
-    """Return the innermost lane that is a car's turning circle away from the one it comes from, else the outermost."""
+    """Return the innermost lane that is a car's turning circle away from the origin lane, or else the outermost."""
     inbound, outbound = movement.origin.inbound, movement.target.outbound
     sine, cosine = math.sin(inbound.heading_rad), math.cos(inbound.heading_rad)
     between_m = (outbound.y_m - inbound.y_m) * cosine - (outbound.x_m - inbound.x_m) * sine
@@ -430,7 +430,7 @@ def _lane_to_turn_into(movement: Movement, lane: ArmLane) -> ArmLane:
 
 
 def _feed_idle_lanes(movements: list[Movement]) -> list[Movement]:
-    """Add movements to lanes that leave the junction and that none reaches, from the nearest lane that goes there."""
+    """Add movements to lanes that leave the junction but are not reached, from the nearest lane that goes there."""
     reached: dict[tuple[str, ContactPoint], set[int]] = defaultdict(set)
     best: dict[tuple[str, ContactPoint], int] = {}
     for index, movement in enumerate(movements):

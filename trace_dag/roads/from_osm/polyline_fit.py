@@ -1,4 +1,4 @@
-"""Polylines to reference lines: an arc at every vertex, as wide as the lanes need.
+"""Reference lines from polylines: an arc at every vertex, as wide as the lanes need.
 
 Each vertex becomes an arc tangent to both its segments: the simplest curve with continuous heading. Its arc length is
 exact (OpenDRIVE 1.7, 7.3) and its distance from the vertex has a formula. If the vertices of a bend are too close
@@ -35,9 +35,9 @@ _SWING_BENDS: Final = 2.5  # tangents that a swing needs for its two bends, with
 def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = False) -> PlanView:
     """Return lines and arcs through a polyline of at least two distinct points, tangent everywhere.
 
-    ``min_radius_m`` is the radius aimed at in sharp bends, as far as there is room and no vertex is missed by more
-    than 3 m. Bends drawn with several vertices closer together than that radius allows become one arc. With
-    ``keep_ends`` the line begins and ends in the direction of the first and last segment exactly.
+    Sharp bends get the radius ``min_radius_m``, if there is room and no vertex is missed by more than 3 m. Bends with
+    several vertices too close for that radius become one arc. With ``keep_ends`` the line begins and ends exactly in
+    the direction of the first and last segment.
 
     >>> fit_plan([(0.0, 0.0), (30.0, 40.0)], 10.0).length_m
     50.0
@@ -69,7 +69,7 @@ def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = 
 
 
 class _Corner(NamedTuple):
-    """A vertex of the polyline to be rounded, the original vertices it stands for, and how far it was moved."""
+    """A vertex of the polyline to be rounded, with the original vertices that it replaces and its shift."""
 
     point: Point
     sources: tuple[int, ...]
@@ -102,7 +102,7 @@ def _shape(corners: list[_Corner], min_radius_m: float) -> _Shape:
 
 
 def _swung_out(shape: _Shape, min_radius_m: float) -> list[_Corner] | None:
-    """Return the corners, those moved outwards that their arcs would miss by more than a metre.
+    """Return the corners, with those moved outwards that their arcs would miss by more than a metre.
 
     None for a line without corners.
     """
@@ -119,7 +119,7 @@ def _swung_out(shape: _Shape, min_radius_m: float) -> list[_Corner] | None:
 
 
 class _Swing(NamedTuple):
-    """Corners that lead a line out beside a street, and the length they use of the segment behind the last one."""
+    """Corners that lead a line out beside a street, and the length of the last segment that they use."""
 
     corners: list[_Corner]
     taken_m: float
@@ -129,7 +129,7 @@ def _swing(shape: _Shape, index: int, rooms_m: tuple[float, float], min_radius_m
     """Return the corners that replace one corner; None if it can stay or there is no room.
 
     The line runs beside the street before and behind the corner, or on one of its sides if the other is too short.
-    ``rooms_m``: lengths available of the segments before and behind.
+    ``rooms_m`` are the available lengths of the segments before and behind.
     """
     corner, turn = shape.corners[index], abs(shape.turns[index - 1])
     missed_m = shape.tangents[index] * math.tan(min(turn, 3.1) / 4)
@@ -157,7 +157,7 @@ def _swing(shape: _Shape, index: int, rooms_m: tuple[float, float], min_radius_m
 def _way_out(
     vertex: Point, heading_rad: float, right_m: float, arc_end_m: float, bend_m: float, room_m: float
 ) -> _Swing | None:
-    """Return the line from beside a street back onto it, seen from the corner; None if there is no room."""
+    """Return the line from beside a street back onto it, seen from the corner; None without room."""
     if right_m == 0.0:
         return _Swing([], arc_end_m) if arc_end_m <= room_m else None
     length_m = min(room_m - arc_end_m - _SWING_BENDS * bend_m, _SWING_LENGTH_M)
@@ -170,15 +170,15 @@ def _way_out(
 
 
 def _beside(point: Point, heading_rad: float, along_m: float, right_m: float) -> Point:
-    """Return the place at given distances from a point, along a heading and to the right of it."""
+    """Return the position at given distances from a point, along a heading and to the right of it."""
     c, s = math.cos(heading_rad), math.sin(heading_rad)
     return point[0] + along_m * c + right_m * s, point[1] + along_m * s - right_m * c
 
 
 def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
-    """Return the share that a corner has of the tangent needed for the wanted radius.
+    """Return the share of the tangent for the wanted radius that a corner has.
 
-    Infinite if nothing can be done.
+    It is infinite if nothing can be changed.
     """
     if not 0 < index < len(shape.corners) - 1 or shape.corners[index].sources in frozen:
         return math.inf
@@ -189,9 +189,9 @@ def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
 
 
 def _merge(shape: _Shape, first: int, corner: _Corner, min_radius_m: float) -> range:
-    """Return replaces ``first`` and the next corner by one, in place; returns the corners whose tangents changed.
+    """Replace ``first`` and the next corner by one, in place; return the corners with changed tangents.
 
-    Only what is near is computed anew: a way may have thousands of nodes.
+    Only nearby values are computed anew: a way may have thousands of nodes.
     """
     corners, lengths, directions, turns, limits, tangents = shape
     corners[first : first + 2] = [corner]
@@ -215,7 +215,7 @@ def _merge(shape: _Shape, first: int, corner: _Corner, min_radius_m: float) -> r
 def _merged(
     points: Sequence[Point], shape: _Shape, index: int, min_radius_m: float, keep_ends: bool
 ) -> tuple[int, _Corner] | None:
-    """Return one corner for a corner and its nearer neighbour, and the first of the two.
+    """Return one corner in place of a corner and its nearer neighbour, and the first of the two.
 
     None if it misses the vertices.
     """
@@ -252,7 +252,7 @@ def _merged(
 
 
 def _distance_to_corner(p: Point, before: Point, corner: Point, after: Point, tangent: float) -> float:
-    """Return the distance from a point to two segments whose corner is rounded with tangents of the given length."""
+    """Return the distance from a point to two segments whose corner is rounded with the given tangents."""
     u = math.atan2(corner[1] - before[1], corner[0] - before[0])
     v = math.atan2(after[1] - corner[1], after[0] - corner[0])
     turn = math.remainder(v - u, math.tau)
@@ -271,7 +271,7 @@ def _distance_to_corner(p: Point, before: Point, corner: Point, after: Point, ta
 
 
 def _vertex_s(points: Sequence[Point], corners: Sequence[_Corner], corner_s: Sequence[float]) -> tuple[float, ...]:
-    """Return ``s_m`` of each original vertex: exact where it is still a corner, by distance in between."""
+    """Return ``s_m`` of each original vertex: exact for remaining corners, by distance in between."""
     if all(len(corner.sources) == 1 for corner in corners):
         return tuple(corner_s)
     along = [0.0]
@@ -320,7 +320,7 @@ def _rounded(shape: _Shape) -> tuple[tuple[PlanElement, ...], float, list[float]
 def _tangent_lengths(turn_rad: float, min_radius_m: float, swing_m: float = 0.0) -> tuple[float, float]:
     """Return the tangent that a corner needs for the wanted radius, and the longer one for a gentle curve.
 
-    The curve may miss a corner that was moved outwards by ``swing_m`` by that much more.
+    The curve may miss a corner that was moved outwards by ``swing_m`` more.
     """
     turn = min(abs(turn_rad), 3.1)  # a full reversal has no arc tangent to both segments
     if turn <= _STRAIGHT_RAD:
@@ -334,7 +334,7 @@ def _tangent_lengths(turn_rad: float, min_radius_m: float, swing_m: float = 0.0)
 def _share_segments(tangents: Sequence[tuple[float, float]], lengths: Sequence[float]) -> list[float]:
     """Return lengths of tangents.
 
-    Two share each segment: first each gets what it needs, then both get as much more as fits.
+    Two share each segment: first each gets the needed length, then both get as much more as fits.
     """
     shared = [liked for _, liked in tangents]
     for segment in range(len(lengths)):

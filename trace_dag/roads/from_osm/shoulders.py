@@ -1,10 +1,10 @@
-"""Shoulders that OpenStreetMap does not say but roads of high speed have.
+"""Usual shoulders of fast roads, which OpenStreetMap seldom maps.
 
-OpenStreetMap has shoulders of hardly any road (5 of 198 maps have one). AASHTO has kerbs beside roads of low speed and
-shoulders beside the others (:func:`trace_dag.osm.road_classes.is_high_speed`), so that a road of 50 mph and more gets
-those of its class: on the right of each direction, on one-way carriageways on the left as well. None are where
-OpenStreetMap says that there is none, or that there is something else: its own shoulder or parking lane, a sidewalk, a
-cycle lane; none on bridges and in tunnels, whose width nothing tells, nor beside roads that are not paved.
+OpenStreetMap has shoulders on hardly any road (5 of 198 maps have one). AASHTO places kerbs beside slow roads and
+shoulders beside the others (:func:`trace_dag.osm.road_classes.is_high_speed`). So a road of 50 mph and more gets the
+shoulders of its class: on the right of each direction, and on one-way carriageways also on the left. There are none
+where OpenStreetMap excludes them or has something else there: a mapped shoulder or parking lane, a sidewalk, a cycle
+lane. There are also none on bridges and in tunnels, whose width is unknown, and beside unpaved roads.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def shoulders_along(
     built: Mapping[int, StreetRoads],
     others: Strips,
 ) -> Strips:
-    """Return the shoulders along the streets that have roads, ``built``, where none of the ``others`` lies.
+    """Return the shoulders along the streets with roads, ``built``, where none of the ``others`` lies.
 
     >>> shoulders_along(extract, street_graph.streets, plans, street_roads, {})  # the streets of a town have none
     {}
@@ -70,7 +70,7 @@ def _has_shoulders(profile: WayProfile) -> bool:
 
 
 def _says_otherwise(tags: Mapping[str, str]) -> bool:
-    """Return whether the tags of a road say what is beside it."""
+    """Return whether the tags of a road describe the ground beside it."""
     for key, value in tags.items():
         subject = key.partition(":")[0]
         if subject == "shoulder" or (subject in _SAID and value not in _SAYS_NOTHING):
@@ -79,13 +79,13 @@ def _says_otherwise(tags: Mapping[str, str]) -> bool:
 
 
 def _is_taken(profile: WayProfile, side: int) -> bool:
-    """Return whether the road has more than lanes to drive in on a side."""
+    """Return whether the road has lanes other than drivable ones and medians on a side."""
     lanes = profile.section.left if side > 0 else profile.section.forward
     return any(not (lane.type.drivable or lane.type is LaneType.MEDIAN) for lane in lanes)
 
 
 def _between(begin_m: float, end_m: float, taken: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the parts of a stretch that are not taken.
+    """Return the free parts of a stretch.
 
     >>> _between(0.0, 100.0, [(20.0, 30.0), (90.0, 120.0)])
     [(0.0, 20.0), (30.0, 90.0)]

@@ -70,7 +70,7 @@ class _Control(NamedTuple):
 
 
 def _control_of(tags: Mapping[str, str]) -> str:
-    """Return what a node's tags make it, the empty text for nothing that controls traffic."""
+    """Return the kind of traffic control in a node's tags, or ""."""
     highway, lights = tags.get("highway", ""), tags.get("traffic_signals", "")
     if tags.get("railway") == "level_crossing":
         lit = any(tags.get(key, "no") != "no" for key in _LIT)
@@ -85,7 +85,7 @@ def _control_of(tags: Mapping[str, str]) -> str:
 def _controls(extract: OsmExtract, graph: StreetGraph) -> dict[int, _Control]:
     """Return the nodes that control traffic.
 
-    Lights of a crossing for people count where no other light is near: with one for people there is one for the road
+    Lights of a pedestrian crossing count if no other light is near, since lights for people imply lights for the road
     (MUTCD 2009, 4E.03).
     """
     found = {
@@ -121,7 +121,7 @@ def place_signs(
 ) -> dict[str, tuple[Signal, ...]]:
     """Return signals by road id.
 
-    ``crossings`` are the junctions with the movements they permit.
+    ``crossings`` are the junctions with their permitted movements.
 
     >>> signs = place_signs(extract, street_graph, plans, street_roads, [])
     >>> sorted({signal.name for signals in signs.values() for signal in signals})
@@ -171,7 +171,7 @@ def place_signs(
 
 
 def _nodes_of(area: JunctionArea, streets: Sequence[Street]) -> set[int]:
-    """Return the OSM nodes of a junction, those of the streets inside it included."""
+    """Return the OSM nodes of a junction, including those of the streets inside it."""
     return {*area.node_ids, *(node for index in area.inner_streets for node in streets[index].node_ids)}
 
 
@@ -186,7 +186,7 @@ def _approach_posts(
     controls: Mapping[int, _Control],
     inside: set[int],
 ) -> Iterator[tuple[_Post, _Control]]:
-    """Yield posts of the tagged nodes along a street that are not part of a junction."""
+    """Yield posts of the tagged nodes along a street outside junctions."""
     for k, node_id in enumerate(street.node_ids):
         control = controls.get(node_id)
         if control is None or node_id in inside:
@@ -204,7 +204,8 @@ def _directions(
 ) -> tuple[bool, ...]:
     """Return the directions along the street to which a node applies.
 
-    It is the tagged one, else towards the junction it stands at."""
+    It is the tagged one, or else the direction towards its junction.
+    """
     if profile.oneway:  # where the map ends, nothing is left that a light could control
         return (True,) if to_end is not None or control.name in _ONE_PLACE else ()
     tags = control.node.tags
@@ -225,7 +226,7 @@ def _directions(
 
 
 def _post_at(street_roads: StreetRoads, s_m: float, forward: bool) -> _Post:
-    """Return a post at ``s_m`` of a street, moved to its stop line where the street is cut off before that."""
+    """Return a post at ``s_m`` of a street, moved to the stop line if the street is cut off before."""
     number = max((i for i, begin in enumerate(street_roads.begins_m) if begin <= s_m), default=0)
     road = street_roads.roads[number]
     least = min(_STOP_LINE_M, road.length_m / 2)
@@ -235,7 +236,7 @@ def _post_at(street_roads: StreetRoads, s_m: float, forward: bool) -> _Post:
 def _arm_controls(
     tagged: Mapping[int, _Control], movements: Sequence[Movement], positions: Mapping[int, Point]
 ) -> list[tuple[JunctionArm, _Control]]:
-    """Return the tagged node of each arm of a junction: of several of one kind the nearest."""
+    """Return the tagged node for each arm of a junction; of several of one kind the nearest."""
     candidates: dict[tuple[str, ContactPoint, str], tuple[JunctionArm, list[int]]] = {}
     for node_id, control in tagged.items():
         for arm in _controlled_arms(control, movements):
@@ -249,7 +250,7 @@ def _arm_controls(
 
 
 def _arms_into_roundabout(movements: Sequence[Movement]) -> list[JunctionArm]:
-    """Return the arms by which traffic enters a roundabout, where it gives way (MUTCD 2009, 2B.10)."""
+    """Return the arms on which traffic enters a roundabout and gives way (MUTCD 2009, 2B.10)."""
     arms = {(m.origin.road_id, m.origin.contact): m.origin for m in movements}
     if not any(arm.profile.roundabout for arm in arms.values()):
         return []
@@ -276,7 +277,7 @@ def _controlled_arms(control: _Control, movements: Sequence[Movement]) -> list[J
 
 
 def _limit_posts(roads: Sequence[Road]) -> Iterator[tuple[_Post, float]]:
-    """Return where a stretch with another limit than the one before begins, in either direction."""
+    """Yield posts where a stretch with a new limit begins, in either direction."""
     for forward in (True, False):
         ordered = roads if forward else list(reversed(roads))
         before: float | None = None
@@ -289,7 +290,7 @@ def _limit_posts(roads: Sequence[Road]) -> Iterator[tuple[_Post, float]]:
 
 
 def _limit(road: Road, forward: bool) -> float | None:
-    """Return the speed limit of one direction of a road (m/s); None if untagged or if no traffic goes that way."""
+    """Return the speed limit of one direction of a road (m/s); None if untagged or without traffic."""
     lanes = [lane for lane in road.lane_sections[0].lanes if lane.type.drivable and (lane.id < 0) == forward]
     return next((lane.speed_mps for lane in lanes if lane.speed_mps is not None), None)
 

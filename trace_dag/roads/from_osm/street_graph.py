@@ -1,9 +1,9 @@
-"""From ways to streets: the pieces of road between junctions, and where those are.
+"""Streets from ways: the pieces of road between junctions, and the junctions.
 
-OSM ways are cut as it suits mappers. A street here runs from one junction (a node where three or more arms meet) or
-dead end to the next. Nodes where one way just continues another do not end it, and each stretch keeps the profile of
-its way. Real data have errors: nodes may be missing, doubled, or at the same place; ways may touch themselves, overlap,
-or run against each other's direction.
+OSM ways are cut arbitrarily. A street here runs from one junction (a node where three or more arms meet) or dead end to
+the next. Nodes where one way just continues another do not end it, and each stretch keeps the profile of its way. Real
+data have errors: nodes may be missing, doubled, or at the same place; ways may touch themselves, overlap, or run
+against each other's direction.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Street:
 
 @dataclass
 class StreetGraph:
-    """All streets, the positions of the junction nodes, and for each merged OSM node the node it became part of."""
+    """All streets, the positions of the junction nodes, and for each merged OSM node its new node."""
 
     streets: list[Street]
     positions: dict[int, Point]
@@ -76,7 +76,7 @@ class _Edge:
 def build_street_graph(
     extract: OsmExtract, frame: LocalFrame, profile_of: Callable[[OsmWay], WayProfile]
 ) -> StreetGraph:
-    """Return streets of all drivable ways of ``extract`` in the local frame; empty where nothing usable is left."""
+    """Return streets of all drivable ways of ``extract`` in the local frame; empty if no way is usable."""
     positions = _local_positions(extract, frame)
     aliases: dict[int, int] = {}
     ways: list[_Edge] = []
@@ -120,7 +120,7 @@ def _canonical(node: int, aliases: dict[int, int]) -> int:
 
 
 def _usable_nodes(way: OsmWay, positions: dict[int, Point], aliases: dict[int, int]) -> list[int]:
-    """Return nodes of a way that exist, those at one place merged into one."""
+    """Return the existing nodes of a way, with nodes at one place merged."""
     kept: list[int] = []
     for node in way.node_ids:
         if node not in positions:
@@ -141,7 +141,7 @@ def _without_repeats(node_ids: list[int]) -> list[int]:
 
 
 def _without_overlaps(ways: list[_Edge]) -> list[_Edge]:
-    """Return ways cut where they repeat a segment that an earlier way (or the way itself) already has."""
+    """Return ways cut where they repeat a segment of an earlier way or of themselves."""
     seen: set[tuple[int, int]] = set()
     pieces: list[_Edge] = []
     for way in ways:
@@ -161,7 +161,7 @@ def _without_overlaps(ways: list[_Edge]) -> list[_Edge]:
 
 
 def _cut_at_barriers(pieces: list[_Edge], blocked: set[int], positions: dict[int, Point]) -> list[_Edge]:
-    """Return ways cut at barriers between two of their ends: what lies behind one begins at a node of its own."""
+    """Return ways cut at barriers between two of their ends; the part behind a barrier begins at a new node."""
     arms = _count_arms(pieces)
     cut: list[_Edge] = []
     met: set[int] = set()
@@ -193,7 +193,7 @@ def _count_arms(pieces: list[_Edge]) -> dict[int, int]:
 
 
 def _prolong(piece: _Edge, arms: dict[int, int], positions: dict[int, Point], clipped: set[int]) -> None:
-    """Prolong roads that the box cuts off just after a junction, straight on: in reality they do not end there."""
+    """Prolong roads that the box cuts off just after a junction, straight on, since they continue in reality."""
     for nodes in (piece.node_ids, piece.node_ids[::-1]):
         if nodes[-1] not in clipped or arms[nodes[-1]] != 1:
             continue
@@ -211,7 +211,7 @@ def _prolong(piece: _Edge, arms: dict[int, int], positions: dict[int, Point], cl
 def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point]) -> bool:
     """Remove the last metres of a dead end if they bend away.
 
-    Return False if nothing else would be left of it.
+    Return False if nothing else would be left of the way.
     """
     nodes = piece.node_ids
     for last in (-1, 0):
@@ -231,7 +231,7 @@ def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point
 
 
 def _split_at_junctions(pieces: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> list[_Edge]:
-    """Return pieces cut where three or more arms meet and where one turns back on itself."""
+    """Return ways cut where three or more arms meet, and where a way turns back on itself."""
     edges: list[_Edge] = []
     for piece in pieces:
         nodes = piece.node_ids
@@ -250,7 +250,7 @@ def _split_at_junctions(pieces: list[_Edge], arms: dict[int, int], positions: di
 def _chain(edges: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> list[Street]:
     """Return edges joined where one way continues another.
 
-    One-way edges begin, so that they set the direction.
+    One-way edges come first, since they set the direction.
     """
     ends: dict[int, list[int]] = defaultdict(list)
     for index, edge in enumerate(edges):

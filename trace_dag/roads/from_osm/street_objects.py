@@ -1,4 +1,4 @@
-"""Things on streets: islands of crossings and of traffic calming, railway tracks, and the round ends of dead ends."""
+"""Objects on streets: islands of crossings and of traffic calming, railway tracks, and the round ends of dead ends."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def add_objects(
     plans: Sequence[PlanView],
     built: Mapping[int, StreetRoads],
 ) -> tuple[Road, ...]:
-    """Return ``roads``, finished, with the things that nodes of their streets stand for.
+    """Return ``roads``, finished, with the objects at nodes of their streets.
 
     >>> sum(len(road.objects) for road in add_objects(bare_roads, extract, street_graph, plans, street_roads))
     0
@@ -60,7 +60,7 @@ _Outline = list[tuple[float, float]]
 
 
 def _things(tags: Mapping[str, str], road: Road, s_m: float) -> Iterator[tuple[str, str, _Outline, float]]:
-    """Yield type, name, outline about the node, and height, of the things at a node ``s_m`` along a road."""
+    """Yield type, name, outline about the node, and height of the objects at a node ``s_m`` along a road."""
     right_m, left_m = edges_of_carriageway(road, s_m)
     if tags.get("crossing:island") == "yes" or tags.get("traffic_calming") == "island":
         middle_m = (right_m + left_m) / 2 if road.one_way else 0.0

@@ -24,7 +24,7 @@ _TAPER_RATIO: Final = 5.0  # the same where there is room
 
 @dataclass
 class StreetRoads:
-    """Roads made of one street, where each begins along the street's plan, and the lanes at the street's ends."""
+    """Roads made of one street, with their first stations along the street's plan, and the lanes at its ends."""
 
     roads: list[Road]
     begins_m: list[float]
@@ -37,8 +37,8 @@ def build_street_roads(
 ) -> StreetRoads:
     """Return roads of a street that is cut back by ``trims`` at its two ends.
 
-    A street that ``returns`` to the junction where it begins is at least two roads: a junction names the road that
-    traffic comes from, not the road's end (OpenDRIVE 1.7, 10.2, ``incomingRoad``).
+    A street that ``returns`` to its first junction becomes at least two roads, because a junction names incoming roads
+    rather than their ends (OpenDRIVE 1.7, 10.2, ``incomingRoad``).
 
     >>> (road,) = build_street_roads(street_graph.streets[0], plans[0], (10.0, 5.0), lambda: "7").roads
     >>> road.id, round(plans[0].length_m - road.length_m, 6)  # cut back by 10 m and 5 m
@@ -96,7 +96,7 @@ def _length(stretch: Stretch) -> float:
 
 
 def _change_m(a: Stretch, b: Stretch) -> float:
-    """Return the about how far lanes shift sideways from one stretch to the next (metres)."""
+    """Return roughly how far lanes shift sideways from one stretch to the next (metres)."""
     one, other = a.profile.section, b.profile.section
     widths = [
         abs(math.fsum(lane.width_m for lane in x) - math.fsum(lane.width_m for lane in y))
@@ -117,10 +117,8 @@ def _is_painted(stretch: Stretch) -> bool:
 def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
     """Return the stretches with the shortest one that lacks room merged into the more similar neighbour.
 
-    The room is that for its own lanes.
-
-    None if all have room. Turn lanes at the end of a street are kept unless hardly anything is left of them. Places
-    where a bridge, a tunnel or a name begins or ends are kept too.
+    The room is that for its own lanes; None if all have room. Turn lanes at the end of a street are kept unless hardly
+    anything is left of them. Places where a bridge, a tunnel or a name begins or ends are kept too.
     """
     short = []
     for index, stretch in enumerate(stretches):
@@ -148,7 +146,7 @@ def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
 
 
 def _grow(stretches: list[Stretch], index: int, neighbour: int) -> None:
-    """Lengthen turn lanes that are drawn for the last few metres only.
+    """Lengthen turn lanes that are mapped for the last few metres only.
 
     They and their taper reach back into the road before.
     """

@@ -63,7 +63,7 @@ def strips_along(
 def _tagged(
     extract: OsmExtract, streets: Sequence[Street], plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
 ) -> Strips:
-    """Return the strips that the tags of roads say."""
+    """Return the strips in the tags of roads."""
     tags_of = {way.id: way.tags for way in extract.ways}
     said: dict[int, Beside] = {}
     strips: Strips = {}
@@ -109,7 +109,7 @@ def _mapped_sidewalks(
     built: Mapping[int, StreetRoads],
     tagged: Strips,
 ) -> Strips:
-    """Return sidewalks that are ways of their own, each as part of the street that it runs along."""
+    """Return sidewalks that are separate ways, each as part of the street beside it."""
     points, directions = _walked(extract, graph)
     numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
     if not len(points) or not numbers:
@@ -154,7 +154,7 @@ def _mapped_sidewalks(
 
 
 def _walked(extract: OsmExtract, graph: StreetGraph) -> tuple[FloatArray, FloatArray]:
-    """Return places along all sidewalks that are ways of their own, and the directions there, (n, 2) each."""
+    """Return places along all sidewalks that are separate ways, and the directions there, (n, 2) each."""
     ways = [
         [graph.positions[node] for node in way.node_ids if node in graph.positions]
         for way in extract.walkways
@@ -187,7 +187,7 @@ def _grouped(ordered: NDArray[np.int_]) -> tuple[list[int], list[slice]]:
 
 
 def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterator[list[tuple[float, float]]]:
-    """Yield runs of places in order of their first number; a jump in it begins a new run."""
+    """Yield runs of places in order of their first number; a jump of it begins a new run."""
     run: list[tuple[float, float]] = []
     for place in places:
         if run and place[0] - run[-1][0] > longest_gap_m:
@@ -199,7 +199,7 @@ def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterat
 
 
 def _verge_m(street: Street, plan: PlanView, run: Sequence[tuple[float, float]], side: int) -> float | None:
-    """Return the verge between carriageway and sidewalk (metres), by the median of a run's places.
+    """Return the verge between carriageway and sidewalk (metres), from the medians of a run's places.
 
     None if the run is not along the street.
     """

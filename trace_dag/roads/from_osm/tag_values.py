@@ -1,7 +1,7 @@
-"""Reads the values of OSM tags: speeds, lengths, whole numbers, lists of one entry a lane.
+"""Values of OSM tags: speeds, lengths, whole numbers, lists with one entry per lane.
 
-Real tags have all kinds of values (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``). One that
-cannot be read is None, as if it were not there.
+Real tags have all kinds of values (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``). An
+unreadable value gives None, like a missing one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _LEADING_INTEGER: Final = re.compile(r"^\s*(-?\d+)\b")
 def parse_speed_mps(value: str | None) -> float | None:
     """Return ``35 mph`` or ``60`` (km/h) in m/s.
 
-    None for anything that is not a plausible limit (signals, none, walk, 0).
+    None for text that is no plausible limit (signals, none, walk, 0).
 
     >>> round(parse_speed_mps('25 mph'), 3), parse_speed_mps('36'), parse_speed_mps('signals')
     (11.176, 10.0, None)
@@ -52,7 +52,7 @@ def parse_length_m(value: str | None) -> float | None:
 
 
 def parse_turns(entry: str) -> tuple[str, ...]:
-    """Return the turns painted on one lane; "none" or nothing beside an arrow is straight on.
+    """Return the turns painted on one lane; "none" or an empty part beside an arrow means straight on.
 
     >>> parse_turns("through;right"), parse_turns("none"), parse_turns("none;slight_right")
     (('through', 'right'), (), ('through', 'slight_right'))
@@ -64,9 +64,9 @@ def parse_turns(entry: str) -> tuple[str, ...]:
 
 
 def parse_entries(value: str | None) -> tuple[str, ...]:
-    """Return the entries of a ``...:lanes`` tag, one a lane from left to right.
+    """Return the entries of a ``...:lanes`` tag, one for each lane from left to right.
 
-    None where there are too many to be lanes.
+    Empty if there are too many for lanes.
 
     >>> parse_entries("left|through;right|")
     ('left', 'through;right', '')

@@ -2,8 +2,9 @@
 
 Real tags have all kinds of values (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``). A value
 that cannot be read counts as untagged, and the usual value for the road's class is used instead
-(:mod:`trace_dag.osm.road_classes`); the profile says so. The number of lanes is read by
-:mod:`trace_dag.roads.from_osm.lane_tags`. No geometry here."""
+(:mod:`trace_dag.osm.road_classes`); the profile has a note on it. The number of lanes is read by
+:mod:`trace_dag.roads.from_osm.lane_tags`. No geometry here.
+"""
 
 from __future__ import annotations
 
@@ -58,8 +59,8 @@ INFERRED_TAG: Final = "trace_dag:inferred"
 class LaneSpec:
     """One lane of a cross-section.
 
-    Type, width in metres, the turns painted on it (OSM's words), its own limit, where lanes may be changed
-    (``change:lanes``), and whether only buses drive in it.
+    It has the type, width in metres, painted turns (OSM's words), own limit, permitted lane changes (``change:lanes``),
+    and whether it is for buses only.
     """
 
     type: LaneType
@@ -74,8 +75,9 @@ class LaneSpec:
 class CrossSection:
     """Lanes of a way from its middle outwards: ``forward`` right of the centre line, ``backward`` left of it.
 
-    ``centre`` is a lane between the two directions (centre turn lane, median). ``offset_m`` is where the centre line
-    lies left of the way's geometry: the carriageway is centred on the geometry unless ``placement`` says otherwise.
+    ``centre`` is a lane between the two directions (centre turn lane, median). ``offset_m`` is the distance of the
+    centre line to the left of the way's geometry: the carriageway is centred on the geometry unless ``placement`` says
+    otherwise.
     """
 
     forward: tuple[LaneSpec, ...]
@@ -85,7 +87,7 @@ class CrossSection:
 
     @property
     def left(self) -> tuple[LaneSpec, ...]:
-        """Return lanes left of the centre line from it outwards, OpenDRIVE ids 1, 2, ..."""
+        """Return lanes left of the centre line, outwards from it: OpenDRIVE ids 1, 2, ..."""
         return self.backward if self.centre is None else (self.centre, *self.backward)
 
     def reversed(self) -> CrossSection:
@@ -96,10 +98,10 @@ class CrossSection:
 
 @dataclass(frozen=True)
 class WayProfile:
-    """Everything the converter takes from a way's tags.
+    """All facts that the converter takes from a way's tags.
 
-    ``oneway``: no lane goes the other way. ``reversible``: why its traffic, all one way, may go the other way at other
-    times. ``not_followed`` has what contradicts other tags or cannot be read.
+    ``oneway``: no lane goes the other way. ``reversible``: the reason why its one-way traffic may go the other way at
+    other times. ``not_followed`` has the tags that contradict others or cannot be read.
     """
 
     way_id: int
@@ -139,7 +141,7 @@ class WayProfile:
 
     @property
     def rank(self) -> int:
-        """Return 0 for motorways up to 7 for service roads; a link ranks with its class."""
+        """Return 0 for motorways up to 7 for service roads; a link has the rank of its class."""
         return road_class(self.highway).rank
 
     @property
@@ -151,7 +153,7 @@ class WayProfile:
 def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: float | None = None) -> WayProfile:
     """Return the profile of a drivable way.
 
-    Hints fill gaps: the total of lanes and the speed limit, if untagged.
+    Hints give the total of lanes and the speed limit if untagged.
 
     >>> profile = read_profile(OsmWay(1, (1, 2), {"highway": "secondary", "lanes": "4", "maxspeed": "30 mph"}))
     >>> len(profile.section.forward), len(profile.section.backward), round(profile.speed_forward_mps, 2)
@@ -196,7 +198,7 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
 
 
 def goes_one_way(tags: Mapping[str, str]) -> bool:
-    """Return whether traffic goes one way only, along the way (:mod:`trace_dag.roads.from_osm.way_direction`).
+    """Return whether traffic only goes one way, along the way (:mod:`trace_dag.roads.from_osm.way_direction`).
 
     >>> goes_one_way({"highway": "motorway"}), goes_one_way({"highway": "primary", "oneway": "no"})
     (True, False)
@@ -208,7 +210,7 @@ def goes_one_way(tags: Mapping[str, str]) -> bool:
 
 
 def _unreadable(tags: Mapping[str, str]) -> Iterator[str]:
-    """Yield tags of lanes, widths and limits that have no value that can be read."""
+    """Yield tags of lanes, widths and limits with unreadable values."""
     for key, value in tags.items():
         if key.split(":")[0] == "maxspeed" and key.split(":")[-1] in ("maxspeed", "forward", "backward"):
             if "lanes" not in key and value not in _NO_LIMITS and parse_speed_mps(value) is None:
@@ -225,7 +227,7 @@ def _layer(tags: Mapping[str, str], *, bridge: bool, tunnel: bool) -> int:
 
 
 def _plain(value: str) -> str:
-    """Return a name that its source escaped for XML before it wrote XML: ``Terry&apos;s`` is ``Terry's``.
+    """Return a name without XML escapes in its text: ``Terry&apos;s`` is ``Terry's``.
 
     Extracts derived from other maps have such names; nine extracts of OpenStreetMap itself had none.
     """
@@ -281,9 +283,9 @@ def _lanes(read: Sequence[TaggedLane], width_m: float) -> tuple[LaneSpec, ...]:
 def _lane_width_m(
     tags: Mapping[str, str], highway: str, reading: LaneReading, sides: Iterable[Sequence[LaneSpec]], notes: list[str]
 ) -> float:
-    """Return the width of each lane of which nothing is said.
+    """Return the width of each lane without a tagged width.
 
-    ``width`` is from kerb to kerb: parking, cycle lanes and shoulders come off it.
+    ``width`` is from kerb to kerb: parking, cycle lanes and shoulders are subtracted.
     """
     row = road_class(highway)
     lanes = [*reading.forward, *reading.backward, *([reading.centre] if reading.centre else [])]
@@ -306,7 +308,7 @@ def _lane_width_m(
 def _placement(
     tags: Mapping[str, str], keys: Sequence[str], lanes: Sequence[LaneSpec], notes: list[str]
 ) -> float | None:
-    """Return the distance from the inner border of ``lanes`` to the way's geometry by OSM's ``placement``."""
+    """Return the distance from the inner border of ``lanes`` to the way's geometry, by OSM's ``placement``."""
     key = next((key for key in keys if key in tags), None)
     if key is None:
         return None

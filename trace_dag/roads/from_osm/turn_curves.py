@@ -46,7 +46,7 @@ _Piece = tuple[float, float]  # length in metres (of a line) or angle in radians
 
 
 def tightest_radius_m(plan: PlanView) -> float:
-    """Return radius of the tightest arc of a line, infinite where it is straight.
+    """Return the radius of the tightest arc of a line, infinite if it is straight.
 
     >>> line, arc = PlanElement(0.0, 0.0, 0.0, 0.0, 50.0), PlanElement(50.0, 50.0, 0.0, 0.0, 10.0, 0.05)
     >>> tightest_radius_m(PlanView((line, arc), 60.0))
@@ -57,12 +57,12 @@ def tightest_radius_m(plan: PlanView) -> float:
 
 
 def drivable_turn(start: PlanPose, end: PlanPose) -> PlanView | None:
-    """Return the shortest curve from pose to pose with arcs as wide as there is room for.
+    """Return the shortest curve from pose to pose with arcs as wide as the room allows.
 
     None if every such curve is a loop.
 
-    The radius is the widest one, from a car's turning circle down to that of a corner, that needs little swinging out;
-    if none does, a corner's radius with more swinging out.
+    The radius is the widest one, from a car's turning circle down to that of a corner, that needs little swinging out.
+    If there is none, it is a corner's radius with more swinging out.
 
     >>> drivable_turn(PlanPose(0.0, 0.0, 0.0), PlanPose(50.0, 0.0, 0.0)).length_m  # straight on
     50.0
@@ -75,7 +75,7 @@ def drivable_turn(start: PlanPose, end: PlanPose) -> PlanView | None:
 
 
 def turn_of_radius(start: PlanPose, end: PlanPose, radius_m: float) -> PlanView | None:
-    """Return the shortest curve from pose to pose whose arcs have one radius; None if every such curve is a loop.
+    """Return the shortest curve from pose to pose with arcs of one radius; None if every such curve is a loop.
 
     >>> quarter = turn_of_radius(PlanPose(0.0, 0.0, 0.0), PlanPose(10.0, 10.0, math.pi / 2), 4.0)
     >>> round(quarter.length_m, 3)  # an eighth of 2 pi 4 m, a line between circles 8.485 m apart, another eighth
@@ -85,7 +85,7 @@ def turn_of_radius(start: PlanPose, end: PlanPose, radius_m: float) -> PlanView 
 
 
 def widen_tight_bends(plan: PlanView, radius_m: float) -> PlanView:
-    """Return the line with a wider bend in place of each arc tighter than ``radius_m``, where there is room.
+    """Return the line with a wider bend in place of each arc tighter than ``radius_m``, if there is room.
 
     It begins and ends as before. An arc without room for a wider one stays.
 
@@ -149,7 +149,7 @@ def _length(pieces: Sequence[_Piece], radius_m: float) -> float:
 
 
 def _turns_by(pieces: Sequence[_Piece], turn_rad: float, most_back_rad: float) -> bool:
-    """Return whether a curve turns as far as it has to and not far the other way before and after."""
+    """Return whether a curve has the required turn, with little turning back before and after."""
     turns = [size * side for size, side in pieces if side]
     net = math.fsum(turns)
     if abs(math.remainder(net - turn_rad, math.tau)) > _SAME_RAD or abs(net) > math.pi + 0.5:
@@ -158,7 +158,7 @@ def _turns_by(pieces: Sequence[_Piece], turn_rad: float, most_back_rad: float) -
 
 
 def _candidates(start: PlanPose, end: PlanPose, radius_m: float) -> Iterator[list[_Piece]]:
-    """Yield those of Dubins' six kinds of curve that exist."""
+    """Yield the existing curves of Dubins' six kinds."""
     for first in (1, -1):
         x0, y0 = _centre(start, first, radius_m)
         for last in (1, -1):

@@ -13,7 +13,7 @@ _KINDS: Final = frozenset({f"{kind}_{turn}" for kind in ("no", "only") for turn 
 
 
 def unknown_kinds(extract: OsmExtract) -> Iterator[tuple[int, str]]:
-    """Yield relations whose kind is not known, and so left out: the way that they begin on, and a sentence."""
+    """Yield relations of unknown kind, which are left out: their first way, and a sentence."""
     for relation in extract.relations:
         kind = relation.tags.get("restriction", "")
         if kind not in _KINDS:

@@ -22,14 +22,14 @@ _STEP_M: Final = 0.5
 
 
 class TurningCircle(NamedTuple):
-    """A dead end at which cars turn round: its OSM node, and the radius of their circle, metres."""
+    """A dead end at which cars turn around: its OSM node, and the radius of their circle, metres."""
 
     node_id: int
     radius_m: float
 
 
 def diameter_m(tags: Mapping[str, str]) -> float:
-    """Return the diameter of a turning circle: as tagged, else the usual one.
+    """Return the diameter of a turning circle: as tagged, or the usual one.
 
     >>> diameter_m({"diameter": "18"}), diameter_m({})
     (18.0, 24.0)
@@ -40,7 +40,7 @@ def diameter_m(tags: Mapping[str, str]) -> float:
 def cut_turning_circles(
     extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], layout: Layout
 ) -> dict[StreetEnd, TurningCircle]:
-    """Return the dead ends with a circle, and cut their streets back in ``layout`` to where cars begin to turn."""
+    """Return the dead ends with a circle, and cut their streets in ``layout`` back to the beginning of the circle."""
     tagged = {
         graph.aliases.get(node.id, node.id): node
         for node in extract.nodes.values()
@@ -62,10 +62,10 @@ def cut_turning_circles(
 
 
 def _fitting(street: Street, at_start: bool, widest_m: float, room_m: float) -> tuple[float, float]:
-    """Return the radius of the widest circle with room for it, 0 if there is none, and how far before it cars turn.
+    """Return the radius of the widest fitting circle, 0 if none fits, and the distance of the turn before it.
 
-    Cars swing out to the right, go round, and swing back, on arcs of the one radius r. With lanes a to the right and
-    left of the middle the centres of the arcs are r + a aside and 2 r apart.
+    Cars swing out to the right, go around, and swing back, on arcs of the one radius r. With lanes a to the right and
+    left of the middle, the centres of the arcs are r + a aside and 2 r apart.
     """
     section = end_profile(street, at_start).section
     lanes = [[lane for lane in side if lane.type is LaneType.DRIVING] for side in (section.forward, section.backward)]

@@ -1,9 +1,10 @@
-"""Turns ways so that one-way traffic goes along them, before anything else is read from them.
+"""Turning of ways so that one-way traffic goes along them, before other facts are read from them.
 
 A way with ``oneway=-1`` is reversed, with every tag that has a side or a direction. All lanes of a reversible or
-alternating road go one way at a time. ``oneway:conditional`` and the time of the crash decide which; where they do
-not, it is the way as drawn, and the tag :data:`REVERSIBLE_TAG` says that it may have been the other one. Nothing
-that comes later knows any of these values."""
+alternating road go one way at a time. ``oneway:conditional`` and the time of the crash determine the direction. If they
+do not, it is the direction of the way, and the tag :data:`REVERSIBLE_TAG` records that it may have been the other one.
+Later steps do not see these values.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +27,9 @@ _SIDED: Final = frozenset({"sidewalk", "cycleway", "footway", "shoulder", "parki
 
 
 def along_traffic(extract: OsmExtract, when: datetime | None = None) -> OsmExtract:
-    """Return the extract with every one-way road along its traffic, as it was at ``when``, local time.
+    """Return the extract with every one-way road along its traffic at ``when`` (local time).
 
-    Its turn restrictions are those that hold for cars then.
+    Its turn restrictions are those for cars at that time.
 
     >>> from trace_dag.osm.types import BoundingBox
     >>> way = OsmWay(7, (1, 2), {"highway": "primary", "oneway": "-1", "parking:right": "lane"})
@@ -52,7 +53,7 @@ def _along(way: OsmWay, when: datetime | None) -> OsmWay:
 
 
 def _at_the_time(conditional: str, when: datetime | None) -> str | None:
-    """Return "yes" or "-1" by the conditions that hold; None where none does or a condition cannot be read."""
+    """Return "yes" or "-1" by the conditions that hold; None if none does or one cannot be read."""
     value = value_at(conditional, when)
     return "-1" if value in _AGAINST else "yes" if value in ("yes", "1") else None
 
@@ -60,8 +61,8 @@ def _at_the_time(conditional: str, when: datetime | None) -> str | None:
 def reverse_tags(tags: Mapping[str, str]) -> dict[str, str]:
     """Return tags of a way seen from its other end.
 
-    Lists of one entry a lane that have a direction go from left to right as its drivers see them and stay so; those
-    without one go along the way and are turned round, unless that would paint left turns right of right turns.
+    Lists with one entry per lane and a direction go from left to right as drivers see them and stay so. Those without a
+    direction go along the way and are reversed, unless that would paint left turns right of right turns.
     """
     turned = {_swapped(key, ":"): value for key, value in tags.items()}
     as_driven = _is_as_driven(tags.get("turn:lanes", ""))

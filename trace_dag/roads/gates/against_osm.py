@@ -45,7 +45,7 @@ _LEAST_END_ROAD_M: Final = 30.0
 
 @dataclass(frozen=True)
 class WayDeviation:
-    """The deviation of the roads from their OSM centre lines, outside junctions, by length."""
+    """The deviation of the roads from their OSM centre lines, outside junctions, weighted by length."""
 
     mean_m: float
     worst_m: float
@@ -106,11 +106,10 @@ class MapComparison:
 
     @cached_property
     def _fold_of_node(self) -> dict[int, str]:
-        """Return junctions where no streets meet, by their nodes.
+        """Return junctions where a way folds back, by their nodes.
 
-        A way folds back there more sharply than one road can.
-
-        The way is still there at such a place, unlike at a crossing, where movements replace the centre lines.
+        No streets meet there, but the way turns more sharply than one road can. The way is still there at such a place,
+        unlike at a crossing, where movements replace the centre lines.
         """
         arms: Counter[int] = Counter()
         for way in self.ways:
@@ -125,7 +124,7 @@ class MapComparison:
 
     @cached_property
     def junction_areas(self) -> shapely.Geometry:
-        """Return hulls of the crossings: inside them the arms' centre lines are replaced by movements.
+        """Return hulls of the crossings, in which movements replace the arms' centre lines.
 
         A hull holds the surfaces of the movements, the OSM nodes of the junction and the ways between them.
         """
@@ -152,7 +151,7 @@ class MapComparison:
         return areas
 
     def _inner_ways(self) -> dict[str, FloatArray]:
-        """Return nodes of each crossing, and of the short pieces of way that lead from one of its nodes to another."""
+        """Return nodes of each crossing, and of the short pieces of way between its nodes."""
         neighbours: dict[int, list[int]] = defaultdict(list)
         for way in self.ways:
             for a, b in pairwise(way.node_ids):
@@ -167,7 +166,7 @@ class MapComparison:
         return found
 
     def _paths_between(self, start: int, nodes: set[int], neighbours: dict[int, list[int]]) -> Iterator[int]:
-        """Yield nodes on the short paths without a branch from ``start`` to another of ``nodes``."""
+        """Yield nodes on short unbranched paths from ``start`` to another of ``nodes``."""
         for first in neighbours[start]:
             path, length_m = [start, first], math.dist(self._node_xy[start], self._node_xy[first])
             while path[-1] not in nodes and len(neighbours[path[-1]]) == 2 and length_m < _LONGEST_INNER_WAY_M:
@@ -212,7 +211,7 @@ class MapComparison:
         )
 
     def ways_without_road(self) -> dict[int, str]:
-        """Return why a way has neither a road of its own nor a movement through a junction along it, by its id."""
+        """Return, by way id, the reason why a way has neither a road nor a movement along it."""
         made = {way_id for road in self.network.roads for way_id in road.osm_way_ids}
         junction_of = {node_id: each.id for each in self.network.junctions for node_id in each.osm_node_ids}
         found = {}
@@ -234,7 +233,7 @@ class MapComparison:
         return found
 
     def _points_of_ways(self) -> Iterator[tuple[OsmWay, FloatArray, FloatArray, NDArray[np.bool_]]]:
-        """Yield each way with its line, the points along it, and which of these lie outside the junctions."""
+        """Yield each way with its line, the points along it, and a mask of the points outside junctions."""
         # A way that was drawn has no original.
         lines = [(way, self.way_line(way)) for way in self.ways if INFERRED_TAG not in way.tags]
         found = [(way, line, _resampled(line)) for way, line in lines if len(line) > 1]
@@ -260,9 +259,9 @@ class MapComparison:
         ]
 
     def lanes_against_tags(self) -> tuple[int, dict[str, str]]:
-        """Return the number of roads with a tagged lane count, and the differences, by road id.
+        """Return the number of roads with a tagged lane count, and the differences by road id.
 
-        A road made of one way is compared in the middle, where no lane has begun to open or close for a junction.
+        A road made of one way is compared in the middle, where no lane opens or closes for a junction.
         """
         by_id = {way.id: way for way in self.ways}
         profile_of = cache(lambda way_id: read_profile(by_id[way_id]))  # a way between two crossings is several roads
@@ -282,13 +281,13 @@ class MapComparison:
         return compared, differing
 
     def geodesic_anchors(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return the well-spread places of OSM and where the map has them.
+        """Return well-spread places of OSM and their positions on the map.
 
-        (n, 2) latitude and longitude, (n, 2) x and y.
+        They are (n, 2) latitude and longitude, and (n, 2) x and y.
 
-        First the nodes at which a way ends alone. Their place on the map is the open end of the road, so they show
-        every error of scale and position. If these are few, places inside straight segments are added. Their place on
-        the map is the nearest point of the way's own road, so they show errors across the road only.
+        The first are the nodes at which a way ends alone. On the map they are the open ends of roads, so they show
+        every error of scale and position. If these are few, places inside straight segments are added. On the map they
+        are the nearest points of the way's own road, so they only show errors across the road.
         """
         ends = self._end_anchors()
         chosen = [ends[i] for i in _spread([place for _, place in ends], count)]
@@ -301,9 +300,9 @@ class MapComparison:
         return np.array([degrees for degrees, _ in chosen]), np.array([place for _, place in chosen])
 
     def _end_anchors(self) -> list[_Anchor]:
-        """Return nodes at which one way ends and no other passes, and the open road end nearest to each.
+        """Return nodes at which one way ends and no other passes, and the nearest open road end.
 
-        Short ways and short last segments are left out: ways that a box cuts off are lengthened and smoothed.
+        Short ways and short last segments are left out, because ways that a box cuts off are lengthened and smoothed.
         """
         uses = Counter(node_id for way in self.ways for node_id in dict.fromkeys(way.node_ids))
         found: list[_Anchor] = []
@@ -373,7 +372,7 @@ def _resampled(line: FloatArray) -> FloatArray:
 
 
 def _spread(places: Sequence[tuple[float, float]], count: int, known: Sequence[tuple[float, float]] = ()) -> list[int]:
-    """Return the farthest-point sampling: indices of places far from each other and from the known ones."""
+    """Return indices of places far from each other and from the known ones, by farthest-point sampling."""
     if not places or count < 1:
         return []
     points = np.array(places)

@@ -1,4 +1,4 @@
-"""The axes of roads, and how far points are from them."""
+"""The axes of roads, and the distances of points from them."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ SAMPLE_M: Final = 1.0
 def distances_to_axes(
     network: RoadNetwork, roads: Sequence[Sequence[Road]], points: Sequence[FloatArray]
 ) -> list[FloatArray]:
-    """Return the distance (m) of each of some points, (n, 2), to the nearest axis of the roads that belong to them.
+    """Return the distance (m) of each of the points, (n, 2), to the nearest axis of its roads.
 
-    The axis is the reference line and, on one-way roads, the middle of the lanes too.
+    The axes are the reference line and, on one-way roads, the middle of the lanes too.
 
     >>> road = network.road_by_id[map_report.placement.road_id]
     >>> beginning = np.array([[road.plan[0].x_m, road.plan[0].y_m]])
@@ -69,7 +69,7 @@ def _axes(network: RoadNetwork, roads: Iterable[Road]) -> dict[str, list[FloatAr
 
 
 def _stations(line: ReferenceLine, everywhere: bool) -> FloatArray:
-    """Return the stations of a line's pieces, and metre by metre where it is curved, or ``everywhere``."""
+    """Return the stations of a line's pieces, and those metre by metre in curves, or ``everywhere``."""
     starts = line.table[0]
     stations = line.stations(SAMPLE_M)
     if not everywhere and not line.has_cubics:
@@ -95,5 +95,5 @@ def _middle_of_lanes(network: RoadNetwork, road: Road, stations_m: FloatArray) -
 
 
 def _flat(parts: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return arrays one after the other, and which each row is of."""
+    """Return the concatenated arrays, and for each row the index of its array."""
     return np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])

@@ -1,6 +1,6 @@
 """The gates of a road map: each is measured on the stored file, with its threshold, and passes or does not.
 
-A gate that could not be evaluated says why. :func:`require` turns the first gate that fails into the rejection
+A gate that could not be evaluated has the reason. :func:`require` turns the first gate that fails into the rejection
 ``map_distorted`` (``crash_off_road`` for the crash's place).
 """
 
@@ -45,10 +45,10 @@ def check_map(
     limits: MapLimits | None = None,
     left_out_ways: Collection[int] = (),
 ) -> tuple[MapGate, ...]:
-    """Return all gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` it was made from.
+    """Return all gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` as its source.
 
-    The map need not have roads of ``left_out_ways``. A gate that fails names the roads where it does.
-    Everything is measured on the file as read back. If it breaks more rules than allowed, nothing else is measured.
+    The map need not have roads of ``left_out_ways``. A failed gate names its roads. Everything is measured on the file
+    as read back. If it breaks more rules than allowed, nothing else is measured.
     """
     limits = limits or MapLimits()
     broken = stored_map.violations
@@ -184,7 +184,7 @@ def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
-    """Check that a car can drive every lane through a junction, and no piece of line is too short for readers."""
+    """Yield gates that a car can drive every lane through a junction, and that no piece of line is too short."""
     turns = measures.tightest_turns(stored)
     names = ("turn_radius", "u_turn_radius")
     for name, turn, limit_m in zip(names, turns, (limits.turn_radius_m, limits.u_turn_radius_m), strict=True):
@@ -197,7 +197,7 @@ def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
-    """Check that each neighbour has the lane as its neighbour in turn, and they share a border."""
+    """Return the gate that each lane's neighbour has the lane as its neighbour in turn, with a shared border."""
     broken: list[str] = []
     roads: list[str] = []
     for ref in stored.drivable_lanes():
@@ -216,9 +216,9 @@ def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
 
 
 def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
-    """Return the pairwise distances between well-spread places.
+    """Return the gate of pairwise distances between well-spread places.
 
-    On the map, and on the WGS84 ellipsoid between OSM coordinates.
+    They are measured on the map, and on the WGS84 ellipsoid between OSM coordinates.
     """
     from pyproj import Geod
 

@@ -82,9 +82,9 @@ class LanesBeside(NamedTuple):
 
 
 def lanes_beside(network: RoadNetwork) -> LanesBeside:
-    """Return the sidewalks and cycle lanes of a map, looked at every five metres.
+    """Return measures of the sidewalks and cycle lanes of a map, at every five metres.
 
-    Cycle lanes in junctions are left out: traffic that turns right drives across them.
+    Cycle lanes in junctions are left out, because traffic that turns right drives across them.
 
     >>> lanes_beside(network).share_on_roadway
     0.0
@@ -117,10 +117,7 @@ def lanes_beside(network: RoadNetwork) -> LanesBeside:
 
 
 def _near_drivable(network: RoadNetwork, places: FloatArray) -> NDArray[np.intp]:
-    """Return the numbers of those of some places, (n, 3), that may lie on a lane for vehicles.
-
-    The others need no exact look.
-    """
+    """Return the numbers of places, (n, 3), that may lie on a lane for vehicles; only these need an exact test."""
     lanes = [network.geometry(ref) for ref in network.drivable_lanes()]
     sample_lanes(lanes)
     surfaces = shapely.STRtree([polygon(lane) for lane in lanes])
@@ -129,7 +126,7 @@ def _near_drivable(network: RoadNetwork, places: FloatArray) -> NDArray[np.intp]
 
 
 def one_sided_links(network: RoadNetwork) -> dict[LaneRef, str]:
-    """Return lanes that name a next lane which names no lane back, inside roads and between roads, and how.
+    """Return lanes whose next lane does not name them back, inside and between roads, with a description.
 
     >>> one_sided_links(network)
     {}
@@ -152,9 +149,9 @@ def one_sided_links(network: RoadNetwork) -> dict[LaneRef, str]:
 
 
 def find_stranded_lanes(network: RoadNetwork) -> list[str]:
-    """Return the full-width lanes that end at a junction or another road without any movement into it.
+    """Return full-width lanes that end at a junction or another road without a movement into it.
 
-    Bidirectional lanes and lanes that have closed (narrower than 1 m) end anywhere.
+    Bidirectional and closed lanes (narrower than 1 m) may end anywhere.
 
     >>> find_stranded_lanes(network)
     []
@@ -179,7 +176,7 @@ def _named(ref: LaneRef) -> str:
 
 
 class TightestTurn(NamedTuple):
-    """Least radius (m) of a lane's centre in a junction, infinite where all go straight, and the road it is on."""
+    """Least radius (m) of a lane's centre in a junction, infinite if all are straight, and its road."""
 
     radius_m: float
     road_id: str | None
@@ -229,7 +226,7 @@ class SteepestGrade(NamedTuple):
 def steepest_grades(network: RoadNetwork) -> tuple[SteepestGrade, SteepestGrade]:
     """Return the steepest main road, and the steepest ramp or driveway.
 
-    Ramps and driveways are ``*_link``, ``service`` and movements from or to them.
+    Ramps and driveways are ``*_link``, ``service`` and their movements.
 
     >>> [steepest.grade for steepest in steepest_grades(network)]  # the town's plan is flat here
     [0.0, 0.0]
@@ -263,7 +260,7 @@ class RoadCrossing(NamedTuple):
 
 
 def crossings(network: RoadNetwork) -> list[RoadCrossing]:
-    """Find crossings of reference lines whose roads share neither junction nor link.
+    """Return crossings of reference lines whose roads share neither junction nor link.
 
     >>> crossings(network)
     []

@@ -1,7 +1,7 @@
 """The scope of a crash: the roads that it can use, a map without bad roads elsewhere, and the ends of the data.
 
-A map is rejected for a road that the crash can use. One that fails a gate farther away is left out, and the map's
-report says so.
+A map is rejected for a road that the crash can use. A road that fails a gate farther away is left out, with a note in
+the map's report.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def check_in_scope(
     limits: MapLimits,
     settings: RoadSettings,
 ) -> CheckedMap:
-    """Return the map written and checked, without the roads that fail a gate and that the crash cannot use."""
+    """Return the map written and checked, without unusable roads that fail a gate."""
     used: frozenset[str] | None = None
     left_out: list[LeftOutRoad] = []
     while True:
@@ -78,7 +78,7 @@ def check_in_scope(
 
 
 def _is_far(way: OsmWay, network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement) -> bool:
-    """Return whether a way lies farther from the crash than any road that it can use begins."""
+    """Return whether a way lies farther from the crash than the beginning of any usable road."""
     nodes = [extract.nodes[node_id] for node_id in way.node_ids]
     line = network.frame.to_local(
         np.array([node.latitude_deg for node in nodes]), np.array([node.longitude_deg for node in nodes])
@@ -127,7 +127,7 @@ def data_ends(network: RoadNetwork, extract: OsmExtract, placement: CrashPlaceme
 def _distances_m(network: RoadNetwork, placement: CrashPlacement) -> dict[str, float]:
     """Return the distance from the crash to the beginning of each road along the roads, in either direction.
 
-    0 for the crash's own.
+    It is 0 for the crash's own road.
     """
     next_to: dict[str, set[tuple[ContactPoint | None, str]]] = defaultdict(set)  # by the end where they meet
     for road in network.roads:
@@ -156,7 +156,7 @@ def _station_m(network: RoadNetwork, road_id: str, placement: CrashPlacement) ->
 
 
 def drop_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwork:
-    """Return the network without some roads, the connecting roads from and to them, and all links to any of these.
+    """Return the network without some roads, their connecting roads, and all links to these.
 
     >>> corner = next(road for road in network.roads if road.junction_id is not None)
     >>> len(network.roads) - len(drop_roads(network, [corner.id]).roads)
@@ -199,7 +199,7 @@ def drop_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwork:
 
 
 def _unlinked(road: Road, gone: Collection[str], junctions: Collection[str]) -> Road:
-    """Return a road without links to what is gone; its lanes end where the link did."""
+    """Return a road without links to removed roads; its lanes end where the link did."""
 
     def left(link: RoadLink | None) -> RoadLink | None:
         if link is None:

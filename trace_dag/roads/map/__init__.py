@@ -1,4 +1,4 @@
 """The road map: OpenDRIVE as plain types, its geometry, and queries.
 
-Belongs here: what holds for any OpenDRIVE map, whoever made it. Does not belong here: OpenStreetMap.
+Belongs here: everything common to all OpenDRIVE maps, whoever made them. Does not belong here: OpenStreetMap.
 """

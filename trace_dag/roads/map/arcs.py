@@ -1,4 +1,4 @@
-"""Arcs by their chords: where a line of constant curvature leads.
+"""Arcs by their chords, for the ends of lines of constant curvature.
 
 The chord of an arc that turns by ``a`` is ``sin(a/2) / (a/2)`` of its length and points ``a/2`` off its beginning; a
 straight line is an arc with a turn of 0.

@@ -1,8 +1,8 @@
-"""Areas that lanes cover, seen from above: whether points lie in them, and how far from their edge.
+"""Areas that lanes cover, seen from above, for tests of points and distances from their edges.
 
-The surfaces of all lanes of a large map take a fifth of a second to put together, and a crash looks at a few places
-of it. So an area is put together where it is asked about, of the lanes that come near, and what is farther away does
-not count: a point's place in an area depends on the lanes around it alone.
+The surfaces of all lanes of a large map take a fifth of a second to join, and a crash needs few places of it. So an
+area is joined only around the queried places, from the lanes nearby, since a point's position in an area depends on the
+lanes around it alone.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _TOUCHING_M: Final = 1.0  # more than what closing the slivers between lanes can
 
 
 class LaneAreas:
-    """Surfaces of single lanes, and of some lanes together, made when they are first asked for and kept."""
+    """Surfaces of single lanes and of joined lanes, made on first use and kept."""
 
     def __init__(self) -> None:
         self._surfaces: dict[LaneRef, shapely.Polygon] = {}
@@ -46,9 +46,10 @@ class LaneAreas:
     def of(
         self, lanes: Iterable[tuple[LaneRef, LaneGeometry]], box: Box, reach_m: float, *, cut: bool = False
     ) -> shapely.MultiPolygon:
-        """Return the area of those of some lanes that come within some distance of a box.
+        """Return the joined area of the lanes within some distance of a box.
 
-        The areas are of whole lanes, or ``cut`` at that distance, which takes a third of the time where lanes go on."""
+        The lanes are whole, or ``cut`` at that distance, which takes a third of the time for long lanes.
+        """
         known = list(lanes)
         new = [(ref, geometry) for ref, geometry in known if ref not in self._surfaces]
         sample_lanes(geometry for _, geometry in new)
@@ -77,11 +78,11 @@ class Area:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether it has no lane at all."""
+        """Return whether the area has no lane."""
         return next(iter(self._lanes_within((-math.inf, -math.inf, math.inf, math.inf))), None) is None
 
     def within(self, box: Box, reach_m: float) -> shapely.MultiPolygon:
-        """Return the surfaces that come within some distance of a box, whole."""
+        """Return the surfaces within some distance of a box, whole."""
         return self._lane_areas.of(self._lanes_within(_wider(box, reach_m)), box, reach_m)
 
     def has(self, x_m: float, y_m: float) -> bool:
@@ -95,7 +96,7 @@ class Area:
     def beyond_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Return how far points are beyond the edge (m), negative within the area.
 
-        Not a number where there is no area.
+        Not a number if there is no area.
         """
         for area, reach_m in self._growing(_box_about(x_m, y_m)):
             from_edge_m = _from_edge_m(x_m, y_m, area.boundary)
@@ -118,10 +119,7 @@ class Area:
         return float(away[int(np.argmin(inside))]) if inside[0] and not inside.all() else 0.0
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return the point of the area that is nearest to a point (x, y; m).
-
-        The point itself where there is no area.
-        """
+        """Return the point of the area nearest to a point (x, y; m), or the point itself without an area."""
         point = shapely.Point(x_m, y_m)
         for area, reach_m in self._growing((x_m, y_m, x_m, y_m)):
             if not area.is_empty and area.distance(point) < reach_m:
@@ -130,14 +128,14 @@ class Area:
         return x_m, y_m
 
     def _growing(self, box: Box) -> Iterator[tuple[shapely.MultiPolygon, float]]:
-        """Yield the area about a box, ever more of it, and how far from the box nothing is missing."""
+        """Yield ever larger parts of the area around a box, each with the distance up to which it is complete."""
         for reach_m in (_TILE_M, 4 * _TILE_M, math.inf):
             yield self.within(box, reach_m), reach_m
 
     def edge_near(self, x_m: float, y_m: float) -> shapely.MultiLineString:
-        """Return the edge of the area around a point: all of it that is within twelve metres.
+        """Return the edge of the area within twelve metres of a point.
 
-        Lines farther away may be where the area was cut, and no edge.
+        Lines farther away may be where the area was cut.
         """
         at = _tile_of(x_m, y_m)
         if at not in self._edges:
@@ -146,7 +144,7 @@ class Area:
         return self._edges[at]
 
     def _piece(self, x_m: FloatArray, y_m: FloatArray) -> shapely.MultiPolygon:
-        """Return the part of the area in which some points can lie."""
+        """Return the part of the area that may contain some points."""
         west, south, east, north = _box_about(x_m, y_m)
         at = _tile_of(west, south)
         if at == _tile_of(east, north):
@@ -164,9 +162,9 @@ class Area:
 
 
 def _from_edge_m(x_m: FloatArray, y_m: FloatArray, edge: shapely.Geometry) -> FloatArray:
-    """Return the distances of points from an edge, which may have thousands of segments.
+    """Return the distances of points from an edge with perhaps thousands of segments.
 
-    Not a number where there is none.
+    Not a number without an edge.
     """
     rings = [shapely.get_coordinates(line) for line in shapely.get_parts(edge)]
     if not rings:

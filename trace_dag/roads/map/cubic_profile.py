@@ -22,7 +22,7 @@ _Coefficients = tuple[float, float, float, float]
 
 
 class CubicProfile:
-    """A piecewise cubic in ``s`` (metres along a road); before its first piece the first piece is continued."""
+    """A piecewise cubic in ``s`` (metres along a road); before its beginning the first piece is continued."""
 
     __slots__ = ("_arrays", "constant", "knots_m", "pieces")
 
@@ -36,9 +36,9 @@ class CubicProfile:
 
     @classmethod
     def of(cls, cubics: Iterable[Cubic], *, origin_m: float = 0.0) -> Self:
-        """Make a profile of OpenDRIVE records whose ``s`` counts from ``origin_m``.
+        """Return a profile of OpenDRIVE records whose ``s`` counts from ``origin_m``.
 
-        No record at all is 0 everywhere.
+        Without records it is 0 everywhere.
         """
         ordered = list(cubics)
         if not ordered:

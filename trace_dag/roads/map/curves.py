@@ -1,4 +1,4 @@
-"""Curves of the plan view: lines and arcs one after the other, cut, turned round, joined, and led from pose to pose.
+"""Curves of the plan view: sequences of lines and arcs, cut, reversed, joined, and connecting poses.
 
 Plane geometry only, on plain floats: thousands of pieces per map.
 """
@@ -51,7 +51,7 @@ def element_pose(element: PlanElement, ds_m: float) -> PlanPose:
 
 
 def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
-    """Return the pose at ``s_m``; beyond the ends the first or last element is continued.
+    """Return the pose at ``s_m``; the first or last element is continued beyond the ends.
 
     >>> plan_pose(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0)), 25.0)
     PlanPose(x_m=25.0, y_m=0.0, heading_rad=0.0)
@@ -61,9 +61,7 @@ def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
 
 
 def cut_plan(plan: PlanView, begin_m: float, end_m: float) -> PlanView:
-    """Return the stretch from ``begin_m`` to ``end_m``, with ``s_m`` starting at 0 again.
-
-    Keeps no vertices.
+    """Return the stretch from ``begin_m`` to ``end_m``, with ``s_m`` starting at 0 and without vertices.
 
     >>> cut_plan(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0)), 10.0, 30.0).length_m
     20.0
@@ -96,7 +94,7 @@ def reverse_plan(plan: PlanView) -> PlanView:
 
 
 def join_plans(plans: Sequence[PlanView]) -> PlanView:
-    """Return plans one after the other; each must begin with the pose at which the one before ends.
+    """Return plans joined in order; each must begin at the last pose of the previous one.
 
     >>> first, second = (connect(PlanPose(x, 0.0, 0.0), PlanPose(x + 50.0, 0.0, 0.0)) for x in (0.0, 50.0))
     >>> join_plans([first, second]).length_m
@@ -184,8 +182,7 @@ def _biarc(start: PlanPose, end: PlanPose) -> PlanView:
 def _arc_to(start: PlanPose, x_m: float, y_m: float) -> tuple[PlanPose, float, float]:
     """Return the arc that leaves ``start`` and passes through a point: its start, length and curvature.
 
-    If the arc is too flat for single precision, the straight line is returned, at most 0.03 degrees off the start's
-    heading.
+    If the arc is too flat for single precision it is a straight line, at most 0.03 degrees off the start's heading.
     """
     dx, dy = x_m - start.x_m, y_m - start.y_m
     chord = math.hypot(dx, dy)
@@ -198,10 +195,10 @@ def _arc_to(start: PlanPose, x_m: float, y_m: float) -> tuple[PlanPose, float, f
 
 
 def drop_slivers(plan: PlanView) -> PlanView:
-    """Return the same line with a smooth curve of about a metre in place of every element shorter than a centimetre.
+    """Return the same line with a smooth curve of about a metre in place of each element under a centimetre.
 
-    It begins, ends and turns as before and runs within a few millimetres of where it did. A reader that samples a line
-    or drops what is shorter than its tolerance would lose the heading that such an element adds.
+    It begins, ends and turns as before, within a few millimetres of the original. A reader that samples a line, or
+    drops elements below its tolerance, would lose the heading that such an element adds.
     """
     if plan.length_m < 2 * SHORTEST_ELEMENT_M:
         return plan
@@ -226,7 +223,7 @@ def drop_slivers(plan: PlanView) -> PlanView:
 
 
 def _index_beyond(elements: Sequence[PlanElement], at: int, step: int) -> int:
-    """Return the index of the next element out of reach of a replaced sliver, before (-1) or after (1)."""
+    """Return the index of the next element beyond a replaced sliver, before (-1) or after (1)."""
     away_m = 0.0
     while 0 <= at + step < len(elements) and away_m < _AROUND_SLIVER_M + 2 * SHORTEST_ELEMENT_M:
         at += step
@@ -243,7 +240,7 @@ def _one_after_the_other(elements: Sequence[PlanElement]) -> PlanView:
 
 
 def _snapped(plan: PlanView, s_m: float) -> float:
-    """Return ``s_m`` within the plan, moved onto the border of an element that it is almost at."""
+    """Return ``s_m`` within the plan, moved onto the border of an element if almost there."""
     borders = (0.0, plan.length_m, *(element.s_m for element in plan.elements))
     nearest = min(borders, key=lambda border: abs(border - s_m))
     return nearest if abs(nearest - s_m) < 2 * SHORTEST_ELEMENT_M else min(max(s_m, 0.0), plan.length_m)

@@ -1,7 +1,7 @@
 """Lane geometry: centres, borders, widths and heights by ``s``, scalar and vectorised.
 
 One :class:`RoadGeometry` per road, one :class:`LaneGeometry` per lane; both are made by
-:class:`~trace_dag.roads.map.network.RoadNetwork` when first asked for and kept by it.
+:class:`~trace_dag.roads.map.network.RoadNetwork` on first use and kept.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _lane_id: Final = attrgetter("id")
 
 
 class SectionLine(NamedTuple):
-    """The reference line along a lane section every :data:`LANE_STEP_M`, which all its lanes are laid beside."""
+    """The reference line along a lane section every :data:`LANE_STEP_M`, from which its lanes are offset."""
 
     stations_m: FloatArray
     line: FloatArray  # (n, 4): x, y, heading, curvature
@@ -47,7 +47,7 @@ class SectionLine(NamedTuple):
 class LaneSamples(NamedTuple):
     """A lane along its section every :data:`LANE_STEP_M`, in the direction of the reference line.
 
-    ``s_m``, (n,), its centre, and its borders next to that line and away from it, shape (n, 3) each, x, y, z.
+    It has ``s_m``, (n,), the centre, and the inner and outer border, shape (n, 3) each, x, y, z.
     """
 
     stations_m: FloatArray
@@ -86,11 +86,11 @@ class RoadGeometry:
         return (begin_m, end_m) in self._section_lines
 
     def keep_section_line(self, begin_m: float, end_m: float, line: SectionLine) -> None:
-        """Keep a sampled line for :meth:`section_line`, where it was sampled together with others."""
+        """Store a line for :meth:`section_line` that was sampled together with others."""
         self._section_lines[begin_m, end_m] = line
 
     def section_span(self, index: int) -> tuple[float, float]:
-        """Return ``s_m`` where a lane section begins and ends."""
+        """Return ``s_m`` of the beginning and the end of a lane section."""
         sections = self.road.lane_sections
         end_m = sections[index + 1].s_m if index + 1 < len(sections) else self.road.length_m
         return sections[index].s_m, end_m
@@ -139,7 +139,7 @@ class LaneGeometry:
         return self.end_m - self.begin_m
 
     def pose(self, s_m: float, offset_m: float = 0.0) -> Pose:
-        """Return the pose at ``s_m``, ``offset_m`` to the left of the centre, heading in the direction of travel."""
+        """Return the pose at ``s_m``, ``offset_m`` to the left of the centre, in the direction of travel."""
         x, y, heading, curvature = self.road.line.at(s_m)
         s_on_lane = min(max(s_m, self.begin_m), self.end_m)
         t = self.centre.at(s_on_lane) + self.direction * offset_m
@@ -155,7 +155,7 @@ class LaneGeometry:
         )
 
     def sample(self, s_m: FloatArray, offset_m: float = 0.0) -> FloatArray:
-        """Sample many ``s_m`` like :meth:`pose`, shape (n, 4): x, y, z, heading (continuous along the array)."""
+        """Return poses at many ``s_m`` like :meth:`pose`, shape (n, 4): x, y, z, heading (continuous)."""
         line = self.road.line.sample(s_m)
         s_on_lane = np.clip(s_m, self.begin_m, self.end_m)
         t = self.centre.sample(s_on_lane) + self.direction * offset_m
@@ -183,7 +183,7 @@ class LaneGeometry:
         return line
 
     def between(self, low_m: float, high_m: float, step_m: float) -> FloatArray:
-        """Return the centre between two ``s_m``, in the direction of travel, shape (n, 4), both ends included."""
+        """Return the centre between two ``s_m`` in the direction of travel, shape (n, 4), with both ends."""
         stations = self.road.line.stations(step_m, low_m, high_m)
         return self.sample(stations if self.direction > 0 else stations[::-1])
 
@@ -194,18 +194,18 @@ class LaneGeometry:
 
     @property
     def samples(self) -> LaneSamples:
-        """Return the lane as points: sampled once for all that look at it."""
+        """Return the lane as points, which are sampled once."""
         if self._samples is None:
             sample_lanes([self])
         assert self._samples is not None
         return self._samples
 
     def keep_samples(self, samples: LaneSamples) -> None:
-        """Keep samples for :attr:`samples`, where the lane was sampled together with others."""
+        """Store samples for :attr:`samples` that were made together with others."""
         self._samples = samples
 
     def borders(self) -> tuple[FloatArray, FloatArray]:
-        """Return the left and right border as seen in the direction of travel, shape (n, 3) each, in that direction."""
+        """Return the left and right border in the direction of travel, shape (n, 3) each."""
         _, _, inner, outer = self.samples  # where traffic keeps to the right, the reference line is left of its lanes
         left, right = (outer, inner) if self.road.road.left_hand else (inner, outer)
         return (left, right) if self.direction > 0 else (left[::-1], right[::-1])
@@ -216,7 +216,7 @@ class LaneGeometry:
         return self.samples.centre_m[:, :2]
 
     def project(self, x_m: float, y_m: float) -> LaneProjection:
-        """Return the point in the lane's own coordinates, exact; the inverse of :meth:`pose` within the lane's span."""
+        """Return a point's exact coordinates in the lane; the inverse of :meth:`pose` within the lane's span."""
         stations, points = self.samples.stations_m, self.samples.centre_m
         nearest = int(np.argmin((points[:, 0] - x_m) ** 2 + (points[:, 1] - y_m) ** 2))
         s_m, t_m, beyond_m = self.road.line.project(x_m, y_m, float(stations[nearest]))
@@ -259,7 +259,7 @@ def sample_sections(roads: Sequence[RoadGeometry], begin_m: FloatArray, end_m: F
 
 
 def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
-    """Sample those of some lanes that have not been yet: their ``samples`` are there then."""
+    """Sample the lanes that have no samples yet."""
     wanted = [lane for lane in dict.fromkeys(lanes) if not lane.is_sampled]
     if not wanted:
         return
@@ -286,7 +286,7 @@ def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
 def sample_at(lanes: Sequence[LaneGeometry], stations: Stations) -> FloatArray:
     """Return centres of several lanes, each at its stations, (n, 4).
 
-    X, y, z (metres), heading (radians) in the direction of travel, continuous along each lane.
+    They have x, y, z (metres) and heading (radians) in the direction of travel, continuous along each lane.
     """
     owner, s_m = stations.owner, stations.s_m
     line = sample_reference_lines([lane.road.line for lane in lanes], stations)

@@ -1,7 +1,7 @@
-"""Lanes by place: what ``nearest_lanes`` looks at, lane surfaces and the drivable area.
+"""An index of lanes by place, for ``nearest_lanes``, lane surfaces and the drivable area.
 
-A query for a place on a large map needs few of its lanes. Boxes are made around all roads at once; lines along lanes
-are made only for roads near the places that are asked about.
+A query on a large map needs few of its lanes. Boxes are made around all roads at once; lines along lanes are made only
+for roads near the queried places.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _SEARCH_M = 1.5
 
 
 class LaneIndex:
-    """The drivable lanes of some roads, found by place. ``lanes_of`` gives the lanes of one road."""
+    """The drivable lanes of some roads, found by place. ``lanes_of`` returns the lanes of one road."""
 
     def __init__(self, roads: Sequence[Road], lanes_of: LanesOf) -> None:
         self._roads = tuple(roads)
@@ -45,7 +45,7 @@ class LaneIndex:
         self._looked_up: dict[int, _Lines | None] = {}
 
     def near(self, x_m: float, y_m: float, distance_m: float) -> Iterator[tuple[LaneRef, LaneGeometry]]:
-        """Yield candidates whose surface may lie within ``distance_m`` of a point, in the order of the roads."""
+        """Yield lanes whose surface may lie within ``distance_m`` of a point, in the order of the roads."""
         low_x, low_y, high_x, high_y = self._boxes
         apart_x = np.maximum(np.maximum(low_x - x_m, x_m - high_x), 0.0)
         apart_y = np.maximum(np.maximum(low_y - y_m, y_m - high_y), 0.0)
@@ -68,7 +68,7 @@ class LaneIndex:
         return [self._roads[number] for number in np.flatnonzero(touching)]
 
     def _look_up(self, numbers: Iterable[int]) -> None:
-        """Look up the lanes of some roads with their lines; None of a road that has none to drive in."""
+        """Find the lanes of some roads with their lines; None for a road without drivable lanes."""
         lanes_of = {
             number: list(self._lanes_of(self._roads[number])) for number in numbers if number not in self._looked_up
         }
@@ -100,9 +100,9 @@ def polygon(geometry: LaneGeometry) -> shapely.Polygon:
 
 
 def unite_areas(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) -> shapely.MultiPolygon:
-    """Unite surfaces of lanes without slivers between them; they may cross themselves.
+    """Unite surfaces of lanes, which may cross themselves, without slivers.
 
-    Only areas ``within`` a box (west, south, east, north; m) count, if one is given.
+    With a box ``within`` (west, south, east, north; m), only the parts in it count.
 
     >>> unite_areas([shapely.box(0.0, 0.0, 5.0, 3.5), shapely.box(0.0, 3.51, 5.0, 7.0)]).area  # 1 cm apart
     35.0
@@ -121,7 +121,7 @@ def unite_areas(surfaces: Iterable[shapely.Polygon], *, within: Box | None = Non
 
 
 def _union(areas: Sequence[shapely.Geometry] | NDArray[np.object_]) -> BaseGeometry:
-    """Unite areas, on a grid where borders that run nearly along each other are too much for exact arithmetic."""
+    """Unite areas, on a grid if almost parallel borders are too much for exact arithmetic."""
     try:
         return shapely.union_all(areas)
     except shapely.errors.GEOSException:
@@ -169,7 +169,7 @@ def _boxes(roads: Sequence[Road]) -> FloatArray:
 
 
 def _farthest_lane_m(road: Road) -> float:
-    """Return a distance from the reference line beyond which no lane of a road lies."""
+    """Return a distance from the reference line that contains all lanes of a road."""
     offset_m = _bound_m(road.lane_offset, road.length_m)
     return offset_m + max((_width_bound_m(section, road.length_m) for section in road.lane_sections), default=0.0)
 
@@ -179,7 +179,7 @@ def _width_bound_m(section: LaneSection, length_m: float) -> float:
 
 
 def _bound_m(cubics: Sequence[Cubic], length_m: float) -> float:
-    """Return an upper bound for piecewise cubics over a length: each term is taken at its largest."""
+    """Return an upper bound of piecewise cubics over a length, from the largest value of each term."""
     if len(cubics) == 1 and not (cubics[0].b or cubics[0].c or cubics[0].d):
         return abs(cubics[0].a)
     bound = 0.0

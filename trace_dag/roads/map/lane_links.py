@@ -9,7 +9,7 @@ from trace_dag.roads.map.model import Connection, ContactPoint, Junction, Lane, 
 
 
 class LaneLinks:
-    """Successors and predecessors of drivable lanes, in the direction of travel; found when first asked for."""
+    """Successors and predecessors of drivable lanes, in the direction of travel, found on first use."""
 
     def __init__(
         self,
@@ -47,10 +47,7 @@ class LaneLinks:
 
     @cached_property
     def _leading_to(self) -> dict[str, list[Road]]:
-        """Return for each road id the roads from which that road can be entered, itself included.
-
-        In the order of the network.
-        """
+        """Return, for each road id, the roads from which that road can be entered, and itself, in network order."""
         found: dict[str, dict[str, None]] = {}
         for road in self._roads:
             found.setdefault(road.id, {})[road.id] = None

@@ -1,4 +1,4 @@
-"""The road as an agent asks about it: lanes here, lanes ahead, how fast, and the way it is going."""
+"""The road for an agent's queries: lanes here, lanes ahead, speed limits, and the route."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _COARSE_M = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A way to drive: the path, and the lanes it follows, in order; no lanes where it follows none."""
+    """A route: the path, and its lanes in order, if it follows lanes."""
 
     path: Path
     lanes: tuple[LaneRef, ...] = ()
@@ -32,21 +32,21 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class LaneMap:
-    """Questions an agent has about the road. ``network`` is the whole map, for agents that want more."""
+    """An agent's queries about the road. ``network`` is the whole map, for further queries."""
 
     network: RoadNetwork
 
     def lanes_at(self, x_m: float, y_m: float, within_m: float = _LANE_REACH_M) -> list[LaneMatch]:
         """Return the drivable lanes at a point or within some metres of it, nearest first.
 
-        In a junction several overlap.
+        In a junction several lanes overlap.
         """
         return self.network.nearest_lanes(x_m, y_m, within_m)
 
     def lane_at(self, x_m: float, y_m: float, heading_rad: float) -> LaneMatch | None:
-        """Return the lane one is in, its traffic going one's way (within 60 degrees).
+        """Return the lane at a point with traffic in one's direction (within 60 degrees).
 
-        None off the road or the wrong way.
+        None off the road or in the wrong direction.
         """
         for match in self.lanes_at(x_m, y_m):
             lane_rad = self.network.pose(match.lane, match.s_m).heading_rad
@@ -55,17 +55,17 @@ class LaneMap:
         return None
 
     def speed_limit_mps(self, lane: LaneRef) -> float | None:
-        """Return the speed limit of a lane; None where the map has none."""
+        """Return the speed limit of a lane, or None."""
         return self.network.lane(lane).speed_mps or self.network.road_by_id[lane.road_id].speed_mps
 
     def ways_ahead(self, match: LaneMatch, distance_m: float) -> list[Path]:
-        """Return every way on from a place in a lane for some distance or until the map ends, straightest first."""
+        """Return every path from a place in a lane for some distance or to the map's end, straightest first."""
         return [route.path for route in self._routes(match, distance_m)]
 
     def route_along(self, recorded: Path, start: Pose) -> Route:
-        """Return the way along lanes that is nearest to a recorded path, from where it starts.
+        """Return the route along lanes nearest to a recorded path, from the start of that path.
 
-        The path itself where its start is in no lane that goes its way.
+        If the start is in no lane of its direction, the path itself is returned.
         """
         match = self.lane_at(start.x_m, start.y_m, start.heading_rad)
         routes = self._routes(match, recorded.length_m) if match is not None else []
@@ -88,9 +88,9 @@ def _mean_distance_m(recorded: Path, way: Path) -> float:
 
 
 def path_through(points_m: FloatArray) -> Path:
-    """Return the path through points x, y of shape (n, 2), repeated points dropped; at least two have to differ.
+    """Return the path through points x, y of shape (n, 2), without repeated points.
 
-    Raises ``ValueError`` where they do not.
+    Raises ``ValueError`` unless at least two points differ.
     """
     points = np.asarray(points_m, float)
     keep = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-6])
@@ -101,7 +101,7 @@ def path_through(points_m: FloatArray) -> Path:
 
 
 class PathFollower:
-    """The nearest place on a path, searched near the last one: cheap, and robust where a path comes back to itself."""
+    """A search for the nearest place on a path, near the last one found: cheap, and safe on paths that return."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -125,11 +125,9 @@ class PathFollower:
         return float(self.path.s_m[i]) + dx * c + dy * s, dy * c - dx * s
 
     def locate_many(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return distance along the path (m), offset to its left (m) and heading there, for points (n, 2).
+        """Return distance along the path (m), offset to its left (m) and heading, for points (n, 2).
 
-        Each has shape (n,).
-
-        Anywhere on the path, wherever one was.
+        Each has shape (n,). The whole path is searched.
         """
         every = max(1, round(_COARSE_M / self._step_m))
         line = self._points[::every]
@@ -140,7 +138,7 @@ class PathFollower:
         return self.path.s_m[nearest] + dx * c + dy * s, dy * c - dx * s, heading
 
     def point(self, s_m: float) -> tuple[float, float]:
-        """Return x and y at a distance along the path, straight on beyond its ends."""
+        """Return x and y at a distance along the path, extended straight beyond its ends."""
         x, y, _ = self.path.plan(np.array(s_m))
         return float(x), float(y)
 

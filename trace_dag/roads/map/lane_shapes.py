@@ -1,4 +1,4 @@
-"""Every lane of a map as polylines, with the lanes before, after and beside it: the form of lanes that most tools read.
+"""Lanes of a map as polylines, with the lanes before, after and beside each, as most tools read them.
 
 OpenDRIVE describes lanes by offsets from a reference line; CommonRoad, MetaDrive, SUMO and graphs of lanes need points.
 """
@@ -20,10 +20,9 @@ class LaneShape:
 
     Points are at most :data:`~trace_dag.roads.map.lane_geometry.LANE_STEP_M` apart along the reference line.
 
-    ``left`` and ``right`` are the drivable lanes directly beside it, whichever way their traffic goes;
-    ``left_same_way`` and ``right_same_way`` say whether it goes the same way. ``successors`` and ``predecessors`` are
-    in the direction of travel, several at a junction; a lane without traffic has neither these nor neighbours.
-    ``speed_mps`` is the limit, None where the map has none.
+    ``left`` and ``right`` are the adjacent drivable lanes of either direction; ``left_same_way`` and ``right_same_way``
+    tell whether their direction is the same. ``successors`` and ``predecessors`` are in the direction of travel,
+    several at a junction; a lane without traffic has neither these nor neighbours. ``speed_mps`` is the limit, or None.
     """
 
     ref: LaneRef

@@ -1,6 +1,6 @@
 """Rules for links in an OpenDRIVE 1.7 file: roads and lanes that follow each other, and junctions with their roads.
 
-Belongs here: what needs both sides of a link (ASAM OpenDRIVE 1.7.0, sections 10 to 12). Rules that concern single
+Belongs here: rules that need both sides of a link (ASAM OpenDRIVE 1.7.0, sections 10 to 12). Rules that concern single
 elements are in :mod:`~trace_dag.roads.map.rules`.
 """
 
@@ -12,7 +12,7 @@ from lxml import etree
 
 
 def broken_links(root: etree._Element) -> Iterator[str]:
-    """Yield every broken rule of links, with where it is broken.
+    """Yield every broken rule of links, with the place.
 
     >>> link = '<link><successor elementType="road" elementId="2"/></link>'
     >>> list(broken_links(etree.fromstring(f'<OpenDRIVE><road id="1">{link}</road></OpenDRIVE>')))
@@ -41,7 +41,7 @@ class _Road:
         return self.links.get("predecessor" if end == "start" else "successor")
 
     def lanes_at(self, end: str) -> Collection[str]:
-        """Return the ids of its lanes at the start or the end; none at any other place."""
+        """Return the ids of its lanes at the start or the end; empty for any other value."""
         if not self.sections or end not in ("start", "end"):
             return ()
         return self.sections[0 if end == "start" else -1]
@@ -55,7 +55,7 @@ class _Ends:
         self.junctions = {junction.get("id", ""): junction for junction in root.iterchildren("junction")}
 
     def lanes_at(self, road_id: str, end: str) -> Collection[str]:
-        """Return the ids of the lanes at an end of a road; none if there is no such road."""
+        """Return the ids of the lanes at an end of a road; empty if there is no such road."""
         return self.roads[road_id].lanes_at(end) if road_id in self.roads else ()
 
 
@@ -105,7 +105,7 @@ def _lane_links(ends: _Ends) -> Iterator[str]:
 
 
 def _linked_lane_ids(ends: _Ends, road: _Road, index: int, which: str) -> Collection[str]:
-    """Return the lane ids a lane link at one end of a section may name."""
+    """Return the lane ids that a lane link at one end of a section may name."""
     if 0 <= index < len(road.sections):
         return road.sections[index]
     link = road.links.get(which)
@@ -128,7 +128,7 @@ def _junctions(ends: _Ends) -> Iterator[str]:
 
 
 def _connection(ends: _Ends, junction: str, connection: etree._Element) -> Iterator[str]:
-    """Yield a connection's two roads, whether they and the junction name each other, and its lane links."""
+    """Yield faults of a connection: its two roads, their mutual naming with the junction, and its lane links."""
     incoming, connecting = connection.get("incomingRoad", ""), connection.get("connectingRoad", "")
     if incoming not in ends.roads or connecting not in ends.roads:
         yield f"joins road {incoming} to road {connecting}, one of which does not exist"

@@ -1,4 +1,4 @@
-"""OpenDRIVE's concepts as plain types: what is written to and read back from ``.xodr``.
+"""OpenDRIVE's concepts as plain types, written to and read from ``.xodr``.
 
 Frame: the project's local frame. Lane ids follow OpenDRIVE: positive left of the reference line, negative right of it,
 0 the reference line itself; in right-hand traffic negative lanes travel along the reference line and positive ones
@@ -31,19 +31,19 @@ class LaneType(StrEnum):
 
     @property
     def drivable(self) -> bool:
-        """Return whether traffic drives in it: driving, bidirectional, entry and exit lanes."""
+        """Return whether traffic drives in the lane: driving, bidirectional, entry and exit lanes."""
         return self in _DRIVABLE
 
     @property
     def paved(self) -> bool:
-        """Return whether its surface is that of a road: not the verges, medians and borders of roads."""
+        """Return whether the lane is paved, unlike the verges, medians and borders of roads."""
         return self in _PAVED
 
     @property
     def kept_clear(self) -> bool:
-        """Return whether vehicles use it, so that nothing fixed stands on it.
+        """Return whether vehicles use the lane, so that no fixed object stands on it.
 
-        Lanes, shoulders, parking and cycle lanes.
+        These are traffic lanes, shoulders, parking and cycle lanes.
         """
         return self in _PAVED and self is not LaneType.SIDEWALK
 
@@ -92,7 +92,7 @@ class RoadMark:
 
 @dataclass(frozen=True)
 class Lane:
-    """One lane of a lane section. ``mark`` is what is written; ``legal_mark`` what the law paints."""
+    """One lane of a lane section. ``mark`` is the written one; ``legal_mark`` the one that the law requires."""
 
     id: int
     type: LaneType
@@ -157,8 +157,8 @@ class Signal:
 class Crosswalk:
     """A crosswalk: a closed outline of corners, metres ahead and left of the reference line at ``s_m``.
 
-    It may lie beyond the end of the road, which a junction cuts back behind its crosswalks. ``marked``: lines are
-    painted; ``signals``: it has lights for people on foot.
+    It may lie beyond the end of the road, which is cut back at a junction. ``marked``: lines are painted; ``signals``:
+    it has lights for people on foot.
     """
 
     id: str
@@ -221,17 +221,18 @@ class Road:
 
     @property
     def level(self) -> int:
-        """Return the storey as tagged; a bridge without a layer is one up, a tunnel one down."""
+        """Return the storey as tagged; for a bridge without a layer 1, for a tunnel -1."""
         return self.layer or (1 if self.bridge else -1 if self.tunnel else 0)
 
     def direction(self, lane_id: int) -> int:
-        """Return +1 for a lane whose traffic goes along the reference line, -1 for one against it."""
+        """Return +1 for a lane with traffic along the reference line, -1 for one against it."""
         return -1 if (lane_id > 0) != self.left_hand else 1
 
     def lanes_under(self, signal: Signal) -> tuple[int, ...]:
-        """Return the ids of the lanes that a signal of this road applies to, centre turn lanes left out.
+        """Return the ids of the lanes to which a signal of this road applies, without centre turn lanes.
 
-        If it stands between two lane sections, they are those of the section that traffic comes from."""
+        Between two lane sections, they are those of the section from which traffic comes.
+        """
         sense = {"+": 1, "-": -1}.get(signal.orientation)
         before_m = signal.s_m if sense == -1 else math.nextafter(signal.s_m, 0.0)
         begun = [section for section in self.lane_sections if section.s_m <= before_m]
@@ -299,8 +300,8 @@ class LaneRef(NamedTuple):
 class LaneMatch:
     """The place of a point relative to a lane.
 
-    ``s_m`` along the road's reference line, ``offset_m`` to the left of the lane's centre in its direction of travel,
-    and how far outside the lane's borders it is (0 inside).
+    It has ``s_m`` along the road's reference line, ``offset_m`` to the left of the lane's centre in its direction of
+    travel, and the distance outside the lane's borders (0 inside).
     """
 
     lane: LaneRef

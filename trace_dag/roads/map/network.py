@@ -116,7 +116,7 @@ class RoadNetwork:
         }
 
     def lane_span(self, ref: LaneRef) -> tuple[float, float]:
-        """Return ``s_m`` where the lane begins and ends along its road's reference line (begin < end always)."""
+        """Return ``s_m`` of the lane's beginning and end along its road's reference line (begin < end always)."""
         geometry = self._lanes[ref]
         return geometry.begin_m, geometry.end_m
 
@@ -135,7 +135,7 @@ class RoadNetwork:
     def neighbours(self, ref: LaneRef) -> tuple[LaneRef | None, LaneRef | None]:
         """Return the drivable lanes directly left and right, seen in the direction of travel.
 
-        Their traffic goes either way.
+        Their traffic may go either way.
         """
         outward = 1 if ref.lane_id > 0 else -1
         inner_id = ref.lane_id - outward if abs(ref.lane_id) > 1 else -outward
@@ -147,7 +147,7 @@ class RoadNetwork:
 
     # --- places ----------------------------------------------------------------------------------------------
     def geometry(self, ref: LaneRef) -> LaneGeometry:
-        """Return the centre, borders, width and height of a lane, for many evaluations on the same lane."""
+        """Return the centre, borders, width and height of a lane, for repeated use of the same lane."""
         return self._lanes[ref]
 
     def road_geometry(self, road_id: str) -> RoadGeometry:
@@ -164,7 +164,7 @@ class RoadNetwork:
     def poses(self, ref: LaneRef, s_m: FloatArray, offset_m: float = 0.0) -> FloatArray:
         """Return poses like :meth:`pose` for ``s_m`` of shape (n,).
 
-        Shape (n, 4), x, y, z (metres), heading (radians).
+        They have shape (n, 4): x, y, z (metres), heading (radians).
         """
         return self._lanes[ref].sample(np.asarray(s_m, float), offset_m)
 
@@ -187,20 +187,20 @@ class RoadNetwork:
 
     @cached_property
     def paved_area(self) -> Area:
-        """Return everything traffic drives on, with the paved lanes beside it.
+        """Return the traffic lanes with the paved lanes beside them.
 
-        Shoulders, parking, for cycling and walking.
+        These are shoulders, and lanes for parking, cycling and walking.
         """
         return self._area(self._paved_lanes_of, lambda _: True)
 
     def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> Area:
-        """Return the area that traffic drives on within some distance of a place, of roads at its level."""
+        """Return the area of traffic lanes within some distance of a place, on roads at its level."""
         return self._area(self.drivable_lanes_of, self._is_near(x_m, y_m, reach_m, z_m))
 
     def kept_clear_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> Area:
-        """Return :meth:`carriageway_near` with the parts kept clear beside it.
+        """Return :meth:`carriageway_near` with the lanes beside it that are kept clear.
 
-        Shoulders, lanes for parking and cycling.
+        These are shoulders, and lanes for parking and cycling.
         """
         return self._area(
             lambda road: [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.kept_clear],
@@ -210,9 +210,9 @@ class RoadNetwork:
     def paved_near(
         self, x_m: float, y_m: float, reach_m: float, *, z_m: float, of: Callable[[Road], bool] | None = None
     ) -> Area:
-        """Return :meth:`carriageway_near` with the paved lanes beside it: shoulders, parking, for cycling and walking.
+        """Return :meth:`carriageway_near` with the paved lanes beside it.
 
-        ``of`` says which roads count.
+        These are shoulders, and lanes for parking, cycling and walking. ``of`` chooses the roads.
         """
         is_near = self._is_near(x_m, y_m, reach_m, z_m)
         counts = is_near if of is None else lambda road: of(road) and is_near(road)
@@ -222,7 +222,7 @@ class RoadNetwork:
         return [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved]
 
     def _is_near(self, x_m: float, y_m: float, reach_m: float, z_m: float) -> Callable[[Road], bool]:
-        """Return whether a road may be within some distance of a place, at its level."""
+        """Return a test whether a road may be within some distance of a place, at its level."""
         near = {road.id for road in self.roads_within((x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m))}
 
         def is_near(road: Road) -> bool:
@@ -235,9 +235,9 @@ class RoadNetwork:
         return is_near
 
     def _area(self, lanes_of: Callable[[Road], Iterable[LaneRef]], counts: Callable[[Road], bool]) -> Area:
-        """Yield the area of the lanes of those roads that count.
+        """Return the area of the lanes of the counted roads.
 
-        Each is asked once, when a place near it is looked at.
+        Each road is tested once, on the first query near it.
         """
         counted: dict[str, bool] = {}
 
@@ -259,7 +259,7 @@ class RoadNetwork:
     ) -> list[LaneMatch]:
         """Return the drivable lanes within ``max_distance_m`` of a point, nearest first (inside before outside).
 
-        The distance is that to the lane's surface; lanes that contain the point are ordered by distance from their
+        The distance is measured to the lane's surface; lanes that contain the point are ordered by distance from their
         centres. With ``z_m``, lanes whose surface is more than :data:`SAME_LEVEL_M` above or below are left out.
         """
         matches = []
@@ -274,7 +274,7 @@ class RoadNetwork:
     def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
         """Return roads that may have a lane in a box (west, south, east, north; m), in their order.
 
-        May name too many, never too few.
+        There may be too many, never too few.
         """
         return self._index.roads_within(box_m)
 
@@ -283,7 +283,7 @@ class RoadNetwork:
         return self._lanes[ref].road.height_at(s_m)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return fields only: what queries have cached is rebuilt by other processes, not sent to them."""
+        """Return the fields only; cached results of queries are not sent to other processes."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
@@ -297,7 +297,7 @@ def _lanes_of(road: Road) -> Iterator[LaneRef]:
 
 
 class _Roads(dict[str, RoadGeometry]):
-    """Geometry of roads by id, made when first asked for."""
+    """Geometry of roads by id, made on first use."""
 
     def __init__(self, roads: Mapping[str, Road]) -> None:
         super().__init__()
@@ -309,7 +309,7 @@ class _Roads(dict[str, RoadGeometry]):
 
 
 class _Lanes(dict[LaneRef, LaneGeometry]):
-    """Geometry of lanes, made for a lane section when one of its lanes is first asked for."""
+    """Geometry of lanes, made for a whole lane section on first use."""
 
     def __init__(self, roads: _Roads) -> None:
         super().__init__()

@@ -1,6 +1,6 @@
-"""Values of OpenDRIVE elements: attributes as texts and numbers, and ``<userData>``, with errors that say where.
+"""Values of OpenDRIVE elements: attributes as texts and numbers, and ``<userData>``, with errors that name the place.
 
-Belongs here: reading single values. Does not belong here: what elements mean (:mod:`trace_dag.roads.map.reader`).
+Belongs here: reading single values. Does not belong here: the meaning of elements (:mod:`trace_dag.roads.map.reader`).
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ Notes = dict[str, list[str]]
 
 @dataclass(frozen=True)
 class ValueReader:
-    """Reads values of elements; ``name`` is the file's, for messages."""
+    """Reads values of elements; ``name`` is the file's name for messages."""
 
     name: str
 
     def fail(self, element: etree._Element, problem: str) -> UserError:
         """Return the error to raise for an element.
 
-        With the file, the line, and the road or junction that it belongs to.
+        It names the file, the line, and the element's road or junction.
         """
         owner = next((e for e in (element, *element.iterancestors()) if e.get("id") is not None), element)
         place = f"<{owner.tag} id={owner.get('id')!r}>, line {element.sourceline}"
         return UserError(f"{self.name}: {problem} ({place}); mend the file or convert the map again")
 
     def text(self, element: etree._Element, key: str) -> str:
-        """Return an attribute that has to be there.
+        """Return a required attribute.
 
-        Raises :class:`UserError`.
+        Raises :class:`UserError` if it is missing.
         """
         value = element.get(key)
         if value is None:
@@ -42,7 +42,7 @@ class ValueReader:
         return value
 
     def number(self, element: etree._Element, key: str, default: float | None = None) -> float:
-        """Return an attribute as a finite number; ``default`` if it is absent and one is given.
+        """Return an attribute as a finite number; ``default``, if given, replaces a missing one.
 
         Raises :class:`UserError`.
         """
@@ -71,7 +71,7 @@ class ValueReader:
             raise self.fail(element, f"<{element.tag} {key}={value!r}>: expected an integer") from None
 
     def note_integers(self, element: etree._Element, notes: Notes, code: str) -> tuple[int, ...]:
-        """Return the integers of a note, none if it is absent.
+        """Return the integers of a note; empty if it is absent.
 
         Raises :class:`UserError`.
         """
@@ -95,7 +95,7 @@ def notes_of(element: etree._Element) -> Notes:
 
 
 def first_note(notes: Notes, code: str) -> str:
-    """Return the first value of a code; empty if there is none.
+    """Return the first value of a code, or "".
 
     >>> first_note({"osmWays": ["12 13"]}, "osmWays")
     '12 13'

@@ -1,7 +1,7 @@
 """Paths through the lane network: following lanes from one to the next.
 
-A path follows lanes in their direction of travel. Lane changes are not paths: a driver who changes lanes leaves one
-path for the next lane's.
+A path follows lanes in their direction of travel. A path has no lane changes: a driver who changes lanes leaves one
+path for another.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ MAX_PATHS = 64
 class LanePath:
     """A drive along lanes.
 
-    ``points`` has shape (n, 4): x, y, z (metres), heading (radians, continuous); ``stations_m`` shape (n,) the distance
-    driven at each point, starting at 0. ``complete`` is false if the map ends before the requested distance.
+    ``points`` has shape (n, 4): x, y, z (metres), heading (radians, continuous); ``stations_m``, shape (n,), the
+    distance driven at each point, starting at 0. ``complete`` is false if the map ends before the requested distance.
     """
 
     lanes: tuple[LaneRef, ...]
@@ -55,11 +55,11 @@ def follow(
     ahead: bool = True,
     most: int = MAX_PATHS,
 ) -> list[tuple[LaneRef, ...]]:
-    """Return ways from lane to lane, each from ``start`` on; against the direction of travel with ``ahead`` false.
+    """Return paths from lane to lane, each from ``start`` on; against the direction of travel if not ``ahead``.
 
-    ``choose`` gets the lanes of a way so far and those that follow the last one, and returns those to continue in: none
-    ends the way, several split it. Depth first, so the ways of the first choice come first. At most ``most`` ways are
-    returned, so that a network with very many ways cannot take forever.
+    ``choose`` takes the lanes of a path so far and the lanes that follow, and returns the lanes in which to continue:
+    none ends the path, several split it. The search is depth first, so the paths of the first choice come first. At
+    most ``most`` paths are returned, to limit the time on networks with very many.
 
     >>> start = map_report.placement.lane.lane
     >>> ways = follow(network, start, lambda way, following: following[:1] if len(way) < 3 else [])
@@ -86,9 +86,9 @@ def trace_forward(
     step_m: float = 1.0,
     max_paths: int = MAX_PATHS,
 ) -> tuple[LanePath, ...]:
-    """Return every way to drive ``distance_m`` on from ``s_m`` of a lane, straightest first; starts at that place.
+    """Return every path for ``distance_m`` on from ``s_m`` of a lane, straightest first.
 
-    No way uses a lane twice.
+    No path uses a lane twice.
 
     >>> lane = map_report.placement.lane
     >>> straightest = trace_forward(network, lane.lane, lane.s_m, 50.0)[0]

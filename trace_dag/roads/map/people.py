@@ -1,6 +1,6 @@
 """Areas of a map for people on foot and on bicycles: crosswalks, sidewalks and cycle lanes near a place.
 
-A road without them on the map may have them in reality: OpenStreetMap has them for some towns and not for others.
+A road without them on the map may have them in reality: OpenStreetMap has them only in some towns.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _UNMARKED_M = 3.0  # along the road: twice the width of a sidewalk for two (AASH
 class CrosswalkPlace:
     """A crosswalk in the local frame.
 
-    Corners, shape (n, 2), and the middles of its ends at the right and the left edge of its road as seen along the
+    It has corners, shape (n, 2), and the middles of its ends at the right and the left edge of the road seen along the
     reference line, shape (2, 2), metres.
     """
 
@@ -63,9 +63,10 @@ def crosswalks_near(network: RoadNetwork, x_m: float, y_m: float, max_distance_m
 def find_unmarked_crosswalks(
     network: RoadNetwork, x_m: float, y_m: float, max_distance_m: float
 ) -> list[shapely.Polygon]:
-    """Return crossings without a drawn crosswalk, within a distance of a point.
+    """Return crossings without a mapped crosswalk within a distance of a point.
 
-    Across the end of each road that meets a junction (Uniform Vehicle Code, section 1-118), a polygon per lane, metres.
+    They cross the end of each road at a junction (Uniform Vehicle Code, section 1-118), as one polygon per lane,
+    metres.
 
     >>> across = find_unmarked_crosswalks(network, 0.0, 0.0, 30.0)
     >>> bool(across) and all(shape.area < 15.0 for shape in across)  # 3 m of lanes of 3.5 m or little more
@@ -88,7 +89,7 @@ def find_unmarked_crosswalks(
 
 
 def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: LaneType) -> tuple[LaneBeside, ...]:
-    """Return the lanes of one type at a station of a road, from left to right: its sidewalks, or its cycle lanes.
+    """Return the lanes of one type at a station of a road, from left to right: sidewalks, or cycle lanes.
 
     >>> road_id = map_report.placement.road_id  # Main Street: two lanes each way between two sidewalks
     >>> [beside.lane.lane_id for beside in lanes_beside(network, road_id, 10.0, LaneType.SIDEWALK)]

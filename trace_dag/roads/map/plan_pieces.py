@@ -1,4 +1,4 @@
-"""Pieces of plan view that the road model lacks, as pieces that it has: spirals as arcs, cubics as ``paramPoly3``.
+"""Pieces of plan view that the road model lacks, converted: spirals to arcs, cubics to ``paramPoly3``.
 
 Shapes: ASAM OpenDRIVE 1.7, section 7.3.
 """

@@ -1,9 +1,9 @@
-"""OpenDRIVE to :class:`~trace_dag.roads.map.network.RoadNetwork`: maps of this program and of others.
+"""OpenDRIVE read as :class:`~trace_dag.roads.map.network.RoadNetwork`: maps of this program and of others.
 
 Reads versions 1.4 to 1.8 as far as the road model goes: plan view (line, arc, ``paramPoly3``; spirals as arcs,
 ``poly3`` as ``paramPoly3``), elevation, lane offset, lane sections with widths or borders, road marks, speeds, signals
 and their controllers, links, junctions, and of the objects crosswalks, traffic islands and patches. Superelevation,
-other objects and railways are left aside. XML is parsed without entities or network access.
+other objects and railways are ignored. XML is parsed without entities or network access.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ _MOST_TURN_RAD: Final = 100.0  # of a piece of road: 16 full circles
 def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
     """Read an OpenDRIVE file; ``name`` (a path) is for error messages.
 
-    The frame's origin is ``lat_0`` and ``lon_0`` of the ``geoReference``; a false origin is taken into account neither
-    by CARLA nor here: coordinates are used as they stand. ``legal_mark`` is set where it differs from ``mark``.
+    The frame's origin is ``lat_0`` and ``lon_0`` of the ``geoReference``; a false origin is ignored, as in CARLA.
+    ``legal_mark`` is set if it differs from ``mark``.
 
     Raises :class:`UserError` for anything that cannot be read as OpenDRIVE.
     """
@@ -75,7 +75,7 @@ def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
 
 
 def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
-    """Return the network of a document that :func:`parse_opendrive` has parsed; otherwise as :func:`read_opendrive`."""
+    """Return the network of a document parsed by :func:`parse_opendrive`, as :func:`read_opendrive` does."""
     reader = _Reader(name)
     header = root.find("header")
     if header is None:
@@ -265,9 +265,9 @@ class _Reader(ValueReader):
         )
 
     def _outline(self, element: etree._Element) -> tuple[float, tuple[tuple[float, float], ...]]:
-        """Return where an object is, and the corners of its own frame turned into the road's.
+        """Return the position of an object, and its corners relative to the road.
 
-        Those given by s and t as if it were straight.
+        Corners given by s and t are used as if the road were straight.
         """
         s_m, t_m, turn = (self.number(element, key, 0.0) for key in ("s", "t", "hdg"))
         cosine, sine = math.cos(turn), math.sin(turn)
@@ -358,9 +358,9 @@ class _Reader(ValueReader):
         return None if element is None else self.integer(element, "id")
 
     def _with_border_widths(self, section: etree._Element, lanes: list[Lane]) -> list[Lane]:
-        """Return lanes given by ``<border>`` instead of ``<width>``.
+        """Return lanes with widths from their ``<border>``.
 
-        The width is the distance to the border further in.
+        A width is the distance to the next border inwards.
         """
         borders = {
             self.integer(lane, "id"): CubicProfile.of(self._cubics(lane.iterchildren("border"), "sOffset"))
@@ -431,9 +431,9 @@ class _Reader(ValueReader):
 
 
 def _corners(element: etree._Element) -> list[etree._Element]:
-    """Return corners of an object's first outline, in whichever of the two places OpenDRIVE allows.
+    """Return corners of an object's first outline, from either place that OpenDRIVE allows.
 
-    Fewer than three enclose nothing.
+    Fewer than three corners count as none.
     """
     outline = next(element.iter("outline"), None)
     corners = [] if outline is None else [corner for corner in outline if corner.tag in ("cornerLocal", "cornerRoad")]
@@ -457,7 +457,7 @@ def _mark_of(text: str) -> RoadMark | None:
 
 @lru_cache(maxsize=1024)  # widths and heights of a map repeat
 def _cubic_of(texts: tuple[str, str, str, str, str]) -> Cubic | None:
-    """Parse a cubic; None where one of the texts is not a finite number."""
+    """Parse a cubic; return None if one of the texts is not a finite number."""
     try:
         numbers = tuple(map(float, texts))
     except ValueError:

@@ -1,8 +1,8 @@
 """Evaluation of a road's reference line: lines, arcs and ``paramPoly3`` by arc length, and projection onto it.
 
 Lines and arcs are exact. A cubic's own parameter is not arc length, so its arc length is tabulated once and inverted,
-which keeps ``s`` proportional to the distance travelled as OpenDRIVE demands (ASAM OpenDRIVE 1.7, section 7.3).
-Beyond either end the line goes straight on.
+which keeps ``s`` proportional to the distance travelled as OpenDRIVE demands (ASAM OpenDRIVE 1.7, section 7.3). Beyond
+either end the line continues straight.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class ReferenceLine:
         return any(element.curvature_1pm for element in self.elements)
 
     def sample(self, s_m: FloatArray) -> FloatArray:
-        """Return x, y, heading and curvature at many ``s``, shape (n, 4); headings are continuous along the line."""
+        """Return x, y, heading and curvature at many ``s``, shape (n, 4); headings are continuous."""
         inside = np.minimum(np.maximum(s_m, 0.0), self.length_m)
         if len(self.elements) == 1:
             index: NDArray[np.intp] | int = 0
@@ -198,8 +198,8 @@ class ReferenceLine:
     def project(self, x_m: float, y_m: float, near_s_m: float | None = None) -> Projection:
         """Return the foot of the perpendicular from a point, exact on every element.
 
-        ``near_s_m`` says which stretch to look at (within two sample steps) if the line passes the point more than
-        once; without it the nearest stretch is taken.
+        ``near_s_m`` selects a stretch (within two sample steps) if the line passes the point more than once; without it
+        the nearest stretch is taken.
         """
         if near_s_m is None:
             stations, points = self._samples

@@ -1,9 +1,10 @@
-"""Beside the road: for any point its road, how far beyond the carriageway's edge it is, and its zone.
+"""Positions beside the road: a point's road, its distance from the edge of the carriageway, and its zone.
 
-OpenStreetMap seldom has shoulders and never has rights-of-way. If the map has no shoulder lane its width is what
-roads of the class commonly have (:func:`trace_dag.osm.road_classes.usual_shoulder_m`), and the trafficway is taken
-to end 15 m beyond the edge of a freeway and 9 m beyond that of other roads (the clear zone of AASHTO's Roadside
-Design Guide, 2011, which agencies seek to own)."""
+OpenStreetMap seldom has shoulders and never has rights-of-way. Without a shoulder lane on the map, the usual width of
+the road's class is used (:func:`trace_dag.osm.road_classes.usual_shoulder_m`), and the trafficway is assumed to end 15
+m beyond the edge of a freeway and 9 m beyond that of other roads (the clear zone of AASHTO's Roadside Design Guide,
+2011, which agencies seek to own).
+"""
 
 from __future__ import annotations
 
@@ -45,8 +46,8 @@ class RoadsidePlace:
     """A point beside (or on) a road.
 
     ``lane`` is the nearest one with the point's station on it; ``along_rad`` the direction of its traffic there.
-    ``left``: the point is to the left of that lane's centre as its traffic goes. ``beyond_m`` is the distance from the
-    carriageway's edge, negative within it. ``shoulder_m`` is the width of the shoulder on that side.
+    ``left``: the point is to the left of that lane's centre in its direction of travel. ``beyond_m`` is the distance
+    from the carriageway's edge, negative within it. ``shoulder_m`` is the width of the shoulder on that side.
     """
 
     lane: LaneMatch
@@ -58,7 +59,7 @@ class RoadsidePlace:
 
 
 def roadside_at(network: RoadNetwork, x_m: float, y_m: float, *, z_m: float | None = None) -> RoadsidePlace | None:
-    """Return the zone of a point relative to the roads of one level (``z_m``, else any); None if none is within 60 m.
+    """Return the zone of a point relative to the roads of one level (``z_m``, else any); None beyond 60 m.
 
     >>> roadside_at(network, 0.0, 0.0).zone.value  # the reported point, in the middle of a crossing
     'roadway'
@@ -96,10 +97,10 @@ def _zone(
 
 
 def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, float], *, opposed: bool) -> bool:
-    """Return whether a point lies between two lanes.
+    """Return whether a point lies between two lanes: in a median or a gore.
 
-    It is on the inner side, the left one where traffic keeps right, of two that go opposite ways (a median), or between
-    a road and a ramp that go the same way (a gore).
+    A median is on the inner sides of two lanes in opposite directions (their left sides in right-hand traffic). A gore
+    is between a road and a ramp in the same direction.
     """
     first = near[0]
     sees_first, heading = _seen(network, first, xy_m)
@@ -124,10 +125,7 @@ def _seen(network: RoadNetwork, match: LaneMatch, xy_m: tuple[float, float]) -> 
 
 
 def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
-    """Return the width of the shoulder beside a lane (metres).
-
-    The map's if it has one there, else that of the road's class.
-    """
+    """Return the width of the shoulder beside a lane (metres): as mapped, or usual for the road's class."""
     mapped = _mapped_shoulder_m(network, match, left=left)
     if mapped is not None:
         return mapped

@@ -1,9 +1,9 @@
 """Rules an OpenDRIVE 1.7 file has to keep, checked on the file itself.
 
-The official schema may not be redistributed and the official checker needs seconds per map, so the rules a road map of
-this project could break are checked here in milliseconds: element order and attributes as the schema has them, ids,
-``s`` coordinates, plan view continuity, lane numbering and widths, links, junctions, signals, objects (ASAM OpenDRIVE
-1.7.0, sections 6 to 14). The tests hold them against the official checker.
+The official schema may not be redistributed and the official checker needs seconds per map. So the rules that a road
+map of this project could break are checked here in milliseconds: element order and attributes as the schema has them,
+ids, ``s`` coordinates, plan view continuity, lane numbering and widths, links, junctions, signals, objects (ASAM
+OpenDRIVE 1.7.0, sections 6 to 14). The tests compare them with the official checker.
 """
 
 from __future__ import annotations
@@ -106,9 +106,9 @@ _ENUMERATED: Final[dict[tuple[str, str], frozenset[str]]] = {
 
 
 def find_violations(xodr: bytes, *, name: str = "map") -> list[str]:
-    """Return every broken rule with where it is broken; empty for a file that keeps them all.
+    """Return every broken rule with its place; empty for a file that keeps all rules.
 
-    Raises :class:`~trace_dag.common.errors.UserError` if the file is not OpenDRIVE at all.
+    Raises :class:`~trace_dag.common.errors.UserError` if the file is not OpenDRIVE.
 
     >>> find_violations(xodr, name="map.xodr")
     []
@@ -275,7 +275,7 @@ def _problems_of_plan(pieces: list[etree._Element], length: float) -> Iterator[s
 
 
 def _joint(piece: etree._Element, shapes: list[etree._Element], following: etree._Element) -> Iterator[str]:
-    """Yield the position and heading where two pieces of plan view meet; only lines and arcs are followed."""
+    """Yield faults of position and heading between two pieces of plan view; only lines and arcs are followed."""
     s, length = _float(piece, "s"), _float(piece, "length")
     if abs(s + length - _float(following, "s")) > _S_TOLERANCE_M:
         yield f"gap in s after geometry at s={s:g}"

@@ -1,4 +1,4 @@
-"""Many lines and profiles of a map at many places, all at once: numpy takes hardly longer for all than for one.
+"""Vectorised sampling of many lines and profiles at many places: numpy takes hardly longer for all than for one.
 
 The numbers are those of :class:`~trace_dag.roads.map.reference_line.ReferenceLine` and
 :class:`~trace_dag.roads.map.cubic_profile.CubicProfile`, to the bit.
@@ -25,9 +25,10 @@ if TYPE_CHECKING:
 
 
 class Stations(NamedTuple):
-    """``s_m`` on several lines or lanes, those of one after those of the other, (n,); which of them each is on.
+    """Stations ``s_m`` on several lines or lanes, concatenated, (n,), with the owner of each.
 
-    Return the index of the first of each, and the number of all."""
+    It also has the index of the first station of each line, and the number of all.
+    """
 
     s_m: FloatArray
     owner: IntArray

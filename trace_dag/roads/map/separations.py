@@ -21,7 +21,7 @@ _GROUND: Final = (0, False, False)
 
 
 class Separation(NamedTuple):
-    """Two roads whose lines cross at (``x_m``, ``y_m``), at ``s_m`` of each, without sharing junction or link."""
+    """Two roads whose lines cross at (``x_m``, ``y_m``), at ``s_m`` of each, without a common junction or link."""
 
     roads: tuple[Road, Road]
     s_m: tuple[float, float]
@@ -31,12 +31,12 @@ class Separation(NamedTuple):
 
     @property
     def levels_differ(self) -> bool:
-        """Return whether OSM says that one passes over the other."""
+        """Return whether one road passes over the other by OSM's layers."""
         return _level(self.roads[0]) != _level(self.roads[1])
 
 
 def find_separations(network: RoadNetwork, *, between_levels: bool = False) -> list[Separation]:
-    """Return all crossings of roads that do not meet, in their order; with ``between_levels`` only those of two levels.
+    """Return all crossings of roads that do not meet, in order; ``between_levels`` limits them to two levels.
 
     >>> find_separations(network)  # no bridge or tunnel near the crash
     []
@@ -72,7 +72,7 @@ def _level(road: Road) -> tuple[int, bool, bool]:
 
 
 def _around_structures(roads: Sequence[Road]) -> list[Road]:
-    """Return the bridges, tunnels and other layers, and the roads near enough to reach them."""
+    """Return the bridges, tunnels and roads on other layers, and the roads within reach of them."""
     starts = np.array([(road.plan[0].x_m, road.plan[0].y_m) for road in roads]).reshape(-1, 2)
     lengths = np.array([road.length_m for road in roads])
     near = np.zeros(len(roads), dtype=bool)
@@ -108,7 +108,7 @@ def _roads_meet(a: Road, b: Road) -> bool:
 
 
 def _junctions_of(road: Road) -> Iterator[str]:
-    """Yield the junction a road is in, or those at its ends."""
+    """Yield the junction of a connecting road, or the junctions at a road's ends."""
     if road.junction_id is not None:
         yield road.junction_id
     for link in (road.predecessor, road.successor):

@@ -1,4 +1,4 @@
-"""A road map's file, parsed once: for the rules it has to keep and for the network it describes."""
+"""A road map's file, parsed once for the check of rules and for the network."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class StoredMap:
 
     @cached_property
     def violations(self) -> list[str]:
-        """Return every broken rule with where it is broken (:func:`~trace_dag.roads.map.rules.find_violations`)."""
+        """Return every broken rule with its place (:func:`~trace_dag.roads.map.rules.find_violations`)."""
         return violations_of(self._root)
 
     @cached_property

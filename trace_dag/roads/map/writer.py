@@ -1,8 +1,8 @@
-"""Road network to OpenDRIVE 1.7 (ASAM), readable by CARLA, SUMO and esmini.
+"""A road network written as OpenDRIVE 1.7 (ASAM), readable by CARLA, SUMO and esmini.
 
 Values that OpenDRIVE has no place for (OSM class, names, way ids, layer, painted turns, legal marks) are stored in
 ``<userData>``, which other readers skip. So a map written here reads back unchanged. A map of a town centre has a
-hundred thousand elements: the text is put together directly, which takes a third of the time a tree of elements does.
+hundred thousand elements, so the text is joined directly, in a third of the time of an element tree.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ Marks = Literal["reconstruction", "legal"]
 
 
 def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") -> bytes:
-    """Return the network as OpenDRIVE 1.7, UTF-8, the same bytes for the same network.
+    """Return the network as OpenDRIVE 1.7, UTF-8; equal networks give equal bytes.
 
-    ``marks="legal"`` writes the marks as the law has them; the default marks let traffic cross the centre line and
-    drive the wrong way.
+    ``marks="legal"`` writes the marks that the law requires; the default marks allow traffic to cross the centre line
+    and drive the wrong way.
     """
     out = ['<?xml version="1.0" encoding="UTF-8"?>\n<OpenDRIVE>\n']
     _write_header(out, network)
@@ -60,23 +60,20 @@ def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") ->
 
 
 def _text(value: str) -> str:
-    """Return text as an attribute's value: without characters that XML 1.0 does not allow, white space as a space."""
+    """Return text as an attribute's value: without characters forbidden by XML 1.0, white space as spaces."""
     return _SPECIAL.sub(lambda match: _ENTITIES.get(match[0], " " if match[0] in "\t\n\r" else ""), value)
 
 
 def _number(value: float) -> str:
-    """Return metres and seconds: the shortest text that is exact to 1e-10."""
+    """Return a number of metres or seconds as the shortest text that is exact to 1e-10."""
     text = f"{value:.10f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 
 def _last_start(start_m: float, length_m: float) -> str:
-    """Return the beginning of a road's last lane section such that it ends no farther than the road.
+    """Return the beginning of a road's last lane section such that, as written, it ends within the road.
 
-    With its length, by the numbers as they are written, it must not go beyond the end. CARLA adds the two, and refuses
-    the map if the sum is beyond the end by its last bit.
-
-    CARLA adds the two, and refuses the map if the sum is beyond the end by its last bit.
+    CARLA adds the beginning and the length, and rejects the map if the sum is beyond the end by its last bit.
     """
     text, length = _number(start_m), float(_number(length_m))
     while (start := float(text)) + (length - start) > length:
@@ -85,7 +82,7 @@ def _last_start(start_m: float, length_m: float) -> str:
 
 
 def _coefficient(value: float) -> str:
-    """Return curvatures and polynomial coefficients: small numbers count over long distances."""
+    """Return a curvature or polynomial coefficient with 12 digits, because small numbers count over long distances."""
     return "0" if value == 0 else f"{value:.12g}"
 
 
@@ -119,12 +116,15 @@ def _signals_before(network: RoadNetwork, road: Road) -> list[Signal]:
 
 
 def _lights_of(network: RoadNetwork, road: Road) -> list[Signal]:
-    """Return the lights that a connecting road refers to: without, readers take its junction for one without lights."""
+    """Return the lights that a connecting road refers to.
+
+    Without them, readers take its junction for one without lights.
+    """
     return [signal for signal in _signals_before(network, road) if signal.type == _LIGHT]
 
 
 def _priorities(network: RoadNetwork, junction: Junction) -> list[tuple[str, str]]:
-    """Return pairs of connecting roads of which traffic on the first has the right of way, by stop and yield signs."""
+    """Return pairs of connecting roads, the one with the right of way first, by stop and yield signs."""
     roads = [network.road_by_id[each.connecting_road] for each in junction.connections]
     types = {road.id: {signal.type for signal in _signals_before(network, road)} for road in roads}
     if any(_LIGHT in each for each in types.values()):
@@ -272,7 +272,10 @@ def _road_mark(mark: RoadMark) -> str:
 
 
 def _signal(road: Road, signal: Signal) -> str:
-    """Write a signal with the lanes it is for: without them CARLA gives it to those of the opposite direction."""
+    """Write a signal with its lanes.
+
+    Without them CARLA assigns it to the lanes of the opposite direction.
+    """
     lanes = road.lanes_under(signal)
     sides = [side for side in ([i for i in lanes if i < 0], [i for i in lanes if i > 0]) if side]
     value = "" if signal.value is None else f' value="{_number(signal.value)}"'
@@ -289,7 +292,7 @@ def _signal(road: Road, signal: Signal) -> str:
 
 
 def _signal_reference(lanes: Sequence[int], signal: Signal) -> str:
-    """Write that a light on the way to a connecting road is for the lanes of that."""
+    """Write a reference from a connecting road's lanes to the light on the way to it."""
     return (
         f'<signalReference s="0" t="0" id="{signal.id}" orientation="+">\n'
         f'<validity fromLane="{min(lanes)}" toLane="{max(lanes)}"/>\n</signalReference>\n'
@@ -307,9 +310,9 @@ def _crosswalk(crosswalk: Crosswalk) -> str:
 
 
 def _object(thing: RoadObject, notes: str | None = None) -> str:
-    """Write an object with its outline inside it.
+    """Write an object with its outline directly inside it.
 
-    CARLA does not look into ``<outlines>``, and 1.7 allows both.
+    CARLA ignores ``<outlines>``, and 1.7 allows both.
     """
     ahead, left = zip(*thing.outline_m, strict=True)
     height = _number(thing.height_m)

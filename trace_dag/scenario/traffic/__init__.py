@@ -1,1 +1,1 @@
-"""Vehicles around a crash, by a traffic simulator: volumes, routes, and the motion of everybody who is no party."""
+"""Vehicles around a crash, by a traffic simulator: volumes, routes, and motions."""

@@ -51,7 +51,7 @@ class Edge:
 
 @dataclass(frozen=True)
 class Trip:
-    """A vehicle: when it comes (s of the crash's clock), its class, and the edges that it goes along."""
+    """A vehicle: its departure (s of the crash's clock), its class, and its edges in order."""
 
     number: int
     depart_s: float
@@ -60,7 +60,7 @@ class Trip:
 
 
 class Streets:
-    """The edges of a network, and what follows each."""
+    """The edges of a network, each with its successors."""
 
     def __init__(self, net: etree._Element, network: RoadNetwork) -> None:
         self._follow: dict[str, set[str]] = defaultdict(set)
@@ -82,7 +82,7 @@ class Streets:
 
     @cached_property
     def entries(self) -> list[str]:
-        """Return the edges onto which nothing leads: at the border of the map, and dead ends."""
+        """Return the edges without a predecessor: at the border of the map, and at dead ends."""
         led_to = {after for follow in self._follow.values() for after in follow}
         return [name for name in self.edges if name not in led_to]
 
@@ -92,9 +92,9 @@ class Streets:
         return 0.0 if edge.traffic_class is None else edge.lanes * hourly_volume(edge.traffic_class, at)
 
     def trips(self, at: Hour, *, from_s: float, until_s: float, factor: float, seed: int) -> list[Trip]:
-        """Return arrivals at random (Poisson) at every entry; at a junction they turn by what the roads carry.
+        """Return random arrivals (Poisson) at every entry; at junctions vehicles turn by the roads' volumes.
 
-        ``factor`` scales the volumes, up to a lane's capacity. The same arguments give the same trips.
+        ``factor`` scales the volumes, up to a lane's capacity. Equal arguments give equal trips.
         """
         random = np.random.default_rng(seed)
         found: list[tuple[float, VehicleClass, tuple[str, ...]]] = []
@@ -126,9 +126,9 @@ class Streets:
 
 
 def types_xml(types: Mapping[str, Body]) -> bytes:
-    """Return SUMO's types of vehicles: of each class, and ``types``; all drive as SUMO's defaults have their kind.
+    """Return SUMO's vehicle types: of each class, and ``types``, all with SUMO's default behaviour.
 
-    But they merge from ramps and side streets into smaller gaps (:data:`_MERGING`), where by default queues grow.
+    Only merging from ramps and side streets accepts smaller gaps (:data:`_MERGING`), because queues grow by default.
     """
     root = etree.Element("additional")
     for name, body in ({each.value: body_of_class(each) for each in MIXED} | dict(types)).items():

@@ -1,9 +1,9 @@
-"""Traffic around a crash, simulated by SUMO: it sees the parties and reacts to them, and changes nothing of the crash.
+"""Traffic around a crash, simulated by SUMO: it sees the parties and reacts to them, but does not change the crash.
 
-The network is filled without the parties first. Then each moves as it does in the crash, put there at every step
-(TraCI's ``moveToXY``), and all others drive as SUMO has them. A vehicle that would overlap a party, or another vehicle
-that came before it, is left out and all is simulated again, until nobody does: so the parties' motion is that of the
-crash, to the last digit, and nobody else touches them.
+The network is first filled without the parties. Then each party is placed as in the crash at every step (TraCI's
+``moveToXY``), and SUMO drives all others. A vehicle that would overlap a party, or an earlier vehicle, is left out and
+the simulation is repeated, until there is no overlap. So the parties' motion is exactly that of the crash, and no other
+vehicle touches them.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _PROGRAM_OPTIONS: Final = (
 
 @dataclass(frozen=True)
 class TrafficRequest:
-    """The request for traffic: ``factor`` scales the tables' volumes; the same request gives the same traffic."""
+    """The request for traffic: ``factor`` scales the tables' volumes; equal requests give equal traffic."""
 
     factor: float = 1.0
     seed: int = 1
@@ -68,7 +68,7 @@ class TrafficRequest:
 
 @dataclass(frozen=True, eq=False)
 class Party:
-    """A body of the crash as it moves, seen a little before the crash begins: at its first speed, straight on."""
+    """A body of the crash in motion; just before the crash it moves straight at its first speed."""
 
     body: Body
     log: VehicleLog
@@ -92,7 +92,7 @@ class Party:
 def surround(
     key: str, network: RoadNetwork, xodr: bytes, log: SimulationLog, at: Hour, request: TrafficRequest
 ) -> SurroundingTraffic:
-    """Return the traffic around a crash as simulated (``log``), at an hour.
+    """Return the traffic around a simulated crash (``log``) at an hour.
 
     Raises :class:`UserError` without SUMO, and :class:`Failure` if SUMO fails.
     """
@@ -128,7 +128,7 @@ class _Run:
         (folder / "trips.rou.xml").write_bytes(routes_xml(trips, begins_s=-_FILLING_S))
 
     def fill(self, streets: Streets, at: Hour, factor: float) -> tuple[Measured, ...]:
-        """Fill the network without the parties, to shortly before they come; return what drives then, by class."""
+        """Fill the network without the parties, to shortly before they appear; return the traffic then, by class."""
         until_s = _FILLING_S - _SEEN_BEFORE_S
         options = ("--save-state.rng", "true", "--save-state.times", f"{until_s:g}", "--save-state.files", "full.xml")
         aside = ("--fcd-output", "fcd.xml", "--fcd-output.attributes", "speed,lane")
@@ -141,7 +141,7 @@ class _Run:
         return tuple(_measured(streets, moments, at, factor))
 
     def vehicles(self, duration_s: float, without: Collection[int]) -> list[SurroundingVehicle]:
-        """Return who drives while the crash goes on, without some of them."""
+        """Return the vehicles during the crash, without some of them."""
         kept = [each for number, each in self._trips.items() if number not in without]
         (self._folder / "trips.rou.xml").write_bytes(routes_xml(kept, begins_s=-_FILLING_S))
         steps = round((_SEEN_BEFORE_S + duration_s) / STEP_S)
@@ -177,7 +177,7 @@ class _Run:
 
     @contextlib.contextmanager
     def _connected(self, command: list[str]) -> Iterator[Any]:
-        """Run SUMO and yield the connection to it. Raises :class:`Failure` where it stops."""
+        """Run SUMO and yield the connection to it. Raises :class:`Failure` if it stops."""
         traci = load_traci()
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
@@ -214,7 +214,7 @@ def _vehicle(number: int, vehicle_class: VehicleClass, rows: FloatArray) -> Surr
 
 
 def _measured(streets: Streets, moments: Sequence[etree._Element], at: Hour, factor: float) -> Iterator[Measured]:
-    """Yield each class that there is: Edie's definitions over all its lanes and moments."""
+    """Yield the measures of each class present, by Edie's definitions over all its lanes and moments."""
     speeds: dict[TrafficClass, list[float]] = defaultdict(list)
     for each in (vehicle for moment in moments for vehicle in moment):
         edge = streets.edges.get(each.get("lane", "").rpartition("_")[0])
@@ -234,9 +234,9 @@ def _measured(streets: Streets, moments: Sequence[etree._Element], at: Hour, fac
 
 
 def load_traci() -> ModuleType:
-    """Return SUMO's TraCI, which comes with the program in a folder of its own.
+    """Return SUMO's TraCI, which is in a folder of the program.
 
-    Raises :class:`UserError`.
+    Raises :class:`UserError` if it is missing.
     """
     for home in sumo_homes():
         if str(home / "tools") not in sys.path:

@@ -1,4 +1,4 @@
-"""The road map as a network for SUMO, made by its netconvert, and where SUMO is."""
+"""The road map as a network for SUMO, made by its netconvert, and the location of SUMO."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ _LOWEST_RANK: Final = max(each.rank for each in ROAD_CLASSES.values())
 
 
 def sumo_homes() -> list[Path]:
-    """Return the folders that SUMO may be in: the package of the extra ``sumo``, and ``SUMO_HOME``."""
+    """Return the possible folders of SUMO: the package of the extra ``sumo``, and ``SUMO_HOME``."""
     package = find_spec("sumo")
     homes = [Path(each) for each in (package.submodule_search_locations or [])] if package else []
     return [*homes, *([Path(os.environ["SUMO_HOME"])] if "SUMO_HOME" in os.environ else [])]
 
 
 def sumo_program(name: str) -> str:
-    """Return the path of one of SUMO's programs: of the extra ``sumo``, of ``SUMO_HOME``, or on the path.
+    """Return the path of one of SUMO's programs: from the extra ``sumo``, ``SUMO_HOME``, or ``PATH``.
 
-    Raises :class:`UserError`.
+    Raises :class:`UserError` if it is missing.
     """
     found = next(filter(None, (shutil.which(name, path=str(home / "bin")) for home in sumo_homes())), None)
     found = found or shutil.which(name)
@@ -45,9 +45,9 @@ def sumo_program(name: str) -> str:
 
 
 def network_xml(program: str, key: str, network: RoadNetwork, xodr: bytes) -> bytes:
-    """Return the map as netconvert writes it, its places left where they are, with :func:`edge_patch` on it.
+    """Return the map converted by netconvert with unchanged positions, and with :func:`edge_patch` applied.
 
-    Raises :class:`Failure` if netconvert cannot.
+    Raises :class:`Failure` if netconvert fails.
     """
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "map.xodr").write_bytes(xodr)
@@ -59,12 +59,11 @@ def network_xml(program: str, key: str, network: RoadNetwork, xodr: bytes) -> by
 
 
 def edge_patch(network: RoadNetwork, read: etree._Element) -> bytes:
-    """Return what netconvert does not take from OpenDRIVE, for the edges of the network it has read with their names.
+    """Return facts that netconvert drops from OpenDRIVE, for the edges of the network that it made.
 
-    Every edge that it reads has priority 1, so at a crossing a through road may yield to a side street: here priorities
-    are by road class, a link's one less than its class's, 0 where a stop or yield sign stands. A lane without a limit
-    gets 13.89 m/s from it, a centre turn lane 1.39 m/s: they get what is usual for the road's class, marked
-    ``assumedSpeed``.
+    It gives every edge priority 1, so a through road may yield to a side street at a crossing. Here priorities are by
+    road class, a link's one less than its class's, and 0 at a stop or yield sign. It gives a lane without a limit 13.89
+    m/s, and a centre turn lane 1.39 m/s; here they get the usual limit of the road's class, marked ``assumedSpeed``.
     """
     patch = etree.Element("edges")
     for edge in read.iterfind("edge[@priority]"):
@@ -87,7 +86,7 @@ def edge_patch(network: RoadNetwork, read: etree._Element) -> bytes:
 
 
 def origin_of(lane: etree._Element) -> tuple[str, str]:
-    """Return the ids of the OpenDRIVE road and lane that a lane of a network is made of, of the first of several."""
+    """Return the ids of the (first) OpenDRIVE road and lane from which a network's lane is made."""
     road_id, _, lane_id = str(lane.xpath("string(param[@key='origId']/@value)")).split()[0].rpartition("_")
     return road_id, lane_id
 
@@ -95,9 +94,9 @@ def origin_of(lane: etree._Element) -> tuple[str, str]:
 def _converted(program: str, key: str, folder: str, *options: str) -> etree._Element:
     """Run netconvert on ``map.xodr`` of a folder.
 
-    Lanes name the road and lane that they are made of (``origId``). It begins its file with the time and its command:
-    without them the same map gives the same bytes. With ``--lefthand`` netconvert 1.28 names each lane after the one
-    across the road's reference line: here each has its own name.
+    Lanes name their original road and lane (``origId``). The time and command at the beginning of its file are removed,
+    so that equal maps give equal bytes. With ``--lefthand`` netconvert 1.28 names each lane after the one across the
+    road's reference line; this is corrected.
     """
     command = [program, "--opendrive-files", "map.xodr", "--output-file", "map.net.xml", *options]
     command += ["--output.original-names", "true"]

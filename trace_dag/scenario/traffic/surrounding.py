@@ -1,4 +1,4 @@
-"""Vehicles around a crash as every form takes them: a body and its motion, in the crash's frame and on its clock."""
+"""Vehicles around a crash for all formats: a body and its motion, in the crash's frame and on its clock."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _REPORTED: Final = {
 
 @dataclass(frozen=True, eq=False)
 class SurroundingVehicle:
-    """A vehicle that is no party, from when it comes onto the map, or the crash begins, to when it leaves it."""
+    """A vehicle that is no party, from its arrival on the map, or the beginning of the crash, until it leaves."""
 
     number: int
     body: Body
     trajectory: Trajectory
 
     def poses_at(self, times_s: FloatArray) -> Poses:
-        """Return x, y and heading at times of the crash's clock, each shape (n,); NaN where it is not on the map."""
+        """Return x, y and heading at times of the crash's clock, each shape (n,); NaN while it is off the map."""
         t = self.trajectory
         off = (times_s < t.time_s[0] - 1e-6) | (times_s > t.time_s[-1] + 1e-6)
         x, y, heading = (
@@ -46,7 +46,7 @@ class SurroundingVehicle:
         return x, y, heading
 
     def logged(self) -> VehicleLog:
-        """Return the motion as a log: on its wheels, without what nobody knows of it."""
+        """Return the motion as a log: on its wheels, with zeros for unknown values."""
         t, none = self.trajectory, np.zeros(len(self.trajectory.time_s))
         states: dict[str, FloatArray] = {each.name: none for each in fields(VehicleLog) if each.name != "number"}
         states |= {each.name: getattr(t, each.name) for each in fields(t)}
@@ -57,7 +57,7 @@ class SurroundingVehicle:
 
 @dataclass(frozen=True)
 class Measured:
-    """Traffic of one class of road over the minute before the crash, beside what the tables have.
+    """Traffic of one class of road over the minute before the crash, beside the values of the tables.
 
     ``volume`` is vehicles an hour and lane, ``lane_km`` the length of its lanes on the map.
     """
@@ -81,9 +81,9 @@ class SurroundingTraffic:
 
 
 def add_traffic(log: SimulationLog, traffic: SurroundingTraffic | None, *, throughout: bool = False) -> SimulationLog:
-    """Return a log in which the vehicles around a crash are further bodies, for forms that write a log.
+    """Return a log with the vehicles around a crash as further bodies, for formats that write a log.
 
-    ``throughout``: only those that are on the map all the time, for forms in which nobody comes and goes.
+    ``throughout``: only vehicles that are on the map all the time, for formats in which bodies cannot come and go.
     """
     lasts_s = log.duration_s - 2 * STEP_S
     vehicles = [
@@ -99,7 +99,7 @@ def add_traffic(log: SimulationLog, traffic: SurroundingTraffic | None, *, throu
 
 
 def body_of_class(vehicle_class: VehicleClass) -> Body:
-    """Return the body of a surrounding vehicle: typical of its class; a combination is one body.
+    """Return the typical body of a surrounding vehicle of a class; a combination is one body.
 
     >>> body_of_class(VehicleClass.CAR).length_m, body_of_class(VehicleClass.TRACTOR_TRAILER).length_m
     (4.85, 21.0)
@@ -114,9 +114,9 @@ def body_of_class(vehicle_class: VehicleClass) -> Body:
 def overlapping(
     vehicles: Sequence[SurroundingVehicle], parties: Mapping[int, tuple[Body, Poses]], times_s: FloatArray
 ) -> set[int]:
-    """Return the numbers of vehicles that overlap a party, or one with a lower number, at any of the times.
+    """Return the numbers of vehicles that overlap a party, or a vehicle with a lower number, at any of the times.
 
-    ``parties`` has the body and the poses of each at the times.
+    ``parties`` has the body of each party and its poses at the times.
     """
     found: set[int] = set()
     fixed = [(body, poses) for body, poses in parties.values()]

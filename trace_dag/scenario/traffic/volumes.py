@@ -4,7 +4,8 @@ Daily traffic per lane is vehicle-miles per lane-mile of 1998 (Bureau of Transpo
 Transportation Statistics 2000, table 1-30M, from FHWA's Highway Statistics). Shares of a day's hours and of a week's
 days are the national ones of EPA's MOVES (Population and Activity of On-road Vehicles in MOVES2014, EPA-420-R-16-003a),
 which come from FHWA's permanent counters. The mix of vehicles is that of vehicle-miles in 2010 (FHWA, Highway
-Statistics 2010, table VM-1). All are means over the country: of one road on one day they say the order of magnitude.
+Statistics 2010, table VM-1). All are means over the country; for one road on one day they only give the order of
+magnitude.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _DAYS_OF_A_YEAR: Final = 365.0
 
 
 class TrafficClass(StrEnum):
-    """Classes of roads that the tables tell apart, with OpenStreetMap's below each."""
+    """Classes of roads in the tables, with OpenStreetMap's below each."""
 
     INTERSTATE = "interstate"  # motorway
     ARTERIAL = "arterial"  # trunk, primary, secondary, ramps of motorways
@@ -93,7 +94,7 @@ class Hour(NamedTuple):
 
 
 def hour_of(record: CrashRecord) -> Hour:
-    """Return the hour of a crash; where its report does not have them, an urban area, a weekday, noon.
+    """Return the hour of a crash; unreported parts default to an urban area, a weekday, and noon.
 
     >>> hour_of(record)
     Hour(rural=False, weekend=True, hour=21)
@@ -104,9 +105,9 @@ def hour_of(record: CrashRecord) -> Hour:
 
 
 def traffic_class(highway: str) -> TrafficClass | None:
-    """Return the class of an OpenStreetMap road; None for one that is not public, which no table counts.
+    """Return the class of an OpenStreetMap road; None for a road that is not public, which the tables omit.
 
-    A motorway's ramps, which no table counts by themselves, carry what the arterials do that they lead to.
+    A motorway's ramps, which are also omitted, carry the volume of the arterials to which they lead.
 
     >>> traffic_class("motorway_link").value, traffic_class("service")
     ('arterial', None)
@@ -117,8 +118,8 @@ def traffic_class(highway: str) -> TrafficClass | None:
 def hourly_volume(of: TrafficClass, at: Hour) -> float:
     """Return the vehicles an hour of one lane.
 
-    Urban arterials carry 1,899,000 vehicles a year and lane, which is 5,203 a day, of a week's days 0.762365 * 7 / 5
-    times that on weekdays, 7.743 % of it from 17 to 18 o'clock.
+    Example: urban arterials carry 1,899,000 vehicles a year and lane, which is 5,203 a day. On weekdays it is 0.762365
+    * 7 / 5 times that, and 7.743 % of it from 17 to 18 o'clock.
 
     >>> round(hourly_volume(TrafficClass.ARTERIAL, Hour(rural=False, weekend=False, hour=17)))
     430
