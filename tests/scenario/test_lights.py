@@ -74,7 +74,7 @@ def test_who_is_reported_to_have_run_the_light_had_red_and_the_other_green(
         line_m = place_of(network, road.id, next(each for each in road.signals if each.id == met.signal_id))[along]
         front_m = (way.x_m, way.y_m)[along][0] + CAR.length_m / 2
         assert met.time_s == pytest.approx((line_m - front_m) / way.speed_mps[0], abs=0.05)
-        assert lights.at(met.time_s)[met.signal_id] is met.shown is met.wanted is expected
+        assert lights.cycle_of[met.signal_id].at(met.time_s) is met.shown is met.wanted is expected
 
 
 @pytest.mark.parametrize("disobeyed", [(None, None), (False, False)])
