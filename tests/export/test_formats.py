@@ -32,6 +32,7 @@ from trace_dag.roads.from_osm.left_hand import mirror_network
 from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.drives import STEP_S
+from trace_dag.scenario.lights import Colour, crash_lights
 from trace_dag.scenario.traffic.sumo_network import network_xml, origin_of
 
 KEY = "2023-319003"
@@ -208,6 +209,32 @@ def test_a_scenario_description_has_everybody_and_the_lanes_they_drive_on(home, 
             assert np.hypot(*(lanes[after]["polyline"][0] - lane["polyline"][-1])[:2]) < 0.6
 
 
+def test_lights_show_in_each_form_what_the_parties_met(home, tmp_path, commonroad):
+    """A car turns left across a motorcycle, at the same light: both had green, and who crosses them has red."""
+    crash = home[KEY]
+    (lights,) = crash_lights(crash.record, crash.stored.load(ROAD_MAP), crash.log)
+    assert [each.shown for each in lights.met] == [Colour.GREEN, Colour.GREEN]
+    export(home.workspace, [KEY], tmp_path, "scenarionet")
+    scenario = pickle.loads(next(tmp_path.glob("sd_*")).read_bytes())
+    shown = [each["state"]["object_state"] for each in scenario["dynamic_map_states"].values()]
+    assert {len(each) for each in shown} == {scenario["length"]}
+    root = commonroad[f"{KEY}_V1"]
+    cycles = [
+        [(int(each.findtext("duration")), each.findtext("color")) for each in light.iterfind("cycle/cycleElement")]
+        for light in root.iterfind("trafficLight")
+    ]
+    assert all(sum(steps for steps, _ in cycle) == round(90.0 / STEP_S) for cycle in cycles)
+    for met in lights.met:
+        now = {signal_id: cycle.at(met.time_s) for signal_id, cycle in lights.cycle_of.items()}
+        step = round(met.time_s / STEP_S)
+        in_cycles = [
+            next(c for k, (_, c) in enumerate(one) if step < sum(s for s, _ in one[: k + 1])) for one in cycles
+        ]
+        assert sorted(in_cycles) == sorted(now.values())
+        assert {each[step] for each in shown} == {f"TRAFFIC_LIGHT_{colour.upper()}" for colour in now.values()}
+        assert set(now.values()) == {Colour.GREEN, Colour.RED}
+
+
 def test_a_lone_vehicle_is_the_ego_of_the_description(home, monkeypatch):
     stored = home[KEY].stored
     case = scenarionet.as_driven(stored)
@@ -324,7 +351,15 @@ def test_a_trace_has_the_lights_signs_lines_and_conditions_of_map_and_report(hom
     (size,) = struct.unpack_from("<I", data)
     first = groundtruth.GroundTruth.FromString(data[4 : 4 + size])
     lanes = {lane.id.value: lane for lane in first.lane}
-    assert sorted(len(light.classification.assigned_lane_id) for light in first.traffic_light) == [1, 1, 2, 2]
+    lamps = defaultdict(dict)
+    for lamp in first.traffic_light:
+        lamps[lamp.base.position.x, lamp.base.position.y][lamp.classification.color] = lamp
+    kind = first.traffic_light[0].classification
+    for one in lamps.values():  # three above each other, one of them lit
+        red, yellow, green = (one[kind.Color.Value(f"COLOR_{name}")] for name in ("RED", "YELLOW", "GREEN"))
+        assert red.base.position.z > yellow.base.position.z > green.base.position.z
+        assert sorted(lamp.classification.mode for lamp in one.values()) == [kind.MODE_OFF] * 2 + [kind.MODE_CONSTANT]
+    assert sorted(len(one[kind.COLOR_RED].classification.assigned_lane_id) for one in lamps.values()) == [1, 1, 2, 2]
     for light in first.traffic_light:  # stands right of its lanes and looks at who comes
         line = lanes[light.classification.assigned_lane_id[0].value].classification.centerline
         way = math.atan2(line[-1].y - line[-2].y, line[-1].x - line[-2].x)

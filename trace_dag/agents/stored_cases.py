@@ -23,6 +23,7 @@ from trace_dag.flow.selection import select_registered
 from trace_dag.flow.stored_crashes import crash_files
 from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.cases import Case
+from trace_dag.scenario.lights import crash_lights
 
 if TYPE_CHECKING:
     from trace_dag.common.settings import SimSettings
@@ -115,11 +116,11 @@ def _drawn_case(case_id: str, files: CrashFiles, sample: int) -> Case:
 def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: SimulationLog, friction: float) -> Case:
     from trace_dag.simulation.run import participants
 
-    record = crash.load(RECORD)
+    record, network = crash.load(RECORD), crash.load(ROAD_MAP)
     return Case(
         case_id=case_id,
         key=crash.key,
-        network=crash.load(ROAD_MAP),
+        network=network,
         xodr=crash.load(XODR),
         friction=friction,
         participants=participants(hypothesis),
@@ -129,6 +130,7 @@ def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: Simu
         departed=None if somebody_met(crash) else hypothesis.participants[0].vehicle_number,
         objects=hypothesis.objects,
         parts={each.number: part for each in record.vehicles if (part := part_of(record, each.number)) is not None},
+        lights=next(iter(crash_lights(record, network, log)), None),
     )
 
 

@@ -14,6 +14,7 @@ from trace_dag.common.paths import Path, straight, through_points
 from trace_dag.crash.parties import trailer_body
 from trace_dag.roads.map.lane_map import LaneMap, Route
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.lights import Lights
 from trace_dag.simulation.objects import FixedObject
 from trace_dag.simulation.states import Trajectory
 from trace_dag.simulation.towing import pulled_body
@@ -64,6 +65,7 @@ class Case:
     ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a variation's. ``parked``: numbers of
     vehicles without drivers. ``departed``: the vehicle that left the road by itself, to strike one of the ``objects``
     or to overturn; None if two parties met. ``parts``: the initiator and the responder, by number, as far as reported.
+    ``lights``: their first reading.
     """
 
     case_id: str
@@ -78,6 +80,7 @@ class Case:
     departed: int | None = None
     objects: tuple[FixedObject, ...] = ()
     parts: Mapping[int, str] = field(default_factory=dict)
+    lights: Lights | None = None
 
     @property
     def contact(self) -> Contact | None:

@@ -7,9 +7,10 @@ parties are obstacles, because measures of criticality look for the driver among
 :data:`trace_dag.scenario.drives.STEP_S`, places are in the crash's local frame, as in its OpenDRIVE map.
 
 A junction is an intersection with an incoming element for each road that leads there. A limit is a sign of the lanelets
-where it holds; stop signs and lights have a stop line. The phases of a light are unknown. Signs, and with them the
-benchmark's id, are of Zamunda, the format's country for no country in particular: its schema lacks the American stop
-sign (R1-1), and commonroad-io the American yield sign. The place is in ``location``.
+where it holds; stop signs and lights have a stop line. Lights have the cycles of the first reading of the report
+(:func:`trace_dag.scenario.lights.crash_lights`); one without a program is off. Signs, and with them the benchmark's id,
+are of Zamunda, the format's country for no country in particular: its schema lacks the American stop sign (R1-1), and
+commonroad-io the American yield sign. The place is in ``location``.
 
 Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
 documentation of the XML format 2020a.
@@ -45,6 +46,7 @@ from trace_dag.scenario.drives import (
     drives_of,
     meets,
 )
+from trace_dag.scenario.lights import LightCycle, Lights
 from trace_dag.simulation.types import Body, BodyKind
 from trace_dag.version import __version__
 
@@ -87,7 +89,7 @@ class CommonRoad:
                 tested[own] = others
         if not tested:
             raise UserError("nobody who drives in it has anything to avoid")
-        road = _Lanelets(case.network)
+        road = _Lanelets(case.network, case.lights)
         source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
         files = {
             f"{crash.key}_V{own.number}.xml": _scenario(record, road, f"V{own.number}", others, source, [own])
@@ -111,8 +113,9 @@ def road_scenario(network: RoadNetwork) -> bytes:
 class _Lanelets:
     """The drivable lanes as lanelets, and the signs, limits and lights of their roads; ids from 1 on."""
 
-    def __init__(self, network: RoadNetwork) -> None:
+    def __init__(self, network: RoadNetwork, lights: Lights | None = None) -> None:
         self._network, self._rules = network, LaneRules(network)
+        self._cycle_of = {} if lights is None else lights.cycle_of
         self._shapes, self._limits = self._rules.shapes, self._rules.limits
         self._signs, self._lights = self._rules.signs, self._rules.lights
         self._ids = {shape.ref: number for number, shape in enumerate(self._shapes, 1)}
@@ -145,7 +148,8 @@ class _Lanelets:
             place = place_of(self._network, sign.lanes[0].road_id, sign.signal)
             _add_sign(root, next(numbers), sign.signal.type, place)
         for light in self._lights:
-            _add_light(root, next(numbers), place_of(self._network, light.lanes[0].road_id, light.signal))
+            place = place_of(self._network, light.lanes[0].road_id, light.signal)
+            _add_light(root, next(numbers), place, self._cycle_of.get(light.signal.id))
         for roads in incomings.values():
             intersection = etree.SubElement(root, "intersection", id=str(next(numbers)))
             for lanes in roads.values():
@@ -213,15 +217,17 @@ def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | 
     _add(element, "virtual", "true" if place is None else "false")
 
 
-def _add_light(root: etree._Element, number: int, place: FloatArray) -> None:
-    """Add a light that is off, because its phases are unknown."""
+def _add_light(root: etree._Element, number: int, place: FloatArray, program: LightCycle | None) -> None:
+    """Add a light with its cycle from time 0 on; without a program it is off."""
     light = etree.SubElement(root, "trafficLight", id=str(number))
-    shows = etree.SubElement(etree.SubElement(light, "cycle"), "cycleElement")
-    _add(shows, "duration", "1")
-    _add(shows, "color", "inactive")
+    cycle = etree.SubElement(light, "cycle")
+    for duration_s, colour in ((STEP_S, "inactive"),) if program is None else program.steps:
+        shows = etree.SubElement(cycle, "cycleElement")
+        _add(shows, "duration", str(round(duration_s / STEP_S)))
+        _add(shows, "color", colour)
     _add_point(etree.SubElement(light, "position"), place)
     _add(light, "direction", "all")
-    _add(light, "active", "false")
+    _add(light, "active", "false" if program is None else "true")
 
 
 def _scenario(

@@ -1,8 +1,10 @@
 """ASAM OSI traces: a ``GroundTruth`` message for every moment of the crash, as players of OSI 3.8 read them.
 
 ``<key>_gt.osi`` is a single-channel trace: each message after its length, four bytes, little-endian. Moving objects are
-in each message, at the middle of their bounding boxes; lanes, their borders with markings, crosswalks, lights, signs,
-fixed objects, time, light and weather, which do not change, are in the first one. The phases of a light are unknown.
+in each message, at the middle of their bounding boxes; lanes, their borders with markings, crosswalks, signs,
+fixed objects, time, light and weather, which do not change, are in the first one. Lights
+with a program are in each message as three lamps, by the first reading of the report
+(:func:`trace_dag.scenario.lights.crash_lights`); the state of others is unknown.
 Frame: the crash's local frame, named in ``proj_string``.
 """
 
@@ -10,7 +12,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import count
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,12 +30,14 @@ from trace_dag.flow.contract import CrashFiles
 from trace_dag.roads.map.lane_shapes import lane_shapes
 from trace_dag.roads.map.model import Crosswalk, LaneRef, Road, Signal
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.lights import Colour, crash_lights
 from trace_dag.scenario.openscenario_environment import conditions_of
 from trace_dag.scenario.traffic.surrounding import add_traffic
 from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog
 
 if TYPE_CHECKING:
     from osi3.osi_groundtruth_pb2 import GroundTruth
+    from osi3.osi_trafficlight_pb2 import TrafficLight
 
 STEP_S: Final = 0.05
 _OSI_VERSION: Final = (3, 8, 0)
@@ -116,6 +120,9 @@ def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> byte
 
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
     motions = [(log.bodies[each.number], each, _states(each, times)) for each in log.vehicles]
+    lights = next(iter(crash_lights(record, network, log)), None)
+    cycle_of = {} if lights is None else lights.cycle_of
+    lamps: list[tuple[str, Colour, TrafficLight]] = []
     chunks = []
     for step, time_s in enumerate(times):
         message = GroundTruth(country_code=_UNITED_STATES, proj_string=network.frame.proj)
@@ -128,9 +135,15 @@ def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> byte
             if each.number <= SURROUNDING or each.time_s[0] - 1e-6 <= time_s <= each.time_s[-1] + 1e-6:
                 _add_moving(message, body, each.number, states[step])
         if step == 0:
-            _add_road(message, network)
+            lamps = list(_add_road(message, network, cycle_of))
             _add_objects(message, log)
             _add_conditions(message, record)
+        for signal_id, colour, lamp in lamps:
+            shown, kind = message.traffic_light.add(), lamp.Classification
+            shown.CopyFrom(lamp)
+            shown.classification.mode = (
+                kind.MODE_CONSTANT if cycle_of[signal_id].at(seconds) is colour else kind.MODE_OFF
+            )
         data = message.SerializeToString(deterministic=True)
         chunks += [struct.pack("<I", len(data)), data]
     return b"".join(chunks)
@@ -171,7 +184,10 @@ def _add_moving(message: GroundTruth, body: Body, number: int, state: FloatArray
     moving.vehicle_classification.type = MovingObject.VehicleClassification.Type.Value(name)
 
 
-def _add_road(message: GroundTruth, network: RoadNetwork) -> None:
+def _add_road(
+    message: GroundTruth, network: RoadNetwork, with_program: Collection[str]
+) -> Iterator[tuple[str, Colour, TrafficLight]]:
+    """Add what does not change; yield the lamps of lights that do, by the map's signals."""
     from osi3.osi_lane_pb2 import Lane, LaneBoundary
 
     shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
@@ -211,12 +227,38 @@ def _add_road(message: GroundTruth, network: RoadNetwork) -> None:
             for point in border:
                 _set(boundary.boundary_line.add().position, x=point[0], y=point[1], z=point[2])
             getattr(about, name).add().value = boundary.id.value
+    return _roadside(message, network, with_program, ids, free)
+
+
+def _roadside(
+    message: GroundTruth,
+    network: RoadNetwork,
+    with_program: Collection[str],
+    ids: Mapping[LaneRef, int],
+    free: count[int],
+) -> Iterator[tuple[str, Colour, TrafficLight]]:
     for road in network.roads:
         for signal in road.signals:
-            _add_signal(message, network, road, signal, ids, next(free))
+            if signal.id in with_program:
+                yield from _lamps(message, network, road, signal, ids, free)
+            else:
+                _add_signal(message, network, road, signal, ids, next(free))
         for crosswalk in road.crosswalks:
             if crosswalk.marked:
                 _add_crosswalk(message, network, road, crosswalk, next(free))
+
+
+def _lamps(
+    message: GroundTruth, network: RoadNetwork, road: Road, signal: Signal, ids: Mapping[LaneRef, int], free: count[int]
+) -> Iterator[tuple[str, Colour, TrafficLight]]:
+    """Yield the lamps of a light, each beside its signal: from above red, yellow and green."""
+    for k, colour in enumerate(Colour):
+        _add_signal(alone := type(message)(), network, road, signal, ids, next(free))
+        for lamp in alone.traffic_light:
+            lamp.classification.color = lamp.Classification.Color.Value(f"COLOR_{colour.upper()}")
+            lamp.base.position.z += (1 - k) * signal.height_m / 3
+            lamp.base.dimension.height = signal.height_m / 3
+            yield signal.id, colour, lamp
 
 
 def _add_signal(

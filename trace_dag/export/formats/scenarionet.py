@@ -26,6 +26,7 @@ from trace_dag.common.units import mps_to_kmh
 from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.crash.record import VehicleClass
 from trace_dag.export.formats.exporter import as_driven
+from trace_dag.export.formats.lane_rules import LaneRules
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
@@ -35,6 +36,7 @@ from trace_dag.roads.map.paths import trace_forward
 from trace_dag.scenario.cases import Case
 from trace_dag.scenario.drives import STEP_S, Drive, drives_of
 from trace_dag.scenario.driving_files import lane_id
+from trace_dag.scenario.lights import Lights
 from trace_dag.simulation.types import BodyKind
 from trace_dag.version import __version__
 
@@ -70,7 +72,8 @@ class ScenarioNet:
         ego = _ego(case, drives)
         shown = [each for each in drives if each.number == ego or party_of_body(each.number) != ego]
         tracks = {party_label(each.number): _track(each) for each in shown}  # without the trailer that the ego pulls
-        name, scenario = _scenario(crash.key, f"crash {crash.key}", case.network, tracks, party_label(ego))
+        source = f"crash {crash.key}"
+        name, scenario = _scenario(crash.key, source, case.network, tracks, party_label(ego), case.lights)
         self._summaries[name] = scenario["metadata"]
         return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL)}
 
@@ -91,7 +94,7 @@ def road_description(network: RoadNetwork) -> dict[str, bytes]:
 
 
 def _scenario(
-    key: str, source: str, network: RoadNetwork, tracks: Mapping[str, Any], ego: str
+    key: str, source: str, network: RoadNetwork, tracks: Mapping[str, Any], ego: str, lights: Lights | None = None
 ) -> tuple[str, dict[str, Any]]:
     """Return the name of a scenario's file, and the scenario."""
     length = len(tracks[ego]["state"]["valid"])
@@ -112,11 +115,30 @@ def _scenario(
         "length": length,
         "metadata": metadata,
         "tracks": dict(tracks),
-        "dynamic_map_states": {},
+        "dynamic_map_states": {} if lights is None else _light_states(network, lights, length),
         "map_features": _map_features(network),
     }
     metadata["number_summary"] = _numbers(scenario)
     return f"sd_{_DATASET}_{__version__}_{key}.pkl", scenario
+
+
+def _light_states(network: RoadNetwork, lights: Lights, length: int) -> dict[str, Any]:
+    """Return the colour at each step for the lanes under each light, by lane."""
+    rules, cycle_of = LaneRules(network), lights.cycle_of
+    found = {}
+    for post in rules.lights:
+        if post.signal.id in cycle_of:
+            colours = [f"TRAFFIC_LIGHT_{cycle_of[post.signal.id].at(k * STEP_S).upper()}" for k in range(length)]
+            for ref in post.lanes:
+                name, kind = lane_id(ref), "TRAFFIC_LIGHT"
+                found[name] = {
+                    "type": kind,
+                    "lane": name,
+                    "stop_point": rules.stop_line(ref, post.signal.s_m).mean(axis=0),
+                    "state": {"object_state": colours},
+                    "metadata": {"type": kind, "object_id": name, "track_length": length},
+                }
+    return found
 
 
 def _about(summaries: Mapping[str, dict[str, Any]]) -> dict[str, bytes]:
@@ -207,15 +229,16 @@ def _numbers(scenario: Mapping[str, Any]) -> dict[str, Any]:
     objects = scenario["metadata"]["object_summary"].values()
     moving = [each for each in objects if each["moving_distance"] > _MOVES_M]
     heights = np.concatenate([np.asarray(each["polyline"])[:, 2] for each in scenario["map_features"].values()])
+    colours = [c for each in scenario["dynamic_map_states"].values() for c in each["state"]["object_state"]]
     return {
         "num_objects": len(objects),
         "object_types": {each["type"] for each in objects},
         "num_objects_each_type": dict(Counter(each["type"] for each in objects)),
         "num_moving_objects": len(moving),
         "num_moving_objects_each_type": dict(Counter(each["type"] for each in moving)),
-        "num_traffic_lights": 0,
-        "num_traffic_light_types": set(),
-        "num_traffic_light_each_step": {},
+        "num_traffic_lights": len(scenario["dynamic_map_states"]),
+        "num_traffic_light_types": set(colours),
+        "num_traffic_light_each_step": dict(Counter(colours)),
         "num_map_features": len(scenario["map_features"]),
         "map_height_diff": float(np.ptp(heights)),
     }
