@@ -28,10 +28,9 @@ from trace_dag.flow.stored_crashes import crash_files
 from trace_dag.flow.study_tables import ESTIMATORS, store_comparison
 from trace_dag.flow.workspace import Workspace
 from trace_dag.reconstruction.estimate import UnusableAnswers, estimator_factory
-from trace_dag.reconstruction.json_io import estimate_to_json
 from trace_dag.simulation.embedded import EmbeddedBackend
 from trace_dag.simulation.run import simulate
-from trace_dag.simulation.states import StateEstimate
+from trace_dag.simulation.states import StateEstimate, estimate_to_json
 from trace_dag.verdict.judge import judge
 
 ESTIMATES_FOLDER = "estimators"

@@ -13,18 +13,18 @@ from lab.truth.contacts import ContactsSummary, contacts_by_kind
 from lab.truth.people import KindSummary, by_kind, load_people_truth, score_people
 from lab.truth.vehicles import load_truth
 from lab.truth.vehicles import score_truth as score
+from trace_dag.cli.demo import sample_folder
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say, write_json
 from trace_dag.cli.problems import Problems
-from trace_dag.cli.sample import sample_folder
 from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.stage import Stage
 from trace_dag.flow.contract import read_artefact
 from trace_dag.flow.crash_status import crash_status, valid_records
 from trace_dag.flow.records import read_records
 from trace_dag.flow.workspace import Workspace
-from trace_dag.reconstruction.json_io import estimate_from_json
-from trace_dag.verdict.json_io import verdict_from_json
+from trace_dag.simulation.states import estimate_from_json
+from trace_dag.verdict.types import verdict_from_json
 
 
 @click.command(

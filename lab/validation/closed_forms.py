@@ -14,7 +14,7 @@ from trace_dag.common.geometry import Pose
 from trace_dag.common.settings import SimSettings
 from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.record import VehicleClass
-from trace_dag.simulation.anthropometry import person_body
+from trace_dag.simulation.body_sizes import person_body
 from trace_dag.simulation.embedded import EmbeddedSimulation
 from trace_dag.simulation.objects import KINDS, FixedObject
 from trace_dag.simulation.overturn import roll_model

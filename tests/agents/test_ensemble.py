@@ -14,8 +14,7 @@ from trace_dag.reconstruction.estimate import estimate
 from trace_dag.reconstruction.samples.draws import draw_samples
 from trace_dag.reconstruction.samples.simulated import SampledContact, SampledRuns, simulate_samples
 from trace_dag.reconstruction.scene.scene import place_of
-from trace_dag.scenario.driving_files import ensemble_to_json
-from trace_dag.scenario.ensemble import draw_course, likely_draws
+from trace_dag.scenario.driving_files import draw_course, ensemble_to_json, likely_draws
 from trace_dag.simulation.embedded import EmbeddedBackend
 from trace_dag.simulation.run import simulate
 from trace_dag.simulation.states import StateEstimate

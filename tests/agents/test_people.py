@@ -16,7 +16,7 @@ from trace_dag.agents.evaluation.metrics import AVOIDED, DriveOutcome
 from trace_dag.agents.evaluation.observation import Sensing, Sensor
 from trace_dag.agents.stored_cases import AgentRole, number_of
 from trace_dag.scenario.cases import Case
-from trace_dag.simulation.anthropometry import person_body
+from trace_dag.simulation.body_sizes import person_body
 from trace_dag.simulation.driving import BodyState
 from trace_dag.simulation.types import BodyKind
 

@@ -40,7 +40,7 @@ LAYERS = (
 )
 """Every package and module at the top, from the lowest up; those of one layer do not know each other."""
 
-ROADS = ("map", "report", "from_osm", "crash_site", "gates", "json_io", "build")
+ROADS = ("map", "report", "from_osm", "crash_site", "gates", "build")
 MAY_KNOW_DAGSTER = {"assets", "cli"}
 
 

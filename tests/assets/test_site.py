@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from trace_dag.assets.site import BenchmarkSite
+from trace_dag.assets.webserver import BenchmarkSite
 from trace_dag.common.storage.files import Storage
 
 

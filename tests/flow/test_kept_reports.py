@@ -10,7 +10,7 @@ import pytest
 from trace_dag.common.errors import DamagedFile
 from trace_dag.common.storage.checksums import check_table, write_table
 from trace_dag.common.storage.files import Storage
-from trace_dag.flow.cohorts.kept_reports import keep_reports, read_kept
+from trace_dag.flow.cohorts.kept_files import keep_reports, read_kept
 
 REPORTS = {f"made-{number}": b'{"key": "made-%d"}' % number for number in range(2_500)}
 

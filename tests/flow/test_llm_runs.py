@@ -28,7 +28,7 @@ from trace_dag.flow.records import read_records
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
 from trace_dag.language.store import FOLDER as ANSWERS
-from trace_dag.reconstruction.json_io import estimate_from_json
+from trace_dag.simulation.states import estimate_from_json
 from trace_dag.warehouse.query import query
 
 CRASHES = ("2023-319003", "2023-319022", "2023-319024", "2023-319029")

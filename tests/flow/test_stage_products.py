@@ -15,9 +15,9 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.flow.cohorts.services import Services
 from trace_dag.flow.stages.simulation_log import simulation_log
 from trace_dag.flow.stages.state_estimate import state_estimate
-from trace_dag.reconstruction.json_io import estimate_from_json
 from trace_dag.reconstruction.samples.simulated import samples_from_json
 from trace_dag.simulation.log_io import logs_from_files
+from trace_dag.simulation.states import estimate_from_json
 
 
 @pytest.mark.parametrize("name", REPORTS)

@@ -18,7 +18,7 @@ from trace_dag.common.errors import Failure, TransientFailure
 from trace_dag.common.storage.files import Storage
 from trace_dag.language.client import LlmClient
 from trace_dag.language.hypotheses import llm_client
-from trace_dag.reconstruction.json_io import estimate_to_json
+from trace_dag.simulation.states import estimate_to_json
 
 
 @pytest.fixture(scope="module")

@@ -26,9 +26,8 @@ from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
 from trace_dag.reconstruction.alternatives import bearing_from_rad
 from trace_dag.reconstruction.estimate import estimate
-from trace_dag.reconstruction.json_io import estimate_from_json, estimate_to_json
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.simulation.states import SpeedSource, StateEstimate
+from trace_dag.simulation.states import SpeedSource, StateEstimate, estimate_from_json, estimate_to_json
 
 
 def estimated(case: Case) -> StateEstimate:
@@ -128,7 +127,7 @@ def test_the_same_json_twice_and_in_another_process():
         f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n"
         "from cases import SETTINGS, sample_case\n"
         "from trace_dag.reconstruction.estimate import estimate\n"
-        "from trace_dag.reconstruction.json_io import estimate_to_json\n"
+        "from trace_dag.simulation.states import estimate_to_json\n"
         f"case = sample_case({key!r})\n"
         "made = estimate(case.record, case.network, case.report, SETTINGS.states)\n"
         "sys.stdout.buffer.write(estimate_to_json(made))\n"

@@ -13,7 +13,7 @@ from trace_dag.common.geometry import LocalFrame
 from trace_dag.common.settings import SimSettings, StateSettings, VerdictSettings
 from trace_dag.osm.surroundings import feature_of_node
 from trace_dag.reconstruction.estimate import estimate
-from trace_dag.roads.crash_site.beside_road import things_near
+from trace_dag.roads.build import things_near
 from trace_dag.roads.report import MappedThing
 from trace_dag.simulation.embedded import EmbeddedBackend
 from trace_dag.simulation.objects import FixedObject, PlacedBy

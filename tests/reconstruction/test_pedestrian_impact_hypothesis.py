@@ -16,7 +16,7 @@ from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.parties import PartyKind, person_party, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.reconstruction.estimate import estimate
-from trace_dag.reconstruction.motion.walking_directions import Course, readings, reported_directions
+from trace_dag.reconstruction.motion.walking import Course, readings, reported_directions
 from trace_dag.roads.map.model import Crosswalk, LaneSection, PlanElement, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport

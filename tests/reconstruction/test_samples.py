@@ -10,9 +10,8 @@ from cases import SETTINGS, sample_case
 
 from trace_dag.common.units import mph_to_mps
 from trace_dag.reconstruction.estimate import estimate
-from trace_dag.reconstruction.json_io import estimate_from_json, estimate_to_json
 from trace_dag.reconstruction.samples.draws import draw_samples
-from trace_dag.simulation.states import Sample, SpeedSource, StateEstimate
+from trace_dag.simulation.states import Sample, SpeedSource, StateEstimate, estimate_from_json, estimate_to_json
 
 KEY = "2023-319003"
 COUNT = 20

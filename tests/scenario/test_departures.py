@@ -18,9 +18,9 @@ from trace_dag.pages.solid.objects import object_parts
 from trace_dag.pages.thumbnail import draw_thumbnail
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, describe_object, object_category, outline
-from trace_dag.scenario.opendrive_objects import add_objects, fixed_objects
+from trace_dag.scenario.opendrive_surroundings import add_objects, fixed_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.scenario.openscenario_objects import misc_object
+from trace_dag.scenario.openscenario_entities import misc_object
 from trace_dag.simulation.types import moment_of
 
 CRASH = record(vehicle(1, 12), vehicle(1, 12))

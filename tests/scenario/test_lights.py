@@ -20,7 +20,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.lights import Colour, crash_lights
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.simulation.anthropometry import person_body
+from trace_dag.simulation.body_sizes import person_body
 from trace_dag.simulation.states import Trajectory
 from trace_dag.simulation.types import BodyKind, SimulationLog
 

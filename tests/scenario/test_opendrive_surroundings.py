@@ -12,8 +12,7 @@ from lxml import etree
 from tests.verdict.crashes import STREET
 from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.scenario.opendrive_objects import add_objects
-from trace_dag.scenario.opendrive_surroundings import surrounding_objects
+from trace_dag.scenario.opendrive_surroundings import add_objects, surrounding_objects
 
 
 def feature(shape: shapely.Geometry, number: int = 1, **tags: str) -> OsmFeature:

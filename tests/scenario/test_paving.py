@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from trace_dag.common.geometry import FloatArray
-from trace_dag.pages.paving import find_paved_gaps
+from trace_dag.pages.map_ground import find_paved_gaps
 
 _WIDTH_M = 3.5
 

@@ -22,7 +22,7 @@ from trace_dag.pages.replay_impacts import strikes
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.carla_blueprints import CHILD_WALKERS, choose_bicycle, choose_walker
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.simulation.anthropometry import person_body
+from trace_dag.simulation.body_sizes import person_body
 from trace_dag.simulation.types import BodyKind, SimulationLog
 
 CARLA = Flavour(carla=True)

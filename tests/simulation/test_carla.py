@@ -31,7 +31,7 @@ from trace_dag.common.units import wrap_angle  # noqa: E402
 from trace_dag.crash.record import VehicleClass  # noqa: E402
 from trace_dag.roads.map.network import RoadNetwork  # noqa: E402
 from trace_dag.scenario.carla_blueprints import BLUEPRINTS, choose_blueprint  # noqa: E402
-from trace_dag.simulation.anthropometry import person_body  # noqa: E402
+from trace_dag.simulation.body_sizes import person_body  # noqa: E402
 from trace_dag.simulation.log_io import logs_from_files, logs_to_files  # noqa: E402
 from trace_dag.simulation.objects import KINDS, FixedObject  # noqa: E402
 from trace_dag.simulation.plan import tracking_errors  # noqa: E402

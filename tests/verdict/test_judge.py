@@ -32,10 +32,9 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
 from trace_dag.verdict.changed_plans import late_vehicle
 from trace_dag.verdict.controls import JudgedCrash, changed_reports, true_pairing
-from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge, judge_hypothesis
 from trace_dag.verdict.metrics import clock_error_positions
-from trace_dag.verdict.types import Verdict
+from trace_dag.verdict.types import Verdict, verdict_from_json, verdict_to_json
 
 REPORT = MapReport("by hand", CrashPlacement(0.0, 0.0, 0.0, "1", 0.0, "by hand"), ())
 HALF = CAR.length_m / 2

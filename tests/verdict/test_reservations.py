@@ -14,8 +14,7 @@ from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import EventRecord
 from trace_dag.reconstruction.alternatives import alternatives
 from trace_dag.simulation.states import EstimateCheck, StateEstimate
-from trace_dag.verdict.happened import event_outcomes
-from trace_dag.verdict.judge import judge
+from trace_dag.verdict.judge import event_outcomes, judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
 from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison

@@ -14,10 +14,9 @@ from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
-from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.support import LEAST_FACTS, LEAST_SUPPORT, Weight, assess_support, fitted_weights, grade_of
-from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Verdict
+from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Verdict, verdict_from_json, verdict_to_json
 
 HALF = CAR.length_m / 2
 HEAD_ON = (

@@ -19,7 +19,6 @@ from trace_dag.agents.stored_variations import (
     FOLDER,
     AboutVariation,
     FamilyRequest,
-    abouts,
     family_name,
 )
 from trace_dag.agents.variations.family import Variation, VariationKind, family
@@ -27,14 +26,14 @@ from trace_dag.agents.variations.table import VARIATIONS, row
 from trace_dag.agents.work_by_crash import report_each
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import Pose
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.artefacts import ESTIMATE, VERDICT
 from trace_dag.flow.manifests import list_files, sound_manifest
 from trace_dag.flow.workspace import Workspace
-from trace_dag.reconstruction.json_io import estimate_to_json
 from trace_dag.simulation.backends import backend
 from trace_dag.simulation.log_io import logs_to_files
-from trace_dag.simulation.states import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
+from trace_dag.simulation.states import EstimatorRun, Hypothesis, ParticipantState, StateEstimate, estimate_to_json
 from trace_dag.simulation.types import Participant
 
 VERSION = "3"
@@ -127,7 +126,7 @@ def _store(
         storage.write(f"{name}.estimate.json", estimate_to_json(estimate)),
         storage.write(f"{name}.steps.parquet", steps),
         storage.write(f"{name}.log.json", summary),
-        storage.write(f"{name}.json", abouts().dump_json(about, indent=1)),
+        storage.write(f"{name}.json", json_adapter(AboutVariation).dump_json(about, indent=1)),
     ]
 
 

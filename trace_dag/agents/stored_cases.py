@@ -96,7 +96,7 @@ def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
 
 def _drawn_case(case_id: str, files: CrashFiles, sample: int) -> Case:
     """Return a likely course, simulated, so that the contact that an agent has to avoid is known."""
-    from trace_dag.scenario.ensemble import draw_course
+    from trace_dag.scenario.driving_files import draw_course
     from trace_dag.simulation.backends import backend
 
     crash = case_of(files, files.settings.sim)
@@ -208,7 +208,7 @@ def likely_courses(cases: Sequence[StoredCase]) -> list[StoredCase]:
 
     Raises :class:`UserError` if there are none.
     """
-    from trace_dag.scenario.ensemble import likely_draws
+    from trace_dag.scenario.driving_files import likely_draws
 
     found = [
         replace(case, sample=sample, weight=weight)

@@ -10,13 +10,14 @@ import resource
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 from trace_dag.agents.evaluation.table import Row, rows_from_parquet, rows_to_parquet
 from trace_dag.agents.stored_cases import StoredCase
 from trace_dag.agents.work_by_crash import report_each
 from trace_dag.common.errors import DamagedFile
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.schemas import Column, ColumnType, TableSchema
 from trace_dag.common.stage import Stage
@@ -32,7 +33,7 @@ from trace_dag.scenario.traffic.surrounding import SurroundingTraffic
 from trace_dag.scenario.traffic.volumes import Hour, hour_of
 
 if TYPE_CHECKING:
-    from pydantic import TypeAdapter
+    pass
 
 FOLDER = "traffic"
 VERSION = "1"
@@ -143,7 +144,7 @@ def read_traffic(crash: CrashArtefacts) -> StoredTraffic | None:
     name = traffic_name(crash.key)
     if name not in sound_manifest(crash.storage, FOLDER).files:
         return None
-    found = _traffics().validate_json(_read(crash.storage, crash.key, name))
+    found = json_adapter(StoredTraffic).validate_json(_read(crash.storage, crash.key, name))
     return found if found.verdict_fingerprint == crash.records[Stage.VERDICT].fingerprint else None
 
 
@@ -191,11 +192,4 @@ def _rows_name(name: str) -> str:
 
 def traffic_to_json(traffic: StoredTraffic) -> bytes:
     """Return traffic as UTF-8 JSON, ending with a newline."""
-    return _traffics().dump_json(traffic) + b"\n"
-
-
-@cache
-def _traffics() -> TypeAdapter[StoredTraffic]:
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(StoredTraffic)
+    return json_adapter(StoredTraffic).dump_json(traffic) + b"\n"

@@ -9,24 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from functools import cache
 from typing import TYPE_CHECKING
 
 from trace_dag.agents.evaluation.table import Row, rows_from_parquet
 from trace_dag.agents.variations.family import Criteria, VariationKind
 from trace_dag.agents.variations.perturbation import Bounds, Perturbation
 from trace_dag.common.errors import DamagedFile
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.manifests import read_listed, sound_manifest
 from trace_dag.flow.records import OnProblem, raise_problem
-from trace_dag.reconstruction.json_io import estimate_from_json
 from trace_dag.simulation.log_io import logs_from_files
-from trace_dag.simulation.states import Hypothesis, StateEstimate
+from trace_dag.simulation.states import Hypothesis, StateEstimate, estimate_from_json
 from trace_dag.simulation.types import SimulationLog
 
 if TYPE_CHECKING:
-    from pydantic import TypeAdapter
+    pass
 
 FOLDER = "variations"
 
@@ -81,7 +80,7 @@ def read_variation(storage: Storage, name: str) -> StoredVariation:
     def read(extension: str) -> bytes:
         return _read(storage, key, f"{FOLDER}/{name}.{extension}")
 
-    about = abouts().validate_json(read("json"))
+    about = json_adapter(AboutVariation).validate_json(read("json"))
     estimate = estimate_from_json(read("estimate.json"), name=name)
     (log,) = logs_from_files(read("steps.parquet"), read("log.json"))
     return StoredVariation(about, estimate, log)
@@ -115,11 +114,3 @@ def _read(storage: Storage, key: str, name: str) -> bytes:
 def family_name(key: str) -> str:
     """Return the path below the root of the list of a crash's family."""
     return f"{FOLDER}/{key}.family.parquet"
-
-
-@cache
-def abouts() -> TypeAdapter[AboutVariation]:
-    """Return the type adapter that reads and writes descriptions of variations as JSON."""
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(AboutVariation)

@@ -3,33 +3,42 @@
 The step logs a materialization for each stage and crash itself, as it is done, and yields nothing; at its end it fails
 once if any crash failed. So only the failed stage and those after it show as failed, only for the crashes concerned. A
 rejected crash is data: it is materialized at every stage, with the outcome in its metadata.
+
+The check ``verified`` of single crashes, by which the UI filters them by outcome, has one evaluation per partition. It
+is evaluated for every finished crash. A crash rejected at an earlier stage fails the check with that reason, because
+Dagster shows a check without an evaluation as skipped. A failed check is a warning, since a rejection is data. Gates of
+maps and criteria are checked over all crashes (:mod:`trace_dag.assets.checks`).
 """
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from dagster import (
+    AssetCheckEvaluation,
+    AssetCheckSeverity,
+    AssetCheckSpec,
     AssetExecutionContext,
     AssetKey,
     BackfillPolicy,
     Config,
     Failure,
     MetadataValue,
+    Output,
+    PreviewWarning,
     multi_asset,
 )
 from pydantic import Field
 
-from trace_dag.assets.crash_checks import VERIFIED, CrashChecks
 from trace_dag.assets.metadata import HOW_TO_FORCE, materialization
-from trace_dag.assets.reports import REPORTS
-from trace_dag.assets.roads import ROADS
+from trace_dag.assets.partitions import CRASHES
 from trace_dag.assets.run_requests import PLANNED_TAG, fingerprint
-from trace_dag.assets.scenarios import SCENARIOS
-from trace_dag.assets.verdicts import VERDICTS
+from trace_dag.assets.specs import STAGES
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages import markdown
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.processes import this_process
+from trace_dag.common.provenance import Outcome, OutcomeRecord
 from trace_dag.common.settings import ExecutionSettings
 from trace_dag.common.stage import Stage
 from trace_dag.export.crash_files import make_at_once, note_made
@@ -45,6 +54,14 @@ _FAILURES_NAMED = 20
 _DETAIL_SHOWN = 300  # characters
 _TRACEBACKS_SHOWN = 3
 CRASHES_PER_RUN: int = ExecutionSettings().batch_size
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", PreviewWarning)  # of partitions_def
+    VERIFIED: Final = AssetCheckSpec(
+        "verified",
+        asset=Stage.VERDICT.value,
+        partitions_def=CRASHES,
+        description="The crash is verified. Where it is not, the reason says what it is rejected for.",
+    )
 
 
 class BatchConfig(Config):
@@ -60,7 +77,7 @@ class BatchConfig(Config):
 
 @multi_asset(
     name="crashes",
-    specs=[*REPORTS, *ROADS, *SCENARIOS, *VERDICTS],
+    specs=STAGES,
     check_specs=[VERIFIED],
     can_subset=True,
     required_resource_keys={"workspace"},
@@ -178,3 +195,45 @@ def _tracebacks(failed: dict[str, StageEvent]) -> dict[str, MetadataValue[Any]]:
 
 def _stage(event: StageEvent) -> Stage:
     return event.record.stage if event.record else event.stage
+
+
+# --- the check of single crashes -------------------------------------------------------------------------------------
+class CrashChecks:
+    """Evaluates the check for a run's crashes from the results of its stages."""
+
+    def __init__(self, context: AssetExecutionContext) -> None:
+        self._context = context
+
+    def log(self, event: StageEvent) -> None:
+        """Log the evaluation that follows from the last stage's record of a crash."""
+        record = event.record
+        if record is None or event.stage is not Stage.VERDICT:
+            return
+        if VERIFIED.key not in self._context.selected_asset_check_keys:
+            return
+        self._context.log_event(
+            AssetCheckEvaluation(
+                VERIFIED.asset_key,
+                VERIFIED.name,
+                passed=record.outcome is Outcome.ACCEPTED,
+                partition=event.key,
+                severity=AssetCheckSeverity.WARN,
+                description=record.detail or None,
+                metadata=_figures(record),
+            )
+        )
+
+    def finish(self) -> Iterator[Output[None]]:
+        """Yield an output for each selected check, so that Dagster does not log it as missing.
+
+        Dagster does not count evaluations that a step logs by partition.
+        """
+        for check in self._context.selected_asset_check_keys:
+            yield Output(None, self._context.assets_def.get_output_name_for_asset_check_key(check))
+
+
+def _figures(record: OutcomeRecord) -> dict[str, Any]:
+    metadata: dict[str, Any] = {name: value for name, value in record.figures.items() if value is not None}
+    if record.reason is not None:
+        metadata = {"reason": record.reason.value, **metadata}
+    return metadata

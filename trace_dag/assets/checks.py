@@ -2,14 +2,28 @@
 
 They are not partitioned: each counts the crashes that pass and names the others. They belong to the warehouse, whose
 run evaluates them; on a stage, every run of that stage would show them as skipped.
+
+The job of the summaries evaluates them. The stages have no job of their own. A backfill of a *job* counts whole runs
+and not crashes, and Dagster cannot execute one again from failure where a run covers a range of partitions; a backfill
+of *assets* does both.
 """
 
 from typing import Any
 
-from dagster import AssetCheckExecutionContext, AssetCheckResult, AssetCheckSeverity, MetadataValue, asset_check
+from dagster import (
+    AssetCheckExecutionContext,
+    AssetCheckResult,
+    AssetCheckSeverity,
+    AssetSelection,
+    MetadataValue,
+    asset_check,
+    define_asset_job,
+    in_process_executor,
+)
 
-from trace_dag.assets.summaries import warehouse
+from trace_dag.assets.summaries import SUMMARY, benchmark, warehouse
 from trace_dag.common.messages import markdown
+from trace_dag.common.stage import Stage
 from trace_dag.flow.workspace import Workspace
 from trace_dag.warehouse.query import query
 
@@ -108,3 +122,14 @@ def criteria_are_evaluated(context: AssetCheckExecutionContext) -> AssetCheckRes
 
 
 CHECKS = (no_failed_crashes, everything_adds_up, maps_pass_their_gates, criteria_are_evaluated)
+
+
+# --- jobs ------------------------------------------------------------------------------------------------------------
+STAGES = AssetSelection.assets(*(stage.value for stage in Stage))
+
+SUMMARY_JOB = define_asset_job(
+    SUMMARY,
+    AssetSelection.assets(warehouse, benchmark) | AssetSelection.checks(*CHECKS),
+    description="What is made of all crashes together: the warehouse, its checks, the benchmark.",
+    executor_def=in_process_executor,
+)

@@ -16,10 +16,8 @@ from dagster import (
     in_process_executor,
 )
 
-from trace_dag.assets.after_runs import AFTER_RUNS
 from trace_dag.assets.batch import crashes
-from trace_dag.assets.checks import CHECKS
-from trace_dag.assets.jobs import SUMMARY_JOB
+from trace_dag.assets.checks import CHECKS, SUMMARY_JOB
 from trace_dag.assets.schedules import schedules
 from trace_dag.assets.sensors import SENSORS
 from trace_dag.assets.studies import STUDIES
@@ -50,7 +48,7 @@ def build_definitions(workspace: Workspace | None = None) -> Definitions:
         assets=[crashes, _fresh(warehouse, automation), benchmark, *STUDIES.values()],
         asset_checks=CHECKS,
         jobs=[SUMMARY_JOB],
-        sensors=[*SENSORS, *AFTER_RUNS],
+        sensors=SENSORS,
         schedules=schedules(automation),
         resources={"workspace": workspace if workspace is not None else WorkspaceResource()},
         # The step is parallel within; a process per step would only add to it.

@@ -14,7 +14,7 @@ from dagster import (
     schedule,
 )
 
-from trace_dag.assets.jobs import STAGES
+from trace_dag.assets.checks import STAGES
 from trace_dag.assets.partitions import add_partitions
 from trace_dag.assets.run_requests import run_requests
 from trace_dag.common.errors import UserError

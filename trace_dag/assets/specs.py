@@ -1,7 +1,6 @@
 """Asset specifications of the stages: group, owner, kinds, description, columns.
 
-The stages themselves are in :mod:`reports`, :mod:`roads`, :mod:`scenarios` and :mod:`verdicts`; what materializing
-them does is :mod:`trace_dag.assets.batch`.
+Their materialization is :mod:`trace_dag.assets.batch`.
 """
 
 from collections.abc import Sequence
@@ -13,6 +12,8 @@ from trace_dag.assets.partitions import CRASHES
 from trace_dag.common import schemas
 from trace_dag.common.errors import Reason
 from trace_dag.common.stage import Stage
+from trace_dag.crash.tables import CRASH_RECORD
+from trace_dag.simulation.log_io import SIMULATION_STEPS
 
 OWNERS = ["team:crash-reconstruction"]
 
@@ -65,3 +66,63 @@ def column_schema(table: schemas.TableSchema) -> TableSchema:
             for row in table.dictionary()
         ]
     )
+
+
+STAGES = (
+    stage_spec(
+        Stage.RAW_REPORT,
+        group="reports",
+        kinds={"xml", "json"},
+        description="The crash report as its source serves it: NHTSA's CrashAPI XML, untouched, or a table's rows.",
+    ),
+    stage_spec(
+        Stage.CRASH_RECORD,
+        group="reports",
+        kinds={"parquet", "python"},
+        deps=[Stage.RAW_REPORT],
+        columns=CRASH_RECORD,
+        description="The report as typed data: the crash, its vehicles and its events in SI units, unknown as null, "
+        "classified along the three dimensions of coverage. Rejected if it does not say enough.",
+    ),
+    stage_spec(
+        Stage.OSM_EXTRACT,
+        group="roads",
+        kinds={"openstreetmap", "file"},
+        deps=[Stage.CRASH_RECORD],
+        description="The drivable roads of OpenStreetMap around the reported point. "
+        "© OpenStreetMap contributors, ODbL 1.0.",
+    ),
+    stage_spec(
+        Stage.ROAD_MAP,
+        group="roads",
+        kinds={"opendrive", "python"},
+        deps=[Stage.CRASH_RECORD, Stage.OSM_EXTRACT],
+        description="The road map as OpenDRIVE 1.7, with the crash's place on it, the gates it passed and how it "
+        "agrees with the report.",
+    ),
+    stage_spec(
+        Stage.STATE_ESTIMATE,
+        group="scenarios",
+        kinds={"json", "python"},
+        deps=[Stage.CRASH_RECORD, Stage.ROAD_MAP],
+        description="Impact and initial states of the vehicles, for one hypothesis or several, best first. "
+        "Reported speeds are kept.",
+    ),
+    stage_spec(
+        Stage.SIMULATION_LOG,
+        group="scenarios",
+        kinds={"parquet", "mujoco"},
+        deps=[Stage.CRASH_RECORD, Stage.ROAD_MAP, Stage.STATE_ESTIMATE],
+        columns=SIMULATION_STEPS,
+        description="What happens when the estimate is simulated: states per step, contacts, and why it ended.",
+    ),
+    stage_spec(
+        Stage.VERDICT,
+        group="verdicts",
+        kinds={"json", "python"},
+        deps=[Stage.CRASH_RECORD, Stage.ROAD_MAP, Stage.STATE_ESTIMATE, Stage.SIMULATION_LOG],
+        description="Whether the simulated crash is the reported one: every criterion with its value, threshold and "
+        "whether it holds, and the crash's picture.",
+    ),
+)
+"""The assets of the stages, in their order."""

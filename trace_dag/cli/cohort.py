@@ -125,7 +125,7 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     The files themselves stay where they are. The next run cuts extracts of a removed map anew.
     """
     from trace_dag.common.storage.files import Storage
-    from trace_dag.flow.cohorts.kept_maps import remove_unused_map_copies
+    from trace_dag.flow.cohorts.kept_files import remove_unused_map_copies
     from trace_dag.flow.cohorts.registry import Registry
 
     storage = Storage.open(root, to_read=not drop)
@@ -199,7 +199,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
     from trace_dag.assets.partitions import remove_partitions
     from trace_dag.common.storage.files import Storage
     from trace_dag.export.removal import delete_artefacts
-    from trace_dag.flow.cohorts.kept_maps import remove_unused_map_copies
+    from trace_dag.flow.cohorts.kept_files import remove_unused_map_copies
     from trace_dag.flow.cohorts.registry import Registry
     from trace_dag.flow.workspace import Workspace
 

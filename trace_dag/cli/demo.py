@@ -5,12 +5,15 @@ from __future__ import annotations
 import shlex
 import sys
 import time
+from pathlib import Path
 
 import click
 
 from trace_dag.cli.options import examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, say
-from trace_dag.cli.sample import COHORT, sample_folder
+from trace_dag.common.errors import UserError
+
+COHORT = "sample"
 
 
 @click.command(
@@ -54,3 +57,12 @@ def demo(context: click.Context, people: bool, executor: str | None, workers: in
     ):
         say(f"  trace-dag --root {shlex.quote(root)} {command}  {shows}")
     sys.exit(code)
+
+
+def sample_folder() -> Path:
+    """Return the folder of the sample, in the installed package or in the repository beside it."""
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / "sample_data" / "sample", package.parent / "data" / "sample"):
+        if (folder / "truth.json").is_file():
+            return folder
+    raise UserError("the bundled sample is not installed; expected it in trace_dag/sample_data/sample")

@@ -23,13 +23,11 @@ from trace_dag.cli.plugins import plugins
 from trace_dag.cli.registers import registers
 from trace_dag.cli.release import release
 from trace_dag.cli.replay import replay
-from trace_dag.cli.rerun import rerun
-from trace_dag.cli.run import run
+from trace_dag.cli.run import rerun, run
 from trace_dag.cli.settings import settings
 from trace_dag.cli.show import show
-from trace_dag.cli.sql import sql
+from trace_dag.cli.sql import sql, tables
 from trace_dag.cli.status import status
-from trace_dag.cli.tables import tables
 from trace_dag.cli.traffic import traffic
 from trace_dag.cli.ui import ui
 from trace_dag.cli.vary import vary

@@ -2,15 +2,24 @@
 
 Belongs here: the order of the steps. The rules are those of :mod:`trace_dag.crash.derive`; every implied value is
 marked.
+
+Crash types (``ACC_TYPE``) follow from the manner of collision, the movements and the reported directions. FARS codes
+them; other registers report the facts behind them. A type is set if only one configuration fits, both
+for a turning vehicle's direction from before its turn and from after it. Otherwise the directions are only evidence.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from typing import Final
+
 from trace_dag.common.frozen import replace
+from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology, collision_type, road_topology
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.contradictions import contradictions_of
-from trace_dag.crash.crash_types import vehicle_trajectory
+from trace_dag.crash.crash_types import Turn, turn_of, vehicle_trajectory
 from trace_dag.crash.derive import (
     UNSAID_MOVEMENTS,
     add_crash_types,
@@ -18,9 +27,18 @@ from trace_dag.crash.derive import (
     implied_movement,
     movement_of_crash,
 )
-from trace_dag.crash.implied_types import add_implied_types
-from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
+from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement, VehicleRecord, first_vehicle_contact
 from trace_dag.crash.summary import summarise
+
+_REAR_END, _ANGLE = 1, 6  # MAN_COLL
+_STRUCK_WHILE: Final = {PreCrashMovement.STOPPED: 20, PreCrashMovement.DECELERATING: 28}
+"""The type of the vehicle that strikes from behind, by what the one ahead did."""
+_TURNING: Final = 24
+_STEP_OF_TURN: Final = {Turn.LEFT: 2, Turn.RIGHT: 3}
+_STRAIGHT_ON: Final = frozenset({PreCrashMovement.GOING_STRAIGHT, PreCrashMovement.DECELERATING})
+_CROSSED_STRAIGHT: Final = 91
+_TURNED_LEFT_FROM_RIGHT: Final = 82  # into the opposite direction of the one that came straight on (83)
+_TURNED_RIGHT_FROM_LEFT: Final = 80  # likewise (81)
 
 
 def complete_record(record: CrashRecord) -> CrashRecord:
@@ -95,3 +113,58 @@ def _with_movement(record: CrashRecord, vehicle: VehicleRecord) -> VehicleRecord
 def _crash_types(record: CrashRecord) -> list[int | None]:
     vehicles = record.colliding_vehicles or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
     return [vehicle.crash_type_code for vehicle in vehicles]
+
+
+# --- crash types that are implied ------------------------------------------------------------------------------------
+def add_implied_types(
+    vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
+) -> tuple[VehicleRecord, ...]:
+    """Return the vehicles with the implied types of the two in the first contact, marked.
+
+    >>> ahead = replace(queue_record.vehicles[1], crash_type_code=None)  # P_CRASH1 5: stopped
+    >>> behind = replace(queue_record.vehicles[0], crash_type_code=None)
+    >>> [each.crash_type_code for each in add_implied_types([behind, ahead], queue_record.events, 1)]
+    [20, 21]
+    """
+    contact = first_vehicle_contact(events)
+    by_number = {vehicle.number: vehicle for vehicle in vehicles if vehicle.in_transport}
+    if contact is None or contact.party_1 not in by_number or contact.party_2 not in by_number:
+        return tuple(vehicles)
+    one, two = by_number[contact.party_1], by_number[contact.party_2]
+    types = _types(man_coll, one, two) or _types(man_coll, two, one)
+    return tuple(
+        replace(vehicle, crash_type_code=types[vehicle.number], implied=(*vehicle.implied, "crash_type_code"))
+        if vehicle.number in types
+        else vehicle
+        for vehicle in vehicles
+    )
+
+
+def _types(man_coll: int | None, one: VehicleRecord, two: VehicleRecord) -> dict[int, int]:
+    """Return the types of both, by number, if ``one`` strikes ``two`` from behind or turns; else empty."""
+    if man_coll == _REAR_END:
+        return _rear_end(one, two)
+    if man_coll != _ANGLE or one.heading is None or two.heading is None:
+        return {}
+    apart_rad = wrap_angle(one.heading.octant.heading_rad - two.heading.octant.heading_rad)
+    across = math.isclose(abs(apart_rad), math.pi / 2)
+    if across and {one.movement, two.movement} <= _STRAIGHT_ON:
+        return {one.number: _CROSSED_STRAIGHT, two.number: _CROSSED_STRAIGHT}
+    turn, sign, type_of_turner = (
+        (Turn.RIGHT, -1, _TURNED_RIGHT_FROM_LEFT) if one.keeps_left else (Turn.LEFT, 1, _TURNED_LEFT_FROM_RIGHT)
+    )
+    if across and apart_rad * sign > 0 and turn_of(one) is turn and two.movement in _STRAIGHT_ON:
+        # Of who turns left across or into the other's path from any other side no direction, before or after the turn,
+        # is to the left of the other's.
+        # Where traffic keeps left, it is all in a mirror.
+        return {one.number: type_of_turner, two.number: type_of_turner + 1}
+    return {}
+
+
+def _rear_end(behind: VehicleRecord, ahead: VehicleRecord) -> dict[int, int]:
+    base, step = _STRUCK_WHILE.get(ahead.movement), 1
+    turn = turn_of(ahead)
+    if turn in _STEP_OF_TURN:
+        base, step = _TURNING, _STEP_OF_TURN[turn]
+    slower = behind.movement in _STRUCK_WHILE or turn_of(behind) is not None
+    return {} if base is None or slower else {behind.number: base, ahead.number: base + step}

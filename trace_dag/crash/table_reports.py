@@ -7,11 +7,10 @@ read, before completion, with the fields that differ from their defaults.
 from __future__ import annotations
 
 import json
-from functools import cache
-from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.crash.fars.rows import FarsRows
 from trace_dag.crash.fields import malformed
 from trace_dag.crash.record import CrashRecord
@@ -28,8 +27,8 @@ def is_json(data: bytes) -> bool:
 
 def report_to_json(report: FarsRows | CrashRecord) -> bytes:
     """Return the document of a table's report."""
-    kind: type = type(report)
-    return _adapter(kind).dump_json(report, exclude_defaults=True, indent=1) + b"\n"
+    kind: type[FarsRows | CrashRecord] = type(report)
+    return json_adapter(kind).dump_json(report, exclude_defaults=True, indent=1) + b"\n"
 
 
 def report_from_json(data: bytes, *, name: str) -> FarsRows | CrashRecord:
@@ -41,16 +40,11 @@ def report_from_json(data: bytes, *, name: str) -> FarsRows | CrashRecord:
     '2023-319003'
     """
     try:
-        kind = FarsRows if "tables" in json.loads(data) else CrashRecord
-        found: FarsRows | CrashRecord = _adapter(kind).validate_json(data)
+        kind: type[FarsRows | CrashRecord] = FarsRows if "tables" in json.loads(data) else CrashRecord
+        found = json_adapter(kind).validate_json(data)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         raise malformed(f"{name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
     except (ValueError, RecursionError) as error:
         raise malformed(f"{name} is not JSON: {error}") from error
     return found
-
-
-@cache
-def _adapter(kind: type) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)

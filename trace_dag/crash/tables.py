@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable
-from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
-from pydantic import TypeAdapter
-
 from trace_dag.common.errors import Failure
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.schemas import Column, ColumnType, TableSchema, table_from_parquet
 from trace_dag.crash.record import CrashRecord
 
@@ -246,7 +244,7 @@ def records_table(records: Iterable[CrashRecord]) -> pa.Table:
 
 def _row(record: CrashRecord) -> dict[str, Any]:
     """Return the fields of a record, with derived values for readers of the table."""
-    row: dict[str, Any] = _adapter().dump_python(record, mode="json")
+    row: dict[str, Any] = json_adapter(CrashRecord).dump_python(record, mode="json")
     events = [{**stored, "kind": event.kind.value} for stored, event in zip(row["events"], record.events, strict=True)]
     persons = [
         {**stored, "party": person.party, "kind": person.kind.value}
@@ -272,13 +270,8 @@ def record_from_parquet(data: bytes) -> CrashRecord:
         (row,) = table_from_parquet(data).to_pylist()
         if row["schema_version"] != SCHEMA_VERSION:
             raise ValueError(f"it has schema version {row['schema_version']}, expected {SCHEMA_VERSION}")
-        return _adapter().validate_python(row)
+        return json_adapter(CrashRecord).validate_python(row)
     except (pa.ArrowException, KeyError, ValueError, OSError) as error:
         raise Failure(
             f"a stored crash record cannot be read ({error}): remove it and run crash_record again"
         ) from error
-
-
-@cache
-def _adapter() -> TypeAdapter[CrashRecord]:
-    return TypeAdapter(CrashRecord)

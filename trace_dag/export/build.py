@@ -259,7 +259,7 @@ def _make(task: _Task) -> _Made:
 @gc_paused()
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.pages.crash_page import CrashPage, Download, write_crash_page
-    from trace_dag.pages.replay_library import PAGE
+    from trace_dag.pages.replay import PAGE
 
     storage, key = files.storage, files.key
     made = crash.made

@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from trace_dag.agents.stored_variations import AboutVariation
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.stage import Stage
 from trace_dag.flow.artefacts import (
     ESTIMATE,
@@ -79,7 +81,7 @@ def package_of(
 def package_of_variation(stored: StoredCase) -> dict[str, bytes]:
     """Return the scenario package of a variation, by file name, with a verdict against the report."""
     from trace_dag.agents.stored_cases import load_case
-    from trace_dag.agents.stored_variations import abouts, read_variation
+    from trace_dag.agents.stored_variations import read_variation
     from trace_dag.export.package import PackageInput, package_files
     from trace_dag.osm.xml import write_osm
     from trace_dag.scenario.drives import drives_of
@@ -90,7 +92,7 @@ def package_of_variation(stored: StoredCase) -> dict[str, bytes]:
     files = stored.files.unread()
     varied = read_variation(files.storage, stored.variation)
     record, network, map_report = files.load(RECORD), files.load(ROAD_MAP), files.load(MAP_REPORT)
-    about: dict[str, Any] = abouts().dump_python(varied.about, mode="json")
+    about: dict[str, Any] = json_adapter(AboutVariation).dump_python(varied.about, mode="json")
     verdict = judge(record, network, map_report, varied.estimate, [varied.log], files.settings.verdict)
     return package_files(
         PackageInput(

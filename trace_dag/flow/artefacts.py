@@ -71,16 +71,16 @@ ROAD_MAP: Final[Artefact[RoadNetwork]] = Artefact(
     Stage.ROAD_MAP, ("xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 MAP_REPORT: Final[Artefact[MapReport]] = Artefact(
-    Stage.ROAD_MAP, ("json",), "trace_dag.roads.json_io:map_report_from_json"
+    Stage.ROAD_MAP, ("json",), "trace_dag.roads.report:map_report_from_json"
 )
 REJECTED_MAP: Final[Artefact[RoadNetwork]] = Artefact(
     Stage.ROAD_MAP, ("rejected.xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 REJECTED_REPORT: Final[Artefact[RejectedMapReport]] = Artefact(
-    Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.json_io:rejected_report_from_json"
+    Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.report:rejected_report_from_json"
 )
 ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
-    Stage.STATE_ESTIMATE, ("json",), "trace_dag.reconstruction.json_io:estimate_from_json"
+    Stage.STATE_ESTIMATE, ("json",), "trace_dag.simulation.states:estimate_from_json"
 )
 LOGS: Final[Artefact[tuple[SimulationLog, ...]]] = Artefact(
     Stage.SIMULATION_LOG, ("parquet", "json"), "trace_dag.simulation.log_io:logs_from_files"
@@ -88,7 +88,7 @@ LOGS: Final[Artefact[tuple[SimulationLog, ...]]] = Artefact(
 SAMPLED: Final[Artefact[SampledRuns]] = Artefact(
     Stage.SIMULATION_LOG, ("samples.json",), "trace_dag.reconstruction.samples.simulated:samples_from_json"
 )
-VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json",), "trace_dag.verdict.json_io:verdict_from_json")
+VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json",), "trace_dag.verdict.types:verdict_from_json")
 VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json",))
 
 ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {

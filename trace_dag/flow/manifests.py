@@ -12,10 +12,10 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from trace_dag.common.errors import DamagedFile
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.schemas import table_from_parquet
 from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.file_locks import lock_file
@@ -23,7 +23,7 @@ from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.cohorts.registry import Registry
 
 if TYPE_CHECKING:
-    from pydantic import TypeAdapter
+    pass
 
 FOLDERS = ("comparisons", "evaluations", "traffic", "variations")
 """Folders all of whose files are listed in their manifest, beside the benchmark's."""
@@ -62,7 +62,7 @@ def read_manifest(storage: Storage, folder: str) -> Manifest:
 
     name = manifest_name(folder)
     try:
-        return _manifests().validate_python(check_document(storage.read(name), name=name))
+        return json_adapter(Manifest).validate_python(check_document(storage.read(name), name=name))
     except FileNotFoundError:
         return Manifest()
     except ValidationError as error:
@@ -80,7 +80,7 @@ def sound_manifest(storage: Storage, folder: str) -> Manifest:
 def write_manifest(storage: Storage, folder: str, manifest: Manifest) -> None:
     """Store the manifest of a folder, replacing the present one."""
     in_order = Manifest(dict(sorted(manifest.files.items())), dict(sorted(manifest.made_of.items())))
-    storage.write(manifest_name(folder), add_checksum(_manifests().dump_json(in_order)))
+    storage.write(manifest_name(folder), add_checksum(json_adapter(Manifest).dump_json(in_order)))
 
 
 def is_of_older_version(storage: Storage) -> bool:
@@ -207,10 +207,3 @@ def _alone(storage: Storage, folder: str) -> Iterator[None]:
     (storage.local_root / "locks").mkdir(exist_ok=True)
     with lock_file(storage.local_root / "locks" / folder):
         yield
-
-
-@cache
-def _manifests() -> TypeAdapter[Manifest]:
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(Manifest)

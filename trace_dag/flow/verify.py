@@ -31,8 +31,7 @@ from trace_dag.common.provenance import MADE_AGAIN, Outcome, crash_of, record_na
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.checksums import check_document, check_table
 from trace_dag.common.storage.files import Entry, Storage, StoredFile, check_name
-from trace_dag.flow.cohorts.kept_maps import find_unused_map_copies
-from trace_dag.flow.cohorts.kept_reports import FOLDER, read_kept
+from trace_dag.flow.cohorts.kept_files import FOLDER, find_unused_map_copies, read_kept
 from trace_dag.flow.cohorts.listings import FILE as LISTINGS
 from trace_dag.flow.cohorts.registry import Cohort, Registry, ReportSource
 from trace_dag.flow.cohorts.services import CACHE_FOLDER

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from trace_dag.common.geometry import FloatArray
+from trace_dag.osm.road_users import is_walkway
 from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay, RawWay
-from trace_dag.osm.walkways import is_walkway
 
 _ID: Final = attrgetter("id")
 _RESOLUTION_DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 degrees

@@ -23,8 +23,8 @@ from shapely.geometry import shape
 
 from trace_dag.common.errors import UserError
 from trace_dag.osm.extraction import relation_of
+from trace_dag.osm.road_users import is_walkway
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmNode, OsmRelation, OsmWay
-from trace_dag.osm.walkways import is_walkway
 
 CLIPPED: Final = "trace_dag:clipped"
 """The tag, with the value ``yes``, of a node that was made where a way was cut at the border of the box."""

@@ -1,21 +1,22 @@
 """The ground of a drawn map: lanes by type, the asphalt between them, the decks of bridges, heights as colours.
 
-Painted lines, arrows and crosswalks.
+Painted lines, arrows and crosswalks. A junction has paved places that belong to no lane of the map.
 """
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+import shapely
 
+from trace_dag.common.geometry import FloatArray
 from trace_dag.pages.canvas import Canvas, Ink
 from trace_dag.pages.map_scene import MapScene, SeenLane, SeenSection, Shapes, Window
-from trace_dag.pages.paving import find_paved_gaps
 from trace_dag.roads.map.model import LaneType, RoadMark
 from trace_dag.roads.map.people import crosswalks
 
@@ -48,6 +49,9 @@ _LEAST_RISE_M: Final = 0.5  # flatter ground is of one colour
 
 _VIRIDIS: Final = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)])
 """Red, green and blue from the lowest to the highest ground: matplotlib's colour map of that name, in quarters."""
+LANE_WIDTH_M: Final = 3.66  # AASHTO Green Book, 7th edition, section 4.3: 12 ft
+_LEAST_AREA_M2: Final = 0.01
+_TOUCHING_M: Final = 0.1
 
 
 class Shade(NamedTuple):
@@ -326,3 +330,36 @@ def _bars(place: CrosswalkPlace) -> list[FloatArray]:
         one, two = right + begin * (left - right), right + end * (left - right)
         bars.append(np.array([one[0], one[1], two[1], two[0]]))
     return bars
+
+
+# --- paving ----------------------------------------------------------------------------------------------------------
+class PavedGap(NamedTuple):
+    """A ring, shape (n, 2), m, and the numbers of the lanes that border it."""
+
+    outline_m: FloatArray
+    lanes: tuple[int, ...]
+
+
+def find_paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) -> Iterator[PavedGap]:
+    """Yield the paved places beside the lanes of some junctions.
+
+    ``lanes`` are outlines of lanes on one level, shape (n, 2), m: lanes through junctions, whose numbers are in
+    ``junctions``, and lanes of the roads that end there. Inside a junction, which is the convex hull of its lanes, a
+    gap is paved where it is narrower than a lane: islands are wider. A separation of carriageways outside is not a gap.
+
+    >>> lane = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 3.5], [0.0, 3.5]])
+    >>> list(find_paved_gaps([lane], [[0]]))  # a single lane leaves nothing between
+    []
+    """
+    outlines = np.array([shapely.make_valid(shapely.Polygon(lane)) for lane in lanes], object)
+    tree = shapely.STRtree(outlines)
+    for numbers in junctions:
+        hull = shapely.convex_hull(shapely.geometrycollections(outlines[list(numbers)]))
+        around = shapely.buffer(hull, LANE_WIDTH_M)
+        paved = shapely.union_all(shapely.intersection(outlines[tree.query(around, "intersects")], around))
+        widened = shapely.buffer(paved, LANE_WIDTH_M / 2)
+        closed = shapely.buffer(widened, -LANE_WIDTH_M / 2)
+        for gap in shapely.get_parts(shapely.difference(shapely.intersection(closed, hull), paved)):
+            if isinstance(gap, shapely.Polygon) and gap.area > _LEAST_AREA_M2:
+                bordering = tree.query(gap, "dwithin", distance=_TOUCHING_M)
+                yield PavedGap(shapely.get_coordinates(gap.exterior), tuple(bordering.tolist()))

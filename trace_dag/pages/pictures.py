@@ -19,7 +19,7 @@ from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.crash.parties import is_vehicle, party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import classes_in_words
-from trace_dag.osm.drivable import is_drivable
+from trace_dag.osm.road_users import is_drivable
 from trace_dag.osm.types import OsmExtract, OsmFeature
 from trace_dag.pages.canvas import Canvas, Ink
 from trace_dag.pages.map_ground import MINOR_SURFACE

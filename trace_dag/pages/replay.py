@@ -1,22 +1,26 @@
 """A replay of a simulated crash: one HTML page with all its data, which opens anywhere.
 
 The map is drawn once, as SVG, by the code of the pictures; the page moves the bodies of the log over it. No network, no
-library, no CDN. A site has one such page for all of its crashes (:mod:`trace_dag.pages.replay_library`), and a data
-file for each. The animated pictures of the same thing are in :mod:`trace_dag.pages.animation`.
+library, no CDN. A site has one such page for all of its crashes, and a data file for each. The animated pictures of the
+same thing are in :mod:`trace_dag.pages.animation`.
+
+The script of the 3D view is in each self-contained page, or once beside all pages of a site. It is built from
+``web/replay3d`` with three.js, whose licence is at its beginning.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.pages.drive import AgentDrive
 from trace_dag.pages.map_scene import Window
-from trace_dag.pages.page_templates import compress, encode_base64, templates
+from trace_dag.pages.page_templates import compress, encode_base64, read, templates
 from trace_dag.pages.replay_content import (
     ReplayContent,
     ReplayWindows,
@@ -25,7 +29,6 @@ from trace_dag.pages.replay_content import (
     replay_content,
     square,
 )
-from trace_dag.pages.replay_library import pack_library
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.types import Verdict
@@ -34,6 +37,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from trace_dag.osm.types import OsmFeature
+
+PAGE: Final = "replay.html"
+"""The page of a site that shows every replay of it: ``replay.html?KEY``."""
+
+LIBRARY: Final = "replay3d.js"
+"""The script's file, among the templates and on a site."""
 
 
 def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = False) -> bytes:
@@ -147,3 +156,21 @@ def _script_safe(data: Mapping[str, Any]) -> str:
     """Return JSON that is safe within a script element for any text of a report."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+# --- files common to all replays -------------------------------------------------------------------------------------
+@cache
+def pack_library() -> str:
+    """Return the compressed script for a self-contained page."""
+    return encode_base64(compress(read(LIBRARY).encode()))
+
+
+def site_files() -> dict[str, bytes]:
+    """Return the files of a site for its replays without the 3D library: the page and its script.
+
+    >>> sorted(site_files())
+    ['replay.html', 'replay.js']
+    """
+    shown = {"title": "Replay", "paired": False, "in_3d": True}
+    pages = {PAGE: "site_replay.html.jinja", "replay.js": "replay_main.js.jinja"}
+    return {name: templates().get_template(template).render(shown).encode() for name, template in pages.items()}

@@ -15,7 +15,7 @@ from typing import Any
 from trace_dag.osm.rights import Rights
 from trace_dag.pages.crash_page import LABEL_MEANINGS, report_rights
 from trace_dag.pages.page_templates import NAMES, read, templates
-from trace_dag.pages.replay_library import LIBRARY, site_files
+from trace_dag.pages.replay import LIBRARY, site_files
 from trace_dag.verdict.types import Label
 from trace_dag.version import __version__
 

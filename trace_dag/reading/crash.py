@@ -285,19 +285,19 @@ class Crash:
     def lanes(self) -> pd.DataFrame:
         """Return a row per lane: centre (shapely ``LineString``), surface (``Polygon``), and the lanes around it.
 
-        See :func:`trace_dag.reading.lanes.lane_table`. ``geopandas.GeoDataFrame(crash.lanes, geometry="surface",
+        See :func:`trace_dag.reading.road_map.lane_table`. ``geopandas.GeoDataFrame(crash.lanes, geometry="surface",
         crs=crash.road_map.frame.proj)`` takes it as it is.
         """
-        from trace_dag.reading.lanes import lane_table
+        from trace_dag.reading.road_map import lane_table
 
         return lane_table(self.road_map)
 
     def lane_graph(self) -> nx.DiGraph[Any]:
-        """Return the drivable lanes as a networkx graph; see :func:`trace_dag.reading.lanes.lane_graph`.
+        """Return the drivable lanes as a networkx graph; see :func:`trace_dag.reading.road_map.lane_graph`.
 
         The extra ``graph``.
         """
-        from trace_dag.reading.lanes import lane_graph
+        from trace_dag.reading.road_map import lane_graph
 
         return lane_graph(self.road_map)
 

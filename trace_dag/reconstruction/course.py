@@ -1,23 +1,30 @@
-"""The crash as planned so far, its simulation, and the search for further plans."""
+"""The crash as planned so far, its simulation, and the search for further plans.
+
+Estimators look ahead with the embedded back-end and its default settings. The settings of a run are not used, because
+an estimate must follow from the record and the map alone.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
+from trace_dag.common.settings import SimSettings
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
-from trace_dag.reconstruction.default_simulation import DEFAULTS
+from trace_dag.crash.record import CrashRecord
 from trace_dag.reconstruction.scene.scene import Scene
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.crash_run import CrashRun
-from trace_dag.simulation.embedded import EmbeddedSimulation
+from trace_dag.simulation.embedded import EmbeddedBackend, EmbeddedSimulation
 from trace_dag.simulation.matching import Matching, SimulatedEvent, expect_events, happenings, happenings_of, match
 from trace_dag.simulation.objects import FixedObject
-from trace_dag.simulation.run import participant
+from trace_dag.simulation.run import participant, surface_friction
 from trace_dag.simulation.states import LossOfControl, ParticipantState
 from trace_dag.simulation.types import Contact, SimulationLog
 
 _States: TypeAlias = tuple[ParticipantState, ...]
+DEFAULTS: Final = SimSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,3 +163,8 @@ class Search:
     def matching(self, log: SimulationLog, events: Sequence[CrashEvent]) -> Matching:
         """Return the events in a simulation."""
         return match(happenings_of(log), expect_events(events), order_known=self.sequence.order_known)
+
+
+def default_simulation(network: RoadNetwork, record: CrashRecord) -> EmbeddedSimulation:
+    """Return the map made ready, with the grip that the record's surface has."""
+    return EmbeddedBackend(DEFAULTS).load(network, b"", friction=surface_friction(DEFAULTS, record))

@@ -25,8 +25,7 @@ from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.reconstruction.alternatives import ambiguity_of
 from trace_dag.reconstruction.analytic_hypotheses import NAME, VERSION, build_scene
-from trace_dag.reconstruction.course import Course, Plan, Search
-from trace_dag.reconstruction.default_simulation import default_simulation
+from trace_dag.reconstruction.course import Course, Plan, Search, default_simulation
 from trace_dag.reconstruction.first_event import FirstEvent, FirstPlanner, plan_first_event
 from trace_dag.reconstruction.on_mapped_ground import on_mapped_ground
 from trace_dag.reconstruction.planners.later_vehicle import LONGEST_WAIT_S, arrival_plans

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.roads.map.model import LaneMatch
 
 STRUCTURES_WITHIN_M: Final = 100.0
@@ -182,3 +183,38 @@ class RejectedMapReport:
     max_move_m: float
     streets: tuple[NearStreet, ...]
     gates: tuple[MapGate, ...] = ()
+
+
+# --- stored -----------------------------------------------------------------------------------------------------------
+def map_report_to_json(report: MapReport) -> bytes:
+    """Return the report as stored.
+
+    >>> import json
+    >>> json.loads(map_report_to_json(map_report))["placement"]["moved_m"]
+    0.0
+    """
+    return json_adapter(MapReport).dump_json(report, indent=1)
+
+
+def map_report_from_json(data: bytes) -> MapReport:
+    """Return a stored report."""
+    return json_adapter(MapReport).validate_json(data)
+
+
+def rejected_report_to_json(report: RejectedMapReport) -> bytes:
+    """Return the report on a map for which its crash is rejected, as stored.
+
+    >>> import json
+    >>> json.loads(rejected_report_to_json(RejectedMapReport("native", 30.0, ())))["max_move_m"]
+    30.0
+    """
+    return json_adapter(RejectedMapReport).dump_json(report, indent=1)
+
+
+def rejected_report_from_json(data: bytes) -> RejectedMapReport:
+    """Return a stored report on a map for which its crash is rejected.
+
+    >>> rejected_report_from_json(b'{"converter": "native", "max_move_m": 30, "streets": []}').max_move_m
+    30.0
+    """
+    return json_adapter(RejectedMapReport).validate_json(data)

@@ -3,16 +3,24 @@
 The first has every drivable lane as points, with the lanes after and beside it. The second has the motion of every
 party and trailer without the crash. The third has the same for other likely courses of the parties, with their weights.
 Numbers are rounded to the centimetre (and a thousandth of a radian).
+
+An ensemble has the unreported quantities of a crash as weighted courses, in which an agent can drive. The draws of an
+estimate are weighed by the report (:mod:`trace_dag.reconstruction.samples.simulated`). :func:`likely_draws` takes at
+most :data:`MOST_COURSES` of them, :func:`draw_course` makes the plans of one from the beginning of the recorded crash.
+An agent's result in a crash is then a probability (the warehouse's view ``agent_probabilities``).
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
+
+import numpy as np
 
 from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_label, party_of_body
+from trace_dag.reconstruction.samples.crash import SampledCrash
 from trace_dag.reconstruction.samples.simulated import SampledRuns
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
 from trace_dag.roads.map.model import LaneRef
@@ -28,9 +36,10 @@ from trace_dag.scenario.drives import (
     Goal,
     course_of,
 )
-from trace_dag.scenario.ensemble import draw_course, likely_draws
 from trace_dag.scenario.polylines import worth_keeping
-from trace_dag.simulation.states import StateEstimate
+from trace_dag.simulation.objects import FixedObject
+from trace_dag.simulation.states import Hypothesis, StateEstimate
+from trace_dag.simulation.types import Participant
 
 _AS_GOOD_AS_M: Final = 0.05  # borders are simplified; nowhere are they farther than this from the map's
 _DECIMALS: Final = {"heading_rad": 3}
@@ -62,6 +71,7 @@ _ENSEMBLE: Final = {
     "friction": "of tyres on the road, as a multiple of the crash's",
     "parties": "as in courses.json, without routes and goals",
 }
+MOST_COURSES = 20
 
 
 def lane_id(ref: LaneRef) -> str:
@@ -192,3 +202,44 @@ def _goal(goal: Goal) -> dict[str, float]:
 
 def _json(document: dict[str, Any]) -> bytes:
     return (json.dumps(document, ensure_ascii=False, separators=(",", ":")) + "\n").encode()
+
+
+# --- ensembles -------------------------------------------------------------------------------------------------------
+class DrawnCourse(NamedTuple):
+    """A draw as a course: hypothesis, plans, objects, planned time of impact (s), and friction.
+
+    Friction is a multiple of the crash's.
+    """
+
+    hypothesis: Hypothesis
+    participants: tuple[Participant, ...]
+    objects: tuple[FixedObject, ...]
+    impact_time_s: float
+    friction: float
+
+
+def likely_draws(sampled: SampledRuns, most: int = MOST_COURSES) -> list[tuple[int, float]]:
+    """Return draws by their index among the estimate's, the heaviest first, with weights that sum to 1.
+
+    They come from systematic resampling (Kitagawa, Journal of Computational and Graphical Statistics 5, 1996): ``most``
+    evenly spaced points on the weights laid end to end, so that a draw is taken in proportion to its weight, without
+    chance.
+    """
+    if not sampled.contacts:
+        return []
+    ends = np.cumsum([contact.weight for contact in sampled.contacts])
+    points = (np.arange(most) + 0.5) / most * ends[-1]
+    chosen, counts = np.unique(np.searchsorted(ends, points), return_counts=True)
+    found = [(sampled.contacts[k].sample, float(n) / most) for k, n in zip(chosen, counts, strict=True)]
+    return sorted(found, key=lambda each: (-each[1], each[0]))
+
+
+def draw_course(estimate: StateEstimate, sample: int) -> DrawnCourse:
+    """Return the course of a draw with a contact; it begins as long before the impact as the crash."""
+    draw = estimate.samples[sample]
+    hypothesis = estimate.hypotheses[draw.hypothesis]
+    crash = SampledCrash.of(hypothesis, draw)
+    assert crash is not None, "a draw that touches somebody was simulated"
+    before_s = max(hypothesis.impact_time_s, crash.back_s)
+    plans = crash.participants(BEYOND_IMPACT_S, before_s=before_s)
+    return DrawnCourse(hypothesis, plans, crash.objects, before_s, draw.friction)

@@ -33,11 +33,16 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.lights import LightCycle, crash_lights
 from trace_dag.scenario.openscenario_conflict import KeptConflict
 from trace_dag.scenario.openscenario_elements import Element, element, properties, teleport_action
+from trace_dag.scenario.openscenario_entities import (
+    misc_object,
+    person,
+    person_reference_ahead_m,
+    rear_axle_ahead_m,
+    standing_at,
+    vehicle,
+)
 from trace_dag.scenario.openscenario_environment import environment
 from trace_dag.scenario.openscenario_motion import SAME_TIME_S, PlayedMotion, TimedPoses
-from trace_dag.scenario.openscenario_objects import misc_object, standing_at
-from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
-from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
 from trace_dag.simulation.objects import FixedObject
 from trace_dag.simulation.surface import NetworkSurface
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog

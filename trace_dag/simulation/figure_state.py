@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from trace_dag.common.units import GRAVITY_MPS2
-from trace_dag.simulation.anthropometry import ridden_kg
+from trace_dag.simulation.body_sizes import ridden_kg
 from trace_dag.simulation.figures import degrees, landmark_names
 from trace_dag.simulation.people import REST_MPS, REST_RPS, Person
 

@@ -17,8 +17,7 @@ import math
 from dataclasses import dataclass
 
 from trace_dag.simulation import quadrupeds
-from trace_dag.simulation.anthropometry import ridden_kg
-from trace_dag.simulation.body_sizes import BICYCLE_LENGTH_M
+from trace_dag.simulation.body_sizes import BICYCLE_LENGTH_M, ridden_kg
 from trace_dag.simulation.figure_parts import FigureParts
 from trace_dag.simulation.quadrupeds import Stance
 from trace_dag.simulation.types import Body, BodyKind
@@ -141,7 +140,7 @@ def figure_mjcf(name: str, body: Body) -> tuple[str, list[str], list[str]]:
 
     A pedestrian or an animal has no mount.
 
-    >>> from trace_dag.simulation.anthropometry import person_body
+    >>> from trace_dag.simulation.body_sizes import person_body
     >>> _, segments, ridden = figure_mjcf("p", person_body(BodyKind.PEDESTRIAN, 40))
     >>> len(segments) == len(SEGMENTS), ridden
     (True, [])

@@ -11,9 +11,11 @@ from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, PlainSerializer, PlainValidator
+from pydantic import Field, PlainSerializer, PlainValidator, ValidationError
 
+from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import FloatArray, Pose
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import VehicleClass
 from trace_dag.crash.trailer import Trailer
@@ -258,3 +260,36 @@ class StateEstimate:
     def best(self) -> Hypothesis:
         """Return the hypothesis with the highest score."""
         return self.hypotheses[0]
+
+
+# --- stored -----------------------------------------------------------------------------------------------------------
+def estimate_to_json(estimate: StateEstimate) -> bytes:
+    """Return the estimate as UTF-8 JSON, ending with a newline: the same bytes for the same estimate.
+
+    >>> estimate_from_json(estimate_to_json(state_estimate)).key
+    '2023-319003'
+    """
+    return json_adapter(StateEstimate).dump_json(estimate) + b"\n"
+
+
+def run_to_json(run: EstimatorRun) -> bytes:
+    """Return the run of an estimator without an estimate, as UTF-8 JSON, ending with a newline."""
+    return json_adapter(EstimatorRun).dump_json(run, indent=1) + b"\n"
+
+
+def estimate_from_json(data: bytes, *, name: str = "state estimate") -> StateEstimate:
+    """Read an estimate written by :func:`estimate_to_json`.
+
+    Raises :class:`Failure`, which names the file ``name``, for other content.
+
+    >>> estimate_from_json(estimate_to_json(state_estimate)).hypotheses[0].participants[0].vehicle_number
+    1
+    """
+    try:
+        return json_adapter(StateEstimate).validate_json(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the document"
+        raise Failure(
+            f"{name}: not a state estimate: {where}: {first['msg']}; delete the file and run the stage again"
+        ) from error

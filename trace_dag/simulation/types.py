@@ -67,7 +67,7 @@ class Body:
     """Dimensions (m) and mass (kg) of a participant's body.
 
     For a person, ``height_m`` is the stature, the mass includes what the person rides, and ``vehicle_class`` is
-    ``OTHER``: see :func:`trace_dag.simulation.anthropometry.person_body`. For an animal ``length_m`` is that from
+    ``OTHER``: see :func:`trace_dag.simulation.body_sizes.person_body`. For an animal ``length_m`` is that from
     nose to rump and ``height_m`` that of the withers."""
 
     kind: BodyKind

@@ -20,7 +20,7 @@ from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import OFF_THE_ROAD
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.road_departure import Departure, departure_of
-from trace_dag.reconstruction.motion.walking_directions import CROSSING, reported_directions
+from trace_dag.reconstruction.motion.walking import CROSSING, reported_directions
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.simulation.objects import KINDS, FixedObject, ObjectForm, Resistance

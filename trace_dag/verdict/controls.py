@@ -22,7 +22,7 @@ from trace_dag.crash.parties import EventKind, PartyKind, person_party, thing_pa
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist
 from trace_dag.crash.road_departure import departure_of
 from trace_dag.crash.zones import reported_zones
-from trace_dag.reconstruction.motion.walking_directions import COMPASS_DEG, reported_directions
+from trace_dag.reconstruction.motion.walking import COMPASS_DEG, reported_directions
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone
 from trace_dag.simulation.states import Hypothesis

@@ -10,22 +10,22 @@ from trace_dag.common.errors import Failure, Reason
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.completed_record import drop_headings
-from trace_dag.crash.event_sequence import EventSequence, sequence_of
-from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.event_sequence import MODELLED, CrashEvent, EventSequence, sequence_of
+from trace_dag.crash.parties import EventKind
+from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.reconstruction.alternatives import alternatives
 from trace_dag.reconstruction.scene.mapped_ground import OFF_GROUND_M, Way, astray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.simulation.states import Hypothesis, StateEstimate
 from trace_dag.simulation.types import SimulationLog, moment_of
-from trace_dag.verdict.articulation import articulation_shown
-from trace_dag.verdict.happened import event_outcomes
-from trace_dag.verdict.observation import ObservedCrash, observe_crash
+from trace_dag.verdict.metrics import clock_error_positions
+from trace_dag.verdict.observation import ObservedCrash, ObservedEvent, observe_crash
 from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison, criteria, judgement, required_reasons
-from trace_dag.verdict.shown import select_measures
+from trace_dag.verdict.shown import articulation_shown, select_measures
 from trace_dag.verdict.support import assess_support, facts_of, grade_of
-from trace_dag.verdict.types import Criterion, Grade, Label, Reservation, Verdict
+from trace_dag.verdict.types import Criterion, EventOutcome, EventResult, Grade, Label, Reservation, Verdict
 
 
 def judge(
@@ -145,3 +145,59 @@ def _mapped_ground(record: CrashRecord, observed: ObservedCrash, report: MapRepo
     number, off_m = (None, 0.0) if worst is None else (worst.number, worst.off_m)
     detail = "" if worst is None else str(worst)
     return Criterion("mapped_ground", off_m, OFF_GROUND_M, "m", worst is None, Reason.WRONG_LOCATION, detail, number)
+
+
+# --- outcomes of the reported events ---------------------------------------------------------------------------------
+def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
+    """Return the outcome of each harmful event of the report, in its order.
+
+    An event between the same two parties as the one before it goes on with that one. If the report lists no events, it
+    is the one that its first harmful event implies. A later object that is struck at another part of the body than
+    reported is not the reported event.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.common.settings import VerdictSettings
+    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
+    >>> [each.outcome.value for each in event_outcomes(beside)]  # one event: the two collide
+    ['happened']
+    """
+    planned = {event.number: event for event in beside.sequence.events}
+    why_not = {check.name: check.detail for check in beside.observed.hypothesis.later_events if not check.passed}
+    listed = [(event.number, event.code) for event in beside.record.events if event.is_harmful]
+    listed = [each for each in listed if beside.sequence.has(each[0]) or each[0] < beside.sequence.first.number]
+    found = []
+    for number, code in listed or [(event.number, event.code) for event in beside.sequence.events]:
+        event = planned.get(number) or beside.sequence.goes_on_with(number)
+        seen = None if event is None else beside.seen(event)
+        elsewhere = _struck_elsewhere(event, seen, beside) if event is not None and seen is not None else ""
+        if elsewhere:
+            found.append(EventOutcome(number, code, EventResult.MISSED, elsewhere))
+        elif seen is not None:
+            time_s = round(seen.time_s, 4) if number in planned else None
+            found.append(EventOutcome(number, code, EventResult.HAPPENED, time_s=time_s))
+        elif code not in MODELLED:
+            found.append(EventOutcome(number, code, EventResult.NOT_MODELLED))
+        else:
+            why = beside.sequence.unclear.get(number) or (why_not.get(event.name) if event else None)
+            found.append(EventOutcome(number, code, EventResult.MISSED, why or _why_not(event, number, beside)))
+    return tuple(found)
+
+
+def _struck_elsewhere(event: CrashEvent, seen: ObservedEvent, beside: Comparison) -> str:
+    """Return the sentence that a later object is struck at another part of the body than reported; else ""."""
+    side = seen.sides.get(event.vehicle.number)
+    if event.kind is not EventKind.OBJECT_STRUCK or event is beside.begins or side is None or event.area is None:
+        return ""
+    error = clock_error_positions(beside.rules.clock_h(side), event.area)
+    if error is None or error <= beside.limits.max_clock_error_positions:
+        return ""
+    return f"the object is struck at {side.clock_h:.1f} o'clock, reported is {event.area.clock_h:g}"
+
+
+def _why_not(event: CrashEvent | None, number: int, beside: Comparison) -> str:
+    if event is None:
+        first: EventRecord | None = next((e for e in beside.record.events if e.number == number), None)
+        return "it comes before the first harmful event" if first is not None else "not simulated"
+    if event.kind is EventKind.OVERTURN:
+        return f"vehicle {event.vehicle.number} stays on its wheels"
+    return "the object is not struck" if event.kind is EventKind.OBJECT_STRUCK else "the two do not touch in their turn"

@@ -9,7 +9,7 @@ from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import NonMotorist
 from trace_dag.crash.zones import Zone
-from trace_dag.reconstruction.motion.walking_directions import COMPASS_DEG, RELATIVE_DEG, Course, reported_directions
+from trace_dag.reconstruction.motion.walking import COMPASS_DEG, RELATIVE_DEG, Course, reported_directions
 from trace_dag.verdict.observation import ObservedPerson, ObservedVehicle
 
 _COMPASS_DEG: Final = 45.0  # a coded direction is a quarter of the compass

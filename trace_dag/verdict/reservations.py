@@ -13,8 +13,8 @@ from typing import Final
 from trace_dag.common.units import kmh_to_mps, mps_to_mph
 from trace_dag.crash.record import CrashRecord, Severity
 from trace_dag.crash.summary import event_in_words, event_named
-from trace_dag.roads.crash_site.contradicted_road import has_name_of_another, is_on_ramp
 from trace_dag.roads.crash_site.placement import is_at_intersection
+from trace_dag.roads.crash_site.reported_road import has_name_of_another, is_on_ramp
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport

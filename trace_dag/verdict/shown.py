@@ -1,4 +1,8 @@
-"""Measures that a verdict shows beside its criteria; they judge nothing."""
+"""Measures that a verdict shows beside its criteria; they judge nothing.
+
+``J_KNIFE`` says whether a combination jackknifed, in the first or a later event; the angle at which one counts as such
+is nowhere defined, so that the largest angle between both is shown with the report's word.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from trace_dag.common.units import wrap_angle
+from trace_dag.crash.codes.vehicle import J_KNIFE
 from trace_dag.crash.event_sequence import OFF_THE_ROAD
 from trace_dag.crash.parties import EventKind
+from trace_dag.crash.record import CrashRecord
+from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.metrics import speed_error_rel
 from trace_dag.verdict.observation import ObservedEvent, ObservedVehicle, StruckSide
 from trace_dag.verdict.rules import Beside, Comparison, at_most
@@ -113,3 +122,19 @@ def _angle_to_road_deg(seen: ObservedEvent) -> float | None:
         return None
     vx, vy = seen.contact.velocity_1_mps
     return math.degrees(abs(math.remainder(math.atan2(vy, vx) - place.along_rad, math.pi)))
+
+
+def articulation_shown(record: CrashRecord, log: SimulationLog) -> Iterator[Criterion]:
+    """Return the largest hitch angle of each vehicle with a trailer in the simulation, degrees.
+
+    >>> list(articulation_shown(record, log))  # neither vehicle draws a trailer
+    []
+    """
+    reported = {vehicle.number: vehicle.jackknife_code for vehicle in record.vehicles}
+    for number in sorted(log.trailers):
+        angle = log.articulation_rad(number)
+        if angle is None:
+            continue
+        word = J_KNIFE.meaning(reported.get(number)) or "not reported"
+        largest_deg = math.degrees(float(np.abs(angle).max()))
+        yield Criterion("articulation", largest_deg, None, "deg", None, None, f"jackknife reported: {word}", number)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
-from trace_dag.common.errors import Reason
+from trace_dag.common.errors import Failure, Reason
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.reconstruction.alternatives import Approached
 
 
@@ -242,3 +243,16 @@ class Verdict:
         """Return whether every criterion of that name holds of those that were evaluated; None if none was."""
         evaluated = [c.passed for c in self.criteria if c.name == name and c.passed is not None]
         return all(evaluated) if evaluated else None
+
+
+def verdict_to_json(verdict: Verdict) -> bytes:
+    """Return a verdict as stored: every criterion with value, threshold, unit and whether it holds."""
+    return json_adapter(Verdict).dump_json(verdict, indent=1)
+
+
+def verdict_from_json(data: bytes) -> Verdict:
+    """Return a stored verdict; :class:`Failure` if it is not one of this version."""
+    try:
+        return json_adapter(Verdict).validate_json(data)
+    except ValidationError as error:
+        raise Failure(f"verdict: its JSON is not of this version ({error}); judge again") from error

@@ -20,6 +20,10 @@ from typing import TYPE_CHECKING
 
 from tenacity import Retrying, retry_if_exception_type, stop_after_attempt
 
+from trace_dag.agents import evaluations, stored_traffic, stored_variations
+from trace_dag.agents.evaluation.table import EVALUATIONS
+from trace_dag.agents.stored_traffic import TRAFFIC
+from trace_dag.agents.variations.table import VARIATIONS
 from trace_dag.common.errors import DamagedFile, Failure, UserError
 from trace_dag.common.processes import temporary_prefix
 from trace_dag.common.provenance import crash_of
@@ -32,7 +36,6 @@ from trace_dag.flow.study_tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED,
 from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
 from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
-from trace_dag.warehouse.evaluations import evaluation_tables
 from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.query import stray_log
 from trace_dag.warehouse.reports import code_meanings, crash_kinds, domain_terms, state_names, unread_reports
@@ -246,3 +249,24 @@ def table_documentation(connection: duckdb.DuckDBPyConnection) -> dict[str, list
         if table in found:
             found[table].append((column, kind, comment or ""))
     return found
+
+
+# --- evaluations -----------------------------------------------------------------------------------------------------
+def evaluation_tables(storage: Storage, on_problem: OnProblem) -> dict[str, pa.Table]:
+    """Return the stored rows of each by the names in SQL, those of changed crashes included.
+
+    ``on_problem`` is called with the files left out because they are damaged.
+    """
+    import pyarrow as pa
+
+    return {
+        "evaluation": pa.Table.from_pylist(
+            evaluations.all_rows(storage, on_problem=on_problem), schema=EVALUATIONS.arrow()
+        ),
+        "variation": pa.Table.from_pylist(
+            stored_variations.all_rows(storage, on_problem=on_problem), schema=VARIATIONS.arrow()
+        ),
+        "traffic_row": pa.Table.from_pylist(
+            stored_traffic.all_rows(storage, on_problem=on_problem), schema=TRAFFIC.arrow()
+        ),
+    }

@@ -16,8 +16,8 @@ from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
-from trace_dag.roads.from_osm.beside_tags import Beside, read_beside
 from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.from_osm.tag_values import Beside, read_beside
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.model import Crosswalk, LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork

@@ -8,7 +8,7 @@ from lxml import etree
 from roads.towns import Town
 
 from trace_dag.roads.map.rules import find_violations
-from trace_dag.scenario.opendrive_objects import PlacedObject, add_objects, new_object
+from trace_dag.scenario.opendrive_surroundings import PlacedObject, add_objects, new_object
 
 
 def _tee() -> Town:

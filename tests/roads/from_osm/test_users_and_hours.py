@@ -11,10 +11,10 @@ import pytest
 from lxml import etree
 from roads.towns import Town
 
-from trace_dag.osm.drivable import is_drivable
+from trace_dag.osm.road_users import is_drivable
 from trace_dag.osm.types import OsmRelation
 from trace_dag.reading.road_map import make_map
-from trace_dag.roads.from_osm.conditions import restrictions_at
+from trace_dag.roads.from_osm.way_direction import restrictions_at
 
 
 def _crossing() -> tuple[Town, int, int]:

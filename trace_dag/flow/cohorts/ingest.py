@@ -21,7 +21,7 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
 from trace_dag.crash.listing import CrashListing
 from trace_dag.flow.cohorts.choice import Choice
-from trace_dag.flow.cohorts.kept_maps import remove_unused_map_copies
+from trace_dag.flow.cohorts.kept_files import remove_unused_map_copies
 from trace_dag.flow.cohorts.listings import remember
 from trace_dag.flow.cohorts.registry import RegisteredMap, Registration, Registry, ReportSource, map_file
 from trace_dag.flow.cohorts.sources import CrashApiSource, FolderSource, Source, TableSource

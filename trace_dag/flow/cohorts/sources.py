@@ -19,7 +19,7 @@ from trace_dag.crash.folder import FoundReport
 from trace_dag.crash.keys import fars_case
 from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.flow.cohorts.choice import Choice
-from trace_dag.flow.cohorts.kept_reports import FOLDER, keep_reports
+from trace_dag.flow.cohorts.kept_files import FOLDER, keep_reports
 from trace_dag.flow.cohorts.registry import ReportSource
 
 if TYPE_CHECKING:

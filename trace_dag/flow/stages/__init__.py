@@ -22,7 +22,7 @@ VERSIONS = {
 """Numbers of the stages' code. Raise one when other results come of the same input: a test compares the
 sample's outputs (``tests/sample/test_stage_outputs.py``)."""
 
-_GROUPINGS = {Stage.OSM_EXTRACT: "trace_dag.flow.map_groups:by_map_files"}
+_GROUPINGS = {Stage.OSM_EXTRACT: "trace_dag.flow.stages.osm_extract:by_map_files"}
 _REQUIREMENTS = {
     Stage.ROAD_MAP: "trace_dag.flow.requirements:road_map",
     Stage.STATE_ESTIMATE: "trace_dag.flow.requirements:state_estimate",

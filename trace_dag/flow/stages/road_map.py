@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.roads.build import RejectedRoadMap, build_road_map
-from trace_dag.roads.json_io import map_report_to_json, rejected_report_to_json
+from trace_dag.roads.report import map_report_to_json, rejected_report_to_json
 
 if TYPE_CHECKING:
     from trace_dag.common.settings import RoadSettings

@@ -14,9 +14,8 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from trace_dag.pages.map_ground import STROKE_M, SURFACES, WHITE, Arrows, Crosswalks, Marks
+from trace_dag.pages.map_ground import STROKE_M, SURFACES, WHITE, Arrows, Crosswalks, Marks, find_paved_gaps
 from trace_dag.pages.map_scene import MapScene, SeenLane, SeenSection, Window
-from trace_dag.pages.paving import find_paved_gaps
 from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.shapes import Mesh, flat, join_shapes, prism, ribbons
 from trace_dag.roads.map.lane_index import unite_areas

@@ -2,10 +2,14 @@
 
 Names of nodes and their ``extras`` identify each node, so that a viewer can follow a body or look through a driver's
 eyes: ``trace_dag.kind`` is ``body``, ``person``, ``object``, ``contact`` or ``place``.
+
+Dents of contacts move a vehicle's points. The depth and the direction are the log's; the shape is for the eye: a flat
+face across the push, fading out beside it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,22 +20,20 @@ from trace_dag.common.geometry import FloatArray, Pose
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import VehicleClass
 from trace_dag.pages.map_scene import MapScene, Window, window_of
-from trace_dag.pages.solid.animals import animal_nodes, animal_places
-from trace_dag.pages.solid.dents import LEAST_M, crush_of, dent, dent_keys
-from trace_dag.pages.solid.gltf import Material, Node, write_glb
+from trace_dag.pages.solid.figures import animal_nodes, animal_places, landmarks, person_nodes
+from trace_dag.pages.solid.gltf import Keys, Material, Node, write_glb
 from trace_dag.pages.solid.ground import Terrain
 from trace_dag.pages.solid.objects import object_parts
-from trace_dag.pages.solid.people import landmarks, person_nodes
 from trace_dag.pages.solid.roadside import areas_of, beside_roads, signs
 from trace_dag.pages.solid.shapes import ball, join_shapes
 from trace_dag.pages.solid.tracks import body_places, body_turns, place_keys, rolling_keys, size_keys, turn_keys
 from trace_dag.pages.solid.two_wheelers import motorcycle_shape
-from trace_dag.pages.solid.vehicle_shapes import BRAKE_LAMP, vehicle_shape, wheel_parts
+from trace_dag.pages.solid.vehicle_shapes import BRAKE_LAMP, Parts, vehicle_shape, wheel_parts
 from trace_dag.scenario.colours import CONTACT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.object_shapes import describe_object, is_ours
 from trace_dag.simulation.objects import Resistance
 from trace_dag.simulation.roadside_terrain import RoadsideTerrain
-from trace_dag.simulation.types import BodyKind
+from trace_dag.simulation.types import BodyKind, Contact
 
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
@@ -47,6 +49,10 @@ _FLASH_S: Final = 0.25
 _WAY_EVERY: Final = 2  # steps of the log: a metre or two of a fast vehicle
 _STAR_M: Final = 0.22
 _BRAKES: Final = 0.02  # of the pedal: lamps are on
+LEAST_M: Final = 0.03
+"""Less is not seen."""
+_WHOLE_M, _NOTHING_M = 0.55, 1.25  # beside the contact: pressed in wholly up to here, and not at all from there on
+_LEAST_S: Final = 0.05
 
 
 def crash_glb(
@@ -207,3 +213,63 @@ def _contact(contact: Contact, k: int) -> Node:
     )
     node.moves["scale"] = size_keys(times, np.array([0.0, 1.0, 0.0]))
     return node
+
+
+# --- dents -----------------------------------------------------------------------------------------------------------
+def crush_of(contact: Contact, number: int) -> float:
+    """Return the crush depth of a participant in a contact (m); 0 if it has no part in it.
+
+    >>> crush_of(log.first_contact, 1) == log.first_contact.crush_1_m, crush_of(log.first_contact, 7)
+    (True, 0.0)
+    """
+    one, two = contact.touched
+    return {one: contact.crush_1_m, two: contact.crush_2_m}.get(number, 0.0)
+
+
+def dent(contact: Contact, number: int, parts: Parts) -> list[FloatArray]:
+    """Return offsets of the points of each part, shape (n, 3), in the vehicle's axes.
+
+    >>> from trace_dag.pages.solid.shapes import Mesh
+    >>> contact, no_triangles = log.first_contact, np.zeros((0, 3), int)
+    >>> dent(contact, 1, [(None, Mesh(np.zeros((1, 3)), no_triangles))])[0].shape  # an offset for its only point
+    (1, 3)
+    """
+    first = contact.touched[0] == number
+    pose = contact.poses[number]
+    depth = contact.crush_1_m if first else contact.crush_2_m
+    out = _in_body(pose, contact.normal_x, contact.normal_y) * (1.0 if first else -1.0)
+    x, y = pose.to_body(np.array([contact.x_m, contact.y_m])).tolist()
+    place = np.array([x, y])
+    along = np.array([-out[1], out[0]])
+    everything = np.concatenate([mesh.points_m for _, mesh in parts])[:, :2]
+    near = np.abs((everything - place) @ along) < _NOTHING_M
+    # The face that was struck: as far out as the vehicle reaches there.
+    face = float((everything[near] @ out).max()) if near.any() else float(place @ out)
+    offsets = []
+    for _, mesh in parts:
+        points = mesh.points_m[:, :2]
+        beside = np.abs((points - place) @ along)
+        share = np.clip((_NOTHING_M - beside) / (_NOTHING_M - _WHOLE_M), 0.0, 1.0)
+        share = share * share * (3 - 2 * share)
+        pressed = np.maximum(points @ out - (face - depth), 0.0) * share
+        moved = np.zeros_like(mesh.points_m)
+        moved[:, :2] = -pressed[:, None] * out
+        offsets.append(moved)
+    return offsets
+
+
+def dent_keys(contacts: list[Contact]) -> Keys:
+    """Return the share of each dent over time: none before its contact, all at the end of it.
+
+    >>> dent_keys([log.first_contact]).values[[0, -1]].tolist()  # none at first, all at last
+    [[0.0], [1.0]]
+    """
+    ends = [(each.time_s, each.time_s + max(each.duration_s, _LEAST_S)) for each in contacts]
+    times = np.unique(np.array([0.0, *(time for pair in ends for time in pair)]).round(4))
+    values = [np.interp(times, np.round(pair, 4), [0.0, 1.0]) for pair in ends]
+    return Keys(times, np.stack(values, axis=1))
+
+
+def _in_body(pose: Pose, x: float, y: float) -> FloatArray:
+    c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    return np.array([c * x + s * y, -s * x + c * y])

@@ -23,7 +23,7 @@ from trace_dag.crash.record import NonMotorist
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.reconstruction import evidence
 from trace_dag.reconstruction.assemble import Drive
-from trace_dag.reconstruction.motion.contact_points import ContactPoint
+from trace_dag.reconstruction.motion.contact import ContactPoint
 from trace_dag.reconstruction.motion.manoeuvres import (
     Option,
     steepest_slope,
@@ -31,15 +31,17 @@ from trace_dag.reconstruction.motion.manoeuvres import (
 from trace_dag.reconstruction.motion.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import TravelSpeed
-from trace_dag.reconstruction.motion.walking_directions import (
+from trace_dag.reconstruction.motion.walking import (
     COMPASS_DEG,
     CROSSING,
     RELATIVE_DEG,
     Course,
     CourseReading,
+    Gait,
+    gait_of,
     readings,
+    usual_speed_mps,
 )
-from trace_dag.reconstruction.motion.walking_speeds import Gait, gait_of, usual_speed_mps
 from trace_dag.reconstruction.planners.impact_point import (
     Crosswalks,
     contact_point_of,

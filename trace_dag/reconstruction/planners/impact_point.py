@@ -19,10 +19,10 @@ from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist
 from trace_dag.crash.zones import is_in_crosswalk, may_have_crossed_in_crosswalk
 from trace_dag.reconstruction import evidence
-from trace_dag.reconstruction.motion.contact_points import ContactPoint, contact_points_of
+from trace_dag.reconstruction.motion.contact import ContactPoint, contact_points_of
 from trace_dag.reconstruction.motion.manoeuvres import Option
 from trace_dag.reconstruction.motion.solver import TURN_SLIDE_SIGMA_M
-from trace_dag.reconstruction.motion.walking_directions import RELATIVE_DEG, Course
+from trace_dag.reconstruction.motion.walking import RELATIVE_DEG, Course
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.map.people import crosswalks_near, find_unmarked_crosswalks

@@ -38,8 +38,7 @@ from trace_dag.reconstruction.assemble import (
 )
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood, place_log_likelihood
-from trace_dag.reconstruction.motion.contact import Contacts, Mover, first_contacts
-from trace_dag.reconstruction.motion.contact_points import contact_points_of
+from trace_dag.reconstruction.motion.contact import Contacts, Mover, contact_points_of, first_contacts
 from trace_dag.reconstruction.motion.manoeuvres import Option, keep_lane, lateral_shift, steepest_slope
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
@@ -155,7 +154,7 @@ def parked_contacts(search: Search, settings: StateSettings) -> tuple[Hypothesis
     >>> from dataclasses import replace
     >>> from trace_dag.crash.event_sequence import EventSequence
     >>> from trace_dag.crash.parties import EventKind
-    >>> from trace_dag.reconstruction.default_simulation import default_simulation
+    >>> from trace_dag.reconstruction.course import default_simulation
     >>> car = tree_record.vehicles[0]
     >>> contact = CrashEvent(1, 14, EventKind.VEHICLE_CONTACT, car, None, replace(car, number=2, in_transport=False))
     >>> simulation = default_simulation(tree_scene.network, tree_record)

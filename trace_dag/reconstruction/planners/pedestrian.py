@@ -39,9 +39,8 @@ from trace_dag.reconstruction.motion.contact import Shape, shape_gaps_m, shapes
 from trace_dag.reconstruction.motion.manoeuvres import steepest_slope
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile
-from trace_dag.reconstruction.motion.walking_directions import CROSSING, CourseReading
-from trace_dag.reconstruction.motion.walking_directions import Course as Walking
-from trace_dag.reconstruction.motion.walking_speeds import Gait
+from trace_dag.reconstruction.motion.walking import CROSSING, CourseReading, Gait
+from trace_dag.reconstruction.motion.walking import Course as Walking
 from trace_dag.reconstruction.planners.impact_plans import (
     MANOEUVRES,
     ImpactPlan,

@@ -25,8 +25,7 @@ from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass
 from trace_dag.crash.road_departure import Departure, departure_of
 from trace_dag.reconstruction.assemble import Drive, drive_along, planned_hypothesis
-from trace_dag.reconstruction.course import Course, Plan, Search
-from trace_dag.reconstruction.default_simulation import DEFAULTS
+from trace_dag.reconstruction.course import DEFAULTS, Course, Plan, Search
 from trace_dag.reconstruction.motion.departure_paths import (
     SIGN,
     add_skid,

@@ -23,7 +23,7 @@ from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.record import ImpactArea, VehicleClass
 from trace_dag.reconstruction.course import Course, Search
-from trace_dag.reconstruction.motion.contact_points import ContactPoint, contact_points_of
+from trace_dag.reconstruction.motion.contact import ContactPoint, contact_points_of
 from trace_dag.reconstruction.motion.departure_paths import SIGN
 from trace_dag.roads.map.areas import Area
 from trace_dag.roads.map.network import RoadNetwork

@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Final
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import Pose, body_bearing_rad
+from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.settings import SimSettings
 from trace_dag.crash.record import CrashRecord
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood
@@ -250,18 +250,13 @@ def compute_weighted_quantiles(values: Sequence[tuple[float, float]], shares: Se
 
 
 # --- stored ------------------------------------------------------------------------------------------------------
-@cache
-def _adapter() -> TypeAdapter[SampledRuns]:
-    return TypeAdapter(SampledRuns)
-
-
 def samples_to_json(runs: SampledRuns) -> bytes:
     """Write the simulated draws as UTF-8 JSON; equal runs give equal bytes.
 
     >>> samples_to_json(SampledRuns(8, 0.0, (), ()))[:10]
     b'{"drawn":8'
     """
-    return _adapter().dump_json(runs) + b"\n"
+    return json_adapter(SampledRuns).dump_json(runs) + b"\n"
 
 
 def samples_from_json(data: bytes) -> SampledRuns:
@@ -273,6 +268,6 @@ def samples_from_json(data: bytes) -> SampledRuns:
     8
     """
     try:
-        return _adapter().validate_json(data)
+        return json_adapter(SampledRuns).validate_json(data)
     except ValidationError as error:
         raise Failure(f"sampled runs: not of this version ({error}); simulate again") from error

@@ -13,7 +13,7 @@ from trace_dag.common.paths import Path
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass, VehicleRecord
 from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER, Departure
-from trace_dag.reconstruction.motion.contact_points import ContactPoint, contact_points_of
+from trace_dag.reconstruction.motion.contact import ContactPoint, contact_points_of
 from trace_dag.reconstruction.motion.departure_paths import (
     FLATTEST,
     GOES_ON_M,

@@ -47,12 +47,11 @@ from trace_dag.roads.from_osm.movements import (
 from trace_dag.roads.from_osm.polyline_fit import fit_plan
 from trace_dag.roads.from_osm.signs import place_signs
 from trace_dag.roads.from_osm.street_graph import Street, build_street_graph
-from trace_dag.roads.from_osm.street_objects import add_objects
+from trace_dag.roads.from_osm.street_objects import add_objects, cut_turning_circles, turning_movement
 from trace_dag.roads.from_osm.street_roads import StreetRoads, build_street_roads, ways_between
 from trace_dag.roads.from_osm.tags import CrossSection, WayProfile, read_profile
 from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, widen_tight_bends
 from trace_dag.roads.from_osm.turn_restrictions import read_restrictions
-from trace_dag.roads.from_osm.turning_circles import cut_turning_circles, turning_movement
 from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_plan
 from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork

@@ -24,8 +24,7 @@ import numpy as np
 
 from trace_dag.common.geometry import FloatArray, hermite
 from trace_dag.osm.types import OsmExtract
-from trace_dag.roads.from_osm.ground import ground_heights, has_height_tags
-from trace_dag.roads.from_osm.height_graph import HeightGraph, HeightProfile, NodeId
+from trace_dag.roads.from_osm.height_graph import HeightGraph, HeightProfile, NodeId, ground_heights, has_height_tags
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.model import ContactPoint, Cubic, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork

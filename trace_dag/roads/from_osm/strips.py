@@ -13,11 +13,11 @@ import shapely
 from numpy.typing import NDArray
 
 from trace_dag.common.geometry import FloatArray, arc_lengths
+from trace_dag.osm.road_users import is_crossing
 from trace_dag.osm.types import OsmExtract
-from trace_dag.osm.walkways import is_crossing
-from trace_dag.roads.from_osm.beside_tags import NOTHING, SIDEWALK_WIDTH_M, Beside, read_beside
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.from_osm.tag_values import NOTHING, SIDEWALK_WIDTH_M, Beside, read_beside
 from trace_dag.roads.map.curves import PlanView
 from trace_dag.roads.map.model import LaneType
 

@@ -18,9 +18,8 @@ from typing import Final
 from trace_dag.common.messages.wording import count_of
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmWay
-from trace_dag.roads.from_osm.beside_tags import read_beside
 from trace_dag.roads.from_osm.lane_tags import LaneReading, TaggedLane, read_lanes
-from trace_dag.roads.from_osm.tag_values import MOST_LANES, parse_integer, parse_length_m, parse_speed_mps
+from trace_dag.roads.from_osm.tag_values import MOST_LANES, parse_integer, parse_length_m, parse_speed_mps, read_beside
 from trace_dag.roads.from_osm.way_direction import REVERSIBLE_TAG, TURNED_TAG
 from trace_dag.roads.map.model import LaneType
 

@@ -22,7 +22,7 @@ def unknown_kinds(extract: OsmExtract) -> Iterator[tuple[int, str]]:
 
 
 def read_restrictions(extract: OsmExtract, aliases: Mapping[int, int]) -> TurnRestrictions:
-    """Return the restrictions of an extract that :func:`~trace_dag.roads.from_osm.conditions.restrictions_at` left."""
+    """Return the restrictions of an extract that hold at the time of the crash."""
     restrictions = TurnRestrictions()
     for relation in extract.relations:
         kind = relation.tags.get("restriction", "")

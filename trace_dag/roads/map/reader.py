@@ -20,6 +20,7 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.geometry import LocalFrame
 from trace_dag.common.units import MPS_PER_KMH, MPS_PER_MPH
 from trace_dag.roads.map.cubic_profile import CubicProfile
+from trace_dag.roads.map.curves import poly3_as_param_poly3, spiral_as_arcs
 from trace_dag.roads.map.model import (
     Connection,
     ContactPoint,
@@ -39,7 +40,6 @@ from trace_dag.roads.map.model import (
 )
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.opendrive_values import Notes, ValueReader, first_note, notes_of
-from trace_dag.roads.map.plan_pieces import poly3_as_param_poly3, spiral_as_arcs
 
 _MPS_PER_UNIT: Final = {"m/s": 1.0, "mph": MPS_PER_MPH, "km/h": MPS_PER_KMH}
 # e_laneType values that the model does not distinguish.

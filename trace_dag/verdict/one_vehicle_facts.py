@@ -1,7 +1,9 @@
-"""Reported facts of strikes on people beside the simulated ones: vehicle, area, and directions.
+"""Reported facts of strikes on people, and of departures from the road, beside the simulated ones.
 
-The facts are those of two vehicles (:mod:`trace_dag.verdict.course_facts`). Names of their own, since what a fact is
-worth is fitted to crashes of its kind: that a car went straight tells less where nearly all who strike people do."""
+The facts are those of two vehicles (:mod:`trace_dag.verdict.course_facts`) under names of their own, since the weight
+of a fact is fitted to crashes of its kind: that a car went straight tells less where nearly all who strike people do.
+Objects are placed by the program, so that their facts tell less than those of the place.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +15,15 @@ from trace_dag.crash.codes.persons import MOTDIR, PBCWALK, PEDDIR
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.parties import EventKind, party_in_words
-from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.crash.zones import reported_zones
-from trace_dag.reconstruction.motion.walking_directions import reported_directions
+from trace_dag.reconstruction.motion.walking import reported_directions
 from trace_dag.roads.map.people import crosswalks, crosswalks_near
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.verdict.course_facts import impact_fact, movement_fact, speed_fact
-from trace_dag.verdict.observation import ObservedEvent, ObservedPerson
+from trace_dag.verdict.observation import ObservedEvent, ObservedPerson, ObservedVehicle
 from trace_dag.verdict.people import compass_error_deg, course_error_deg, zone_error_m
+from trace_dag.verdict.roadside import reported_zone, roadside_error_m
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 
@@ -28,6 +31,7 @@ _COURSE_DEG: Final = 45.0
 _IN_ZONE_M: Final = 1.0
 _CROSSWALK_M: Final = 20.0  # a marked crosswalk of the intersection or block that the typing speaks of
 _PRESENT, _NONE_NOTED = 1, 0
+_IN_PART_M: Final = 1.0
 
 
 def pedestrian_facts(beside: Comparison) -> Iterator[Fact]:
@@ -79,14 +83,18 @@ def _first_pair(beside: Comparison, first: ObservedEvent) -> Fact:
 def _of_vehicle(record: CrashRecord, event: CrashEvent, seen: ObservedEvent) -> Iterator[Fact]:
     vehicle = event.as_struck(event.vehicle.number)
     drove = seen.vehicles[vehicle.number]
+    yield from _motion_facts(record, vehicle, drove, struck="strike", before="strike")
+
+
+def _motion_facts(
+    record: CrashRecord, vehicle: VehicleRecord, drove: ObservedVehicle, *, struck: str, before: str
+) -> Iterator[Fact]:
     facts = (
-        ("impact of the strike", impact_fact(vehicle, drove)),
-        ("movement before the strike", movement_fact(record, vehicle, drove)),
-        ("speed before the strike", speed_fact(vehicle, drove)),
+        (f"impact of the {struck}", impact_fact(vehicle, drove) if struck else None),
+        (f"movement before the {before}", movement_fact(record, vehicle, drove)),
+        (f"speed before the {before}", speed_fact(vehicle, drove)),
     )
-    for name, found in facts:
-        if found is not None:
-            yield replace(found, name=name)
+    yield from (replace(found, name=name) for name, found in facts if found is not None)
 
 
 def _of_person(record: CrashRecord, event: CrashEvent, seen: ObservedEvent, walked: ObservedPerson) -> Iterator[Fact]:
@@ -117,3 +125,38 @@ def _of_person(record: CrashRecord, event: CrashEvent, seen: ObservedEvent, walk
 
 def _fact(name: str, agreement: Agreement, reported: str, found: str, party: int) -> Fact:
     return Fact(name, ComparedWith.COURSE, agreement, reported, found, vehicle_number=party)
+
+
+# --- departures from the road ----------------------------------------------------------------------------------------
+def departure_facts(beside: Comparison) -> Iterator[Fact]:
+    """Yield every fact about how a vehicle left the road that the report says something of.
+
+    None where nothing happened.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.common.settings import VerdictSettings
+    >>> from trace_dag.verdict.observation import observe_crash
+    >>> observed = observe_crash(judged_tree.network, judged_tree.hypothesis, judged_tree.log)
+    >>> facts = departure_facts(Comparison.of(tree_record, sequence_of(tree_record), observed, VerdictSettings()))
+    >>> {fact.name: fact.agreement.value for fact in facts}["side of the departure"]
+    'agrees'
+    """
+    event = beside.begins
+    seen = None if event is None else beside.seen(event)
+    if event is None or seen is None or seen.departure is None:
+        return
+    record, number, left = beside.record, event.vehicle.number, seen.departure
+    side = beside.departure.side
+    if side is not None:
+        found = " or ".join(left.sides) or "on the road"
+        yield _fact("side of the departure", Agreement.of(side in left.sides), side.value, found, number)
+    zone = reported_zone(record)
+    error_m = roadside_error_m(left.place, zone)
+    if zone is not None and error_m is not None:
+        found = "nowhere near a road" if left.place is None else left.place.zone.value
+        yield _fact("part of the road", Agreement.of(error_m <= _IN_PART_M), zone.value, found, number)
+    drove = seen.vehicles.get(number)
+    if drove is None:
+        return
+    struck = "object" if event.kind is EventKind.OBJECT_STRUCK else ""
+    yield from _motion_facts(record, event.as_struck(number), drove, struck=struck, before="departure")

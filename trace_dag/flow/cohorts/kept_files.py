@@ -1,6 +1,7 @@
-"""Reports kept below the root: those of tables a thousand to a file, since a table may have half a million.
+"""Reports kept below the root, and copies of map files that are no longer needed.
 
-A file is named after its content and never changed; a later version of the table only adds files for its new reports.
+Reports of tables are kept a thousand to a file, since a table may have half a million. A file is named after its
+content and never changed; a later version of the table only adds files for its new reports.
 """
 
 from __future__ import annotations
@@ -9,11 +10,13 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from itertools import islice
+from pathlib import Path
 from typing import Final
 
 from trace_dag.common.storage.checksums import check_table, write_table
 from trace_dag.common.storage.files import Storage
-from trace_dag.flow.cohorts.registry import ReportSource
+from trace_dag.flow.cohorts.registry import Registry, ReportSource
+from trace_dag.flow.cohorts.services import map_copies
 
 FOLDER: Final = "reports"
 _TOGETHER: Final = 1000
@@ -66,3 +69,19 @@ def read_together(storage: Storage, name: str) -> dict[str, bytes]:
 
 
 _cached = lru_cache(maxsize=2)(read_together)
+
+
+# --- maps ------------------------------------------------------------------------------------------------------------
+def find_unused_map_copies(storage: Storage) -> list[Path]:
+    """Return the files."""
+    copies = map_copies(storage)
+    wanted = {
+        copies / file.location for cohort in Registry(storage).cohorts().values() for file in cohort.maps if file.stored
+    }
+    return [path for path in sorted(copies.rglob("*")) if path.is_file() and path not in wanted]
+
+
+def remove_unused_map_copies(storage: Storage) -> None:
+    """Delete copies of map files that are no longer registered."""
+    for path in find_unused_map_copies(storage):
+        path.unlink(missing_ok=True)

@@ -1,4 +1,7 @@
-"""OSM ways that motor vehicles drive on."""
+"""OSM ways by their users: motor vehicles, or people on foot and on bicycles beside and across roads.
+
+Other footways, through parks and to front doors, say nothing about the road.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,14 @@ _VEHICLE_ACCESS_KEYS: Final = ("motorcar", "motor_vehicle", "vehicle", "access")
 _FORBIDDEN: Final = frozenset({"no", "agricultural", "forestry", "military"})
 CAR_POOLS: Final = frozenset({"designated", "yes", "only"})
 """Values of ``hov`` that open a way or a lane, closed to others, for cars with passengers."""
+WALKWAY_HIGHWAYS: Final = frozenset({"footway", "cycleway", "path"})
+WALKWAY_TAGS: Final = (
+    ("footway", "crossing"),
+    ("footway", "sidewalk"),
+    ("cycleway", "crossing"),
+    ("path", "crossing"),
+)
+"""Any of these makes one of :data:`WALKWAY_HIGHWAYS` a walkway beside or across a road."""
 
 
 def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
@@ -60,3 +71,13 @@ def blocks_cars(tags: Mapping[str, str]) -> bool:
         return False
     access = next((tags[key] for key in _VEHICLE_ACCESS_KEYS if key in tags), "")
     return access in _FORBIDDEN or (tags["barrier"] in _CLOSED_BARRIERS and access not in _PASSABLE)
+
+
+def is_walkway(tags: Mapping[str, str]) -> bool:
+    """Return whether a way with ``tags`` is a sidewalk or a crossing that is mapped as a way of its own."""
+    return tags.get("highway") in WALKWAY_HIGHWAYS and any(tags.get(key) == value for key, value in WALKWAY_TAGS)
+
+
+def is_crossing(tags: Mapping[str, str]) -> bool:
+    """Return whether a walkway leads across a road."""
+    return any(tags.get(key) == "crossing" for key, value in WALKWAY_TAGS if value == "crossing")

@@ -1,7 +1,9 @@
-"""People and their mounts, moved by the landmarks in the log: standing, walking, riding, thrown, lying.
+"""People, their mounts, and animals, moved by the landmarks in the log: standing, walking, riding, thrown, lying.
 
 A log without landmarks (CARLA's walkers) has one place and heading: such people walk, ride or stand upright there, with
 the gait of :func:`trace_dag.simulation.figures.walking`.
+
+Only the embedded back-end simulates animals, and its logs have their landmarks.
 """
 
 from __future__ import annotations
@@ -10,15 +12,16 @@ import math
 from typing import Final
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from trace_dag.common.geometry import FloatArray
 from trace_dag.pages.solid.gltf import Material, Node
-from trace_dag.pages.solid.limbs import frames, frames_ahead, length, move_node
 from trace_dag.pages.solid.shapes import ball, box, join_shapes, revolve
-from trace_dag.pages.solid.tracks import body_turns, rolling_keys
+from trace_dag.pages.solid.tracks import body_turns, place_keys, rolling_keys, turn_keys
 from trace_dag.pages.solid.two_wheelers import bicycle_parts, bicycle_wheel_parts, conveyance_parts
 from trace_dag.pages.solid.vehicle_shapes import Parts
 from trace_dag.simulation.figures import PLACE_OF_LANDMARK, RIDDEN_LANDMARKS, RIDING, Posture, root_height, walking
+from trace_dag.simulation.quadrupeds import LANDMARKS, build
 from trace_dag.simulation.types import Body, BodyKind, VehicleLog
 
 _SKIN: Final = Material("#B98A6A")
@@ -27,12 +30,15 @@ _TROUSERS: Final = Material("#2F3642")
 _SHOES: Final = Material("#1B1C1E")
 _HIP_ASIDE, _SHOULDER_ASIDE, _SHOULDER_BELOW = 0.050, 0.120, 0.025  # of the stature, as the simulation's figures
 _HIP, _KNEE, _NECK, _SHOULDER, _ARM, _SOLE = 0.530, 0.285, 0.825, 0.800, 0.36, 0.03
+_LEGS: Final = Material("#4A3A2C")
+_MUZZLE: Final = Material("#2A211A")
+_EAR: Final = 0.9  # of the head's radius
 
 
 def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
     """Return the segments of a person in clothes of one colour, and of the mount, each a node that moves by itself.
 
-    >>> from trace_dag.simulation.anthropometry import person_body
+    >>> from trace_dag.simulation.body_sizes import person_body
     >>> nodes = person_nodes(log.vehicles[0], person_body(BodyKind.PEDESTRIAN, 40), "P1", "#009E73")
     >>> len(nodes)  # torso, head, and on each side an arm, a thigh and a shank
     8
@@ -175,3 +181,130 @@ def _shank(length: float, h: float) -> Parts:
     low = 0.5 * length
     shoe = box((-0.11 * h, -0.026 * h, low - 0.03 * h), (0.04 * h, 0.026 * h, low + 0.03 * h))
     return [(_TROUSERS, leg), (_SHOES, join_shapes([shoe]))]
+
+
+# --- limbs -----------------------------------------------------------------------------------------------------------
+def move_node(name: str, parts: Parts, time_s: FloatArray, places: FloatArray, turns: Rotation) -> Node:
+    """Return a node with places and rotations at each time; shapes (n,), (n, 3) and n turns.
+
+    >>> turns = Rotation.identity(2)
+    >>> move_node("arm", [], np.array([0.0, 1.0]), np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), turns).translation
+    [0.0, 0.0, 1.0]
+    """
+    node = Node(name, parts, translation=places[0].tolist(), rotation=turns[0].as_quat().tolist())
+    node.moves = {"translation": place_keys(time_s, places), "rotation": turn_keys(time_s, turns)}
+    return node
+
+
+def frames(up: FloatArray, left: FloatArray) -> Rotation:
+    """Return rotations with the z axis along ``up`` and the y axis as near to ``left`` as possible.
+
+    Both have shape (n, 3).
+
+    >>> up, left = np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 1.0, 0.0]])
+    >>> frames(up, left).magnitude().tolist()  # as it stands: not turned at all
+    [0.0]
+    """
+    z = _unit(up, np.array([0.0, 0.0, 1.0]))
+    y = _unit(left - (left * z).sum(axis=1)[:, None] * z, np.array([0.0, 1.0, 0.0]))
+    x = _unit(np.cross(y, z), np.array([1.0, 0.0, 0.0]))
+    return Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=-1))
+
+
+def frames_ahead(ahead: FloatArray, up: FloatArray) -> Rotation:
+    """Return rotations with the x axis along ``ahead`` and the z axis as near to ``up`` as possible.
+
+    >>> ahead, up = np.array([[0.0, 3.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    >>> frames_ahead(ahead, up).magnitude().round(4).tolist()  # a quarter turn to the left, rad
+    [1.5708]
+    """
+    x = _unit(ahead, np.array([1.0, 0.0, 0.0]))
+    z = _unit(up - (up * x).sum(axis=1)[:, None] * x, np.array([0.0, 0.0, 1.0]))
+    return Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=-1))
+
+
+def _unit(vectors: FloatArray, otherwise: FloatArray) -> FloatArray:
+    lengths = np.linalg.norm(vectors, axis=1)[:, None]
+    return np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), otherwise)
+
+
+def length(one: FloatArray, two: FloatArray) -> float:
+    """Return the mean distance of two points over time (m).
+
+    >>> length(np.zeros((2, 3)), np.array([[3.0, 4.0, 0.0], [0.0, 3.0, 4.0]]))
+    5.0
+    """
+    return float(np.linalg.norm(two - one, axis=1).mean())
+
+
+# --- animals ---------------------------------------------------------------------------------------------------------
+def animal_places(log: VehicleLog) -> dict[str, FloatArray]:
+    """Return the points of an animal in the local frame by name, each of shape (n, 3)."""
+    place = np.column_stack([log.x_m, log.y_m, log.z_m])
+    points = log.landmarks_m.reshape(len(log.time_s), -1, 3)
+    return {name: place + points[:, k] for k, name in enumerate(LANDMARKS)}
+
+
+def animal_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
+    """Return the segments of an animal in a coat of one colour, each a node that moves by itself.
+
+    >>> from dataclasses import replace
+    >>> from trace_dag.crash.record import VehicleClass
+    >>> from trace_dag.simulation.types import BodyKind
+    >>> deer = Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.6, 0.4, 1.4, 80.0)
+    >>> points = np.random.default_rng(0).normal(size=(len(log.vehicles[0].time_s), 3 * len(LANDMARKS)))
+    >>> len(animal_nodes(replace(log.vehicles[0], landmarks_m=points), deer, "deer", "#8A6A44"))  # 8 are of its legs
+    11
+    """
+    places, b = animal_places(log), build(body)
+    left = body_turns(log).apply([0.0, 1.0, 0.0])
+    coat = Material(colour)
+
+    def segment(part: str, start: FloatArray, end: FloatArray, parts: Parts) -> Node:
+        return move_node(f"{name} {part}", parts, log.time_s, (start + end) / 2, frames(end - start, left))
+
+    rump, withers, poll, nose = (places[each] for each in ("rump", "withers", "poll", "nose"))
+    spine = frames(withers - rump, left)
+    ahead, below = spine.apply([0.0, 0.0, 1.0]), spine.apply([1.0, 0.0, 0.0])
+    chest = withers + 0.4 * b.trunk_m * ahead - 0.5 * b.trunk_m * below
+    nodes = [
+        segment("trunk", rump, withers, _trunk(length(rump, withers), b.trunk_m, coat)),
+        segment("neck", chest, poll, _tapered(length(chest, poll), 0.55 * b.trunk_m, 0.32 * b.trunk_m, coat)),
+        segment("head", poll, nose, _animal_head(length(poll, nose), 0.34 * b.trunk_m, coat)),
+    ]
+    for leg in ("fl", "fr", "hl", "hr"):
+        aside = (1.0 if leg.endswith("l") else -1.0) * b.aside_m
+        end = withers if leg.startswith("f") else rump
+        joint = end + aside * left + (0.4 * b.trunk_m) * below
+        knee, foot = places[f"knee_{leg}"], places[f"foot_{leg}"]
+        upper = _tapered(length(joint, knee), 0.085 * body.height_m, 0.035 * body.height_m, coat)
+        lower = _tapered(length(knee, foot), 0.032 * body.height_m, 0.022 * body.height_m, _LEGS)
+        nodes += [segment(f"upper {leg}", joint, knee, upper), segment(f"lower {leg}", knee, foot, lower)]
+    return nodes
+
+
+def _trunk(spine_m: float, radius_m: float, coat: Material) -> Parts:
+    """Build the trunk along z from the rump to the withers, about its middle; rounded at both ends."""
+    half = spine_m / 2
+    heights = np.array([-half - radius_m, -half - 0.6 * radius_m, -half, 0.0, half, half + 0.6 * radius_m])
+    radii = np.array([0.25, 0.80, 0.98, 0.94, 1.0, 0.72]) * radius_m
+    return [(coat, revolve(heights, radii, 12))]
+
+
+def _tapered(length_m: float, thick_m: float, thin_m: float, coat: Material) -> Parts:
+    """Build a part along z about its middle, thick at its beginning and thin at its end."""
+    half = length_m / 2
+    middle_m = (thick_m + thin_m) / 2
+    return [(coat, revolve(np.array([-half, 0.0, half]), np.array([thick_m, middle_m, thin_m]), 8))]
+
+
+def _animal_head(length_m: float, radius_m: float, coat: Material) -> Parts:
+    """Build the head along z from the poll to the nose, with ears and a dark muzzle."""
+    half = length_m / 2
+    skull = revolve(np.array([-half - 0.5 * radius_m, -half, 0.0, half]), np.array([0.5, 1.0, 0.8, 0.5]) * radius_m, 8)
+    muzzle = revolve(np.array([half, half + 0.4 * radius_m]), np.array([0.5, 0.3]) * radius_m, 8)
+    ear = revolve(np.array([-0.6, 0.0, 0.6]) * radius_m, np.array([0.1, 0.28, 0.05]) * radius_m, 6)
+    ears = [
+        (coat, ear.moved((-_EAR * radius_m, sign * 0.8 * radius_m, -half - 0.4 * radius_m))) for sign in (1.0, -1.0)
+    ]
+    return [(coat, skull), (_MUZZLE, muzzle), *ears]
