@@ -31,8 +31,7 @@ from trace_dag.flow import stages as real
 from trace_dag.flow.artefacts import Artefact
 from trace_dag.flow.cohorts.registry import RegisteredMap, ReportSource
 from trace_dag.flow.cohorts.services import Services
-from trace_dag.flow.contract import CrashFiles, Flow, StageDefinition
-from trace_dag.flow.products import StageProduct
+from trace_dag.flow.contract import CrashFiles, Flow, StageDefinition, StageProduct
 from trace_dag.language.ledger import SpendingLedger
 
 ORDER = tuple(Stage)

@@ -18,8 +18,7 @@ from trace_dag.reconstruction.candidates import candidates
 from trace_dag.reconstruction.evidence import lane_terms
 from trace_dag.reconstruction.motion.manoeuvres import make_turn
 from trace_dag.reconstruction.pre_crash_scenarios import party, pre_crash_scenarios
-from trace_dag.reconstruction.scene.approaches import Approach
-from trace_dag.reconstruction.scene.roundabouts import ring_through
+from trace_dag.reconstruction.scene.approaches import Approach, ring_through
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.reconstruction.scene.vehicle_ways import approaches_of
 from trace_dag.roads.from_osm.left_hand import mirror_network

@@ -11,8 +11,7 @@ import pytest
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import EventRecord
-from trace_dag.reconstruction.on_mapped_ground import on_mapped_ground
-from trace_dag.reconstruction.scene.mapped_ground import Astray, Way, astray
+from trace_dag.reconstruction.scene.mapped_ground import Astray, Way, astray, on_mapped_ground
 from trace_dag.roads.report import MappedThing
 from trace_dag.simulation.states import StateEstimate
 from trace_dag.verdict.judge import judge

@@ -13,7 +13,7 @@ from trace_dag.common.errors import Failure
 from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.animals import Pace, Species
 from trace_dag.crash.record import VehicleClass
-from trace_dag.simulation.animals import SIZES, animal_speed_mps
+from trace_dag.simulation.body_sizes import SIZES, animal_speed_mps
 from trace_dag.simulation.quadrupeds import LANDMARKS
 from trace_dag.simulation.types import Body, BodyKind, SimulationLog, overturned_at
 

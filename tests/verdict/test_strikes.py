@@ -22,8 +22,8 @@ from trace_dag.simulation.run import participants
 from trace_dag.simulation.states import Hypothesis
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.judge import judge, judge_hypothesis, judge_observed
+from trace_dag.verdict.metrics import compass_error_deg, zone_error_m
 from trace_dag.verdict.observation import observe_crash
-from trace_dag.verdict.people import compass_error_deg, zone_error_m
 from trace_dag.verdict.types import Agreement, Grade, Verdict, verdict_from_json, verdict_to_json
 
 FROM_RIGHT = walker(scenario="1b", pedestrian_group_code=750, pedestrian_type_code=760)

@@ -21,7 +21,7 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import AutomationSettings, Schedule
 from trace_dag.common.stage import Stage
-from trace_dag.flow.cohorts.new_cases import register_new_cases
+from trace_dag.flow.cohorts.arrivals import register_new_cases
 from trace_dag.flow.selection import Selection, not_released, select_stale
 from trace_dag.flow.workspace import Workspace
 

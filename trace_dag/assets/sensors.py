@@ -36,7 +36,7 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.common.network.alerts import Alert, AlertKind, alerts_go_out, send
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.stage import Stage
-from trace_dag.flow.cohorts.watched_folders import register_arrivals
+from trace_dag.flow.cohorts.arrivals import register_arrivals
 from trace_dag.flow.selection import Selection
 from trace_dag.flow.workspace import Workspace
 

@@ -24,7 +24,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
@@ -32,7 +32,6 @@ from urllib.parse import parse_qs, urlsplit
 
 import click
 
-from trace_dag.assets.asgi import App, Message, Receive, Send, again, read_body, send_bytes
 from trace_dag.common.errors import Failure, UserError
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage, check_name, writable_folder
@@ -58,6 +57,10 @@ REPLAY: Final = f"{_HOME}{PAGE}"
 """The one page that is shown in frames, those of the crashes' pages: their origins are nobody's, not even their own."""
 _SERVED: Final = (FOLDER, "pictures", Stage.ROAD_MAP.value, Stage.VERDICT.value)
 _SANDBOX: Final = b"sandbox allow-scripts allow-popups allow-popups-to-escape-sandbox allow-downloads"
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Message, Receive, Send], Awaitable[None]]
 
 
 class Guard:
@@ -279,3 +282,37 @@ class BenchmarkSite:
         kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
         headers = [(b"content-security-policy", _SANDBOX), (b"x-content-type-options", b"nosniff")]
         await send_bytes(send, 200, b"" if scope["method"] == "HEAD" else data, headers, kind)
+
+
+# --- ASGI ------------------------------------------------------------------------------------------------------------
+async def send_bytes(
+    send: Send, status: int, body: bytes, headers: Sequence[tuple[bytes, bytes]] = (), kind: str = "text/plain"
+) -> None:
+    """Send a whole answer; text is UTF-8."""
+    content_type = f"{kind}; charset=utf-8" if kind.startswith("text/") else kind
+    all_headers = [(b"content-type", content_type.encode()), *headers]
+    await send({"type": "http.response.start", "status": status, "headers": all_headers})
+    await send({"type": "http.response.body", "body": body})
+
+
+async def read_body(receive: Receive, most_bytes: int) -> bytes | None:
+    """Read the body of a request; return None as soon as it is too large."""
+    body = bytearray()
+    more = True
+    while more:
+        message = await receive()
+        body += message.get("body", b"")
+        more = message.get("more_body", False)
+        if len(body) > most_bytes:
+            return None
+    return bytes(body)
+
+
+def again(body: bytes, receive: Receive) -> Receive:
+    """Return a ``receive`` that first delivers a body that was read before."""
+    left = [body]
+
+    async def receive_again() -> Message:
+        return {"type": "http.request", "body": left.pop(), "more_body": False} if left else await receive()
+
+    return receive_again

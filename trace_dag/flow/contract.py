@@ -5,10 +5,11 @@ Belongs here: the contract between the runner and the stage functions. The funct
 
 The parameters of a stage function name its inputs:
 
-* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.flow.artefacts`): its inputs; one annotated ``|
-None`` is None where that stage has made none; * ``report``, ``maps``, ``map_service``: where the report and the maps
-come from; * ``settings``: the section of the settings that its annotation names; * ``key``: the crash; ``services``:
-external services.
+* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.flow.artefacts`): its inputs; one annotated
+  ``| None`` is None where that stage has made none;
+* ``report``, ``maps``, ``map_service``: where the report and the maps come from;
+* ``settings``: the section of the settings that its annotation names;
+* ``key``: the crash; ``services``: external services.
 
 It returns a :class:`StageProduct` and raises :class:`trace_dag.common.errors.Rejection` or
 :class:`trace_dag.common.errors.Failure`. A function that returns a ``Mapping`` makes its stage for several crashes at
@@ -35,7 +36,6 @@ from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.artefacts import ARTEFACTS, LOGS, VERDICT, Artefact
 from trace_dag.flow.cohorts.registry import CrashSource
 from trace_dag.flow.cohorts.services import Services
-from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.flow.staleness import Recipe
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 _SECTIONS = {info.annotation.__name__: name for name, info in Settings.model_fields.items() if info.annotation}
 _SOURCES = {"report": "report", "maps": "maps", "map_service": "maps"}  # parameter: what it is of a crash's sources
+Figure = str | float | int | bool | None
 
 
 class DamagedArtefactError(DamagedFile):
@@ -332,3 +333,18 @@ class Flow:
             else:
                 segments[-1].append(definition)
         return [tuple(segment) for segment in segments]
+
+
+@dataclass(frozen=True)
+class StageProduct:
+    """The product of a stage: contents by file extension, and the main figures.
+
+    A rejected crash can still have artefacts (a log without a collision, a negative verdict); ``rejection`` then has
+    the reason. Without artefacts a stage raises the :class:`Rejection` instead. ``parsed`` has, by extension, the exact
+    result of the artefact's reader, if the stage has it at hand.
+    """
+
+    files: Mapping[str, bytes]
+    figures: Mapping[str, Figure] = field(default_factory=dict)
+    rejection: Rejection | None = None
+    parsed: Mapping[str, object] = field(default_factory=dict)

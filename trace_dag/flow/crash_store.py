@@ -25,8 +25,7 @@ from trace_dag.common.errors import Failure, Rejection
 from trace_dag.common.provenance import Outcome, OutcomeRecord, artefact_name
 from trace_dag.common.storage.file_locks import lock_file
 from trace_dag.common.storage.files import Storage
-from trace_dag.flow.contract import CrashFiles, DamagedArtefactError
-from trace_dag.flow.products import StageProduct
+from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, StageProduct
 from trace_dag.flow.records import intact, read_records, write_record
 from trace_dag.flow.tasks import Attempt, CrashTask, Work, build_failed_record, build_record
 

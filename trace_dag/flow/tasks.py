@@ -21,8 +21,7 @@ from trace_dag.common.settings import Settings
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.cohorts.registry import CrashSource
-from trace_dag.flow.contract import CrashFiles, Flow
-from trace_dag.flow.products import StageProduct
+from trace_dag.flow.contract import CrashFiles, Flow, StageProduct
 from trace_dag.flow.records import Records
 from trace_dag.flow.staleness import Recipe
 

@@ -28,9 +28,8 @@ from trace_dag.common.provenance import (
 )
 from trace_dag.common.references import resolve_reference
 from trace_dag.common.stage import Stage
-from trace_dag.flow.contract import DamagedArtefactError, Flow, StageDefinition
+from trace_dag.flow.contract import DamagedArtefactError, Flow, StageDefinition, StageProduct
 from trace_dag.flow.crash_store import CrashStore, open_crashes
-from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import intact, read_records
 from trace_dag.flow.staleness import current_inputs, why_to_run
 from trace_dag.flow.tasks import (

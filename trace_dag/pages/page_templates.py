@@ -1,24 +1,30 @@
-"""Templates of all pages, and the formats of values in them."""
+"""Templates of all pages, and the formats of values in them.
+
+Makes and models are plain names, from the labels of FARS. A label has notes for coders: model years of the code, codes
+of other years, and asterisks for footnotes. Records and tables keep labels as they are; texts for people have names.
+"""
 
 from __future__ import annotations
 
 import base64
 import gzip
+import re
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.codes.events import SOE
 from trace_dag.crash.parties import party_in_words, party_label, thing_party
 from trace_dag.crash.summary import TOPOLOGIES, place_in_words
-from trace_dag.scenario.vehicle_names import vehicle_name
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-
 NAMES = {**{topology.value: name for topology, name in TOPOLOGIES.items()}, "suv": "SUV", "others": "other"}
 """Values of the warehouse that pages call otherwise than by their words."""
+_NOTE: Final = re.compile(r"\([^()]*\)")
+_NEITHER_KNOWN: Final = "Unknown Make"
+_FOOTNOTE: Final = re.compile(r"\*+:?")
 
 
 def words(value: object) -> str:
@@ -103,3 +109,22 @@ def read(name: str) -> str:
     from importlib import resources
 
     return resources.files("trace_dag.pages").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+# --- names of vehicles -----------------------------------------------------------------------------------------------
+def vehicle_name(label: str) -> str:
+    """Return the name in a label of make and model (``MAK_MODNAME``), without notes and marks of footnotes.
+
+    Empty if the label says that neither is known.
+
+    >>> vehicle_name("Mercury Marquis/Monterey (car version; for van version 2004 on see code 444) /Grand Marquis")
+    'Mercury Marquis/Monterey/Grand Marquis'
+    >>> vehicle_name("Subaru Outback (2003 on)(see 034 for prior to 2003)")
+    'Subaru Outback'
+    >>> vehicle_name("Unknown Make Unknown (as to automobile, motored cycle, light truck or truck)")
+    ''
+    """
+    if label.startswith(_NEITHER_KNOWN):
+        return ""
+    name = _FOOTNOTE.sub(" ", _NOTE.sub(" ", label))
+    return re.sub(r"\s*/\s*", "/", " ".join(name.split()))

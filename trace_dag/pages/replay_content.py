@@ -22,14 +22,13 @@ from trace_dag.pages.canvas import Canvas
 from trace_dag.pages.drive import AgentDrive
 from trace_dag.pages.map_scene import Window
 from trace_dag.pages.maps import MapDrawing
-from trace_dag.pages.page_templates import compress
+from trace_dag.pages.page_templates import compress, vehicle_name
 from trace_dag.pages.solid.scene import crash_glb
 from trace_dag.reconstruction.samples.courses import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
 from trace_dag.scenario.object_shapes import describe_object, is_ours, outline
-from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.simulation.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import EventResult, Verdict

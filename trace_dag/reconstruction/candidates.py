@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from trace_dag.crash.crash_types import Relation
 from trace_dag.reconstruction import evidence
 from trace_dag.reconstruction.motion.manoeuvres import Option
-from trace_dag.reconstruction.motion.path_pairs import PathPair
+from trace_dag.reconstruction.motion.path_pairs import PathPair, backing, crossing
 from trace_dag.reconstruction.motion.path_pairs_along import opposite, same_direction, same_lane
-from trace_dag.reconstruction.motion.path_pairs_crossing import backing, crossing
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
 from trace_dag.reconstruction.pre_crash_scenarios import PreCrashScenario

@@ -27,7 +27,6 @@ from trace_dag.reconstruction.alternatives import ambiguity_of
 from trace_dag.reconstruction.analytic_hypotheses import NAME, VERSION, build_scene
 from trace_dag.reconstruction.course import Course, Plan, Search, default_simulation
 from trace_dag.reconstruction.first_event import FirstEvent, FirstPlanner, plan_first_event
-from trace_dag.reconstruction.on_mapped_ground import on_mapped_ground
 from trace_dag.reconstruction.planners.later_vehicle import LONGEST_WAIT_S, arrival_plans
 from trace_dag.reconstruction.planners.parked import standing_plans
 from trace_dag.reconstruction.planners.pedestrian import (
@@ -41,6 +40,7 @@ from trace_dag.reconstruction.planners.rollover import later_overturn_plans
 from trace_dag.reconstruction.planners.run_off_road import object_plans
 from trace_dag.reconstruction.planners.way_after import ways_on
 from trace_dag.reconstruction.ranking import leaders_first
+from trace_dag.reconstruction.scene.mapped_ground import on_mapped_ground
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.simulation.matching import SimulatedEvent

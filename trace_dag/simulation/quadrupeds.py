@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 
 from trace_dag.common.units import GRAVITY_MPS2
-from trace_dag.simulation.animals import HIP
+from trace_dag.simulation.body_sizes import HIP
 from trace_dag.simulation.figure_parts import FigureParts
 from trace_dag.simulation.types import Body
 

@@ -29,9 +29,8 @@ from trace_dag.simulation.states import Hypothesis
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.directions import reported_relations_deg, reported_turns_deg
 from trace_dag.verdict.judge import judge_observed
-from trace_dag.verdict.metrics import clock_error_positions
+from trace_dag.verdict.metrics import clock_error_positions, reported_zone
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
-from trace_dag.verdict.roadside import reported_zone
 from trace_dag.verdict.types import Verdict
 
 

@@ -25,7 +25,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone
 from trace_dag.simulation.leaving_road import find_departure
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog, overturned_at
-from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone
+from trace_dag.verdict.metrics import SIDES_IN_WORDS, reported_zone
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, Reservation
 

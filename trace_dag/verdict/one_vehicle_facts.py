@@ -21,9 +21,8 @@ from trace_dag.reconstruction.motion.walking import reported_directions
 from trace_dag.roads.map.people import crosswalks, crosswalks_near
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.verdict.course_facts import impact_fact, movement_fact, speed_fact
+from trace_dag.verdict.metrics import compass_error_deg, course_error_deg, reported_zone, roadside_error_m, zone_error_m
 from trace_dag.verdict.observation import ObservedEvent, ObservedPerson, ObservedVehicle
-from trace_dag.verdict.people import compass_error_deg, course_error_deg, zone_error_m
-from trace_dag.verdict.roadside import reported_zone, roadside_error_m
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 

@@ -36,15 +36,19 @@ from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.simulation.matching import Matching, SimulatedEvent, expect_events, happenings_of, match
 from trace_dag.verdict.departed_street import street_likeness
 from trace_dag.verdict.metrics import (
+    SIDES_IN_WORDS,
     clock_error_positions,
+    compass_error_deg,
+    course_error_deg,
     heading_error,
     relation_error,
+    reported_zone,
+    roadside_error_m,
     speed_error_rel,
     turn_error,
+    zone_error_m,
 )
 from trace_dag.verdict.observation import LEAST_RECORDED_MPS, ObservedCrash, ObservedEvent, ObservedVehicle, StruckSide
-from trace_dag.verdict.people import compass_error_deg, course_error_deg, zone_error_m
-from trace_dag.verdict.roadside import SIDES_IN_WORDS, reported_zone, roadside_error_m
 from trace_dag.verdict.types import Criterion
 
 UNITS_IN_WORDS = {"h": "clock positions", "deg": "degrees", "mps": "m/s"}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from trace_dag.common.errors import UserError
-from trace_dag.crash.registers.files import first_rows
+from trace_dag.crash.registers.rows import first_rows
 
 _LOOKED_AT: Final = 2_000
 _MOST_VALUES: Final = 60

@@ -8,7 +8,7 @@ from trace_dag.common.errors import Rejection
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.tables import record_to_parquet
-from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.flow.contract import Figure, StageProduct
 
 if TYPE_CHECKING:
     from trace_dag.common.settings import CrashSettings

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from trace_dag.common.errors import Failure, Rejection, TransientFailure
 from trace_dag.common.stage import Stage
 from trace_dag.flow.cohorts.registry import RegisteredMap
-from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.flow.contract import CrashFiles, Figure, StageProduct
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.services import MapSource
 from trace_dag.osm.stored import write_extract

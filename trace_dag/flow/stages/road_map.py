@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.flow.contract import Figure, StageProduct
 from trace_dag.roads.build import RejectedRoadMap, build_road_map
 from trace_dag.roads.report import map_report_to_json, rejected_report_to_json
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parties import EventKind
-from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.flow.contract import Figure, StageProduct
 from trace_dag.reconstruction.samples.simulated import samples_to_json, simulate_samples
 from trace_dag.reconstruction.scene.scene import place_of
 from trace_dag.simulation.backends import backend

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from trace_dag.crash.parties import party_in_words
-from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.flow.contract import Figure, StageProduct
 from trace_dag.reconstruction.estimate import UnusableAnswers
 from trace_dag.reconstruction.samples.draws import draw_samples
 from trace_dag.simulation.states import estimate_to_json, run_to_json

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.parties import party_in_words
-from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.flow.contract import Figure, StageProduct
 from trace_dag.scenario.sight_lines import sight_lines
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Label, verdict_to_json

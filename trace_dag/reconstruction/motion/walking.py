@@ -15,7 +15,7 @@ FARS codes no speed of a person. Sources, and how far each was checked:
   which the MUTCD times signals so that nearly everybody is across.
 * Away from a crosswalk people walk 20 % faster than such studies say (Attalla and Kodsi, SAE 2013-01-0772, n = 304).
 * Riding: 17.8 km/h, conventional bicycles in urban traffic (Twisk, Stelling et al., SWOV, naturalistic study).
-* Animals: :mod:`trace_dag.simulation.animals`.
+* Animals: :mod:`trace_dag.simulation.body_sizes`.
 * Running: NOT read from a table. Vaughan and Bain (SAE 1999-01-0440, 2000-01-0845) measured children and youths, whose
   numbers were not at hand; 3.5 m/s is a jog to an easy run, 2.5 m/s what is taken for people over 64.
 """
@@ -34,7 +34,7 @@ from trace_dag.crash.crash_types import Side, Turn
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import ImpactArea, NonMotorist
 from trace_dag.crash.zones import is_in_crosswalk
-from trace_dag.simulation.animals import animal_speed_mps
+from trace_dag.simulation.body_sizes import animal_speed_mps
 
 OLD_YEARS: Final = 65
 _WALKING_MPS: Final = 4.3 * METRES_PER_FOOT

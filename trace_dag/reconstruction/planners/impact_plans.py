@@ -53,8 +53,7 @@ from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.reconstruction.scene.vehicle_ways import approaches_of
-from trace_dag.simulation.animals import SIZES
-from trace_dag.simulation.body_sizes import PersonSize, person_size
+from trace_dag.simulation.body_sizes import SIZES, PersonSize, person_size
 from trace_dag.simulation.states import Manoeuvre
 
 _COMPASS_RAD: Final = math.radians(45)  # a coded direction is a quarter of the compass

@@ -17,8 +17,7 @@ from trace_dag.common.geometry import FloatArray, Pose, arc_lengths
 from trace_dag.common.paths import STEP_M, extended, through_points
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Turn
-from trace_dag.reconstruction.scene.approaches import Approach
-from trace_dag.reconstruction.scene.roundabouts import ring_through
+from trace_dag.reconstruction.scene.approaches import Approach, ring_through
 from trace_dag.roads.map.model import LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.paths import follow

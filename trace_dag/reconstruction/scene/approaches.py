@@ -3,21 +3,26 @@
 It is a chain of lanes upstream and downstream of the crash, with the smooth path along it. Approaches are found by
 :mod:`trace_dag.reconstruction.scene.approach_finder`. Frame: the local frame; distances in metres along the approach's
 own path.
+
+A roundabout is a short closed chain of one-way lanes that always turns left, or right if traffic keeps left.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.common.geometry import Pose
+from trace_dag.common.geometry import FloatArray, Pose
 from trace_dag.common.paths import Path, through_points
 from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.crash_types import Turn
 from trace_dag.roads.map.model import LaneRef, Road
+from trace_dag.roads.map.network import RoadNetwork
 
 WIDER_SMOOTHING_M = (4.5, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0)
 BEYOND_CRASH_M = 10.0  # nothing drives on past it
@@ -25,6 +30,9 @@ FITTED_LATERAL_MPS2 = 0.6 * GRAVITY_MPS2  # leaves room for the manoeuvre itself
 HELD_LATERAL_MPS2 = 0.7 * GRAVITY_MPS2  # a little less than dry asphalt holds
 BODY_WIDTH_M = 1.9
 LEAST_ROOM_M = 0.4
+LONGEST_M = 240.0  # an outer radius of 38 m: FHWA gives 20 to 30 m for one lane, 25 to 40 m for two
+_OUTWARD_RAD = math.radians(-15)  # a lane that turns away from the middle by more than this leaves the ring
+_OUT_OF_ROUND = 1.7  # farthest over nearest distance from the middle; a pair of median crossovers is far longer
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,3 +165,54 @@ class Approach:
         s = np.array([self.station_m - 60.0, self.station_m + 20.0])
         heading = self.path.at(s)[3]
         return float(heading[1] - heading[0])
+
+
+# --- roundabouts -----------------------------------------------------------------------------------------------------
+def ring_through(
+    network: RoadNetwork, seed: LaneRef, centreline: Callable[[LaneRef], FloatArray]
+) -> tuple[LaneRef, ...]:
+    """Return the lanes of the roundabout of ``seed``, in the direction of travel from it; empty without one.
+
+    ``centreline`` returns a lane's centre, shape (n, 4), as :meth:`RoadNetwork.centreline`.
+
+    >>> lane = network.drivable_lanes()[0]
+    >>> ring_through(network, lane, network.centreline)  # this town has crossings, and no roundabout
+    ()
+    """
+    if not _in_ring(network, seed, centreline):
+        return ()
+    lengths = {seed: _length(centreline(seed))}
+    queue: list[tuple[float, tuple[LaneRef, ...]]] = [(lengths[seed], (seed,))]
+    best: dict[LaneRef, float] = {}
+    while queue:
+        driven, lanes = heapq.heappop(queue)
+        for ref in network.successors(lanes[-1]):
+            if ref == seed:
+                return lanes if _round(lanes, centreline) else ()
+            if not _in_ring(network, ref, centreline):
+                continue
+            length = driven + _length(centreline(ref))
+            if length <= LONGEST_M and length < best.get(ref, math.inf):
+                best[ref] = length
+                heapq.heappush(queue, (length, (*lanes, ref)))
+    return ()
+
+
+def _in_ring(network: RoadNetwork, ref: LaneRef, centreline: Callable[[LaneRef], FloatArray]) -> bool:
+    section = network.road_by_id[ref.road_id].lane_sections[ref.section]
+    one_way = all(lane.id * ref.lane_id > 0 for lane in section.lanes if lane.id != 0 and lane.type.drivable)
+    heading = centreline(ref)[:, 3]
+    inwards = -1.0 if network.road_by_id[ref.road_id].left_hand else 1.0
+    return one_way and inwards * float(heading[-1] - heading[0]) > _OUTWARD_RAD
+
+
+def _round(lanes: tuple[LaneRef, ...], centreline: Callable[[LaneRef], FloatArray]) -> bool:
+    points = np.concatenate([centreline(ref)[:, :2] for ref in lanes])
+    turned = math.fsum(float(np.diff(centreline(ref)[:, 3]).sum()) for ref in lanes)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = np.hypot(*(points - middle).T)
+    return abs(turned) > math.radians(270) and float(radius.max()) <= _OUT_OF_ROUND * float(radius.min())
+
+
+def _length(centre: FloatArray) -> float:
+    return float(np.hypot(np.diff(centre[:, 0]), np.diff(centre[:, 1])).sum())
