@@ -16,6 +16,7 @@ from tests.simulation.motions import CAR, log_of, participant, straight
 from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.record import CrashRecord, NonMotorist, PreCrashMovement
 from trace_dag.export.formats.lane_rules import place_of
+from trace_dag.pages.replay_content import replay_content
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.lights import Colour, crash_lights
@@ -134,6 +135,22 @@ def test_a_program_is_that_of_the_manuals(network, crossed) -> None:
     for time_s in np.arange(0.05, 90.0, 0.1):
         assert RED in (main.at(time_s), side.at(time_s))
         assert main.at(time_s) is main.at(time_s + 90.0) is main.at(time_s - 90.0)
+
+
+def test_a_replay_has_the_stop_lines_in_their_colours_and_says_each_reading(network, crossed) -> None:
+    """Main Street's stop lines lie across its right lane of 3.5 m, before and behind the crossing."""
+    said = replay_content(reported(False, False), network, crossed, in_3d=False).said
+    assert len(said["lights"]) == 4
+    for (x1, y1), (_, y2) in (
+        each["ends"] for each in said["lights"] if abs(each["ends"][0][0] - each["ends"][1][0]) < 0.1
+    ):
+        assert abs(x1) > 5.0
+        assert sorted(map(abs, (y1, y2))) == pytest.approx([0.0, 3.5], abs=0.02)
+    assert said["lights_said"] == (
+        "The report has nobody who ran the light. "
+        "Shown: V1 crossed its stop line on red; V2 crossed its stop line on green. "
+        "Or else: V1 crossed its stop line on green; V2 crossed its stop line on red."
+    )
 
 
 def test_openscenario_has_the_programs_and_the_official_checker_finds_nothing(network, crossed, tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from trace_dag.reconstruction.samples.courses import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
+from trace_dag.scenario.lights import Lights, StopLine, crash_lights, lights_in_words
 from trace_dag.scenario.object_shapes import describe_object, is_ours, outline
 from trace_dag.simulation.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.in_words import label_in_words
@@ -136,6 +137,7 @@ def replay_content(
         "sight": []
         if verdict is None or drive is not None
         else [{"parties": [each.driver, each.other], "hidden": each.hidden_s} for each in verdict.sight_lines],
+        **_lights(network, crash_lights(record, network, log if drive is None else drive.recorded)),
         "traffic": [] if traffic is None else list(_traffic(traffic, map_window)),
         "map": [round(value, 2) for value in map_window],
         "key": record.key,
@@ -280,6 +282,16 @@ def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
             }
         )
     return courses
+
+
+def _lights(network: RoadNetwork, readings: Sequence[Lights]) -> dict[str, Any]:
+    """Return the stop lines of lights with their programs by the first reading, and all readings in words."""
+    cycle_of = readings[0].cycle_of if readings else {}
+    lines = [StopLine(network, road, each) for road in network.roads for each in road.signals if each.id in cycle_of]
+    return {
+        "lights": [{"ends": line.ends_m, "steps": cycle_of[line.signal_id].steps} for line in lines],
+        "lights_said": lights_in_words(readings),
+    }
 
 
 def _traffic(traffic: SurroundingTraffic, window: Window) -> Iterator[dict[str, Any]]:

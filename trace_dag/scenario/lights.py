@@ -138,6 +138,14 @@ def crash_lights(record: CrashRecord, network: RoadNetwork, log: SimulationLog) 
     )
 
 
+def lights_in_words(readings: Sequence[Lights]) -> str:
+    """Return the colours that the parties met, by each reading; empty where nobody met a light."""
+    said = [each.in_words for each in readings]
+    if len(said) < 2:
+        return f"Traffic lights by the report: {said[0]}." if any(said) else ""
+    return f"The report has nobody who ran the light. Shown: {said[0]}. Or else: {'. Or else: '.join(said[1:])}."
+
+
 class _Junction:
     """The lights of a junction, or of a crossing between junctions, and who met them."""
 
@@ -252,7 +260,7 @@ class _Junction:
 
 def _met_lights(network: RoadNetwork, log: SimulationLog) -> Iterator[MetLight]:
     """Yield the lights that vehicles and cyclists crossed, or stood before, up to their first contacts."""
-    lines = [_StopLine(network, road, each) for road in network.roads for each in road.signals if each.dynamic]
+    lines = [StopLine(network, road, each) for road in network.roads for each in road.signals if each.dynamic]
     for each in log.parties:
         body = log.bodies[each.number]
         if each.number > SURROUNDING or body.kind not in (BodyKind.MOTOR_VEHICLE, BodyKind.CYCLIST):
@@ -279,7 +287,7 @@ def _met_lights(network: RoadNetwork, log: SimulationLog) -> Iterator[MetLight]:
             yield MetLight(each.number, round(until_s, 2), max(waits)[1], True, max(waits)[0])
 
 
-class _StopLine:
+class StopLine:
     """A line across the lanes under a light, in the axes of their traffic."""
 
     def __init__(self, network: RoadNetwork, road: Road, signal: Signal) -> None:
@@ -297,6 +305,15 @@ class _StopLine:
             for side in (1, -1)
         ]
         self._aside_m = [(e.y_m - y) * math.cos(heading) - (e.x_m - x) * math.sin(heading) for e in edges] or [math.nan]
+
+    @property
+    def ends_m(self) -> list[tuple[float, float]]:
+        """Return its left and its right end."""
+        x, y, c, s = self._at
+        return [
+            (round(x - s * aside_m, 2), round(y + c * aside_m, 2))
+            for aside_m in (max(self._aside_m), min(self._aside_m))
+        ]
 
     def seen(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return how far beyond the line places are, and whether they are in its lanes."""
