@@ -1,3 +1,3 @@
-"""The version of this program, for whoever writes it into what they make."""
+"""The version of this program, for files that it writes."""
 
 __version__ = "0.3.0"

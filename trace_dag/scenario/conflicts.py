@@ -66,7 +66,9 @@ def post_encroachment_time_s(one: VehicleLog, body_1: Body, two: VehicleLog, bod
 
 
 def is_ahead(one: tuple[float, float, float], two: tuple[float, float, float]) -> bool:
-    """Return whether the second goes the way of the first in front of it; each x, y (m) and heading (rad).
+    """Return whether the second body travels in the direction of the first, ahead of it.
+
+    Each is x, y (m) and heading (rad).
 
     >>> is_ahead((0.0, 0.0, 0.0), (8.0, 0.5, 0.1)), is_ahead((0.0, 0.0, 0.0), (8.0, 0.5, 1.5))  # crosses
     (True, False)

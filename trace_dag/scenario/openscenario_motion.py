@@ -277,7 +277,7 @@ def _distances(rows: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _at_distance(start: FloatArray, end: FloatArray, place: FloatArray) -> FloatArray:
-    """Return the last point beyond a filter's radius from ``place`` on the way from ``start``, which is, to ``end``."""
+    """Return the last point beyond a filter's radius from ``place`` on the line from ``start`` to ``end``."""
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = (low + high) / 2

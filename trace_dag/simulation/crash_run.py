@@ -369,7 +369,7 @@ class CrashRun:
             self.roadside.stand_on_ground()
 
     def contact_possible(self, step: int) -> bool:
-        """Return whether bodies may touch, or an object, within the next step, or a crash pulse is under way."""
+        """Return whether bodies may touch each other or an object within the next step, or a crash pulse lasts."""
         if self._vehicles_may_touch(step):
             if self.roadside is not None:
                 self.roadside.look_again()  # what vehicles do to each other changes their speeds at once

@@ -164,7 +164,7 @@ class Crush:
     def _pressed(
         self, point: tuple[float, float], normal: tuple[float, float], normal_n: float, part_s: float
     ) -> Pressed:
-        """Return a normal force at a point with its friction, limited by Coulomb's law and by what stops sliding."""
+        """Return a normal force at a point with its friction, limited by Coulomb's law and by the stop of sliding."""
         one, two, (nx, ny), (px, py) = self._one, self._two, normal, point
         tx, ty = -ny, nx
         past_x, past_y = self._past(px, py)

@@ -245,7 +245,7 @@ class Vehicle:
         return fx, fy, moment
 
     def advance(self, force: tuple[float, float, float], step_s: float) -> None:
-        """Move by one step under a force x, y (N) and a moment (Nm): semi-implicit Euler, as MuJoCo's."""
+        """Move by one step under a force x, y (N) and a moment (Nm), by MuJoCo's semi-implicit Euler scheme."""
         fx, fy, moment = force
         per_mass = step_s / self._mass
         self.vx = vx = self.vx + fx * per_mass
@@ -263,15 +263,16 @@ class Vehicle:
         return (*state, self.roll.above_road_m, self.roll.roll_rad)
 
     def strike(self, step: int, response: AfterStriking, step_s: float, *, beside: bool = False) -> None:
-        """Note that the driver has struck a person, or was pushed ``beside`` the path.
+        """Record that the driver struck a person, or was pushed ``beside`` the path.
 
-        The driver answers the first of several events."""
+        The driver responds only to the first of several events.
+        """
         if self._after_strike is None:
             self._after_strike = PostImpactDriver(self._plan, step, response, step_s, beside=beside)
 
     @property
     def stops(self) -> bool:
-        """Return whether its driver brakes to a stop, whatever was planned."""
+        """Return whether its driver brakes to a stop, regardless of the plan."""
         return self._after_strike is not None and self._after_strike.stops
 
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
@@ -372,7 +373,7 @@ class Vehicle:
     ) -> float:
         """Return the steering by geometry.
 
-        The curvature that brings the path back to the plan over a fixed distance.
+        It is the curvature that brings the path back to the plan over a fixed distance.
         """
         model = self.model
         offset = ex * math.sin(course) - ey * math.cos(course)  # of the vehicle, left of the plan
@@ -383,7 +384,7 @@ class Vehicle:
         return math.atan(model.wheelbase_m * wanted)
 
     def _rolling(self) -> tuple[float, float, float]:
-        """Return the deceleration of an overturned vehicle: against its way, and against its turning."""
+        """Return the deceleration of an overturned vehicle, against its motion and its rotation."""
         speed = max(math.hypot(self.vx, self.vy), _SLIDE_FLOOR_MPS)
         drag_n = ROLLS_G * self._mass * GRAVITY_MPS2
         slowing = -drag_n * self.model.wheelbase_m / 4 * max(-1.0, min(1.0, self.yaw_rate / _REST_RPS / 4))
@@ -392,7 +393,8 @@ class Vehicle:
     def _free(self, locked: float, turned_rad: float = 0.0) -> tuple[float, float, float]:
         """Return the forces on a vehicle without a driver.
 
-        A share of the load slides on locked wheels, the rest rolls, in front on wheels turned so far to the left.
+        A share of the load slides on locked wheels, the rest rolls; the front wheels are turned to the left by
+        ``turned_rad``.
         """
         # As in _driven: locals and comparisons instead of attributes, min and max.
         friction, yaw_rate = self._friction, self.yaw_rate

@@ -1,9 +1,9 @@
-"""The default back-end: our vehicles and drivers over MuJoCo's rigid bodies and contacts, in this process.
+"""The default back-end: vehicle and driver models over MuJoCo's rigid bodies, in this process.
 
 Everything moves by one fixed step (semi-implicit Euler, forces held over the step). From the step in which two bodies
-could come to touch until their crash pulse is over, MuJoCo takes the step in parts of half a millisecond at most, so
-that the first touch is located within that time and then, by bisection between those two states, to the micrometre.
-While nothing can touch, each body moves by the same scheme by itself. Nothing is random: equal input gives equal bits.
+could touch until the end of their crash pulse, MuJoCo takes steps in parts of half a millisecond at most. The first
+touch is located within such a part, and then by bisection between its two states to the micrometre. While nothing can
+touch, each body moves by the same scheme by itself. Nothing is random: equal input gives equal bits.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from trace_dag.simulation.types import BodyKind, Participant, SimulationLog
 
 
 class EmbeddedBackend:
-    """No connection to keep: loading a map samples its surface."""
+    """A back-end without a connection; loading a map samples its surface."""
 
     name = BACKEND_NAME
     one_at_a_time = False
@@ -67,7 +67,7 @@ class EmbeddedSimulation:
         ] = {}  # by the objects, else the end of a plan
 
     def of_draw(self, friction: float, reaction_s: float) -> EmbeddedSimulation:
-        """Return the same with another tyre-road friction and other drivers; what is known of the ground is shared."""
+        """Return a copy with another friction and other drivers, which shares the sampled ground."""
         other = copy(self)
         other._friction = friction
         other._settings = self._settings.model_copy(update={"reaction_s": reaction_s})
@@ -84,7 +84,7 @@ class EmbeddedSimulation:
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``.
 
-        Raises :class:`trace_dag.common.errors.Failure` for a plan nobody can drive.
+        Raises :class:`trace_dag.common.errors.Failure` for an impossible plan.
         """
         run = self.begin(participants, time_limit_s=time_limit_s, drivers=drivers, objects=objects)
         after_s = math.inf if after_contact_s is None else after_contact_s
@@ -100,7 +100,7 @@ class EmbeddedSimulation:
         drivers: Mapping[int, Driver] | None = None,
         objects: tuple[FixedObject, ...] = (),
     ) -> CrashRun:
-        """Return a run at its start, for who looks at it before it has come to rest and goes on afterwards."""
+        """Return a run at its start, which the caller can inspect and continue."""
         check_participants(participants)
         paths = [np.stack([p.trajectory.x_m, p.trajectory.y_m], axis=-1) for p in participants]
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
@@ -113,7 +113,7 @@ class EmbeddedSimulation:
         return CrashRun(settings, surface, friction, participants, time_limit_s, driven, objects=objects, beyond=beyond)
 
     def _ground_beyond(self, objects: tuple[FixedObject, ...], first: Trajectory) -> RoadsideTerrain:
-        """Return the ground around the first object, else around the end of the first plan."""
+        """Return the ground around the first object, or around the end of the first plan."""
         end = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
         place = objects or end
         if place not in self._beyond:

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FigureParts:
-    """Makes the parts of the figure of one name. Joints resist ``stiffness`` times as much as those of an adult."""
+    """Parts of one figure. Joints resist ``stiffness`` times as much as those of an adult."""
 
     name: str
     mass_kg: float
     stiffness: float
 
     def joint(self, damping: float, reach_rad: float, spring: float = 0.0) -> str:
-        """Return a ball joint that turns as far as ``reach_rad``.
+        """Return a ball joint with a range of ``reach_rad``.
 
-        ``damping`` (Nm s) and ``spring`` (Nm) are an adult's.
+        ``damping`` (Nm s) and ``spring`` (Nm) are those of an adult.
         """
         stiff = self.stiffness
         return (

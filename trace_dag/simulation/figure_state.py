@@ -1,8 +1,8 @@
 """The state of people in MuJoCo's memory: the arrays of a jointed figure, written before a touch and read after it.
 
-Belongs here: putting a figure where its person's plan has it, and reading place, posture and velocity of a person who
-has been set free. Does not belong here: the model that MuJoCo is given (:mod:`trace_dag.simulation.figures`), forces
-between people, vehicles and the road (:mod:`trace_dag.simulation.scene`).
+Belongs here: placing a figure by its person's plan, and reading place, posture and velocity after a strike. Does not
+belong here: the model for MuJoCo (:mod:`trace_dag.simulation.figures`), forces between people, vehicles and the road
+(:mod:`trace_dag.simulation.scene`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _LEAN_RAD = 0.03  # of what is ridden, to the right: exactly upright, nothing wo
 
 
 class BodyTree:
-    """A person, or what a person rides, in MuJoCo's memory: a free root and what hangs on it."""
+    """A person, or a mount, in MuJoCo's memory: a free root and its segments."""
 
     def __init__(self, mujoco: Any, model: Any, data: Any, name: str, person: Person) -> None:
         self.person = person
@@ -43,7 +43,7 @@ class BodyTree:
         self.upward = data.xmat[self.body_id][6:]
 
     def lies_still(self, carried_n: float) -> bool:
-        """Return whether it slides or rests on the road, which carries it with a force (N), and does nothing else."""
+        """Return whether the body only slides or rests on the road, which carries it with a force (N)."""
         ground = self.person.ground
         vx, vy, vz = self.velocity
         rises_mps = vz - vx * ground.slope_x - vy * ground.slope_y
@@ -52,7 +52,7 @@ class BodyTree:
         return carried and abs(rises_mps) < REST_MPS and max(map(abs, self.spinning.tolist())) < REST_RPS
 
     def slide(self, friction: float, step_s: float) -> None:
-        """Move a step along the road as one body: friction stops it, and its weight pulls it down a grade."""
+        """Move one step along the road as one body: friction stops it, and its weight pulls it down a grade."""
         ground = self.person.ground
         x, y, z = self.place.tolist()
         vx, vy, _ = self.velocity
@@ -126,7 +126,7 @@ class FigureState:
         person.vx, person.vy = self._rates[:2].tolist()
 
     def _fastest(self) -> tuple[float, float]:
-        """Return the speed of the pelvis or of what is ridden (m/s), and that of the fastest joint (rad/s)."""
+        """Return the speed of the pelvis or the mount (m/s), and that of the fastest joint (rad/s)."""
         x, y, z, *turning = self._rates.tolist()
         speed = math.hypot(x, y, z)
         if self._ridden is not None:
@@ -149,9 +149,10 @@ class FigureState:
         person.posture = (float(centre[2]) - person.z, pitch, roll, *landmarks)
 
     def _turned(self, matrix: list[float], person: Person) -> tuple[float, float, float]:
-        """Return the heading, pitch and roll of the pelvis against how it was held before.
+        """Return the heading, pitch and roll of the pelvis relative to its upright posture.
 
-        The rotation nearer to the last one is taken, so that a body on its back does not seem to turn about."""
+        The rotation nearer to the last one is taken, so that a body on its back does not appear to flip.
+        """
         c, s = math.cos(self._upright), math.sin(self._upright)
         # Columns of the matrix turned back about the left axis.
         m00, m10, m20 = (matrix[3 * k] * c + matrix[3 * k + 2] * s for k in range(3))
@@ -169,7 +170,7 @@ class FigureState:
 
 
 def _times(quaternion: tuple[float, float, float, float], about_left: float) -> tuple[float, ...]:
-    """Return a turn about the vertical, and then one about the body's own left axis."""
+    """Return a rotation about the vertical, followed by one about the body's own left axis."""
     w, _, _, z = quaternion
     c, s = math.cos(about_left / 2), math.sin(about_left / 2)
     return w * c, -z * s, w * s, z * c

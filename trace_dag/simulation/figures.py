@@ -2,13 +2,13 @@
 
 Segments: pelvis, thorax with abdomen, head with neck, arms, thighs, shanks with feet. Their shares of the mass are
 Dempster's and their lengths Drillis and Contini's (both as in Winter, Biomechanics and Motor Control of Human Movement,
-4th ed., 2009), all relative to the stature; their girth grows with the root of mass by stature. Joints have the
-ranges of relaxed people, roughly, and the little resistance of passive tissue: nobody holds on once struck. Knees give
-way to all sides, as they do once ligaments or bones of a struck leg have failed (from some 15 km/h on: Kajzer et al.,
-SAE 973326). That is the usual multi-body pedestrian (van Wijk et al., SAE 830186; Ishikawa et al., SAE 933129).
+4th ed., 2009), all relative to the stature; their girth grows with the root of mass by stature. Joints have the ranges
+of relaxed people, roughly, and the little resistance of passive tissue: muscles have no effect after a strike. Knees
+give way to all sides, as they do once ligaments or bones of a struck leg have failed (from some 15 km/h on: Kajzer et
+al., SAE 973326). That is the usual multi-body pedestrian (van Wijk et al., SAE 830186; Ishikawa et al., SAE 933129).
 
 Axes of the figure: ahead, left, up. The root is the pelvis at the height of the hip joints. Animals have figures of
-their own (:mod:`trace_dag.simulation.quadrupeds`), which are asked for here, too.
+their own (:mod:`trace_dag.simulation.quadrupeds`), which this module returns, too.
 """
 
 from __future__ import annotations
@@ -56,10 +56,7 @@ class Posture:
     knees: tuple[float, float] = (0.0, 0.0)
 
     def pose(self) -> list[float]:
-        """Return the joint positions as MuJoCo has them, without the root's.
-
-        Lumbar, neck, shoulders, hips and knees.
-        """
+        """Return the joint positions for MuJoCo, without the root's: lumbar, neck, shoulders, hips and knees."""
         (left_hip, right_hip), (left_knee, right_knee) = self.hips, self.knees
         return [
             *_turn(self.lumbar),
@@ -88,7 +85,7 @@ DECK_M = 0.10  # top of a conveyance's deck above the road
 
 
 def walking(stature_m: float, speed_mps: float, travelled_m: float) -> Posture:
-    """Return the posture of someone who walks or runs at a speed, after a distance; arms swing against legs.
+    """Return the posture of a person who walks or runs, after a distance; arms swing against legs.
 
     >>> walking(1.75, 0.0, 3.0) == Posture()  # stands
     True
@@ -106,7 +103,7 @@ def walking(stature_m: float, speed_mps: float, travelled_m: float) -> Posture:
 
 
 def degrees(body: Body) -> tuple[int, int]:
-    """Return numbers in a figure's pose and in its rates: a free root and eight ball joints, of an animal nine.
+    """Return the lengths of a figure's pose and rates: a free root and eight ball joints, for an animal nine.
 
     >>> from trace_dag.crash.record import VehicleClass
     >>> degrees(Body(BodyKind.PEDESTRIAN, VehicleClass.OTHER, 0.3, 0.5, 1.75, 80.0))  # 7 + 8 x 4, 6 + 8 x 3
@@ -124,7 +121,7 @@ def landmark_names(body: Body) -> tuple[str, ...]:
 
 
 def root_height(body: Body, posture: Posture | Stance) -> float:
-    """Return the height of the root above the road (m) of a figure in a posture on what it rides."""
+    """Return the height of the root above the road (m) of a figure in a posture on its mount."""
     if isinstance(posture, Stance):
         return posture.root_height_m(quadrupeds.build(body))
     above = posture.hip_height(body.height_m)
@@ -221,7 +218,7 @@ def _person_mjcf(name: str, stature_m: float, mass_kg: float) -> str:
 
 
 def _bicycle_mjcf(name: str, size: float, mass_kg: float) -> tuple[str, list[str]]:
-    """Return a bicycle: a frame from end to end at the height of the hubs, a seat post, a handlebar, and two wheels.
+    """Return a bicycle: a frame from end to end at hub height, a seat post, a handlebar, and two wheels.
 
     Its own origin is on the road, in the middle of its length.
     """
@@ -247,7 +244,7 @@ def _bicycle_mjcf(name: str, size: float, mass_kg: float) -> tuple[str, list[str
 
 
 def _conveyance_mjcf(name: str, length_m: float, mass_kg: float) -> tuple[str, list[str]]:
-    """Return a deck on the road; its own origin is on the road, in its middle."""
+    """Return a deck on the road, with its origin on the road in the middle."""
     ends = f"{-length_m / 2 + 0.04!r} 0 {DECK_M / 2!r} {length_m / 2 - 0.04!r} 0 {DECK_M / 2!r}"
     geom = (
         f'<geom name="{name}_frame" type="capsule" size="0.04" fromto="{ends}" mass="{mass_kg!r}" contype="0" '

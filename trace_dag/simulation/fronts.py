@@ -1,13 +1,13 @@
 """The parts of a vehicle that strike a person: bumper, leading edge of the hood, hood, windscreen and roof, as boxes.
 
-The shape decides where a person is struck and so how: a front lower than the person's centre of gravity wraps the
-person over the hood, a higher one throws the person forward. The measures are those by which front shapes are
-described in pedestrian research (bumper lead, height of the hood's leading edge, length and angle of the hood, angle of
-the windscreen: Mizuno and Kajzer, SAE 2000-01-0157; Mizuno, Summary of IHRA Pedestrian Safety WG Activities, ESV
-2003), with values in the middle of what is published for each class there and, for vehicles of the United States, in
-Monfort, Hu and Mueller (IIHS 2023) and Hu, Monfort and Cicchino, Journal of Safety Research 2024: edges of cars below
-0.76 m (30 in), of minivans and most SUVs up to 1.02 m (40 in), of pickups above. Trucks are conventional ones with a
-hood higher than people's chests; a bus is flat.
+The shape decides the place of the strike, and so its effect: a front lower than the person's centre of gravity wraps
+the person over the hood, a higher one throws the person forward. The dimensions are those of pedestrian research
+(bumper lead, height of the hood's leading edge, length and angle of the hood, angle of the windscreen: Mizuno and
+Kajzer, SAE 2000-01-0157; Mizuno, Summary of IHRA Pedestrian Safety WG Activities, ESV 2003), with values in the middle
+of the published ranges for each class, there and, for vehicles of the United States, in Monfort, Hu and Mueller (IIHS
+2023) and Hu, Monfort and Cicchino, Journal of Safety Research 2024: edges of cars below 0.76 m (30 in), of minivans and
+most SUVs up to 1.02 m (40 in), of pickups above. Trucks are conventional ones with a hood higher than people's chests;
+a bus is flat.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class ShellBox:
 
 
 def front_shape(body: Body) -> FrontShape:
-    """Return the front of a vehicle; a body lower or shorter than its class's front gets a front that fits it.
+    """Return the front of a vehicle, scaled down for a body lower or shorter than its class's front.
 
     >>> from trace_dag.simulation.types import BodyKind
     >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
@@ -123,10 +123,10 @@ def profile(body: Body) -> list[tuple[float, float]]:
 
 
 def driver_eye_m(body: Body) -> tuple[float, float, float]:
-    """Return where the driver's eyes are: ahead and left of the body's middle, and above the road (m).
+    """Return the position of the driver's eyes: ahead and left of the body's middle, and above the road (m).
 
     They are behind the windscreen and below the roof, but no higher than the 2.33 m of truck drivers (AASHTO, Green
-    Book, 2018, section 3.2.6; its 1.08 m of cars is what comes out for a car). A person's are at 0.936 of the stature
+    Book, 2018, section 3.2.6; its 1.08 m for cars is the result for a car). A person's are at 0.936 of the stature
     (Drillis and Contini, Body Segment Parameters, 1966).
 
     >>> from trace_dag.simulation.types import BodyKind
@@ -145,12 +145,10 @@ def driver_eye_m(body: Body) -> tuple[float, float, float]:
 
 
 def shell(body: Body) -> list[ShellBox]:
-    """Return the vehicle's shape for strikes.
+    """Return the vehicle's shape for strikes, as boxes of the body's width.
 
-    Boxes whose outer faces are the profile's lines, a core, the cabin, and the wheels of vehicles under which someone
-    can lie.
-
-    All as wide as the body.
+    There are boxes whose outer faces are the profile's lines, a core, the cabin, and the wheels of vehicles that can
+    pass over a person.
     """
     points = profile(body)
     side_m, tail_m = body.width_m / 2, -body.length_m / 2
@@ -170,7 +168,7 @@ def shell(body: Body) -> list[ShellBox]:
 
 
 def shows_wheels(body: Body) -> bool:
-    """Return whether its body is so high off the road that of who lies there only its wheels touch.
+    """Return whether the body is so high that only its wheels touch a person on the ground.
 
     >>> from trace_dag.simulation.types import BodyKind
     >>> [shows_wheels(Body(BodyKind.MOTOR_VEHICLE, kind, 9.0, 2.5, 3.0, 9000.0)) for kind in ("car", "bus")]
@@ -180,7 +178,7 @@ def shows_wheels(body: Body) -> bool:
 
 
 def _behind(one: tuple[float, float], two: tuple[float, float], side_m: float) -> ShellBox:
-    """Return a box whose outer face is a line of the profile, followed upward: what is outside lies to its right."""
+    """Return a box whose outer face is a line of the profile, followed upward with the outside to its right."""
     along_x, along_z = two[0] - one[0], two[1] - one[1]
     length_m = math.hypot(along_x, along_z)
     inward_x, inward_z = -along_z / length_m, along_x / length_m

@@ -27,9 +27,9 @@ can be called either."""
 def find_departure(
     network: RoadNetwork, driven: VehicleLog, body: Body, until_s: float, *, came_rad: float | None = None
 ) -> tuple[float | None, tuple[DepartureSide, ...]]:
-    """Return when a corner of the vehicle left the carriageway for good before a time, and to which side.
+    """Return when, and to which side, a corner of the vehicle last left the carriageway before a time.
 
-    Seen along its course, and along ``came_rad`` as well.
+    The side is seen along its course, and along ``came_rad`` as well.
 
     >>> turning = log.vehicles[0]
     >>> find_departure(network, turning, log.bodies[1], 1.0)  # drives in its lane then
@@ -61,11 +61,9 @@ def find_departure(
 def find_departure_after_contact(
     network: RoadNetwork, log: SimulationLog, number: int, until_s: float
 ) -> tuple[DepartureSide, ...]:
-    """Return the sides to which a vehicle that touched somebody left the carriageway before a time.
+    """Return the sides on which a vehicle left the carriageway after a contact and before a time; empty if it did not.
 
-    Empty if it did not.
-
-    Seen along its course, or along the way it came to its first contact: a report can mean either.
+    They are seen along its course, and along its direction at its first contact, because a report can mean either.
 
     >>> find_departure_after_contact(network, log, 1, log.first_contact.time_s)  # strikes the other on the crossing
     ()
@@ -78,7 +76,7 @@ def find_departure_after_contact(
 
 
 def _sides(out_rad: float) -> tuple[DepartureSide, ...]:
-    """Return the side on which a vehicle leaves that goes out at an angle to its way."""
+    """Return the sides for a vehicle that leaves at an angle to its direction."""
     ahead = math.cos(out_rad)
     aside = DepartureSide.LEFT if math.sin(out_rad) > 0 else DepartureSide.RIGHT
     if ahead < _ASIDE:
@@ -87,7 +85,7 @@ def _sides(out_rad: float) -> tuple[DepartureSide, ...]:
 
 
 def _back_from(driven: VehicleLog, until_s: float) -> Iterator[tuple[float, Pose, float]]:
-    """Yield the time, pose and course of a vehicle at a time, and at the steps of its log before, the latest first."""
+    """Yield the time, pose and course of a vehicle at a time, and at earlier steps of its log, the latest first."""
     times = driven.time_s[driven.time_s < until_s]
     columns = (driven.x_m, driven.y_m, np.unwrap(driven.heading_rad), driven.velocity_x_mps, driven.velocity_y_mps)
     then = [float(np.interp(until_s, driven.time_s, values)) for values in columns]

@@ -131,9 +131,9 @@ def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
 
 
 def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
-    """Return the states of all parties of some logs, columns as :data:`SIMULATION_STEPS`.
+    """Return the states of all parties of some logs, with columns as :data:`SIMULATION_STEPS`.
 
-    The hypothesis is a log's place.
+    The hypothesis is the index of a log.
     """
     import pyarrow as pa
 
@@ -156,7 +156,10 @@ def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
 
 
 def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]:
-    """Return the logs of :func:`logs_to_files`; :class:`Failure` if the two files are not such a pair."""
+    """Return the logs in files of :func:`logs_to_files`.
+
+    Raises :class:`Failure` if the two files are no such pair.
+    """
 
     try:
         summaries = _summaries().validate_json(summary)

@@ -1,9 +1,10 @@
-"""Reported events matched with what happens in a simulation: one rule of order, for estimates and verdicts.
+"""Reported events matched with simulated ones, by one rule of order for estimates and verdicts.
 
-Events are contacts, each with the numbers of both bodies, and overturns. Contacts with vehicles, people and animals
-are required: each comes in its turn, and none before it. Objects that are struck later and overturns may be left
-out, so that one which does not happen takes nothing from those that follow. Such an event may also come after one
-that is reported later of other parties: nobody saw which of the two was first."""
+Events are contacts, each with the numbers of both bodies, and overturns. Contacts with vehicles, people and animals are
+required in the reported order. Later strikes of objects and overturns are optional, so that a missing one does not
+affect those that follow. Such an event may also come after a later one of other parties, since the order of the two was
+not observed.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ _STANDS_MPS: Final = 0.5
 
 @dataclass(frozen=True)
 class SimulatedEvent:
-    """Something that happens in a simulation: when (s), to which parties (lower number first), by which contact.
+    """A simulated event: its time (s), its parties (lower number first), and its contact.
 
     A vehicle that overturns has its own number twice and no contact.
     """
@@ -35,7 +36,7 @@ class SimulatedEvent:
 
 @dataclass(frozen=True)
 class Expected:
-    """The parties of a reported event, and whether the events after it wait for it."""
+    """The parties of a reported event, and whether later events wait for it."""
 
     pair: Pair
     required: bool = True
@@ -43,9 +44,9 @@ class Expected:
 
 @dataclass(frozen=True)
 class Matching:
-    """``matched``: for each expected event what it is in the simulation, None if it does not happen in its turn.
+    """``matched``: the simulated event for each expected event, None if it does not happen in its turn.
 
-    ``strange``: contacts of pairs that are not expected at all or not yet, in order.
+    ``strange``: contacts of pairs that are unexpected, at all or at that time, in order.
     """
 
     matched: tuple[SimulatedEvent | None, ...]
@@ -68,7 +69,7 @@ def pair_of(contact: Contact) -> Pair:
 
 
 def expect_events(events: Iterable[CrashEvent]) -> list[Expected]:
-    """Return the expectations of reported events: contacts are required, and whatever comes first.
+    """Return the expectations of reported events; contacts and the first event are required.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> expect_events(sequence_of(tree_record).events)  # a tree that event 2 has
@@ -78,9 +79,9 @@ def expect_events(events: Iterable[CrashEvent]) -> list[Expected]:
 
 
 def happenings(contacts: Iterable[Contact]) -> list[SimulatedEvent]:
-    """Return contacts as they happen, in order of time.
+    """Return contacts as simulated events, in order of time.
 
-    Left out is that somebody who was struck before is thrown against a vehicle that stands: no report tells of it.
+    Contacts of a thrown person with a standing vehicle are left out, because reports do not mention them.
 
     >>> [each.pair for each in happenings(log.contacts)]
     [(1, 2)]
@@ -96,7 +97,7 @@ def happenings(contacts: Iterable[Contact]) -> list[SimulatedEvent]:
 
 
 def happenings_of(log: SimulationLog) -> list[SimulatedEvent]:
-    """Return all that happens in a simulation: contacts, and vehicles that overturn."""
+    """Return all events of a simulation: contacts and overturns."""
     overturns = []
     for vehicle in log.parties:
         step = overturned_at(vehicle)
@@ -108,8 +109,8 @@ def happenings_of(log: SimulationLog) -> list[SimulatedEvent]:
 def match(seen: Sequence[SimulatedEvent], expected: Sequence[Expected], *, order_known: bool = True) -> Matching:
     """Match the simulated events with the expected ones.
 
-    A pair that has met may touch again at any time: bodies come to lie against each other. If the order of the events
-    is not known, the one that fits best counts.
+    A pair that has met may touch again at any time, as bodies come to rest against each other. If the order of the
+    events is not known, the best match counts.
 
     >>> matching = match(happenings(log.contacts[:1]), [Expected((1, 2))])
     >>> matching.matched[0].pair, matching.strange
@@ -121,7 +122,7 @@ def match(seen: Sequence[SimulatedEvent], expected: Sequence[Expected], *, order
 
 
 def _in_any_order(seen: Sequence[SimulatedEvent], expected: Sequence[Expected]) -> Iterable[Matching]:
-    """Yield the matchings for every order of the required events; the others count whenever they happen."""
+    """Yield the matchings for every order of the required events; the optional ones count at any time."""
     required = [place for place, each in enumerate(expected) if each.required]
     free = {each.pair: place for place, each in enumerate(expected) if not each.required}
     waiting = [each for each in seen if each.pair not in free]
@@ -154,7 +155,7 @@ def _walked(seen: Sequence[SimulatedEvent], expected: Sequence[Expected]) -> Mat
 def _passed_over(
     pair: Pair, expected: Sequence[Expected], matched: Sequence[SimulatedEvent | None], turn: int
 ) -> int | None:
-    """Return the event with these parties that was left out for one of other parties, if there is one."""
+    """Return the event of these parties that was passed over for one of other parties, or None."""
     for place in reversed(range(turn)):
         if matched[place] is not None and set(expected[place].pair) & set(pair):
             return None
@@ -164,9 +165,9 @@ def _passed_over(
 
 
 def _place_of(pair: Pair, expected: Sequence[Expected], turn: int) -> int | None:
-    """Return which of the expected events has these parties.
+    """Return the index of the expected event with these parties, or None.
 
-    The search goes from the one whose turn it is up to the next required one.
+    The search goes from the current event up to the next required one.
     """
     for place in range(turn, len(expected)):
         if expected[place].pair == pair:

@@ -1,15 +1,14 @@
 """Fixed objects: each kind that a report can name as a body, and where beside a road it usually stands.
 
-A rigid object stops what strikes it. A yielding one bears a force, and breaks once it has taken an energy. One that is
-driven over takes little. Ditches and embankments are slopes of the ground: the outline of a ditch is its far side, from
-its bottom up to the height of the ground before it, that of an embankment is its face. Sources of what they bear:
+A rigid object stops a vehicle. A yielding one resists with a force, and breaks after it has absorbed an energy. One
+that is driven over absorbs little. Ditches and embankments are slopes of the ground: the outline of a ditch is its far
+side, from its bottom up to the height of the ground before it, that of an embankment is its face. Sources of strengths:
 
 * Supports of signs, lights and mailboxes: a breakaway support may slow a car of 820 kg from 35 km/h down by 5 m/s, and
-  should by 3 m/s at most (NCHRP Report 350, 1993, section 5.1), which takes 20 kJ.
-* Guardrails: a strong-post W-beam guardrail that a pickup of 2000 kg strikes at 100 km/h and 25 degrees (test 3-11)
-  bends by 0.7 to 1.1 m. Concrete barriers do not bend.
-* Trees, walls, piers and buildings are rigid, utility poles too: few break at the speeds of passenger cars.
-* Soil (the ground, snow): what brakes a vehicle that digs into it with its front, judgement.
+should by 3 m/s at most (NCHRP Report 350, 1993, section 5.1), which takes 20 kJ. * Guardrails: a strong-post W-beam
+guardrail that a pickup of 2000 kg strikes at 100 km/h and 25 degrees (test 3-11) bends by 0.7 to 1.1 m. Concrete
+barriers do not bend. * Trees, walls, piers and buildings are rigid, utility poles too: few break at the speeds of
+passenger cars. * Soil (the ground, snow): what brakes a vehicle that digs into it with its front, judgement.
 
 Distances beyond the edge of the carriageway: signs 3.6 m (MUTCD, 2009, section 2A.19: 12 ft), guardrails and barriers
 at the back of the shoulder (AASHTO, Roadside Design Guide, 2011, section 5.6.1), kerbs at the edge; the others are
@@ -53,7 +52,7 @@ class PlacedBy(StrEnum):
 class ObjectKind:
     """A kind of object: length along the road, width and height (m), strength, and usual distance.
 
-    The distance is that of its face beyond the carriageway's edge.
+    The distance is that of its face from the edge of the carriageway.
     """
 
     name: str
@@ -69,11 +68,11 @@ class ObjectKind:
 
 @dataclass(frozen=True)
 class FixedObject:
-    """An object of a hypothesis: the party's number, the pose of its middle, and what it is.
+    """An object of a hypothesis: the party's number, the pose of its middle, and its kind.
 
-    The heading is along its length. ``code`` is the ``SOE`` that names it, ``placed_by`` says how its place is known,
-    ``osm_id`` its element in OpenStreetMap ("node/12"). ``force_n`` is the most it bears, None for rigid objects;
-    ``energy_j`` is the energy that it takes to break or pass it, None if it stops everything.
+    The heading is along its length. ``code`` is its ``SOE``, ``placed_by`` the origin of its place, ``osm_id`` its
+    element in OpenStreetMap ("node/12"). ``force_n`` is its largest resistance, None for rigid objects; ``energy_j`` is
+    the energy needed to break or pass it, None if that is impossible.
     """
 
     number: int
@@ -101,7 +100,7 @@ class FixedObject:
         length_m: float | None = None,
         width_m: float | None = None,
     ) -> FixedObject:
-        """Return an object of the kind that an ``SOE`` names, of the usual size where no other is given."""
+        """Return an object of the kind of an ``SOE``, of the usual size unless given."""
         kind = KINDS[code]
         return cls(
             number=number,
@@ -165,7 +164,7 @@ _DITCH: Final = 34
 
 
 def base_m(item: FixedObject) -> float:
-    """Return the height of an object's lowest point above the ground before it (m): 0 but for ditches.
+    """Return the height of an object's lowest point relative to the ground before it (m); 0 except for ditches.
 
     >>> from trace_dag.common.geometry import Pose
     >>> ditch = FixedObject(1001, 1, 34, "ditch", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 0.8, Resistance.SLOPE)  # SOE 34
@@ -180,7 +179,7 @@ def slope_profile_m(item: FixedObject) -> tuple[tuple[float, float], ...]:
 
     It is straight between them, and level before the first and beyond the last.
 
-    A ditch falls over as much as it rises again: to its outline, and over it. An embankment rises over its outline.
+    A ditch falls and rises by the same amount, up to its outline and over it. An embankment rises over its outline.
 
     >>> from trace_dag.common.geometry import Pose
     >>> ditch = FixedObject(1001, 1, 34, "ditch", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 0.8, Resistance.SLOPE)  # SOE 34

@@ -1,16 +1,17 @@
-"""The force of a fixed object on a vehicle that strikes it: the crush of the vehicle, and the load the object bears.
+"""The force of a fixed object on a vehicle that strikes it: the crush of the vehicle, and the strength of the object.
 
-MuJoCo moves the vehicle; the force of the object is added here, since a contact of MuJoCo's gives back what it takes
-and knows no crush that stays. The body is pressed in along the face that was struck first, with a stiffness by class,
-comes back with the share of speed that the restitution says, and rubs along the object. The stiffness is proportional
-to the mass, so that the depth depends on the speed alone: a car that strikes a pole at 14 m/s is pressed in by some 0.8
-m (Nystrom and Kost, SAE 920605), one that strikes a wall squarely as :mod:`trace_dag.simulation.crush` has it. An
-object that yields moves away under the most it bears, and is gone once its energy is spent.
+MuJoCo moves the vehicle; the force of the object is added here, since a contact of MuJoCo returns the energy and has no
+permanent crush. The body is crushed at the face that was struck first, with a stiffness by class, rebounds with the
+speed given by the restitution, and slides along the object with friction. The stiffness is proportional to the mass, so
+that the depth depends on the speed alone: a car that strikes a pole at 14 m/s is crushed by some 0.8 m (Nystrom and
+Kost, SAE 920605), one that strikes a wall squarely as in :mod:`trace_dag.simulation.crush`. An object that yields moves
+away under its largest force, and is gone once its energy is spent.
 
-Two things tell a pole from a wall besides the depth. The whole body springs back, at a speed that goes with the
-force that pressed it last; a pole presses at the same speed with some 0.6 of a wall's force, and gives back so much
-less. And a pole makes a pocket, whose wall holds against sliding by the same pressure as its floor does against
-going deeper, in the ratio of the pocket's depth to the pole's width."""
+Besides the depth, a pole differs from a wall in two ways. The rebound speed of the whole body depends on the last
+force; at the same speed a pole exerts some 0.6 of a wall's force, and so returns less. And a pole makes a pocket, whose
+side resists sliding with the same pressure as its floor resists deeper crush, in the ratio of the pocket's depth to the
+pole's width.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +59,7 @@ pi d^3 / 32, by 0.6 m. The energy, a tenth of a metre at that force, is judgemen
 
 
 def crush_m(vehicle_class: VehicleClass) -> float:
-    """Return how deep a pole presses the class in at :data:`POLE_TEST_MPS`."""
+    """Return the crush depth of the class from a pole at :data:`POLE_TEST_MPS`."""
     return _POLE_CRUSH_M[vehicle_class]
 
 
@@ -71,7 +72,7 @@ class Obstacle:
 
     @classmethod
     def of(cls, item: FixedObject) -> Obstacle:
-        """Return the object where its pose says."""
+        """Return the obstacle at an object's pose."""
         pose = item.pose
         return cls(item, Outline(pose.x_m, pose.y_m, pose.heading_rad, item.length_m / 2, item.width_m / 2))
 
@@ -82,7 +83,7 @@ class Obstacle:
 
 
 class Struck:
-    """A vehicle and an object that touch or touched: the crush so far, and the contact as it will be logged."""
+    """A vehicle and an object that touch or touched: the crush so far, and the contact for the log."""
 
     def __init__(self, vehicle: Vehicle, obstacle: Obstacle, time_s: float, restitution: float | None) -> None:
         self.obstacle = obstacle
@@ -125,12 +126,12 @@ class Struck:
 
     @property
     def crush_m(self) -> float:
-        """Return how deep the vehicle was pressed in at most."""
+        """Return the largest crush depth of the vehicle."""
         return max(self._deepest_m.values(), default=0.0)
 
     @property
     def moved_m(self) -> float:
-        """Return how far the object gave way."""
+        """Return how far the object was moved."""
         return self._moved_m
 
     def force(self, now_s: float, part_s: float) -> tuple[float, float, float]:
@@ -163,7 +164,7 @@ class Struck:
             self._impulse[1] += y_ns
 
     def contact(self) -> Contact:
-        """Return the contact as logged: the vehicle is the first of the two."""
+        """Return the contact for the log; the vehicle is the first of the two."""
         (px, py), mass = self._impulse, whole_kg(self._vehicle)
         return Contact(
             time_s=self.start_s,
@@ -189,7 +190,7 @@ class Struck:
 
     # --- forces ------------------------------------------------------------------------------------------------
     def _climbing(self) -> tuple[float, float]:
-        """Return the work of driving over it: of lifting the vehicle by its height, which is not given back."""
+        """Return the force for driving over the object, which lifts the vehicle by its height and is not returned."""
         vehicle, item = self._vehicle, self.obstacle.item
         speed = math.hypot(vehicle.vx, vehicle.vy)
         if speed < _SLIDES_MPS:
@@ -232,7 +233,7 @@ class Struck:
             self._nx, self._ny = ahead * c - left * s, ahead * s + left * c
 
     def _corner(self, outline: Outline) -> tuple[bool, bool]:
-        """Return the corner of the vehicle that is foremost along the normal: in front, on the left."""
+        """Return the foremost corner of the vehicle along the normal: whether in front, whether on the left."""
         c, s = math.cos(outline.heading_rad), math.sin(outline.heading_rad)
         return self._nx * c + self._ny * s >= 0, self._ny * c - self._nx * s >= 0
 
@@ -245,7 +246,9 @@ class Struck:
     def _rates(self, outline: Outline) -> tuple[float, float]:
         """Return the speed per depth of crush (1/s).
 
-        The rates are of this object, a pole or a wall by how much of the vehicle's face it takes, and of a wall."""
+        The first rate is for this object, between pole and wall by its share of the vehicle's face; the second is for a
+        wall.
+        """
         body, item = self._vehicle.model.body, self.obstacle.outline
         pole_m, wall_m = crush_m(body.vehicle_class), WALL_CRUSH_M[body.vehicle_class]
         tx, ty = -self._ny, self._nx

@@ -1,4 +1,4 @@
-"""Rectangles that meet: how far apart they are, where and when they first touch, and where their contact is.
+"""Rectangles that meet: their gap, the place and time of first touch, and the place of their contact.
 
 Plain scalars and no arrays: these run inside the simulation's loop.
 """
@@ -18,7 +18,7 @@ a degree of each other meet as faces. More would move the contact away from wher
 class Outline:
     """A rectangle: centre and heading in the local frame, half length and half width.
 
-    It is not changed once it is made, though Python would let you: making a frozen one takes three times as long.
+    It must not be changed once it is made; it is not frozen, because that triples the time of making it.
     """
 
     x_m: float
@@ -38,11 +38,9 @@ class Outline:
 
 
 def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
-    """Return the gap (m, negative when they overlap) along the axis that separates them most, and that axis.
+    """Return the gap (m, negative for overlap) along the axis that separates them most, and that axis.
 
-    The axis points from one to two.
-
-    The sign is exact, the gap between two corners a lower bound.
+    The axis points from one to two. The sign is exact, the gap between two corners a lower bound.
 
     >>> one, two = Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(5.0, 0.0, 0.0, 2.0, 1.0)
     >>> separation(one, two)  # 5 m apart less half a length each; along x
@@ -71,7 +69,7 @@ def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
 
 
 def corners(outline: Outline) -> list[tuple[float, float]]:
-    """Return the corners of a rectangle, one after the other around it.
+    """Return the corners of a rectangle in order around it.
 
     >>> corners(Outline(0.0, 0.0, 0.0, 2.0, 1.0))
     [(2.0, 1.0), (-2.0, 1.0), (-2.0, -1.0), (2.0, -1.0)]
@@ -89,9 +87,9 @@ def corners(outline: Outline) -> list[tuple[float, float]]:
 
 
 def overlap_polygon(one: Outline, two: Outline) -> list[tuple[float, float]]:
-    """Return corners of the area two rectangles share (Sutherland-Hodgman), counter-clockwise.
+    """Return corners of the common area of two rectangles (Sutherland-Hodgman), counter-clockwise.
 
-    Empty if they share none.
+    Empty if they have none.
 
     >>> one, two = Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(3.0, 1.0, 0.0, 2.0, 1.0)
     >>> sorted(overlap_polygon(one, two))
@@ -119,11 +117,9 @@ def overlap_polygon(one: Outline, two: Outline) -> list[tuple[float, float]]:
 
 
 def contact_point(one: Outline, two: Outline) -> tuple[float, float]:
-    """Return the place of the contact of two bodies that just touch.
+    """Return the place of the contact of two bodies that just touch, local frame, metres.
 
-    Centre of the area they share once every face is moved outward by half of :data:`PATCH_DEPTH_M`.
-
-    Local frame, metres.
+    It is the centre of their common area after every face is moved outward by half of :data:`PATCH_DEPTH_M`.
 
     >>> x_m, y_m = contact_point(Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(4.0, 1.0, 0.0, 2.0, 1.0))
     >>> round(x_m, 6), round(y_m, 6)  # the middle of the half of the faces that touch
@@ -141,7 +137,7 @@ def contact_point(one: Outline, two: Outline) -> tuple[float, float]:
 
 
 def between(before: Outline, after: Outline, fraction: float) -> Outline:
-    """Return the rectangle ``fraction`` of the way between two moments, close enough to be straight.
+    """Return the rectangle at a fraction of the time between two moments, by linear interpolation.
 
     >>> between(Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(1.0, 0.0, 0.2, 2.0, 1.0), 0.5)
     Outline(x_m=0.5, y_m=0.0, heading_rad=0.1, half_length_m=2.0, half_width_m=1.0)
@@ -157,9 +153,9 @@ def between(before: Outline, after: Outline, fraction: float) -> Outline:
 
 
 def first_touch(before: tuple[Outline, Outline], after: tuple[Outline, Outline]) -> float:
-    """Return the fraction of the step from ``before`` (apart) to ``after`` (overlapping) at which the two first touch.
+    """Return the fraction of the step from ``before`` (apart) to ``after`` (overlapping) at the first touch.
 
-    Bisection to a millionth of the step; the result is on the side where they are still apart.
+    It is found by bisection to a millionth of the step, on the side where the two are still apart.
 
     >>> still, coming, arrived = (Outline(x, 0.0, 0.0, 2.0, 1.0) for x in (0.0, 5.0, 3.0))
     >>> round(first_touch((still, coming), (still, arrived)), 5)  # 1 m of the 2 m it comes nearer

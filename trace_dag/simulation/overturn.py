@@ -1,17 +1,17 @@
-"""Overturning: when a vehicle that slides sideways tips, and how it rolls on from there.
+"""Overturning: tipping of a vehicle that slides sideways, and its further roll.
 
-A vehicle tips about the wheels on the side it slides to. The force across it at the ground, times the height of its
-centre of gravity, tips it; its weight, times half of its track, holds it: on level ground it stays upright as long as
-the force is less than its static stability factor of its weight (track / (2 height); NHTSA, DOT HS 809 868, 2005:
+A vehicle tips about the wheels on the side toward which it slides. The lateral force at the ground, times the height of
+its centre of gravity, tips it; its weight, times half of its track, holds it. On level ground it stays upright as long
+as the force is less than its static stability factor times its weight (track / (2 height); NHTSA, DOT HS 809 868, 2005:
 passenger cars 1.41, SUVs 1.17, pickups 1.18, vans 1.24 and less; trucks tip from 0.35 to 0.6 g, Winkler and Ervin,
-UMTRI-99-19). Tyres on pavement have too little friction to tip a car; wheels that dig into soil, or strike a kerb, have
-not. Against a kerb the lateral speed turns into rotation at once; from the critical sliding velocity on,
+UMTRI-99-19). Tyres on pavement have too little friction to tip a car, but wheels that dig into soil or strike a kerb
+can tip it. Against a kerb the lateral speed turns into rotation at once; from the critical sliding velocity on,
 
-    v = sqrt(2 g (r - h) (k^2 + r^2)) / h,  r^2 = h^2 + (track / 2)^2,
+v = sqrt(2 g (r - h) (k^2 + r^2)) / h, r^2 = h^2 + (track / 2)^2,
 
 the vehicle goes over (Jones, SAE 750461). Once over it slides and rolls, slowed down by 0.5 g (0.4 to 0.6 in tests:
 Orlowski, Bundorf and Moffatt, SAE 851734), and comes to rest on a side, its roof or its wheels. A motorcycle that is
-out of control falls on its side, which takes it no force at all.
+out of control falls on its side without any force.
 """
 
 from __future__ import annotations
@@ -49,10 +49,7 @@ _SETTLED_RAD: Final = 0.03
 
 @dataclass(frozen=True)
 class RollModel:
-    """The properties that decide when a body tips.
-
-    Height of its centre of gravity, half its track, radius of gyration (m).
-    """
+    """The properties of a body for tipping: height of its centre of gravity, half its track, radius of gyration (m)."""
 
     height_m: float
     half_track_m: float
@@ -65,7 +62,7 @@ class RollModel:
 
     @cached_property
     def standing_rad(self) -> float:
-        """Return the angle of that line above the road while it stands."""
+        """Return the angle of the arm above the road while the vehicle stands."""
         return math.atan2(self.height_m, self.half_track_m)
 
     @cached_property
@@ -75,13 +72,13 @@ class RollModel:
 
     @property
     def critical_mps(self) -> float:
-        """Return the critical sliding velocity: slower against a kerb it comes back onto its wheels."""
+        """Return the critical sliding velocity; a slower vehicle at a kerb falls back onto its wheels."""
         over = 2 * GRAVITY_MPS2 * (self.arm_m - self.height_m) * self.inertia_m2
         return math.sqrt(over) / self.height_m
 
 
 def roll_model(body: Body) -> RollModel | None:
-    """Return the model of a vehicle; None of a motorcycle, which falls."""
+    """Return the roll model of a vehicle; None for a motorcycle, which falls."""
     factor = _STABILITY.get(body.vehicle_class)
     if factor is None:
         return None
@@ -108,18 +105,18 @@ class Roll:
 
     @property
     def above_road_m(self) -> float:
-        """Return the height of the body's middle: the box stands on a corner, or lies on a face."""
+        """Return the height of the body's middle, while the box stands on a corner or lies on a face."""
         tilt, body = self._tilt_rad, self._body
         return (body.width_m * abs(math.sin(tilt)) + body.height_m * abs(math.cos(tilt))) / 2
 
     @property
     def settled(self) -> bool:
-        """Return whether it stands on its wheels, or lies on a face."""
+        """Return whether the vehicle stands on its wheels, or lies on a face."""
         apart = math.remainder(self._tilt_rad, math.pi / 2)
         return abs(apart) < _SETTLED_RAD and (self.over or self._tilt_rad < _SETTLED_RAD)
 
     def trip(self, lateral_mps: float) -> float:
-        """Strike a kerb sideways, at a speed to the left. Returns the lateral speed that is left."""
+        """Strike a kerb sideways at a speed to the left; return the remaining lateral speed."""
         model = self._model
         if model is None or self.over:
             return lateral_mps
@@ -130,7 +127,9 @@ class Roll:
     def push(self, left_mps: float, up_mps: float, lateral_mps: float) -> None:
         """Apply an impulse per mass on the leading wheels, to the left and up, on coming onto a slope sideways.
 
-        A force across tips it, a force upward sets it back: it tips where their ratio is more than its stability."""
+        A lateral force tips the vehicle and an upward force rights it: it tips if their ratio is more than its
+        stability.
+        """
         model = self._model
         if model is None or self.over:
             return
@@ -146,9 +145,9 @@ class Roll:
         step_s: float,
         weight_mps2: float = GRAVITY_MPS2,
     ) -> None:
-        """Advance one step under the lateral acceleration of the tyres (to the left), at a lateral and a whole speed.
+        """Advance one step under the lateral acceleration of the tyres (to the left), at a lateral and a total speed.
 
-        ``weight_mps2`` is what presses it onto the ground: less than gravity on a slope.
+        ``weight_mps2`` is the pressure on the ground per mass, less than gravity on a slope.
         """
         if self._model is None:
             self._fall(lateral_mps, step_s)
@@ -181,7 +180,7 @@ class Roll:
         self.over = self._tilt_rad > OVERTURNED_RAD
 
     def _go_on(self, speed_mps: float, step_s: float) -> None:
-        """Roll on at the present rate, and come to rest on the nearest face before the wheels."""
+        """Continue the roll at the present rate, and come to rest on the nearest face before the wheels."""
         rolling = min(speed_mps / self._rolled_m, _FASTEST_RPS)
         quarter = math.pi / 2
         if speed_mps > _LEAST_MPS or self._tilt_rad < quarter:

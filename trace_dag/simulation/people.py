@@ -44,8 +44,9 @@ class PersonModel:
 class PersonTouch(NamedTuple):
     """A point where a person touches a vehicle.
 
-    The touch has depth (m), place (m), the unit normal from the vehicle to the person, and the force on the person
-    (N)."""
+    It has the depth (m), the place (m), the unit normal from the vehicle to the person, and the force on the person
+    (N).
+    """
 
     depth_m: float
     point: list[float]
@@ -54,7 +55,7 @@ class PersonTouch(NamedTuple):
 
 
 class Person:
-    """State at the centre of the body: of the outline until touched, of the person's mass from then on."""
+    """State of a person at the centre of the outline until touched, and at the centre of mass from then on."""
 
     def __init__(self, participant: Participant, plan: SampledTrajectory, step_s: float) -> None:
         self.number = participant.number
@@ -86,7 +87,7 @@ class Person:
         return math.hypot(body.length_m / 2, body.width_m / 2)
 
     def command(self, wanted: Pedals | Pace | None, time_s: float) -> None:
-        """Walk on at a pace; None walks as planned. Raises :class:`Failure` for pedals."""
+        """Walk at a pace from now on; None means as planned. Raises :class:`Failure` for pedals."""
         if isinstance(wanted, Pedals):
             raise Failure(f"participant {self.number} is a person or an animal and has no pedals; expected a pace")
         self._clock.set_pace(time_s, wanted.pace if wanted else 1.0)
@@ -104,9 +105,9 @@ class Person:
         self.vx, self.vy = pace * vx, pace * vy
 
     def in_the_lane_s(self, vehicle: Outline, now_s: float) -> float:
-        """Return the time in the lane of the vehicle that strikes it now.
+        """Return the time that the person was in the lane of the striking vehicle.
 
-        No further aside than half a lane, or half the vehicle.
+        In the lane means within half a lane, or half the vehicle, of its line.
         """
         now = min(int(now_s / self._step_s + 1e-9) + 1, len(self._plan))
         x, y = self._plan.table[:now, 0], self._plan.table[:now, 1]
@@ -131,7 +132,7 @@ class Person:
         return root_height(self.model.body, posture)
 
     def look_for_rest(self, speed_mps: float, fastest_joint: float, now_s: float) -> None:
-        """Record whether a touched person still moves, to tell later when the person came to rest."""
+        """Record whether a touched person still moves, to find later when the person came to rest."""
         if speed_mps > REST_MPS or fastest_joint > REST_RPS:
             self._still_since_s = math.inf
         else:
@@ -140,13 +141,13 @@ class Person:
 
     @property
     def at_rest(self) -> bool:
-        """Return whether it no longer moves, and has not for a tenth of a second once it was touched."""
+        """Return whether the person does not move, and after a touch has not moved for a tenth of a second."""
         if self.crashed:
             return self._looked_s - self._still_since_s >= _REST_S
         return math.hypot(self.vx, self.vy) < REST_MPS
 
     def outline(self) -> Outline:
-        """Return its outline on the road, seen from above; of a thrown person a square that holds hands and feet."""
+        """Return the outline on the road, seen from above; for a thrown person a square around hands and feet."""
         body = self.model.body
         if self.crashed:
             half = self.model.thrown_reach_m
@@ -158,7 +159,7 @@ class Person:
         return BodyState(self.number, self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate)
 
     def log_row(self) -> tuple[float, ...]:
-        """Return the state as the recorder keeps it: that of a vehicle without controls, and the posture."""
+        """Return the state for the recorder: that of a vehicle without controls, and the posture."""
         state = (self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate, 0.0, 0.0, 0.0)
         return (*state, *self.posture)
 

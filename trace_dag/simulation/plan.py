@@ -1,4 +1,4 @@
-"""The planned motion with one row per simulation step, as the driver follows it, and the errors of following it."""
+"""The planned motion with one row per simulation step, for the driver, and the tracking errors."""
 
 from __future__ import annotations
 
@@ -35,16 +35,13 @@ class SampledTrajectory:
         return len(self.table)
 
     def row(self, step: int) -> list[float]:
-        """Return a row as numbers of Python.
-
-        They are made when they are asked for: much of a plan lies beyond the impact.
-        """
+        """Return a row as Python numbers, made on use, because much of a plan lies beyond the impact."""
         numbers: list[float] = self.table[step].tolist()
         return numbers
 
 
 def check_participants(participants: Sequence[Participant]) -> None:
-    """Raise :class:`Failure` for what no back-end can run: two of one number, or a plan nobody can drive.
+    """Raise :class:`Failure` for repeated numbers of participants, or an impossible plan.
 
     >>> from trace_dag.simulation.run import participants
     >>> check_participants(participants(hypothesis))  # can be driven
@@ -60,7 +57,7 @@ def check_participants(participants: Sequence[Participant]) -> None:
 
 
 def _check_plan(participant: Participant) -> None:
-    """Raise :class:`Failure` for a plan nobody can drive, with the vehicle and what is wrong with it."""
+    """Raise :class:`Failure` for an impossible plan, with the vehicle and the fault."""
     who = party_name(participant.body, participant.number)
     t = participant.trajectory
     arrays = {
@@ -101,7 +98,7 @@ def _check_plan(participant: Participant) -> None:
 
 
 def _check_figure(who: str, body: Body) -> None:
-    """Raise :class:`Failure` for a person or an animal of which no figure can be made."""
+    """Raise :class:`Failure` for a person or animal whose dimensions allow no figure."""
     animal = body.kind is BodyKind.ANIMAL
     low_m, high_m = _WITHERS_M if animal else _STATURES_M
     low_kg, high_kg = _ANIMALS_KG if animal else _MASSES_KG
@@ -118,8 +115,8 @@ def resample(
 ) -> SampledTrajectory:
     """Return the plan on steps of ``step_s``, by Hermite splines through positions and velocities.
 
-    ``cg_ahead_m`` moves it from the body's centre to its centre of gravity. From ``skids_from_s`` on the body need not
-    head the way it goes: its velocity is then that of its positions.
+    ``cg_ahead_m`` moves it from the body's centre to its centre of gravity. From ``skids_from_s`` on the body's heading
+    may differ from its direction of motion; its velocity then follows from its positions.
 
     >>> plan = hypothesis.participants[1].trajectory
     >>> len(resample(plan, 0.01, 1.0, 0.0))  # a second in steps of 0.01 s, both ends included
@@ -175,9 +172,10 @@ def resample(
 
 
 def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return a vehicle's errors of following its plan up to ``until_s``, per logged step, both non-negative.
+    """Return a vehicle's tracking errors up to ``until_s``, per logged step.
 
-    Distance of its centre from the planned *path* (m), and deviation of its speed from the planned one (m/s).
+    They are the distance of its centre from the planned *path* (m), and the deviation of its speed from the planned one
+    (m/s), both non-negative.
     """
     use = log.time_s <= until_s + 1e-9
     x, y = log.x_m[use], log.y_m[use]
@@ -190,10 +188,9 @@ def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> 
 
 
 def _distances_m(x_m: FloatArray, y_m: FloatArray, path_x_m: FloatArray, path_y_m: FloatArray) -> FloatArray:
-    """Return the distance of each point from a polyline, exactly.
+    """Return the exact distance of each point from a polyline.
 
-    Points that follow each other are near each other: for some of them at a time only those segments are looked at that
-    can be the nearest to any.
+    Successive points are near each other, so for a group of them only the segments that can be nearest are tested.
     """
     along_x, along_y = np.diff(path_x_m), np.diff(path_y_m)
     squares = np.maximum(along_x**2 + along_y**2, 1e-12)

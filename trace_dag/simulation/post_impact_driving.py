@@ -1,10 +1,11 @@
-"""Driving after striking a person or a light contact: along the planned path, and after a reaction time on the brakes.
+"""Driving after a strike of a person or a light contact: along the planned path, with braking after a reaction time.
 
 The driver keeps the planned path but not its times: a vehicle does not speed up to make up for the speed lost in the
-strike. A driver who was braking until the strike has reacted already and brakes on to a stop, and one who stood
-stays on the brakes; who left the scene by the report does neither. In a bend the brakes use only the grip that the
-bend leaves: braking as hard as on a straight road would make the vehicle slide off. A vehicle that a contact pushed
-aside goes on beside the planned path, and does not pull back to it."""
+strike. A driver who was braking at the strike has reacted already and brakes to a stop, and one who stood stays on the
+brakes. A driver who left the scene by the report does neither. In a bend the brakes use only the grip that the bend
+leaves: braking as hard as on a straight road would make the vehicle slide off. A vehicle that a contact pushed aside
+continues beside the planned path.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ _PATH_ENDS_MPS2 = 4.0  # deceleration after the end of the planned path, of a dr
 
 
 class PostImpactDriver:
-    """The driver's wanted motion, step by step, from the strike on, as a row of the plan."""
+    """The driver's intended motion, step by step, from the strike on, as a row of the plan."""
 
     def __init__(
         self, plan: SampledTrajectory, step: int, response: AfterStriking, step_s: float, *, beside: bool = False
@@ -44,7 +45,7 @@ class PostImpactDriver:
     def row(self, step: int, x_m: float, y_m: float, ahead_mps: float) -> tuple[float, ...]:
         """Return the plan's row for the vehicle's present place.
 
-        The nearest point of the path, at the vehicle's own speed.
+        It is that of the nearest point of the path, at the vehicle's own speed.
         """
         rows = self._rows
         here = rows[self._at]

@@ -1,10 +1,10 @@
 """An animal in MuJoCo: ten jointed segments on four legs.
 
 Segments: the trunk, neck with head, and of each leg the part above the knee or hock and the part below. The joints are
-those of :mod:`trace_dag.simulation.figures`: passive, since nothing holds itself up once struck. Shares of the mass and
-the proportions are roughly those of grazing animals that stand; how an animal is thrown depends on its mass and on how
-high its trunk is, and little on these. It trots: a stride is 2.3 times the height of the hip by the Froude number to
-the power of 0.3 (Alexander, Nature 261, 1976), legs across from each other go together.
+passive, as those of :mod:`trace_dag.simulation.figures`. Shares of the mass and the proportions are roughly those of
+standing grazing animals; the throw depends on the mass and the height of the trunk, and little on these. It trots: a
+stride is 2.3 times the height of the hip by the Froude number to the power of 0.3 (Alexander, Nature 261, 1976), legs
+across from each other go together.
 
 Axes of the figure: ahead, left, up. The root is the middle of the trunk.
 """
@@ -65,7 +65,7 @@ class Build:
 
 
 def build(body: Body) -> Build:
-    """Return the build of an animal of that length from nose to rump, width, and height at the withers.
+    """Return the build of an animal of a length from nose to rump, a width, and a height at the withers.
 
     >>> from trace_dag.simulation.types import BodyKind, VehicleClass
     >>> made = build(Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.8, 0.4, 1.0, 70.0))
@@ -108,10 +108,7 @@ class Stance:
         return b.root_m - b.hip_m + b.sole_m + reach_m
 
     def pose(self) -> list[float]:
-        """Return the joint positions as MuJoCo has them, without the root's.
-
-        Neck, then each leg's upper joint and knee.
-        """
+        """Return the joint positions for MuJoCo, without the root's: neck, then each leg's upper joint and knee."""
         upright = [1.0, 0.0, 0.0, 0.0]
         joints = [upright]
         for angle in self.legs:
@@ -120,7 +117,7 @@ class Stance:
 
 
 def trotting(height_m: float, speed_mps: float, travelled_m: float) -> Stance:
-    """Return the stance of an animal of that height at the withers at a speed, after a distance."""
+    """Return the stance of an animal of a height at the withers, at a speed, after a distance."""
     if speed_mps < _STANDS_MPS:
         return Stance()
     hip_m = HIP * height_m

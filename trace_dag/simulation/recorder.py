@@ -1,4 +1,4 @@
-"""The record of a run: states at the times of the log, and contacts as they begin, go on and end."""
+"""The record of a run: states at the times of the log, and the beginning, course and end of contacts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LONGEST_PERSON_GAP_S = 1.0  # and a person: legs, hip and head meet a front one
 
 
 class _Moment(NamedTuple):
-    """A state of everybody in which two vehicles overlap."""
+    """A state of all participants in which two vehicles overlap."""
 
     overlap_m: float
     time_s: float
@@ -33,7 +33,7 @@ class _Moment(NamedTuple):
 
 
 class StateRecorder:
-    """Collects one row per participant and logged moment and turns them into logs at the end."""
+    """A collection of one row per participant and logged moment, turned into logs at the end."""
 
     def __init__(self, movers: Sequence[Vehicle | Person]) -> None:
         self._movers = movers
@@ -42,11 +42,11 @@ class StateRecorder:
         self._taken: tuple[float, list[tuple[float, ...]]] = (-1.0, [])  # the last state that was kept for its overlap
 
     def record(self, time_s: float) -> None:
-        """Keep everybody's state now; a time already kept is not kept twice."""
+        """Record the present state of all participants, once for each time."""
         self._states.setdefault(time_s, self._now())
 
     def record_overlap(self, pair: tuple[int, int], overlap_m: float, time_s: float) -> None:
-        """Keep the state now if these two bodies overlap deeper than at any other moment of this tenth of a second."""
+        """Record the present state if these two bodies overlap deeper than before in this tenth of a second."""
         window = pair, math.floor(time_s / DEEPEST_EVERY_S + 1e-9)
         known = self._deepest.get(window)
         if overlap_m > (known.overlap_m if known else 0.0):
@@ -58,7 +58,7 @@ class StateRecorder:
         return [mover.log_row() for mover in self._movers]
 
     def logs(self) -> tuple[VehicleLog, ...]:
-        """Return the logs, of the bodies' centres; acceleration is the mean over the time since the row before."""
+        """Return the logs of the bodies' centres; acceleration is the mean since the previous row."""
         states = dict(self._states)
         for moment in self._deepest.values():
             if min((abs(moment.time_s - time_s) for time_s in states), default=math.inf) > _SAME_TIME_S:
@@ -100,7 +100,7 @@ class StateRecorder:
 
     @staticmethod
     def _posture(mover: Vehicle | Person, rows: FloatArray) -> dict[str, FloatArray]:
-        """Return the posture of a body as logged: vehicles do not pitch."""
+        """Return the logged posture of a body; vehicles do not pitch."""
         if isinstance(mover, Person):
             return {
                 "above_road_m": rows[:, 0],
@@ -137,7 +137,7 @@ class ContactEpisode:
 
     @property
     def masses_kg(self) -> tuple[float, float]:
-        """Return the masses of both bodies, each with what it pulls or is pulled by."""
+        """Return the masses of both bodies, each with its trailer or pulling vehicle."""
         return whole_kg(self.one), self.two.model.body.mass_kg if isinstance(self.two, Person) else whole_kg(self.two)
 
     @property
@@ -157,7 +157,7 @@ class ContactEpisode:
 
     @property
     def impulse_ns(self) -> float:
-        """Return the impulse of its pulse, so far."""
+        """Return the impulse of the pulse so far."""
         return math.hypot(self.impulse_x_ns, self.impulse_y_ns)
 
     def add(self, force_x_n: float, force_y_n: float, time_s: float, step_s: float) -> None:
@@ -197,7 +197,7 @@ class ContactEpisode:
 
 
 class Pulled(NamedTuple):
-    """The vehicle that pulls one that is touched, as its contact begins: in the states before and after."""
+    """The vehicle that pulls a touched trailer, at the beginning of the contact, in the states before and after."""
 
     vehicle: Vehicle
     before: BodyMotion
@@ -205,9 +205,9 @@ class Pulled(NamedTuple):
 
 
 def of_combinations(episode: ContactEpisode, pulled: Sequence[Pulled | None], share: float) -> ContactEpisode:
-    """Return a contact in which trailers are touched as one of those that pull them.
+    """Return a contact of trailers as one of their pulling vehicles.
 
-    Their poses at ``share`` of the way from the state before to that after, their velocities before it.
+    The poses are those at ``share`` of the step between the states before and after, the velocities those before it.
     """
     poses, velocities = list(episode.poses), list(episode.velocities)
     trailers: list[Pose | None] = [None, None]
@@ -249,7 +249,7 @@ def begin_contact(
 
     It begins with their first touch.
 
-    Velocities are those before it; the closing speed is that of the points that touch, along the normal.
+    Velocities are those before it; the closing speed is that of the touching points, along the normal.
 
     >>> here, there = (BodyMotion(x_m, 0.0, 0.0, 10.0, 0.0, 0.0) for x_m in (0.0, 1.0))  # 10 m/s for 0.1 s
     >>> stands = BodyMotion(4.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -290,7 +290,7 @@ def begin_contact(
 def begin_strike(vehicle: Vehicle, person: Person, touch: PersonTouch, now_s: float, step_s: float) -> ContactEpisode:
     """Return the contact of a vehicle and a person who touch at ``now_s`` but did not a step before.
 
-    It begins with their first touch, as long ago as it takes to come as deep as they are.
+    It begins with their first touch, which is computed from the present depth.
 
     >>> from trace_dag.simulation.people import PersonTouch
     >>> car, touch = simulated_pair[0], PersonTouch(0.01, [0.0, 0.0, 1.0], (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))

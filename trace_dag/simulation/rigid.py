@@ -1,8 +1,8 @@
 """The vehicles in MuJoCo: upright rigid bodies that move in the plane.
 
-Each has three joints (x, y, yaw) through its centre of gravity, at the height of the road under it; there is no
-gravity, since the road carries it. Vehicles do not touch in MuJoCo, whose contacts return the energy: the forces
-between them are computed in :mod:`trace_dag.simulation.crush`.
+Each has three joints (x, y, yaw) through its centre of gravity, at the height of the road under it, and no gravity,
+since the road carries it. Vehicles do not touch in MuJoCo, whose contacts return the energy: the forces between them
+are computed in :mod:`trace_dag.simulation.crush`.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class RigidBodies:
         self.version = mujoco.mj_versionString()
 
     def _in_mujoco(self, models: list[VehicleModel]) -> tuple[Any, Any]:
-        """Return MuJoCo's model of the bodies and its state, at rest: those of a run that is over, if there was one."""
+        """Return MuJoCo's model of the bodies and its state at rest, reused from an earlier run if possible."""
         free = _NOT_IN_USE[len(models)]
         model, data = free.pop() if free else _made(len(models))
         model.body_mass[1:] = [m.body.mass_kg for m in models]
@@ -74,7 +74,7 @@ class RigidBodies:
     def step(self, forces: list[float], step_s: float) -> dict[tuple[int, int], tuple[float, float]]:
         """Advance a step under constant forces x, y and moments.
 
-        Returns the force x, y (N) on the second body of each pair that MuJoCo has in contact: here none.
+        Return the force x, y (N) on the second body of each pair in contact in MuJoCo, of which there are none here.
         """
         self._model.opt.timestep = step_s
         self._forces[:] = forces
@@ -96,7 +96,10 @@ def _made(count: int) -> tuple[Any, Any]:
 
 @cache
 def _bodies_of_a_kilogram(count: int) -> Any:
-    """Return so many bodies of a kilogram each: two crashes differ by their masses alone, and compiling takes long."""
+    """Return bodies of a kilogram each.
+
+    Crashes differ only in their masses, which are set later, because compiling takes long.
+    """
     import mujoco
 
     return mujoco.MjModel.from_xml_string(
@@ -107,7 +110,7 @@ def _bodies_of_a_kilogram(count: int) -> Any:
 
 
 def vehicle_bodies(models: list[VehicleModel], inside: Callable[[int, VehicleModel], str]) -> str:
-    """Return the vehicles as MJCF, in their order; ``inside`` gives what a vehicle's body has beside its box.
+    """Return the vehicles as MJCF, in order; ``inside`` returns further parts of a vehicle's body.
 
     >>> from trace_dag.simulation.vehicles import vehicle_model
     >>> models = [vehicle_model(body) for body in log.bodies.values()]

@@ -1,9 +1,9 @@
 """The roadside of a run: fixed objects, ground that is not a pavement, and vehicles out of control.
 
-Steps are taken in short parts while a vehicle may touch an object. Whoever strikes an object is no longer driven,
-unless it is driven over; a motorcycle falls even then. Beyond the carriageway tyres hold as on grass or gravel. A
-vehicle that skids moves along its trajectory exactly, however it is turned, until it strikes something; one that an
-agent drives does not skid.
+Steps are taken in short parts while a vehicle may touch an object. A vehicle that strikes an object is no longer
+driven, unless the object is driven over; a motorcycle falls even then. Beyond the carriageway tyres have the friction
+of grass or gravel. A vehicle that skids moves exactly along its trajectory, at any heading, until it strikes something;
+a vehicle driven by an agent does not skid.
 """
 
 from __future__ import annotations
@@ -68,24 +68,24 @@ class Roadside:
 
     @property
     def firsts_s(self) -> list[float]:
-        """Return the times of the first object struck and the first vehicle overturned, if there were any."""
+        """Return the times of the first object strike and the first overturn, if any."""
         return [
             each for each in (self.struck[0].start_s if self.struck else None, self._overturned_s) if each is not None
         ]
 
     def no_contact_reason(self, number: int) -> str:
-        """Return the sentence that the only vehicle struck nothing."""
+        """Return a sentence that the only vehicle struck nothing."""
         things = f"none of {len(self.items)} objects" if len(self.items) > 1 else "nothing"
         return f"no contact: vehicle {number} strikes {things}, and does not overturn"
 
     # --- the ground ------------------------------------------------------------------------------------------
     def take_off_ground(self) -> None:
-        """Put every vehicle on the road's surface, to find it again from there."""
+        """Put every vehicle back on the road's surface, for the next search from there."""
         for i, vehicle in enumerate(self._run.vehicles):
             vehicle.ground, vehicle.z = self._roads[i], self._road_z_m[i]
 
     def stand_on_ground(self) -> None:
-        """Put every vehicle on the ground as it is here."""
+        """Put every vehicle on the ground under it."""
         for i, vehicle in enumerate(self._run.vehicles):
             self._roads[i], self._road_z_m[i] = vehicle.ground, vehicle.z
             paved = self._beyond.is_paved(vehicle.x, vehicle.y)
@@ -99,7 +99,7 @@ class Roadside:
         self._run.bodies.set_heights([vehicle.z for vehicle in self._run.vehicles])
 
     def _hold_on_bridge(self, vehicle: Vehicle) -> None:
-        """Take away what of a vehicle's velocity leads over the edge of a bridge, and what scraping along it takes."""
+        """Remove the component of a vehicle's velocity over the edge of a bridge, and the loss by scraping along it."""
         for corner in corners(vehicle.outline()):
             away = self._beyond.off_bridge(*corner)
             into_mps = 0.0 if away is None else vehicle.vx * away[0] + vehicle.vy * away[1]
@@ -113,7 +113,7 @@ class Roadside:
             self._run.state = None
 
     def _stand_on_bank(self, i: int, vehicle: Vehicle, paved: bool, friction: float) -> None:
-        """Take the height and the slope of the ground beyond the edge, where there is such."""
+        """Apply the height and the slope of the ground beyond the edge, if there is any."""
         bank = self._banks[i] = self._beyond.at(vehicle.x, vehicle.y, paved=paved)
         vehicle.z += bank.height_m
         if vehicle.crashed and not bank.level:  # drivers hold their course on slopes that can be recovered from
@@ -122,9 +122,9 @@ class Roadside:
         self._come_onto(i, vehicle)
 
     def _come_onto(self, i: int, vehicle: Vehicle) -> None:
-        """Apply a change of slope to a vehicle whose foremost corner has come to it.
+        """Apply a change of slope to a vehicle whose foremost corner has reached it.
 
-        It is the foremost the way it goes, or towards a ditch or embankment.
+        The corner is the foremost in its direction of motion, or towards a ditch or embankment.
         """
         toward_x, toward_y = self._beyond.across(vehicle.x, vehicle.y) or (vehicle.vx, vehicle.vy)
         if toward_x * vehicle.vx + toward_y * vehicle.vy < 0:
@@ -155,7 +155,7 @@ class Roadside:
                 struck.pushed(struck.last_s, push.x_mps * body.mass_kg, push.y_mps * body.mass_kg)
 
     def _is_about_to_strike_slope(self, i: int, vehicle: Vehicle) -> bool:
-        """Return whether a vehicle has come to a reported ditch or embankment, a contact not yet begun."""
+        """Return whether a vehicle has reached a reported ditch or embankment, with a contact not yet begun."""
         outline = vehicle.outline()
         return any(
             each.item.resistance is Resistance.SLOPE
@@ -166,17 +166,14 @@ class Roadside:
 
     # --- steps -----------------------------------------------------------------------------------------------
     def alone_until(self, until: int) -> int:
-        """Return the step before which no vehicle can touch an object or leaves its own control.
-
-        It is at most another one.
-        """
+        """Return the step before which no vehicle can touch an object or lose control, at most ``until``."""
         for vehicle in self._skids:
             if not vehicle.crashed:  # it is put on its trajectory at the end of each step
                 until = min(until, math.floor(vehicle.skids_from_s / self._run.step_s) - 1)
         return min(until, self._clear_until_step) if self._obstacles else until
 
     def advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
-        """Advance after a step: place skidding vehicles, tip and roll those out of control."""
+        """Update vehicles after a step: place skidding ones, and tip and roll those out of control."""
         end_s = (step + 1) * self._run.step_s
         self.carry(end_s)
         for i, (vehicle, force) in enumerate(zip(self._run.vehicles, forces, strict=True)):
@@ -207,7 +204,7 @@ class Roadside:
             self._overturned_s = now_s
 
     def _catch_at_kerb(self, i: int, vehicle: Vehicle, left_mps: float) -> float:
-        """Trip a vehicle whose leading wheels slide over a kerb, and return the lateral speed that is left."""
+        """Trip a vehicle whose leading wheels slide over a kerb, and return its remaining lateral speed."""
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
         lead_m = math.copysign(vehicle.model.body.width_m / 2, left_mps)
         x_m, y_m = vehicle.x - lead_m * s, vehicle.y + lead_m * c
@@ -217,7 +214,7 @@ class Roadside:
         return self._turned_over_kerb(vehicle, left_mps)
 
     def _turned_over_kerb(self, vehicle: Vehicle, left_mps: float) -> float:
-        """Turn the lateral speed of a vehicle against a kerb into rotation, and return what of it is left."""
+        """Turn the lateral speed of a vehicle at a kerb into rotation, and return the remaining one."""
         assert vehicle.roll is not None
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
         lost_mps = vehicle.roll.trip(left_mps) - left_mps
@@ -227,7 +224,7 @@ class Roadside:
         return left_mps + lost_mps
 
     def carry(self, time_s: float) -> None:
-        """Put every vehicle that skids, and has struck nothing yet, where its trajectory has it."""
+        """Place every skidding vehicle that has struck nothing yet on its trajectory."""
         for vehicle in self._skids:
             if vehicle.crashed or time_s < vehicle.skids_from_s or not vehicle.follows_plan:
                 continue
@@ -247,7 +244,7 @@ class Roadside:
         self._clear_until_step = 0
 
     def object_in_reach(self, step: int) -> bool:
-        """Return whether a vehicle may come to touch an object within the next step."""
+        """Return whether a vehicle may touch an object within the next step."""
         if step < self._clear_until_step:
             return False
         clear_s = math.inf
@@ -266,7 +263,7 @@ class Roadside:
         return False
 
     def press(self, total: list[float], now_s: float, part_s: float) -> list[float]:
-        """Return the forces on the vehicles with those of the objects they touch."""
+        """Return the forces on the vehicles plus those of the objects they touch."""
         for i, vehicle in enumerate(self._run.vehicles):
             x, y, heading, clear_m = self._clear[i]
             turned_m = abs(vehicle.heading - heading) * vehicle.reach_m
@@ -317,10 +314,7 @@ class Roadside:
 
 
 def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:
-    """Return the least distance between the circles about a vehicle and an object.
-
-    Far bodies cost no more than this.
-    """
+    """Return the least distance between the circles around a vehicle and an object, a cheap first test."""
     away_m = math.hypot(vehicle.x - obstacle.outline.x_m, vehicle.y - obstacle.outline.y_m)
     return away_m - vehicle.reach_m - obstacle.reach_m - _NEAR_M
 
@@ -328,12 +322,12 @@ def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:
 def _tilted(vehicle: Vehicle, bank: Bank) -> Ground:
     """Return the ground under a vehicle on a slope beside the road.
 
-    Its slopes are what of the weight pulls along the plane, seen from above: sin times cos of the slope.
+    Its slopes give the horizontal pull of the weight along the plane: sin times cos of the slope.
     """
     pulled = _pressed(bank) ** 2
     return Ground(vehicle.x, vehicle.y, vehicle.z, pulled * bank.slope_x, pulled * bank.slope_y)
 
 
 def _pressed(bank: Bank) -> float:
-    """Return the share of the weight that presses on a slope: its cosine."""
+    """Return the share of the weight that presses on a slope, its cosine."""
     return 1 / math.sqrt(1 + bank.slope_x**2 + bank.slope_y**2)

@@ -1,19 +1,20 @@
-"""The ground beyond the edge of what is paved: its height, its slope, and what a change of slope does to a vehicle.
+"""The ground beyond the pavement: its height, its slope, and the effect of a change of slope on a vehicle.
 
-The edge of a bridge holds: it has a rail, of which OpenStreetMap seldom says. Elsewhere OpenStreetMap says nothing of
-it, so that it is what such roads commonly have. Roads of high speed have open sides
-(:func:`trace_dag.osm.road_classes.is_high_speed`): beyond the shoulder the ground falls by 1V:6H, which a driver
-recovers from (AASHTO, Roadside Design Guide, 2011, section 3.2.1: recoverable up to 1V:4H), over 3 m and goes on level.
-Streets with kerbs have level ground beside them. A reported ditch or embankment slopes
-there, to the left of its heading, and the ground up to it is level:
+The edge of a bridge has a rail, which OpenStreetMap seldom maps, and vehicles do not pass it. Elsewhere OpenStreetMap
+has no data of the ground, so usual values are used. Roads of high speed have open sides
+(:func:`trace_dag.osm.road_classes.is_high_speed`): beyond the shoulder the ground falls by 1V:6H over 3 m, from which a
+driver recovers (AASHTO, Roadside Design Guide, 2011, section 3.2.1: recoverable up to 1V:4H), and continues level.
+Streets with kerbs have level ground beside them. A reported ditch or embankment slopes there, to the left of its
+heading, and the ground up to it is level:
 
-* a ditch falls by 1V:3H and rises by it again (steeper than the channels that the guide prefers, section 3.2.4);
-* an embankment rises by 1V:2H, about the steepest that earth stands at, and goes on level.
+* a ditch falls by 1V:3H and rises by it again (steeper than the channels that the guide prefers, section 3.2.4); * an
+embankment rises by 1V:2H, about the steepest stable slope of earth, and continues level.
 
-Their depth and height are judgement. A vehicle that comes onto ground that rises from its way is turned up by it
-without coming back: what of its velocity points into the slope is lost. If its overhang is steeper than what its
-class clears, or it slides sideways, it digs in, and loses as much again along the ground. Slopes tip a vehicle whose
-wheels are held (tan of the slope = track / (2 height)); one that slides down tips at the same grip as on the level."""
+Their depth and height are judgement. A vehicle that comes onto rising ground is turned up by it without rebound: it
+loses the component of its velocity into the slope. If the slope is steeper than its class clears, or it slides
+sideways, it digs in, and loses as much again along the ground. Slopes tip a vehicle whose wheels are held (tan of the
+slope = track / (2 height)); one that slides down tips at the same grip as on level ground.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +64,7 @@ class Bank(NamedTuple):
 
     @property
     def level(self) -> bool:
-        """Return whether it does not slope."""
+        """Return whether the ground is level."""
         return self.slope_x == 0.0 and self.slope_y == 0.0
 
 
@@ -101,9 +102,9 @@ class _Profile:
 
 
 class RoadsideTerrain:
-    """The ground where the vehicles of a crash go.
+    """The ground for the vehicles of a crash.
 
-    Around the first object, else around ``end``, where a way ends, at its level.
+    It is around the first object, or around the ``end`` of a path, at its level.
     """
 
     def __init__(self, network: RoadNetwork | None, objects: Sequence[FixedObject], end: Pose) -> None:
@@ -128,17 +129,14 @@ class RoadsideTerrain:
         return bool(self._profiles) or self._open is not None
 
     def across(self, x_m: float, y_m: float) -> tuple[float, float] | None:
-        """Return the direction across the nearest ditch or embankment of the report, to its far side.
-
-        None without one.
-        """
+        """Return the direction across the nearest reported ditch or embankment, to its far side, or None."""
         if not self._profiles:
             return None
         pose = min((each.pose for each in self._profiles), key=lambda p: math.hypot(p.x_m - x_m, p.y_m - y_m))
         return -math.sin(pose.heading_rad), math.cos(pose.heading_rad)
 
     def off_bridge(self, x_m: float, y_m: float) -> tuple[float, float] | None:
-        """Return the unit vector away from a bridge whose rail a point is at or beyond; None of other points."""
+        """Return the unit vector away from a bridge with its rail at or before a point; None for other points."""
         if self._bridges is None or self.is_paved(x_m, y_m):
             return None
         point, edge = shapely.Point(x_m, y_m), self._bridges.edge_near(x_m, y_m)
@@ -149,21 +147,18 @@ class RoadsideTerrain:
         return (x_m - edge_x) / away_m, (y_m - edge_y) / away_m
 
     def is_paved(self, x_m: float, y_m: float) -> bool:
-        """Return whether a point lies on what is paved."""
+        """Return whether a point is paved."""
         return self._paved is None or self._paved.has(x_m, y_m)
 
     def has_kerb(self, x_m: float, y_m: float) -> bool:
-        """Return whether the edge of what is paved that is nearest to a point has a kerb.
-
-        Roads of high speed have none.
-        """
+        """Return whether the nearest edge of the pavement has a kerb; roads of high speed have none."""
         if self._open is None or self._kerbed is None:
             return self._paved is not None and not self._profiles
         point = shapely.Point(x_m, y_m)
         return _distance_m(self._kerbed.edge_near(x_m, y_m), point) < _distance_m(self._open.edge_near(x_m, y_m), point)
 
     def at(self, x_m: float, y_m: float, *, paved: bool | None = None) -> Bank:
-        """Return the ground at a point; ``paved`` says whether it is, where that is known."""
+        """Return the ground at a point; ``paved`` saves a test if it is known."""
         for profile in self._profiles:
             bank = profile.at(x_m, y_m)
             if bank != LEVEL:
@@ -187,7 +182,7 @@ class RoadsideTerrain:
 
 
 def _is_open(road: Road) -> bool:
-    """Return whether a road has open sides; ways through junctions are as the fastest road there."""
+    """Return whether a road has open sides; roads through junctions count as the fastest road there."""
     return is_high_speed(road.highway, road.speed_mps)
 
 
@@ -206,9 +201,9 @@ class Push(NamedTuple):
 def onto_slope(
     vehicle_class: VehicleClass, heading_rad: float, velocity_mps: tuple[float, float], before: Bank, after: Bank
 ) -> Push | None:
-    """Return the impulse of coming from one slope onto another; None onto one that falls away from the vehicle's way.
+    """Return the impulse of coming from one slope onto another; None if the new one falls away.
 
-    The velocity into the new slope is lost; who digs in loses as much along it, and no more than it has.
+    The velocity into the new slope is lost. A vehicle that digs in loses as much along it, at most all of it.
     """
     vx, vy = velocity_mps
     speed = math.hypot(vx, vy)

@@ -1,4 +1,4 @@
-"""Simulate an estimate: every kept hypothesis in one back-end, one log each."""
+"""Simulation of an estimate: every kept hypothesis in one back-end, one log each."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float
 def relative_friction(record: CrashRecord) -> float:
     """Return the friction of the reported surface as a share of dry asphalt's.
 
-    The most slippery where vehicles report several.
+    It is that of the most slippery one if vehicles report several.
 
     >>> relative_friction(record)  # VSURCOND 1: dry
     1.0
@@ -53,7 +53,7 @@ def relative_friction(record: CrashRecord) -> float:
 
 
 def participant(state: ParticipantState) -> Participant:
-    """Return a party of a hypothesis as the simulation takes it.
+    """Return a party of a hypothesis as a participant of the simulation.
 
     >>> participant(hypothesis.participants[0]).body.mass_kg
     1600
@@ -103,8 +103,8 @@ def simulate(
 
     ``record`` gives the road's surface; without it the road is dry. All hypotheses are simulated, so that thresholds of
     the verdict can change without simulating again. Raises :class:`trace_dag.common.errors.Failure` for an estimate
-    that cannot be driven, or none of whose hypotheses stayed within all bounds. Vehicles that do not meet are not an
-    error: the run ends, and its log says so.
+    that cannot be driven, or if no hypothesis stayed within all bounds. Vehicles that do not meet are no error: the run
+    ends with that reason in its log.
     """
     simulation = backend.load(network, xodr, friction=surface_friction(settings, record))
     logs = tuple(

@@ -17,7 +17,7 @@ from trace_dag.simulation.vehicle_pairs import VehiclePairs
 
 
 class RunState(Protocol):
-    """A run under way; :class:`trace_dag.simulation.crash_run.CrashRun` says what each member is."""
+    """A run under way; :class:`trace_dag.simulation.crash_run.CrashRun` documents each member."""
 
     settings: SimSettings
     step_s: float
@@ -39,22 +39,22 @@ class RunState(Protocol):
         """Return the present state, which MuJoCo has from here on."""
 
     def update(self, positions: list[float], rates: list[float]) -> None:
-        """Take a state of MuJoCo's."""
+        """Apply a state from MuJoCo to the bodies."""
 
     def move_alone(self, forces: list[tuple[float, float, float]]) -> None:
-        """Take a step in which nobody touches anybody."""
+        """Take a step without any contact."""
 
     def contact_possible(self, step: int) -> bool:
-        """Return whether something may come to touch within the next step."""
+        """Return whether bodies may touch within the next step."""
 
     def forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
         """Return the forces on the vehicles in a part of a step."""
 
     def held(self, forces: list[float], part_s: float) -> list[float]:
-        """Add those of the hitches to the given forces."""
+        """Return the given forces plus those of the hitches."""
 
     def step_in_parts(self, step: int, forces: list[float], parts: int) -> None:
-        """Take a step in so many parts."""
+        """Take a step in a number of parts."""
 
     def step_leaning(self, step: int, forces: list[float]) -> None:
         """Take a whole step of bodies that lean on each other."""
@@ -68,4 +68,4 @@ class RunState(Protocol):
     def begin(
         self, pair: tuple[int, int], before: BodyStates, now: BodyStates, before_s: float, part_s: float
     ) -> ContactEpisode:
-        """Return a contact that came about between two states."""
+        """Return a contact that began between two states."""

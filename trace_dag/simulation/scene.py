@@ -1,15 +1,15 @@
 """Vehicles and people in MuJoCo: the vehicles of :mod:`trace_dag.simulation.rigid`, and jointed figures in space.
 
-Vehicles stay upright bodies in the plane, with the boxes of :mod:`trace_dag.simulation.fronts` for people to meet;
-figures fall under gravity on the road's tangent plane. A person who has not been touched is put where the plan has it
-before every step, so that nothing but a vehicle's touch sets the figure free.
+Vehicles stay upright bodies in the plane, with the boxes of :mod:`trace_dag.simulation.fronts` for contacts with
+people; figures fall under gravity on the road's tangent plane. Before every step, an untouched person is placed by the
+plan, so that only a vehicle's touch releases the figure.
 
 Contact with vehicles is MuJoCo's own, springs and dampers with friction in an elliptic cone, at every segment; the
 friction's reference is slower than the normal one, so that MuJoCo's convex relaxation does not push sliding bodies
 apart. The road carries every segment without friction; its friction acts on the person as a whole, as it was measured
 on whole people and dummies that slide, roll and tumble: mu times the road's normal force against the velocity of the
-centre of mass, which is Searle's law (SAE 831622) through landing, bouncing and sliding alike. The same grip slows
-down turning about the vertical and the limbs.
+centre of mass, which is Searle's law (SAE 831622) through landing, bouncing and sliding alike. The same friction slows
+down rotation about the vertical and the limbs.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class FigureBodies(RigidBodies):
     def stand_on_road(self, vehicles: Sequence[Vehicle]) -> None:
         """Put the road and the ends of the vehicles' boxes under each person at the height of the tangent plane.
 
-        On a grade a front that stayed level would hang in the air or be in the ground.
+        On a grade a level front would hang in the air or be in the ground.
         """
         for i, (vehicle, (geoms, level_m)) in enumerate(zip(vehicles, self._shells, strict=True)):
             ground = vehicle.ground
@@ -145,7 +145,7 @@ class FigureBodies(RigidBodies):
 
     # --- people ------------------------------------------------------------------------------------------------
     def carry(self, time_s: float) -> None:
-        """Move every person who has not been touched to the planned place at a time."""
+        """Move every untouched person to the planned place at a time."""
         for figure, person in zip(self._figures, self._people, strict=True):
             if not person.crashed:
                 person.walk(time_s)
@@ -155,13 +155,13 @@ class FigureBodies(RigidBodies):
                 tree.velocity = (tree.person.vx, tree.person.vy, 0.0)
 
     def let_slide(self, pair: tuple[int, int]) -> None:
-        """End the strike of a pair: what still touches slides as clothes do on sheet metal."""
+        """End the strike of a pair: further contact slides as clothes on sheet metal."""
         trees = [tree for tree in self._trees if tree.person is self._people[pair[1] - self._count]]
         for tree in trees:
             self._model.pair_friction[self._meetings(pair[0], tree), :2] = _CARRIED_FRICTION
 
     def let_go(self, pair: tuple[int, int], off_mps: tuple[float, float]) -> None:
-        """Let a person whom a vehicle carries slide off it without friction, at a velocity to its side."""
+        """Let a person carried by a vehicle slide off it without friction, at a velocity to its side."""
         for tree in self._trees:
             if tree.person is self._people[pair[1] - self._count]:
                 self._model.pair_friction[self._meetings(pair[0], tree), :2] = _SLIPS
@@ -170,19 +170,19 @@ class FigureBodies(RigidBodies):
                 tree.moving[:2] += off_mps
 
     def follow(self) -> None:
-        """Update the state of touched people roughly: it is the pelvis's."""
+        """Update the state of touched people roughly, to that of the pelvis."""
         for figure, person in zip(self._figures, self._people, strict=True):
             if person.crashed:
                 figure.follow(person)
 
     def slide(self, step_s: float) -> None:
-        """Move everybody who was touched a step along the road."""
+        """Move all touched people a step along the road."""
         for tree in self._trees:
             if tree.person.crashed:
                 tree.slide(self._person_friction, step_s)
 
     def look(self, time_s: float) -> None:
-        """Update everybody's state and posture exactly."""
+        """Update the state and posture of all people exactly."""
         if self._data.warning[self._bad].number:
             raise Failure("the figures of people came apart in MuJoCo's solver; this is a fault of ours")
         figures = zip(self._figures, self._people, strict=True)
@@ -221,14 +221,14 @@ class FigureBodies(RigidBodies):
         }
 
     def is_near(self, pair: tuple[int, int]) -> bool:
-        """Return whether a vehicle and a person touched, or came near, in the state that the last step began with."""
+        """Return whether a vehicle and a person were near each other in the state before the last step."""
         if pair in self.touches:
             return True
         meets = (self._owner.get(one) == pair[0] and self._owner.get(two) == pair[1] for one, two in self._contacts())
         return any(meets)
 
     def _contacts(self) -> Iterator[tuple[int, int]]:
-        """Yield the shapes of vehicles and people that were near each other then, the vehicle's first."""
+        """Yield the shapes of vehicles and people that were near each other, the vehicle's first."""
         for one, two in self._data.contact.geom.tolist():
             yield (one, two) if self._owner.get(one, self._count) < self._count else (two, one)
 
@@ -276,10 +276,10 @@ class FigureBodies(RigidBodies):
         self._pushed[tree] = (before[0] + force[0], before[1] + force[1], before[2] + force[2])
 
     def _let_up(self, over_s: float) -> None:
-        """Take back what a vehicle pressed somebody on the road with beyond the load of a wheel.
+        """Limit the force of a vehicle on a person on the ground to one wheel's load.
 
-        Its springs give way and it goes over who lies there, or over the foot of who stands. In the plane it cannot
-        rise, and MuJoCo's solver, to part vehicle, body and road, would throw the body up and stop the vehicle.
+        A real vehicle rises on its springs and goes over the person. In the plane it cannot rise, and MuJoCo's solver,
+        to part vehicle, body and road, would throw the body up and stop the vehicle.
         """
         for (pair, tree), touches in self._pressed.items():
             vehicle, down_n = pair[0], -math.fsum(min(touch.force[2], 0.0) for touch in touches)
@@ -303,10 +303,10 @@ class FigureBodies(RigidBodies):
                 kept[kept.index(touch)] = touch._replace(force=tuple((1.0 - share) * value for value in touch.force))
 
     def _roll_over(self, over_s: float) -> None:
-        """Let vehicles over who lies before them once they have climbed.
+        """Let vehicles pass over a person on the ground once they have climbed.
 
-        Pushed with a wheel's load for as long as they rise by the height of a body that lies, or, where it is a wheel
-        that touches, gone on as far as the tyre needs to draw the body under.
+        They push with a wheel's load until they have risen by the height of a lying body. If a wheel touches, they push
+        until it has gone as far as the tyre needs to draw the body under.
         """
         for ((vehicle, _), tree), touches in self._pressed.items():
             if not self._lies(tree):
@@ -324,7 +324,7 @@ class FigureBodies(RigidBodies):
                 del self._climbed[vehicle, tree]
 
     def _meetings(self, vehicle: int, tree: BodyTree) -> Any:
-        """Return which of the model's pairs of shapes are of a vehicle and a person: an array of truths."""
+        """Return a mask of the model's pairs of shapes of a vehicle and a person."""
         shapes, one, two = self._shells[vehicle][0], self._model.pair_geom1, self._model.pair_geom2
         return (np.isin(one, shapes) & np.isin(two, tree.geoms)) | (np.isin(two, shapes) & np.isin(one, tree.geoms))
 
@@ -332,9 +332,9 @@ class FigureBodies(RigidBodies):
         return float(tree.centre[2]) - tree.person.z < _LIES_BELOW_M
 
     def _settle_velocities(self, step_s: float) -> None:
-        """Give every centre of mass the velocity of its forces, and add the road's friction as an impulse.
+        """Set every centre of mass to the velocity of its forces, and add the road's friction as an impulse.
 
-        Limbs that whirl about would be integrated away from it (by 2 % of a strike at 30 m/s).
+        With fast limbs, the integration would deviate from it (by 2 % of a strike at 30 m/s).
         """
         free = [tree for tree in self._trees if tree.person.crashed or tree in self._pushed]
         if not free:
@@ -364,12 +364,12 @@ class FigureBodies(RigidBodies):
             tree.velocity = (x, y, z)
 
     def _measure_places(self) -> None:
-        """Bring places and centres of mass up to the state as it is."""
+        """Update places and centres of mass to the present state."""
         self._mujoco.mj_kinematics(self._model, self._data)
         self._mujoco.mj_comPos(self._model, self._data)
 
     def _measure_velocities(self) -> None:
-        """Bring the velocities of centres of mass up to the state, whose places are measured."""
+        """Update the velocities of centres of mass to the present state, after the places."""
         self._mujoco.mj_comVel(self._model, self._data)
         self._mujoco.mj_subtreeVel(self._model, self._data)
 
@@ -379,7 +379,7 @@ class FigureBodies(RigidBodies):
         return model, self._mujoco.MjData(model)
 
     def release(self) -> None:
-        """Release nothing: no other run has the same people."""
+        """Release nothing, because no other run has the same people."""
 
     def _mjcf(self, models: list[VehicleModel]) -> str:
         vehicles = vehicle_bodies(models, _shell_mjcf)
@@ -430,5 +430,5 @@ def _meeting(one: str, two: str) -> str:
 
 
 def _solref(rate_rps: float, damping_ratio: float) -> str:
-    """Return a spring and damper by natural frequency and damping ratio, whatever the masses."""
+    """Return a spring and damper by natural frequency and damping ratio, for any masses."""
     return f'solref="{-(rate_rps**2)!r} {-2 * damping_ratio * rate_rps!r}"'

@@ -93,12 +93,12 @@ class Trajectory:
 class LossOfControl:
     """The assumed loss of control of a vehicle from a time on.
 
-    Its cause, the driver or the damage after a contact, or what tripped it, is not reported.
+    Its cause (the driver, damage, or a trip) is not reported.
 
     Its front wheels are turned to the left (``wheels_rad``; right: negative). It spins (``yaw_rps``, added to its yaw
-    rate then), as one does that was struck off its middle. ``locked_wheels`` carry that share of its weight: with 0 it
-    rolls on, with 1 it slides; None is what the settings have. Wheels that dig in (``digs_in``) hold it across as in
-    soil, on pavement too: bare rims gouge it; they catch at the kerb of a street.
+    rate), as after an eccentric strike. ``locked_wheels`` carry that share of its weight: with 0 it rolls on, with 1 it
+    slides; None uses the settings. Wheels that dig in (``digs_in``) resist sideways as in soil, also on pavement, as
+    gouging rims do; they catch at the kerb of a street.
     """
 
     from_s: float
@@ -146,13 +146,13 @@ class ParticipantState:
 
     @property
     def is_figure(self) -> bool:
-        """Return whether it is simulated as a jointed figure: a person outside motor vehicles, or an animal."""
+        """Return whether the party is simulated as a jointed figure: a person outside motor vehicles, or an animal."""
         return self.kind is not PartyKind.MOTOR_VEHICLE
 
 
 @dataclass(frozen=True)
 class PlannedEvent:
-    """A planned contact of two parties: the number of the record's event, when (s) and where."""
+    """A planned contact of two parties: the number of the record's event, time (s) and place."""
 
     event_number: int
     party_1: int
@@ -163,10 +163,10 @@ class PlannedEvent:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One way the crash can have happened.
+    """One possible course of the crash.
 
-    Participants (vehicles that drive, people who move or stand) and their planned contacts, in order. ``score`` is a
-    log-likelihood of the record's evidence, by term in ``evidence``.
+    It has participants (driving vehicles, people) and their planned contacts, in order. ``score`` is a log-likelihood
+    of the record's evidence, by term in ``evidence``.
     """
 
     name: str
@@ -192,10 +192,10 @@ class EstimateCheck:
 
 @dataclass(frozen=True)
 class EstimatorRun:
-    """Provenance of an estimate: who made it, and for LLMs model, prompt version, attempts, tokens, cost, answers.
+    """Provenance of an estimate: its estimator, and for LLMs model, prompt version, attempts, tokens, cost, answers.
 
-    ``estimator`` made it. If that is not the estimator that was asked, ``fallback_from`` names the asked one and
-    ``fallback_reason`` says why it made none; model, attempts, cost and answers are then those of the asked one.
+    ``estimator`` made it. For a fallback, ``fallback_from`` names the requested estimator and ``fallback_reason`` the
+    reason; model, attempts, cost and answers are then those of the requested one.
     """
 
     estimator: str
@@ -213,7 +213,7 @@ class EstimatorRun:
 
     @property
     def fallback(self) -> bool:
-        """Return whether another estimator than the asked one made the estimate."""
+        """Return whether an estimator other than the requested one made the estimate."""
         return self.fallback_from is not None
 
     def in_words(self) -> str:

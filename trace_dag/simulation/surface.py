@@ -1,4 +1,4 @@
-"""Heights of the road surface as the simulation asks for them: often, anywhere near the crash, cheaply."""
+"""Heights of the road surface near the crash, for frequent cheap queries of the simulation."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ class Ground(NamedTuple):
         return self.z_m + self.slope_x * (x_m - self.x_m) + self.slope_y * (y_m - self.y_m)
 
     def reaches(self, x_m: float, y_m: float) -> bool:
-        """Return whether a point is so near that the tangent plane still stands for the surface."""
+        """Return whether a point is so near that the tangent plane is valid."""
         return abs(x_m - self.x_m) < _PLANE_M and abs(y_m - self.y_m) < _PLANE_M
 
 
 class Surface:
     """The drivable surface: samples along lane centres, shape (n, 3), and the grade along each, shape (n, 2).
 
-    Between samples the nearest one's tangent plane is used, level across the lane; off the road the nearest lane's
-    goes on. ``Surface()`` is the plane at height 0.
+    Between samples the nearest one's tangent plane is used, level across the lane; it also extends off the road.
+    ``Surface()`` is the plane at height 0.
     """
 
     def __init__(self, points_m: FloatArray | None = None, slopes: FloatArray | None = None) -> None:
@@ -51,7 +51,7 @@ class Surface:
         self._slopes = np.zeros((0, 2)) if flat else np.asarray(slopes, float)
 
     def around(self, paths_m: FloatArray) -> Surface:
-        """Return the surface that matters to vehicles on some paths: this one."""
+        """Return the surface near some paths, which is this one."""
         return self
 
     @property
@@ -77,7 +77,8 @@ class Surface:
     def _on_other_level(self, squared: FloatArray, near_z_m: float) -> np.intp:
         """Return the nearest sample on the level of a height, by the squared distances of all.
 
-        If there is none, that which is nearest in height."""
+        If there is none, it is the nearest in height.
+        """
         near = np.arange(len(squared))
         if len(squared) > _NEIGHBOURS:
             near = np.argpartition(squared, _NEIGHBOURS)[:_NEIGHBOURS]
@@ -89,7 +90,7 @@ class Surface:
 
 
 class NetworkSurface:
-    """The surface of a road network, sampled only where it is asked for; a network without elevation is a plane."""
+    """The surface of a road network, sampled on use; a network without elevation is a plane."""
 
     def __init__(self, network: RoadNetwork) -> None:
         self._network = network

@@ -1,9 +1,8 @@
 """People and animals of a run: they move along their plans until a vehicle touches them, and are thrown.
 
 Steps are taken in parts of about a millisecond while a vehicle may touch a person, and whole where people only fly and
-slide. A striking driver goes on (:mod:`trace_dag.simulation.post_impact_driving`) unless the strike changes the
-vehicle's velocity by as much as makes an event data recorder wake up: that is a crash for who drives, a motorcyclist
-for example.
+slide. A striking driver goes on (:mod:`trace_dag.simulation.post_impact_driving`), unless the strike changes the
+vehicle's velocity by the threshold of event data recorders. That counts as a crash, for a motorcyclist for example.
 """
 
 from __future__ import annotations
@@ -72,17 +71,17 @@ class ThrownPeople:
 
     @property
     def moving(self) -> bool:
-        """Return whether anybody who was touched still moves."""
+        """Return whether a touched person or animal still moves."""
         return any(person.crashed and not person.at_rest for person in self._run.people)
 
     def stand_on_road(self) -> None:
-        """Stand on the road's surface as it is here."""
+        """Put people on the road's surface under them."""
         if not (self._run.surface.flat and self._on_road):
             self.bodies.stand_on_road(self._run.vehicles)
             self._on_road = True
 
     def look(self, time_s: float) -> None:
-        """Keep how everybody holds themselves."""
+        """Record the posture of all people."""
         self.bodies.carry(time_s)
         self.bodies.look(time_s)
 
@@ -91,7 +90,7 @@ class ThrownPeople:
         return min(until, self._apart_until_step) if self._chances else until
 
     def walk(self, time_s: float) -> None:
-        """Move who was not touched along the plan."""
+        """Move untouched people along their plans."""
         for person in self._run.people:
             if not person.crashed:
                 person.walk(time_s)
@@ -120,7 +119,7 @@ class ThrownPeople:
         self.bodies.follow()
 
     def _step_of_people(self, step: int, forces: list[float], parts: int) -> None:
-        """Take a step in which no two vehicles can come to touch."""
+        """Take a step in which no two vehicles can touch."""
         part_s = self._run.step_s / parts
         self._run.before = None
         self._run.taken_over()
@@ -152,7 +151,7 @@ class ThrownPeople:
         return any(two < len(self._run.vehicles) for _, two in self._run.open)
 
     def _strike_parts(self, step: int) -> int:
-        """Return the number of parts to take the next step in; 0 if no vehicle can touch a person in it."""
+        """Return the number of parts for the next step; 0 if no vehicle can touch a person in it."""
         if step < self._apart_until_step:
             return 0
         now_s = step * self._run.step_s
@@ -176,9 +175,9 @@ class ThrownPeople:
         return parts
 
     def _parts_near(self, pair: tuple[int, int], now_s: float, closing_mps: float) -> int:
-        """Return the number of parts to take a step in for a vehicle and a person who are near each other.
+        """Return the number of parts for a step of a vehicle and a person who are near each other.
 
-        In a whole step nobody who is not seen near the other yet comes to touch.
+        In a whole step, no person can touch a vehicle without being near it before.
         """
         episode = self._run.open.get(pair)
         if episode is None:
@@ -190,9 +189,9 @@ class ThrownPeople:
         return self._near_in_parts if self.bodies.is_near(pair) else self._flight_in_parts
 
     def _runs_ahead(self, pair: tuple[int, int]) -> bool:
-        """Return whether a person is faster than the vehicle along it, as who slides off the hood of one that brakes.
+        """Return whether a person moves ahead faster than the vehicle, as after sliding off a braking one's hood.
 
-        Nothing strikes them.
+        The vehicle cannot strike such a person.
         """
         vehicle, person = self._vehicle(pair), self._person(pair)
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
@@ -200,7 +199,7 @@ class ThrownPeople:
 
     # --- contacts --------------------------------------------------------------------------------------------
     def begin(self, pair: tuple[int, int], now_s: float, part_s: float) -> ContactEpisode:
-        """Return a strike that came about in a part of a step."""
+        """Return a strike that began in a part of a step."""
         vehicle, person = self._vehicle(pair), self._person(pair)
         if person.crashed:
             self.bodies.follow()
@@ -227,7 +226,7 @@ class ThrownPeople:
             self._run.wheels.lose(episode.one)
 
     def _let_go_of(self, pair: tuple[int, int], time_s: float) -> None:
-        """Let a person who is still carried slide off the vehicle once it brakes, or else roll off to its side."""
+        """Let a person who is still carried slide off the vehicle when it brakes, or else roll off to its side."""
         vehicle, person = self._vehicle(pair), self._person(pair)
         carried_s = time_s - self._touched_s[pair]
         late = carried_s > _CARRIED_S

@@ -1,13 +1,13 @@
 """A trailer behind a vehicle: a second rigid body, and the hitch that couples the two.
 
 The hitch is a hinge about the vertical. Its force is solved for at every step, so that at the step's end both bodies
-have one velocity where they are coupled (two equations for a force along and across); what they are apart by rounding
-is taken back over some steps. Force and counterforce act at one point: momentum is kept. Solved in the plane it costs
-little and serves both ways of stepping, with MuJoCo where bodies can touch and without where none can. Beyond some
-angle cab or drawbar meet the trailer: from there on a moment holds the angle too.
+have one velocity at the coupling (two equations for a force along and across); gaps by rounding are closed over some
+steps. Force and counterforce act at one point: momentum is kept. Solved in the plane it costs little and serves both
+ways of stepping, with MuJoCo where bodies can touch and without where none can. Beyond some angle cab or drawbar meet
+the trailer, and a moment limits the angle.
 
-Trailers have brakes as what pulls them: the share of their load that brakes is the driver's. Both are out of control
-together. A semitrailer presses on the tractor's axles and rolls with it; a drawbar trailer stays upright.
+Trailers brake as their pulling vehicle does, with the same share of their load. Both are out of control together. A
+semitrailer presses on the tractor's axles and rolls with it; a drawbar trailer stays upright.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def pulled_body(participant: Participant) -> Body | None:
 
 
 class Towed(Vehicle):
-    """A trailer while it is simulated: it has no driver and no plan of its own."""
+    """A simulated trailer, without driver and plan of its own."""
 
     __slots__ = ("puller", "trailer")
 
@@ -91,7 +91,7 @@ class Towed(Vehicle):
         return self.puller.stops
 
     def strike(self, step: int, response: AfterStriking, step_s: float, *, beside: bool = False) -> None:
-        """Note that the trailer has struck a person or was touched: the driver of the vehicle that pulls it reacts."""
+        """Record a strike of a person or a touch; the driver of the pulling vehicle reacts."""
         self.puller.strike(step, response, step_s, beside=beside)
 
     @property
@@ -100,7 +100,7 @@ class Towed(Vehicle):
         return 0.0, self.puller.pedals[1]
 
     def log_row(self) -> tuple[float, ...]:
-        """Return the state as the recorder keeps it.
+        """Return the state for the recorder.
 
         A semitrailer has the roll of its tractor.
         """
@@ -117,7 +117,7 @@ class Towed(Vehicle):
 
 
 def whole_kg(vehicle: Vehicle) -> float:
-    """Return the mass of a vehicle with its trailer, or of a trailer with the vehicle that pulls it.
+    """Return the mass of a vehicle with its trailer, or of a trailer with its pulling vehicle.
 
     >>> whole_kg(simulated_pair[0])  # a car that pulls nothing
     1600.0
@@ -132,7 +132,7 @@ def _hitch_behind_cg_m(model: VehicleModel, trailer: Trailer) -> float:
 
 
 class Hitch:
-    """The coupling of two of a run's vehicles, by their places in it."""
+    """The coupling of two of a run's vehicles, by their indices."""
 
     def __init__(self, vehicles: Sequence[Vehicle], puller: int, towed: int) -> None:
         one, two = vehicles[puller], vehicles[towed]
@@ -151,7 +151,7 @@ class Hitch:
         return self._i // 3, self._j // 3
 
     def hold(self, forces: list[float], step_s: float) -> None:
-        """Add the hitch's forces on both to the others of a step: x, y (N) and moment (Nm) of each vehicle in a row."""
+        """Add the hitch's forces on both vehicles to those of a step: x, y (N) and moment (Nm) of each in a row."""
         one, two, i, j = self._one, self._two, self._i, self._j
         (mass_1, mass_2), (inertia_1, inertia_2) = self._per_mass, self._per_inertia
         ax, ay = -self._behind_m * math.cos(one.heading), -self._behind_m * math.sin(one.heading)
@@ -196,7 +196,7 @@ class Hitch:
 
 
 def couple(vehicles: list[Vehicle], participants: Sequence[Participant], friction: float) -> list[Hitch]:
-    """Put every trailer behind the vehicle that pulls it, after all of those: their hitches.
+    """Add every trailer behind its pulling vehicle, after all vehicles; return the hitches.
 
     >>> from trace_dag.simulation.run import participant
     >>> couple(list(simulated_pair), list(map(participant, hypothesis.participants)), friction=0.7)  # no trailers

@@ -79,17 +79,17 @@ class Body:
 
     @property
     def is_figure(self) -> bool:
-        """Return whether it is simulated as a jointed figure: a person, on foot or riding, or an animal."""
+        """Return whether the body is simulated as a jointed figure: a person, on foot or riding, or an animal."""
         return self.kind is not BodyKind.MOTOR_VEHICLE
 
     @property
     def is_trailer(self) -> bool:
-        """Return whether it is what a vehicle pulls."""
+        """Return whether the body is a trailer."""
         return self.vehicle_class is VehicleClass.TRAILER
 
 
 def party_name(body: Body, number: int) -> str:
-    """Return the name of a participant in messages: vehicle 1, pedestrian 1001, the trailer of vehicle 1.
+    """Return the name of a participant for messages: vehicle 1, pedestrian 1001, the trailer of vehicle 1.
 
     >>> party_name(Body(BodyKind.PEDESTRIAN, VehicleClass.OTHER, 0.3, 0.5, 1.75, 80.0), 1001)
     'pedestrian 1001'
@@ -103,7 +103,7 @@ def party_name(body: Body, number: int) -> str:
 class AfterStriking:
     """A driver's behaviour after striking a person: on for ``reaction_s``, then braking to a stop.
 
-    An infinite reaction is a driver who does not stop for it and drives the plan to its end.
+    An infinite reaction means a driver who does not stop and drives the plan to its end.
     """
 
     reaction_s: float
@@ -112,15 +112,15 @@ class AfterStriking:
 
 @dataclass(frozen=True, eq=False)
 class Participant:
-    """A body, where and how fast it starts, and the planned motion that it follows until its first contact.
+    """A body with its initial pose and speed, and the planned motion that it follows until its first contact.
 
-    A driver goes on after striking a person, as ``after_striking`` says or, where it is None, as the settings do. A
-    person moves along the trajectory exactly, from its first point, until touched, and stands where it ends. So does a
-    vehicle from ``skids_from_s`` on, which is out of control then and need not head the way it goes. A ``trailer``
-    heads ``trailer_heading_rad`` at the start. With ``beyond_edge`` the ground beyond the carriageway's edge is
-    simulated, and vehicles can roll over; who ``breaks_rail`` is not held at the edge
-    of a bridge. From the first of its ``losses_of_control`` on nobody drives it. After its first contact
-    ``locked_wheels`` carry that share of its weight, from 0 to 1; None is what the settings have.
+    A driver goes on after striking a person by ``after_striking``, or by the settings if that is None. A person moves
+    exactly along the trajectory from its first point until touched, and stands at its end. A vehicle does so from
+    ``skids_from_s`` on; it is out of control then, and its heading may differ from its direction. A ``trailer`` has
+    ``trailer_heading_rad`` at the start. With ``beyond_edge`` the ground beyond the carriageway's edge is simulated,
+    and vehicles can roll over; a vehicle that ``breaks_rail`` is not held at the edge of a bridge. From the first of
+    its ``losses_of_control`` on it has no driver. After its first contact ``locked_wheels`` carry that share of its
+    weight, from 0 to 1; None uses the settings.
     """
 
     number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person, 2000 + EVENTNUM for an animal
@@ -169,10 +169,9 @@ class VehicleLog:
     landmarks_m: FloatArray
 
     def on_grid(self) -> VehicleLog:
-        """Return the same with all but the times rounded to :data:`STATE_GRID`.
+        """Return a copy with all values but the times rounded to :data:`STATE_GRID`.
 
-        A file of them takes less than half the space, as what a simulation has beyond that is the noise of its
-        arithmetic.
+        A file of them takes less than half the space; digits beyond the grid are arithmetic noise.
         """
         states = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _NOT_ON_GRID}
         return replace(self, **{name: np.rint(values * STATE_GRID) / STATE_GRID for name, values in states.items()})
@@ -180,17 +179,18 @@ class VehicleLog:
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact between two bodies: its first moment, and what it did over its whole duration.
+    """One contact between two bodies: its first moment, and its effects over its whole duration.
 
-    If one of them is a person, the vehicle is the first, and the person's body includes what the person rides.
+    If one of them is a person, the vehicle is the first, and the person's body includes the mount.
 
     ``normal`` is a unit vector from body 1 to body 2; poses are of the bodies' centres and, like the velocities of
     their centres of gravity, those just before the contact. ``impulse_ns`` and ``delta_v`` (m/s, of the centres of
-    gravity) are what the contact did within :data:`PULSE_S` of its first moment; ``duration_s`` is how long the two
-    pressed each other, ``crush_*_m`` how deep each was pressed in at most; persons and rigid objects are not.
+    gravity) are the effects within :data:`PULSE_S` of its first moment; ``duration_s`` is the time of pressing,
+    ``crush_*_m`` the largest crush of each, 0 for persons and rigid objects.
 
-    Numbers, poses and velocities of a combination vehicle are those of the pulling vehicle, whichever part was
-    touched; ``delta_v`` is of both parts together. ``trailer_pose_*`` is where the trailer was if that was touched."""
+    Numbers, poses and velocities of a combination vehicle are those of the pulling vehicle, whichever part was touched;
+    ``delta_v`` is of both parts together. ``trailer_pose_*`` is the pose of a touched trailer.
+    """
 
     time_s: float
     duration_s: float
@@ -216,20 +216,20 @@ class Contact:
 
     @property
     def poses(self) -> dict[int, Pose]:
-        """Return poses by the numbers of bodies: of both parties, and of a trailer that was touched."""
+        """Return poses by the numbers of bodies: of both parties, and of a touched trailer."""
         behind = ((self.number_1, self.trailer_pose_1), (self.number_2, self.trailer_pose_2))
         found = {self.number_1: self.pose_1, self.number_2: self.pose_2}
         return found | {trailer_body(number): pose for number, pose in behind if pose is not None}
 
     @property
     def touched(self) -> tuple[int, int]:
-        """Return numbers of the two bodies that touched: of a trailer its own."""
+        """Return the numbers of the two touching bodies; a trailer has its own number."""
         one = self.number_1 if self.trailer_pose_1 is None else trailer_body(self.number_1)
         two = self.number_2 if self.trailer_pose_2 is None else trailer_body(self.number_2)
         return one, two
 
     def along_m(self, course_rad: float) -> float:
-        """Return how far it is ahead of the frame's origin, seen along a course."""
+        """Return how far the contact is ahead of the frame's origin along a course."""
         return self.x_m * math.cos(course_rad) + self.y_m * math.sin(course_rad)
 
 
@@ -247,10 +247,10 @@ class Moment:
 class SimulationLog:
     """The log of a back-end for one hypothesis.
 
-    ``objects`` are the fixed ones that stood there.
+    ``objects`` are the fixed objects.
 
     A trailer is a body of its own among ``vehicles`` (after all participants) and ``bodies``, numbered
-    :func:`trace_dag.crash.parties.trailer_body`; contacts with it are contacts of the vehicle that pulls it.
+    :func:`trace_dag.crash.parties.trailer_body`; contacts with it are contacts of the pulling vehicle.
     """
 
     backend: str
@@ -268,7 +268,7 @@ class SimulationLog:
 
     @property
     def parties(self) -> tuple[VehicleLog, ...]:
-        """Return the logs of the participants: of all bodies but trailers."""
+        """Return the logs of the participants, without trailers."""
         return tuple(each for each in self.vehicles if party_of_body(each.number) == each.number)
 
     def vehicle_log(self, number: int) -> VehicleLog:
@@ -276,13 +276,13 @@ class SimulationLog:
         return next(each for each in self.vehicles if each.number == number)
 
     def trailer_log(self, number: int) -> VehicleLog | None:
-        """Return the log of what a vehicle pulls."""
+        """Return the log of a vehicle's trailer, or None."""
         return next((each for each in self.vehicles if each.number == trailer_body(number)), None)
 
     def pose_at_contact(self, contact: Contact, number: int) -> Pose | None:
-        """Return the place of a body when its party first touched another in a contact.
+        """Return the pose of a body when its party first touched another in a contact.
 
-        None if it has no part in it.
+        None if the party has no part in it.
         """
         if party_of_body(number) not in (contact.number_1, contact.number_2):
             return None
@@ -296,7 +296,7 @@ class SimulationLog:
     def articulation_rad(self, number: int) -> FloatArray | None:
         """Return the angle between a vehicle and its trailer per step, shape (n,); None without one.
 
-        It is positive where the vehicle is turned to the left of the trailer.
+        It is positive if the vehicle is turned to the left of the trailer.
         """
         trailer = self.trailer_log(number)
         if trailer is None:
@@ -305,9 +305,10 @@ class SimulationLog:
         return np.asarray((puller.heading_rad - trailer.heading_rad + math.pi) % math.tau - math.pi)
 
     def clock_body(self, contact: Contact, number: int) -> tuple[Pose, float, float]:
-        """Return the body that clock positions of a contact are counted on: pose of its middle, length and width (m).
+        """Return the body to which clock positions of a contact refer: pose of its middle, length and width (m).
 
-        For a combination vehicle that is the whole of it, in line with the part that was touched."""
+        For a combination vehicle it is the whole combination, in line with the touched part.
+        """
         first = number == contact.number_1
         pose, behind = (contact.pose_1, contact.trailer_pose_1) if first else (contact.pose_2, contact.trailer_pose_2)
         body, trailer = self.bodies[number], self.trailers.get(number)
@@ -339,7 +340,7 @@ class SimulationLog:
 
     @property
     def first_of_each(self) -> tuple[Contact, ...]:
-        """Return the first contact of each two parties, a party and a fixed object among them, in their order."""
+        """Return the first contact of each pair of parties, or of a party and a fixed object, in order."""
         first: dict[tuple[int, int], Contact] = {}
         for each in sorted(self.contacts, key=lambda contact: contact.time_s):
             first.setdefault((each.number_1, each.number_2), each)
@@ -347,9 +348,7 @@ class SimulationLog:
 
     @property
     def first_contact(self) -> Contact | None:
-        """Return the first contact between two participants.
-
-        If nobody met anybody, the first with a fixed object."""
+        """Return the first contact between two participants, or else with a fixed object, or None."""
         return min(self.meetings or self.contacts, key=lambda contact: contact.time_s, default=None)
 
 
@@ -362,7 +361,7 @@ def _middle(poses: Poses, part: Pose) -> Pose:
 
 
 def moment_of(log: SimulationLog) -> Moment | None:
-    """Return the first contact; where nobody touched anything, the first overturn; None if there is neither.
+    """Return the first contact, or without one the first overturn, or None.
 
     >>> moment_of(log).numbers
     (1, 2)
@@ -380,7 +379,7 @@ def moment_of(log: SimulationLog) -> Moment | None:
 def overturned_at(vehicle: VehicleLog) -> int | None:
     """Return the step of a log at which a vehicle has overturned.
 
-    None if it does not, or is a figure that is thrown.
+    None if it does not, or for a thrown figure.
     """
     if vehicle.landmarks_m.shape[1]:
         return None
@@ -402,9 +401,9 @@ class Simulation(Protocol):
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``; ends with a termination and a reason, never hangs.
 
-        ``objects`` stand where they are; beside them the ground beyond the carriageway is what it is there.
+        ``objects`` are fixed; beside them the real ground beyond the carriageway is simulated.
 
-        ``drivers`` take participants over from their plans, by number; what they raise is passed on. With
+        ``drivers`` take participants over from their plans, by number; their exceptions are passed on. With
         ``after_contact_s`` the simulation ends that long after the first contact, at rest or not.
         """
 
@@ -415,13 +414,13 @@ class Backend(Protocol):
     name: str
 
     def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> Simulation:
-        """Make the road map ready.
+        """Prepare the road map.
 
-        ``xodr`` is the map as stored, ``network`` the same map as read, ``friction`` that of tyres on this road.
+        ``xodr`` is the stored map, ``network`` the same map as read, ``friction`` that of tyres on this road.
         """
 
     def close(self) -> None:
-        """Release everything; safe to call twice."""
+        """Release everything; it is safe to call this twice."""
 
 
 class BackendFactory(Protocol):
@@ -434,4 +433,4 @@ class BackendFactory(Protocol):
         """Return the back-end by the settings; it connects when the first map is loaded."""
 
     def require(self, settings: SimSettings) -> None:
-        """Raise :class:`trace_dag.common.errors.UserError` for what is not there, before anything runs."""
+        """Raise :class:`trace_dag.common.errors.UserError` for missing requirements, before anything runs."""

@@ -1,8 +1,7 @@
-"""The pairs of vehicles of a run that can touch each other: how far they are apart, and how they press each other in.
+"""The pairs of vehicles of a run that can touch each other: their gaps, and their crush.
 
-Belongs here: what two vehicles are to each other at a moment, and the dents that last. Does not belong here: contacts,
-which begin and end (:mod:`trace_dag.simulation.crash_run`), and the force between two
-(:mod:`trace_dag.simulation.crush`).
+Belongs here: the relation of two vehicles at a moment, and lasting dents. Does not belong here: contacts with beginning
+and end (:mod:`trace_dag.simulation.crash_run`), and the force between two (:mod:`trace_dag.simulation.crush`).
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ BOUND, BOUND_MPS = 1.5, 10.0
 
 
 class VehiclePairs:
-    """The pairs by the places of both among the vehicles, in the order of the parties that they belong to.
+    """The pairs by the indices of both vehicles, in the order of their parties.
 
-    Nobody touches what is coupled to it.
+    Coupled vehicles do not touch.
     """
 
     def __init__(self, vehicles: Sequence[Vehicle], hitches: Sequence[Hitch], settings: SimSettings) -> None:
@@ -52,9 +51,9 @@ class VehiclePairs:
         return [(one, two) for _, one, two, _ in self._met]
 
     def gap_m(self, pair: tuple[int, int]) -> float:
-        """Return the distance of two vehicles now, as :func:`separation` has it.
+        """Return the present distance of two vehicles, as from :func:`separation`.
 
-        Asked at the end of a part of a step, and at the beginning of the next.
+        It is kept between the end of a part of a step and the beginning of the next.
         """
         one, two = self._vehicles[pair[0]].outline(), self._vehicles[pair[1]].outline()
         known = self._compared.get(pair)
@@ -67,7 +66,7 @@ class VehiclePairs:
     def press(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
         """Return forces on all vehicles in a part of a step, x, y (N) and moment (Nm) of each in a row.
 
-        Those given, and those of vehicles that press each other in.
+        They are the given ones plus those of vehicles that crush each other.
         """
         self.pressed_n = {}
         total = list(forces)
@@ -95,5 +94,5 @@ class VehiclePairs:
 
 
 def same_level(one: Vehicle, two: Vehicle | Person) -> bool:
-    """Return whether two bodies are at heights at which they can touch, and not one above the other on a bridge."""
+    """Return whether two bodies are at heights at which they can touch, rather than at different levels of a bridge."""
     return one.z < two.z + two.model.body.height_m and two.z < one.z + one.model.body.height_m

@@ -1,11 +1,11 @@
 """The dynamic properties of each vehicle class (a trailer is one): axles, centre of gravity, tyres, limits.
 
 Dimensions and mass come from the report; the proportions below are those of typical vehicles of the class (wheelbase
-and axle positions from manufacturers' drawings, cornering stiffness per load after Pacejka, Tyre and Vehicle
-Dynamics, 3rd ed., and Winkler, Simplified Analysis of the Steady-State Turning of Complex Vehicles, for trucks). The
-tractor of a semitrailer has a front overhang of 4 ft, as AASHTO's design vehicles WB-62 and WB-67; what a trailer
-rests on the hitch loads the axles of what pulls it. Tyres of trucks, which are made to last, have some 0.7 of the
-friction of a car's on dry pavement (Reed and Keskin, SAE 870502); those of light trucks are taken to lie between.
+and axle positions from manufacturers' drawings, cornering stiffness per load after Pacejka, Tyre and Vehicle Dynamics,
+3rd ed., and Winkler, Simplified Analysis of the Steady-State Turning of Complex Vehicles, for trucks). The tractor of a
+semitrailer has a front overhang of 4 ft, as AASHTO's design vehicles WB-62 and WB-67; the hitch load of a trailer is on
+the axles of the pulling vehicle. Tyres of trucks, which are made to last, have some 0.7 of the friction of a car's on
+dry pavement (Reed and Keskin, SAE 870502); those of light trucks are taken to lie between.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class VehicleModel:
 
 @lru_cache(maxsize=256)
 def vehicle_model(body: Body, trailer: Trailer | None = None) -> VehicleModel:
-    """Return the single-track model of a body; with a trailer, of the vehicle that pulls it.
+    """Return the single-track model of a body; with a trailer, that of its pulling vehicle.
 
     >>> model = vehicle_model(log.bodies[1])
     >>> round(model.front_load_n + model.rear_load_n)  # 1600 kg at 9.80665 m/s2
@@ -109,7 +109,7 @@ def vehicle_model(body: Body, trailer: Trailer | None = None) -> VehicleModel:
 
 
 def _pulling(alone: VehicleModel, trailer: Trailer, p: _Proportions) -> VehicleModel:
-    """Return a vehicle with the load of a trailer on its hitch, which is shared by its axles as on a beam."""
+    """Return a vehicle with the load of a trailer on its hitch, shared by its axles as on a beam."""
     carried_n = trailer.hitch_load_share * trailer.mass_kg * GRAVITY_MPS2
     behind_front_m = trailer.hitch_m - alone.body.length_m / 2 + alone.cg_ahead_m + alone.front_axle_m
     on_rear_n = carried_n * behind_front_m / alone.wheelbase_m
@@ -163,11 +163,11 @@ def trailer_model(body: Body, trailer: Trailer) -> VehicleModel:
 
 
 def yaw_inertia_kgm2(body: Body) -> float:
-    """Return the about the vertical through the centre of gravity.
+    """Return the yaw inertia about the vertical through the centre of gravity.
 
-    Light vehicles follow NHTSA's measurements: 1.03 W - 1206 slug ft2 at a weight W in lb (Garrott, SAE 930897), but no
-    more than a uniform box's and no less than two thirds of it, where the regression leaves the range it was made of.
-    All others have a uniform box's.
+    Light vehicles follow NHTSA's measurements: 1.03 W - 1206 slug ft2 at a weight W in lb (Garrott, SAE 930897),
+    limited to between two thirds of a uniform box's and the whole of it, outside the range of the regression. All
+    others have that of a uniform box.
 
     >>> from trace_dag.simulation.types import BodyKind
     >>> round(yaw_inertia_kgm2(Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.76, 1.78, 1.40, 3260 * KG_PER_LB)))

@@ -1,8 +1,9 @@
-"""Negative controls of plans: the same crash with a party late, its side mirrored, or what stood there moved.
+"""Negative controls of plans: a party late, its side mirrored, or an object or parked vehicle moved.
 
-The verdict of each is made by the same rules as that of the true plan. If one of two parties stands at the place of
-the crash no delay makes them miss: not a control, and said so. Objects and parked vehicles are placed by the
-program, so that a verdict can only be worth what these reject."""
+The verdict of each is made by the rules for the true plan. If one of two parties stands at the place of the crash, no
+delay makes them miss; the row then has no control, with that reason. Objects and parked vehicles are placed by the
+program, so these controls measure the value of their verdicts.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +52,7 @@ class ChangedPlan:
 
 
 def make_changed_plans(crash: JudgedCrash, settings: VerdictSettings) -> Iterator[tuple[str, ChangedPlan | None]]:
-    """Yield every change that applies to a crash, by its name; None where a delay changes nothing.
+    """Yield every applicable change of a crash, by name; None if a delay changes nothing.
 
     >>> [name for name, _ in make_changed_plans(judged_tree, VerdictSettings())]
     ['mirrored', 'moved']
@@ -73,14 +74,14 @@ def make_changed_plans(crash: JudgedCrash, settings: VerdictSettings) -> Iterato
 
 
 def changed_estimate(crash: JudgedCrash, changed: ChangedPlan) -> StateEstimate:
-    """Return the estimate that :func:`trace_dag.simulation.run.simulate` takes to run a changed plan."""
+    """Return the estimate with which :func:`trace_dag.simulation.run.simulate` runs a changed plan."""
     return StateEstimate(crash.record.key, (changed.hypothesis,), EstimatorRun("changed plan", "1"))
 
 
 def changed_row(
     crash: JudgedCrash, name: str, changed: ChangedPlan | None, log: SimulationLog | None, settings: VerdictSettings
 ) -> ControlRow:
-    """Return the judgement of a changed plan; ``changed`` and ``log`` are None where nothing could be changed."""
+    """Return the judgement of a changed plan; ``changed`` and ``log`` are None if nothing could be changed."""
     if changed is None or log is None:
         detail = "one of the parties stands where they meet: no delay makes them miss"
         return ControlRow(name, crash.record.key, detail=detail)
@@ -91,10 +92,10 @@ def changed_row(
 
 # --- late ------------------------------------------------------------------------------------------------------------
 def late_vehicle(crash: JudgedCrash) -> ChangedPlan | None:
-    """Return the first vehicle late enough that the two should miss or meet ten metres away or more.
+    """Return the first vehicle late enough that the two should miss, or meet ten metres away or more.
 
-    Delays by the time the slower one takes for that and for the two bodies, :data:`LEAST_SHIFT_S` at least. None if
-    one of the two stands where they meet.
+    The delay is the time that the slower one takes for that and for the length of both, at least :data:`LEAST_SHIFT_S`.
+    None if one of the two stands at their meeting.
 
     >>> late = late_vehicle(judged_collision)  # 10 m and half of both lengths (4.85 and 2.20 m), by 6.26 m/s
     >>> late.vehicle_number, round(late.shift_s, 2)
@@ -109,9 +110,9 @@ def late_vehicle(crash: JudgedCrash) -> ChangedPlan | None:
 
 
 def late_person(crash: JudgedCrash) -> ChangedPlan | None:
-    """Return the first person late: two seconds if it crosses, longer if it goes along the road.
+    """Return the first person late: by two seconds if crossing, by more along the road.
 
-    None if the person or the vehicle stands where they meet.
+    None if the person or the vehicle stands at their meeting.
 
     >>> late = late_person(judged_pedestrian)  # he crosses the road
     >>> late.vehicle_number, late.shift_s
@@ -134,7 +135,7 @@ def _who_meet_first(crash: JudgedCrash) -> tuple[ParticipantState, ParticipantSt
 
 
 def delay_party(state: ParticipantState, delay_s: float) -> ParticipantState:
-    """Return the same motion, later: the vehicle comes from further back, straight on and at its initial speed.
+    """Return the same motion later: the vehicle starts further back, straight on at its initial speed.
 
     >>> first = hypothesis.participants[0]
     >>> late = delay_party(first, 2.0)  # at 6.26 m/s
@@ -161,9 +162,9 @@ def delay_party(state: ParticipantState, delay_s: float) -> ParticipantState:
 
 # --- mirrored --------------------------------------------------------------------------------------------------------
 def mirror_person(crash: JudgedCrash) -> ChangedPlan | None:
-    """Return the first person coming from the other side; None where the report does not say the side.
+    """Return the first person coming from the other side; None if the side is not reported.
 
-    The person's motion is mirrored at the line along which the vehicle strikes it.
+    The person's motion is mirrored at the line of the striking vehicle.
     """
     strike = crash.sequence.first
     vehicle, person = _who_meet_first(crash)
@@ -188,7 +189,7 @@ def mirror_person(crash: JudgedCrash) -> ChangedPlan | None:
 
 
 def mirror_departure(crash: JudgedCrash) -> ChangedPlan | None:
-    """Return the vehicle leaving to the other side, and the objects there.
+    """Return the vehicle leaving to the other side, with its objects.
 
     None if it left straight ahead, which is its own mirror image.
     """
@@ -213,9 +214,9 @@ def mirror_departure(crash: JudgedCrash) -> ChangedPlan | None:
 
 
 class _Mirror:
-    """The mirror image across the line along which a vehicle went.
+    """The mirror image across a vehicle's line of travel.
 
-    Parallel to its road as far as that goes, else straight on.
+    The line is parallel to its road as far as that exists, and continues straight.
     """
 
     def __init__(self, network: RoadNetwork, axis: Pose) -> None:
@@ -242,7 +243,7 @@ class _Mirror:
 def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, Pose]:
     """Return the last moment before the impact at which the vehicle went along its road.
 
-    Its index, and the pose of who goes exactly along it there.
+    It is the index, and the pose on the road's line there.
     """
     t = state.trajectory
     impact = int(np.searchsorted(t.time_s, crash.hypothesis.impact_time_s))
@@ -259,13 +260,13 @@ def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, 
 
 # --- moved -----------------------------------------------------------------------------------------------------------
 def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> ChangedPlan | None:
-    """Return the first object farther from the reported point along the road.
+    """Return the first object moved along the road, away from the reported point.
 
-    By the distance that the verdict allows and by what the object itself extends along the road, so that no part of it
-    is as near as allowed.
+    The distance is the one that the verdict allows plus the object's own extent along the road, so that no part of it
+    stays within the allowed distance.
 
-    An object along the road would stay where it is by that, and is moved 3 m away from it. None of what lies across the
-    end of a road.
+    An object along the road would only slide along itself, so it is moved 3 m away from the road. An object across the
+    end of a road is not moved (None).
 
     >>> (tree,) = judged_tree.hypothesis.objects
     >>> (moved,) = object_moved(judged_tree, VerdictSettings()).hypothesis.objects
@@ -299,7 +300,7 @@ def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> ChangedPlan |
 
 
 def move_parked(crash: JudgedCrash, parked: int) -> ChangedPlan:
-    """Return the parked vehicle of the first contact 3 m farther from where the other one came."""
+    """Return the parked vehicle of the first contact, 3 m farther from the other vehicle's side."""
     states = {state.vehicle_number: state for state in crash.hypothesis.participants}
     (driven,) = (states[number] for number in crash.sequence.first.pair if number != parked)
     stands = states[parked]

@@ -1,10 +1,11 @@
-"""Negative controls: what a verdict accepts that it should not.
+"""Negative controls: the rate at which verdicts accept wrong reports.
 
-Two clock positions either way let a random impact pass with 42 % per vehicle, so that a verdict has to show what its
-acceptance is worth. It is judged by the same rules as the true pairing against changed reports, here: another
-crash's (its place left its own, since another crash's is miles away and would prove nothing), and its own with an
-event dropped or two swapped. If two reports say the same nothing can tell them apart: each row says whether they
-differ. Changed plans are in :mod:`trace_dag.verdict.changed_plans`."""
+A tolerance of two clock positions lets a random impact pass with 42 % per vehicle, so the value of an acceptance must
+be measured. A simulation is judged by the same rules against changed reports: those of other crashes (with its own
+place, since another place is miles away and would prove nothing), and its own with an event dropped or two swapped.
+Equal reports cannot be distinguished, so each row states whether the two differ. Changed plans are in
+:mod:`trace_dag.verdict.changed_plans`.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ from trace_dag.verdict.types import Verdict
 
 @dataclass(frozen=True, eq=False)
 class JudgedCrash:
-    """A crash with the one hypothesis its verdict is about."""
+    """A crash with the hypothesis that its verdict judges."""
 
     record: CrashRecord
     network: RoadNetwork
@@ -60,9 +61,9 @@ class ControlRow:
 
     ``kind``: "true", "other_report", "shifted", "mirrored" (a person that comes from the other side than reported, a
     vehicle that leaves the road to it), "dropped" or "swapped" (of several contacts), or "moved" (an object, a parked
-    vehicle); ``crash_kind`` is the crash's; ``verified`` is None where the control does not apply. Residuals as in the
-    verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond the paper's criteria: every
-    reported speed is driven; None where none is reported.
+    vehicle); ``crash_kind`` is the crash's; ``verified`` is None if the control does not apply. Residuals are as in the
+    verdict: the worst of all parties, None if not evaluated. ``speeds_kept``, beyond the paper's criteria: every
+    reported speed is driven; None without a reported speed.
     """
 
     kind: str
@@ -85,9 +86,9 @@ class ControlRow:
 def changed_reports(
     crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
 ) -> Iterator[ControlRow]:
-    """Yield one simulation against other reports of its kind, and against its own changed in its contacts.
+    """Yield judgements of one simulation against other reports of its kind, and against its own with changed contacts.
 
-    Each contact is dropped, and each two that follow each other are swapped.
+    Each contact is dropped, and each two successive ones are swapped.
 
     >>> rows = changed_reports(judged_queue, [judged_queue, judged_collision], VerdictSettings())
     >>> [(row.kind, row.verified) for row in rows]
@@ -136,9 +137,9 @@ def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) 
 
 # --- another crash's report ------------------------------------------------------------------------------------------
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
-    """Return the other report with parties and events numbered in the own one's order.
+    """Return the other report with parties and events numbered as in the own report.
 
-    None where the events do not correspond.
+    None if the events do not correspond.
 
     >>> same = in_place_of(queue_record, queue_record)
     >>> [vehicle.number for vehicle in same.vehicles], in_place_of(tree_record, queue_record)
@@ -178,7 +179,8 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 def _taking_part(sequence: EventSequence) -> list[int]:
     """Return numbers of the parties in the order in which they take part.
 
-    It is of the contacts, else the vehicle of the first event."""
+    They are those of the contacts, or else the vehicle of the first event.
+    """
     events = sequence.contacts or (sequence.first,)
     both = [number for event in events for number in (event.vehicle.number, event.party)]
     return list(dict.fromkeys(both if sequence.contacts else both[:1]))
@@ -195,8 +197,8 @@ def _numbered(person: NonMotorist, party: int) -> NonMotorist:
 def reports_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
     """Return whether two reports, numbered alike, differ by more than the thresholds.
 
-    Compared are parties, areas of impact, turns and courses, sides, parts of the road and kinds of object. If they do
-    not differ, no simulation of the one can be rejected against the other.
+    The comparison covers parties, areas of impact, turns and courses, sides, parts of the road and kinds of object. If
+    they do not differ, a simulation of one cannot be rejected against the other.
 
     >>> reports_differ(record, record, VerdictSettings())
     False
@@ -252,7 +254,7 @@ def _apart(one: frozenset[Hashable], two: frozenset[Hashable]) -> bool:
 
 
 def _opposite(one: int | None, two: int | None) -> bool:
-    """Return whether two compass directions are opposite: neighbouring ones can both be said of the same road."""
+    """Return whether two compass directions are opposite; neighbouring ones can describe the same road."""
     if one not in COMPASS_DEG or two not in COMPASS_DEG:
         return False
     assert one is not None
@@ -262,7 +264,7 @@ def _opposite(one: int | None, two: int | None) -> bool:
 
 # --- its own report, changed -----------------------------------------------------------------------------------------
 def drop_contact(sequence: EventSequence) -> Iterator[EventSequence]:
-    """Yield the sequence without one of its contacts, for each whose pair does not meet at another time.
+    """Yield the sequence without one of its contacts, for each contact whose pair meets only once.
 
     >>> [[event.pair for event in left.events] for left in drop_contact(sequence_of(queue_record))]
     [[(2, 3)], [(1, 2)]]
@@ -274,9 +276,7 @@ def drop_contact(sequence: EventSequence) -> Iterator[EventSequence]:
 
 
 def swap_contacts(sequence: EventSequence) -> Iterator[EventSequence]:
-    """Yield the sequence with two contacts that follow each other in the other order, for each two.
-
-    None where no order is known.
+    """Yield the sequence with two successive contacts swapped, for each two; nothing if the order is unknown.
 
     >>> [[event.pair for event in left.events] for left in swap_contacts(sequence_of(queue_record))]
     [[(2, 3), (1, 2)]]

@@ -1,9 +1,8 @@
 """Comparison of the reported events that are not harmful with the simulated course.
 
 FARS lists what a vehicle did between harmful events: it ran off the road, came back, crossed the centreline or the
-median, left the ground. An event of the report that the course does not show, and an overturn that the course shows and
-the report does not, are doubts. A criterion of :mod:`trace_dag.verdict.rules` judges the departure before the first
-event; here are all others.
+median, left the ground. A reported event that the course lacks, and an overturn that the report lacks, are doubts. A
+criterion of :mod:`trace_dag.verdict.rules` judges the departure before the first event; here are all others.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ _CROSSED: Final = {
 
 @dataclass(frozen=True)
 class Excursion:
-    """One stay of a vehicle beyond the carriageway: when it left (s), to which sides, when it was back (None: not)."""
+    """One stay of a vehicle beyond the carriageway: time of leaving (s), sides, and time of return (None: none)."""
 
     left_s: float
     back_s: float | None
@@ -70,7 +69,7 @@ def course_doubts(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _missed_events(beside: Comparison, number: int, events: list[EventRecord]) -> Iterator[Reservation]:
-    """Yield a doubt for each of a vehicle's events that its course does not show."""
+    """Yield a doubt for each of a vehicle's events that its course lacks."""
     driven, body = beside.observed.log.vehicle_log(number), beside.observed.log.bodies[number]
     network = beside.observed.network
     for event in events:
@@ -88,7 +87,7 @@ def _missed_events(beside: Comparison, number: int, events: list[EventRecord]) -
 def _missed_departures(
     beside: Comparison, moves: list[EventRecord], excursions: list[Excursion]
 ) -> Iterator[Reservation]:
-    """Yield a doubt for each departure and return of a vehicle that its ``excursions`` do not show in that order."""
+    """Yield a doubt for each reported departure and return missing in the vehicle's ``excursions``, in order."""
     first = beside.seen(beside.sequence.first)
     judged = first is not None and first.departure is not None  # by the criterion on the first event's departure
     current: Excursion | None = None
@@ -112,7 +111,7 @@ def _missed_departures(
 
 
 def _window(beside: Comparison, event: EventRecord) -> tuple[float, float]:
-    """Return the times (s) between which an event of the report belongs: its vehicle's harmful events around it."""
+    """Return the times (s) between which a reported event belongs: those of its vehicle's harmful events around it."""
     before_s, after_s = -math.inf, math.inf
     for each in beside.sequence.events:
         seen = beside.seen(each) if event.party_1 in each.pair else None
@@ -141,8 +140,8 @@ def _crosses(
 ) -> bool:
     """Return whether a corner of the body is on a lane of oncoming traffic.
 
-    Beyond a ``median`` that lane is outside junctions: a turning vehicle drives over lanes of oncoming traffic there,
-    and over no median. One that only enters the median ran off the road.
+    Beyond a ``median`` only lanes outside junctions count, because a turning vehicle drives over oncoming lanes there
+    without crossing a median. A vehicle that only enters the median ran off the road.
     """
     for k in _steps(driven, begin_s, end_s):
         pose = _pose(driven, k)
@@ -159,7 +158,8 @@ def _crosses(
 def _excursions(network: RoadNetwork, log: SimulationLog, number: int) -> Iterator[Excursion]:
     """Yield the stays of a vehicle beyond the carriageway, in order.
 
-    After its first contact a side is seen along its course, or along the way it came: a report can mean either.
+    After its first contact a side is seen along its course, or along its direction before, because a report can mean
+    either.
     """
     driven, body = log.vehicle_log(number), log.bodies[number]
     met = next((each for each in log.meetings if number in (each.number_1, each.number_2)), None)
@@ -179,7 +179,7 @@ def _excursions(network: RoadNetwork, log: SimulationLog, number: int) -> Iterat
 
 
 def _other_zone(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt where the first event is in another part of the road than reported (``REL_ROAD``)."""
+    """Yield a doubt if the first event is in another part of the road than reported (``REL_ROAD``)."""
     event, zone = beside.begins, reported_zone(beside.record)
     seen = None if event is None else beside.seen(event)
     place = None if seen is None or seen.departure is None else seen.departure.place
@@ -191,9 +191,9 @@ def _other_zone(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _overturns(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each vehicle that overturns and by its report does not, or the other way round.
+    """Yield a doubt for each vehicle with four or more wheels whose overturn differs from its report (``ROLLOVER``).
 
-    It has four wheels or more; ``ROLLOVER`` reports it, and events that report it are judged as events.
+    Reported overturn events are judged as events.
     """
     with_event = {each.party_1 for each in beside.record.events if each.code == codes.OVERTURN}
     overturned = {each.number for each in beside.observed.log.parties if overturned_at(each) is not None}

@@ -1,7 +1,7 @@
 """Reported facts of a crash's course beside the simulated one: parties, areas, and approaches.
 
-The estimator chooses among courses the one that fits the report best, so that a single field which agrees says little:
-what tells is whether one course fits all of them.
+The estimator chooses the course that fits the report best, so the agreement of a single field is weak evidence; one
+course that fits all fields is strong evidence.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _ANY_ANGLE: Final = frozenset(
 
 
 def course_facts(beside: Comparison) -> Iterator[Fact]:
-    """Yield every fact about the course to the first contact of two vehicles that the report says something of.
+    """Yield every reported fact about the course to the first contact of two vehicles.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -109,10 +109,10 @@ _PARTS: Final[dict[CollisionType, Callable[[float, float], bool]]] = {
 def _crash_type(
     record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle, other: ObservedVehicle
 ) -> Iterator[Fact]:
-    """Yield ``ACC_TYPE``: how the two approached each other, which of them turned, and which part was struck.
+    """Yield ``ACC_TYPE``: the approach of the two, their turns, and the struck parts.
 
-    Types 1 to 16 are those of a crash with one vehicle's driver alone. 98 and 99, and types that leave the
-    configuration open, say nothing.
+    Types 1 to 16 are those of a crash with one vehicle's driver alone. Types 98 and 99, and those that leave the
+    configuration open, give no fact.
     """
     code = vehicle.crash_type_code
     if code is None or "crash_type_code" in vehicle.implied:
@@ -171,7 +171,7 @@ def _comes_from(side: Side | None, relation: Relation, seen: ObservedVehicle, ot
 def _critical_event(
     record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle, other: ObservedVehicle
 ) -> Iterator[Fact]:
-    """Yield ``P_CRASH2``: from where the other vehicle came."""
+    """Yield ``P_CRASH2``: the direction from which the other vehicle came."""
     relation = critical_event(vehicle.critical_event_code).relation
     if relation is not None:
         agrees = _is_relation(relation, record, seen, other)
@@ -183,7 +183,7 @@ def _critical_event(
 
 
 def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """Return ``P_CRASH1``: turning, going straight, standing, backing; None for what says none of these.
+    """Return ``P_CRASH1``: turning, going straight, standing, backing; None for other movements.
 
     >>> fact = movement_fact(record, record.vehicles[0], first_contact.vehicles[1])
     >>> fact.reported, fact.agreement.value
@@ -230,7 +230,7 @@ def impact_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
 
 
 def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """Return ``DAMAGE`` (``MDAREAS``): the part that was struck is damaged."""
+    """Return ``DAMAGE`` (``MDAREAS``): whether the struck part is damaged."""
     hours = [area for area in vehicle.damaged_areas if 1 <= area <= 12]
     if not hours or len(hours) >= _DAMAGED_ALL_AROUND:
         return None

@@ -1,7 +1,8 @@
-"""The street that a vehicle left, beside those that the report names.
+"""The street that a vehicle left, compared with the reported ones.
 
-If the vehicle leaves the road the map may have several streets, as at the corner of two. A motion along one that the
-report does not name is not what it tells of, if one that it does name is there."""
+A vehicle may leave the road near several streets, as at a corner. A motion along an unreported street
+contradicts the report if a reported one is there.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ _ALONG: Final = math.cos(math.radians(35))  # a lane that turns farther from the
 
 @dataclass(frozen=True)
 class DepartedStreet:
-    """Names of the street that a vehicle drove on when it left the road, and of all streets within 100 m of there."""
+    """Names of the street on which a vehicle left the road, and of all streets within 100 m."""
 
     names: frozenset[str] = frozenset()
     near: frozenset[str] = frozenset()
@@ -34,9 +35,9 @@ NO_STREET: Final = DepartedStreet()
 
 
 def find_departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) -> DepartedStreet:
-    """Return the street under a vehicle when it was last on a lane that goes its way, before a time.
+    """Return the street under a vehicle when it was last on a lane of its direction before a time.
 
-    Within a junction it is both the street that the vehicle comes from and the one that it goes to.
+    Within a junction it is both the street from which the vehicle comes and the one it enters.
 
     >>> sorted(find_departed_street(network, log.vehicles[1], 1.0).names)  # vehicle 2 comes along Main Street
     ['Main Street', 'NE 411']
@@ -61,10 +62,10 @@ def find_departed_street(network: RoadNetwork, driven: VehicleLog, until_s: floa
 
 
 def street_likeness(street: DepartedStreet, record: CrashRecord) -> tuple[float | None, bool | None, str]:
-    """Return the likeness of the street that the vehicle left to a reported one (0 to 1), and the comparison.
+    """Return the likeness (0 to 1) of the street that the vehicle left to a reported one, and the comparison.
 
-    The comparison is whether it is that street, and its own name otherwise; None where no reported street is on the map
-    there.
+    The comparison tells whether it is the reported street, and otherwise its name; None if no reported street is on the
+    map there.
 
     >>> street_likeness(NO_STREET, record)
     (None, None, '')

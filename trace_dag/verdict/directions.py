@@ -1,7 +1,7 @@
 """Directions of the vehicles and their approach to each other: in the simulation, and as reported.
 
-A direction is measured against the road: the heading the vehicle would have at the place of the crash had it followed
-its lane, straight on through every junction. So a bend is not a turn, and a turn off a bend is one.
+A direction is measured against the road: the heading of the vehicle's lane at the place of the crash, followed straight
+through every junction. So a bend is not a turn, and a turn off a bend is one.
 """
 
 from __future__ import annotations
@@ -76,9 +76,9 @@ _RELATION_DEG = {
 
 
 def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
-    """Return turns (degrees to the left) the report allows: of ``P_CRASH1`` and ``ACC_TYPE``, which may disagree.
+    """Return the turns (degrees to the left) that ``P_CRASH1`` and ``ACC_TYPE`` allow, which may disagree.
 
-    Empty where neither says.
+    Empty if neither is reported.
 
     >>> [reported_turns_deg(vehicle) for vehicle in record.vehicles]  # one turned left, the other went straight on
     [frozenset({90.0}), frozenset({0.0})]
@@ -98,9 +98,9 @@ def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
 
 
 def reported_relations_deg(record: CrashRecord, one: VehicleRecord, two: VehicleRecord) -> frozenset[float]:
-    """Return angles between the directions of approach of a pair that its crash types (``ACC_TYPE``) allow.
+    """Return angles between the approaches of a pair that its crash types (``ACC_TYPE``) allow.
 
-    If they say nothing, those of the manner of the collision (``MAN_COLL``), which is that of the first harmful event.
+    Without them, they are those of the manner of collision (``MAN_COLL``), which is that of the first harmful event.
 
     >>> reported_relations_deg(record, *record.vehicles)  # ACC_TYPE 68 and 69: they came from opposite directions
     frozenset({180.0})
@@ -118,8 +118,8 @@ def turn_error_deg(
 
     None if the report allows anything.
 
-    A turn to the left or right is as wide as the junction makes it: at a Y, a skewed or a five-leg crossing the turns
-    to that side which the map offers there (``offered_deg``) are allowed as well as the right angle.
+    A turn to the left or right depends on the junction: at a Y, a skewed or a five-leg crossing, the turns to that side
+    which the map offers (``offered_deg``) are allowed as well as the right angle.
 
     >>> turn_error_deg(-170.0, frozenset({180.0}))
     10.0
@@ -148,10 +148,10 @@ def relation_error_deg(measured_deg: float, allowed_deg: frozenset[float]) -> fl
 # --- as simulated ------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Direction:
-    """``approach_rad``: direction of the road the vehicle came on, where the crash happened.
+    """``approach_rad``: direction of the vehicle's road at the place of the crash.
 
-    ``turn_deg``: how far its route departs from it, positive to the left; ``offered_turns_deg``: the turns its lane
-    offered on the way; ``road_id``: the last road that it drove along in that direction, None if it drove on none.
+    ``turn_deg``: the turn of its route from that direction, positive to the left; ``offered_turns_deg``: the turns that
+    its lane offered; ``road_id``: the last road on which it drove in that direction, or None.
     """
 
     approach_rad: float
@@ -163,10 +163,10 @@ class Direction:
 def direction(
     network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float, trajectory: Trajectory
 ) -> Direction:
-    """Return the direction of a vehicle from what it drove up to the contact and the rest of its planned route.
+    """Return the direction of a vehicle from its motion up to the contact and the rest of its planned route.
 
-    A vehicle is hit in the middle of its turn: what it was about to do is the plan's heading some metres beyond the
-    contact, relative to the plan's heading at it.
+    A vehicle may be hit in the middle of its turn. So the rest of the turn is the plan's heading some metres beyond the
+    contact, relative to that at the contact.
     """
     approach, offered = _approach(network, driven, contact, contact_s)
     remaining = _heading_beyond(trajectory, contact_s) - float(
@@ -178,7 +178,7 @@ def direction(
 
 
 def _approach_road(network: RoadNetwork, driven: VehicleLog, contact_s: float, approach_rad: float) -> str | None:
-    """Return the last road, no movement through a junction, on which a vehicle was headed as it approached."""
+    """Return the last road, outside junctions, on which a vehicle was headed in its direction of approach."""
     before = max(int(np.searchsorted(driven.time_s, contact_s)), 1)
     for i in reversed(_places(driven, before)):
         at = Pose(float(driven.x_m[i]), float(driven.y_m[i]), float(driven.heading_rad[i]), float(driven.z_m[i]))
@@ -203,13 +203,13 @@ def _heading_beyond(trajectory: Trajectory, contact_s: float) -> float:
 def _approach(
     network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float
 ) -> tuple[float, frozenset[float]]:
-    """Return the heading at the contact of a vehicle that keeps to the lane it came on, straight on at every junction.
+    """Return the heading of a vehicle's lane at the contact, followed straight through every junction.
 
-    And the turns (degrees to the left) the junctions on the way offer.
+    It also has the turns (degrees to the left) that the junctions on the way offer.
 
-    That lane is the first one it drove in, with or against its traffic; if that lies in a junction, the one before the
-    junction. A vehicle that drove in none (it came from beside the road) keeps the heading it started with. One that
-    backs up is headed against its motion.
+    The lane is the first one in which it drove, with or against its traffic, or the one before a junction. A vehicle
+    that drove in none (it came from beside the road) keeps its initial heading. One that backs up is headed against its
+    motion.
     """
     start = Pose(float(driven.x_m[0]), float(driven.y_m[0]), float(driven.heading_rad[0]), float(driven.z_m[0]))
     before = max(int(np.searchsorted(driven.time_s, contact_s)), 1)  # who is touched at once has its start alone
@@ -228,7 +228,7 @@ def _approach(
 
 
 def _places(driven: VehicleLog, before: int) -> list[int]:
-    """Return indices of the log up to the contact, some metres apart: where to look for the lane a vehicle came on."""
+    """Return indices of the log up to the contact, some metres apart, for the search of the approach lane."""
     if before <= 1:
         return [0]
     travelled = np.cumsum(np.hypot(np.diff(driven.x_m[:before]), np.diff(driven.y_m[:before])))
@@ -237,10 +237,7 @@ def _places(driven: VehicleLog, before: int) -> list[int]:
 
 
 def _lane_at(network: RoadNetwork, at: Pose, course_rad: float) -> tuple[LaneRef, bool] | None:
-    """Return the lane a vehicle at ``at`` drives in, and whether with its traffic.
-
-    Against it only if nothing else fits.
-    """
+    """Return the lane of a vehicle, and whether it drives with its traffic; against it only if nothing else fits."""
     best: tuple[float, LaneRef, bool] | None = None
     for match in network.nearest_lanes(at.x_m, at.y_m, _LANE_REACH_M, z_m=at.z_m):
         turned = abs(wrap_angle(network.pose(match.lane, match.s_m).heading_rad - course_rad))
@@ -253,7 +250,7 @@ def _lane_at(network: RoadNetwork, at: Pose, course_rad: float) -> tuple[LaneRef
 
 
 def _before_junction(network: RoadNetwork, lane: LaneRef, along: bool) -> tuple[LaneRef, bool]:
-    """Return the lane itself, or the one from which a vehicle in the middle of a junction entered it."""
+    """Return the lane itself, or the lane from which a vehicle in the middle of a junction entered it."""
 
     def entered_from(lanes: tuple[LaneRef, ...], behind: Sequence[LaneRef]) -> Sequence[LaneRef]:
         if network.road_by_id[lanes[-1].road_id].junction_id is None or not behind or len(lanes) > _MAX_LANES:
@@ -271,8 +268,9 @@ def _route(
 
     Columns are those of the network's centre lines; turns are degrees to the left.
 
-    If a road forks, the branch is that of ``path``, what the vehicle drove, shape (m, 2). In a junction and its
-    mouth the direction is that of the road that leads to it: lanes flare, paths across swerve."""
+    At a fork the branch is that of ``path``, the driven one, shape (m, 2). In a junction and its mouth the direction is
+    that of the road before it, because lanes flare and paths swerve there.
+    """
     line = _driven(network, lane, along)
     ahead_m = _length(line[int(np.hypot(line[:, 0] - path[0, 0], line[:, 1] - path[0, 1]).argmin()) :])
     pieces = [line]
@@ -303,7 +301,7 @@ def _route(
 def _straight_on(
     options: list[tuple[LaneRef, FloatArray]], heading_rad: float, path: FloatArray
 ) -> tuple[LaneRef, FloatArray]:
-    """Return the straightest of several ways on; of several nearly straight ones (a fork), the one driven."""
+    """Return the straightest continuation; among several nearly straight ones (a fork), the driven one."""
 
     def turned(option: tuple[LaneRef, FloatArray]) -> float:
         return abs(wrap_angle(float(option[1][-1, 3]) - heading_rad))
@@ -317,7 +315,7 @@ def _straight_on(
 
 
 def _without_mouth(line: FloatArray) -> FloatArray:
-    """Return the line with its last metres headed as it is before them."""
+    """Return the line with the heading before its last metres kept over them."""
     travelled = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(line[:, 0]), np.diff(line[:, 1])))])
     mouth = travelled > travelled[-1] - _MOUTH_M
     straight = line.copy()

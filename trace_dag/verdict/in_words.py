@@ -1,4 +1,4 @@
-"""A verdict in the sentences that page, ``show`` and package have in common."""
+"""Sentences of a verdict for the page, ``show`` and the package."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MOVED_M = 0.05  # a point moved by less prints as not moved
 
 
 def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement | None) -> list[tuple[str, str]]:
-    """Return the figures to look at first, as value and name: those that were measured.
+    """Return the main figures that were measured, as value and name.
 
     >>> numbers_of(verdict, record, map_report.placement)[0][1]
     'from the reported point to the first contact'
@@ -50,7 +50,7 @@ def numbers_of(verdict: Verdict, record: CrashRecord, placement: CrashPlacement 
 
 
 def find_reported_impacts(record: CrashRecord) -> set[int | None]:
-    """Return the numbers of the vehicles whose struck parts are reported.
+    """Return the numbers of the vehicles with a reported area of impact.
 
     >>> find_reported_impacts(record)
     {1, 2}
@@ -97,7 +97,7 @@ def label_in_words(verdict: Verdict) -> str:
 
 
 def events_in_words(verdict: Verdict) -> str:
-    """Return how many of the reported harmful events happen; empty where the report lists none.
+    """Return a text on the number of reported harmful events that happen; empty if none is reported.
 
     >>> events_in_words(verdict)
     '1 of 1 reported event happens'
@@ -112,7 +112,7 @@ def events_in_words(verdict: Verdict) -> str:
 
 
 def sight_in_words(verdict: Verdict) -> str:
-    """Return for how long before the contact each could see the other; empty where that is not known.
+    """Return a text on how long before the contact each party could see the other; empty if unknown.
 
     >>> from dataclasses import replace
     >>> seen, late = SightLine(1, 2, 5.9, 0.0), SightLine(2, 1, 1.8, 0.64, ((0.0, 4.1),), "building", "way/12")

@@ -36,10 +36,12 @@ def judge(
     logs: Sequence[SimulationLog],
     settings: VerdictSettings,
 ) -> Verdict:
-    """Judge the logs of an estimate's hypotheses, given in its order; :class:`Failure` if they are not its logs.
+    """Judge the logs of an estimate's hypotheses, given in its order.
+
+    Raises :class:`Failure` if they are not its logs.
 
     The verdict is graded by the other facts of the report that agree with the map, the course and the report itself
-    (:mod:`trace_dag.verdict.support`), no higher than consistent where there is a doubt about street, course or areas
+    (:mod:`trace_dag.verdict.support`), at most consistent if there is a doubt about street, course or areas
     (:mod:`trace_dag.verdict.reservations`). It gives the distance from the contact to the crash's place on the map.
     """
     if len(logs) != len(estimate.hypotheses):
@@ -85,9 +87,9 @@ def judge_observed(
     index: int = 0,
     of: int = 1,
 ) -> Verdict:
-    """Judge what happened in a simulation against a record, or against another ``sequence`` of events than its own.
+    """Judge a simulation against a record, or against another ``sequence`` of events.
 
-    With the ``report`` of the map, the distance of the contact from where the crash was placed is stated too.
+    With the map's ``report``, the distance of the contact from the placed crash is added.
     """
     told = sequence_of(record) if sequence is None else sequence
     placed_xy_m = (0.0, 0.0) if report is None else (report.placement.x_m, report.placement.y_m)
@@ -132,7 +134,7 @@ def _label(doubts: Sequence[Reservation]) -> Label:
 
 
 def _mapped_ground(record: CrashRecord, observed: ObservedCrash, report: MapReport) -> Criterion:
-    """Judge that nobody is off mapped ground, unless reported so, or in a building before the first event."""
+    """Judge that before the first event no party is off mapped ground, unless reported, or in a building."""
     log, planned = observed.log, observed.hypothesis
     moment = moment_of(log)
     begun_s = moment.time_s if moment is not None else planned.impact_time_s
@@ -149,11 +151,11 @@ def _mapped_ground(record: CrashRecord, observed: ObservedCrash, report: MapRepo
 
 # --- outcomes of the reported events ---------------------------------------------------------------------------------
 def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
-    """Return the outcome of each harmful event of the report, in its order.
+    """Return the outcome of each harmful event of the report, in order.
 
-    An event between the same two parties as the one before it goes on with that one. If the report lists no events, it
-    is the one that its first harmful event implies. A later object that is struck at another part of the body than
-    reported is not the reported event.
+    An event between the same parties as the previous one continues that one. If the report lists no events, it is the
+    one that its first harmful event implies. A later object struck with another part of the vehicle than reported is
+    not the reported event.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -184,7 +186,7 @@ def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
 
 
 def _struck_elsewhere(event: CrashEvent, seen: ObservedEvent, beside: Comparison) -> str:
-    """Return the sentence that a later object is struck at another part of the body than reported; else ""."""
+    """Return a sentence if a later object is struck with another part of the vehicle than reported; else ""."""
     side = seen.sides.get(event.vehicle.number)
     if event.kind is not EventKind.OBJECT_STRUCK or event is beside.begins or side is None or event.area is None:
         return ""

@@ -43,8 +43,8 @@ def relation_error(
 ) -> float | None:
     """Return the difference of the angle between two approaches from the reported one (degrees).
 
-    Crossing or joining streets mean a right angle, but not where legs meet at other angles by the report's own words.
-    Within the corner of an L those who meet head-on or follow each other may have any angle between them: None.
+    Crossing or joining streets imply a right angle, unless the report says that they meet at other angles. Within the
+    corner of an L, vehicles that meet head-on or follow each other may have any angle between them: None.
 
     >>> one, two = first_contact.vehicles.values()
     >>> relation_error(one, two, *record.vehicles, record) < 20.0  # one turned left across the other's way
@@ -59,10 +59,10 @@ def relation_error(
 
 
 def turn_error(seen: ObservedVehicle, reported: VehicleRecord, topology: RoadTopology) -> float | None:
-    """Return the difference of a vehicle's turn from the reported one, where its words mean what they mean elsewhere.
+    """Return the difference of a vehicle's turn from the reported one.
 
-    A vehicle that backs goes backward, whichever way. Round a roundabout only entering and leaving are turns. At an L a
-    report calls a turn what on the map is the road's own bend.
+    None if the report's words have another meaning here: a backing vehicle may back in any direction, at a roundabout
+    only entering and leaving are turns, and at an L a report calls the road's own bend a turn.
 
     >>> round(turn_error(first_contact.vehicles[2], record.vehicles[1], record.road_topology), 1)  # straight on
     0.0
@@ -80,9 +80,9 @@ def turn_error(seen: ObservedVehicle, reported: VehicleRecord, topology: RoadTop
 def heading_error(seen: ObservedVehicle, reported: VehicleRecord) -> float | None:
     """Return the difference of a vehicle's heading from the reported direction of travel (degrees, 0 to 180).
 
-    None if none is reported and of one that backed.
+    None without a report, and for a vehicle that backed.
 
-    One that turned is headed as before or as after its turn where the report does not say when.
+    For a vehicle that turned, the direction may be that before or after the turn, unless the report says which.
 
     >>> heading_error(first_contact.vehicles[1], record.vehicles[0]) is None  # FARS gives none
     True
@@ -111,7 +111,7 @@ def clock_error_positions(clock_h: float, area: ImpactArea | None) -> float | No
 
 
 def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> float | None:
-    """Return the signed difference of a speed from the reported one, relative to that; None where none is reported.
+    """Return the signed relative difference of a speed from the reported one; None without a report.
 
     >>> round(speed_error_rel(33 * 0.44704, record.vehicles[1]), 6)  # 33 mph, reported are 30
     0.1
@@ -124,9 +124,9 @@ def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> flo
 
 # --- people ----------------------------------------------------------------------------------------------------------
 def zone_error_m(outside_m: float, zones: frozenset[Zone]) -> float | None:
-    """Return how far a person was from the nearest reported zone; None if none is reported.
+    """Return the distance of a person from the nearest reported zone; None if none is reported.
 
-    ``outside_m``: from the carriageway's edge, negative within it.
+    ``outside_m`` is measured from the carriageway's edge, negative within it.
 
     >>> zone_error_m(5.0, frozenset({Zone.BESIDE})), zone_error_m(5.0, frozenset({Zone.OUTSIDE}))
     (1.0, 0.0)
@@ -146,9 +146,10 @@ def course_error_deg(
 ) -> float | None:
     """Return the least angle between the person's course, seen from the vehicle, and one that the report allows.
 
-    None if it allows any, or that the person stood.
+    None if it allows any course, or if the person stood.
 
-    Across is across the road that a turning vehicle came along or turned into, whichever the report says (``PEDSNR``).
+    For a turning vehicle, the road that is crossed is the one it came from or the one it enters, as reported
+    (``PEDSNR``).
 
     >>> from trace_dag.verdict.observation import observe_crash
     >>> observed = observe_crash(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
@@ -176,9 +177,9 @@ def course_error_deg(
 
 
 def compass_error_deg(heading_rad: float | None, code: int | None) -> float | None:
-    """Return how far a heading is outside the coded quarter of the compass.
+    """Return the deviation of a heading from the coded quarter of the compass.
 
-    None if none is coded, or for a person who stood.
+    None if none is coded, or if the person stood.
 
     >>> round(compass_error_deg(math.radians(90), 1), 6)  # north, as coded
     0.0
@@ -200,9 +201,9 @@ def reported_zone(record: CrashRecord) -> RoadZone | None:
 
 
 def roadside_error_m(place: RoadsidePlace | None, zone: RoadZone | None) -> float | None:
-    """Return how far a place is from the reported zone; None if none is reported.
+    """Return the distance of a place from the reported zone; None if none is reported.
 
-    A map that shows no median or gore there cannot contradict one: then it has to be beside the carriageway.
+    A map without a median or gore there cannot contradict one; the place then only has to be beside the carriageway.
     """
     if zone is None:
         return None

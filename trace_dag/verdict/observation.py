@@ -1,8 +1,8 @@
-"""Observations of a simulation, event by event, measured once and before they are compared with any report.
+"""Observations of a simulation, event by event, measured once before any comparison with a report.
 
-An event is the contact of a vehicle with another one, a person, an animal or an object, or the overturn of a vehicle:
-where it was, on which parts of the bodies, how fast, what it did to them, and what led to it. Everything is taken from
-the log; of the plan only what a vehicle hit in the middle of its manoeuvre did not get to do.
+An event is the contact of a vehicle with another one, a person, an animal or an object, or the overturn of a vehicle,
+with its place, parts of the bodies, speeds, effects, and causes. All values are from the log, except for the rest of a
+manoeuvre that a contact interrupted, which is from the plan.
 """
 
 from __future__ import annotations
@@ -43,9 +43,10 @@ class ObservedVehicle:
     """The motion of one vehicle up to a contact, before it is compared with any report.
 
     Clock positions in hours: ``clock_h`` of the contact point on the body, ``bearing_clock_h`` of the direction to the
-    other body's centre (the published procedure's). ``pdof_deg``: principal direction of force, where it came from,
-    degrees clockwise from the front. ``arrival_error_m`` is how far the body is from where the estimate has it at the
-    contact; the last two are from the planned path and speed, in 99 % of steps up to the contact.
+    other body's centre (the published procedure's). ``pdof_deg``: principal direction of force, the direction from
+    which it came, degrees clockwise from the front. ``arrival_error_m`` is the distance of the body from its planned
+    place at the contact; the last two are deviations from the planned path and speed, in 99 % of steps up to the
+    contact.
     """
 
     number: int
@@ -68,8 +69,8 @@ class ObservedVehicle:
 class ObservedPerson:
     """A person or an animal that is struck.
 
-    Heading (rad) and speed at the strike, how far outside the carriageway (negative within it), for how long it had
-    been on it, how far it was thrown, to where it came to rest or was struck again, and how.
+    It has the heading (rad) and speed at the strike, the distance from the carriageway (negative within it), the time
+    on it before, and the throw with its distance to rest or to the next strike.
     """
 
     heading_rad: float
@@ -81,7 +82,7 @@ class ObservedPerson:
 
     @property
     def moves(self) -> bool:
-        """Return whether the person does not stand."""
+        """Return whether the person moves."""
         return self.speed_mps > STANDS_MPS
 
 
@@ -89,9 +90,9 @@ class ObservedPerson:
 class ObservedDeparture:
     """The departure of a vehicle from the road before it struck something there, or overturned.
 
-    ``left_s`` is None if it did not leave the carriageway; ``sides`` are where it left it, which can be called a side
-    or ahead. ``along_m`` is the distance from the reported point along the road where the event is beside it, the whole
-    distance where it is on it.
+    ``left_s`` is None if it did not leave the carriageway; ``sides`` are the possible names of its side, such as left
+    or ahead. ``along_m`` is the distance from the reported point: along the road for an event beside it, the whole
+    distance for one on it.
     """
 
     place: RoadsidePlace | None
@@ -103,7 +104,7 @@ class ObservedDeparture:
 
 @dataclass(frozen=True)
 class ObservedOverturn:
-    """A vehicle that overturns: speed at the start and then (m/s), slide from there, and quarter turns."""
+    """A vehicle that overturns: speeds at the start and at the overturn (m/s), further slide, and quarter turns."""
 
     initial_speed_mps: float
     speed_mps: float
@@ -113,9 +114,9 @@ class ObservedOverturn:
 
 @dataclass(frozen=True)
 class ObservedEvent:
-    """Something that happened. ``sides`` are the vehicles of a contact, by number.
+    """An observed event. ``sides`` are the vehicles of a contact, by number.
 
-    ``vehicles`` of those that had touched nothing before, or that strike a person, also what led to it.
+    ``vehicles`` has more on those that had touched nothing before, or that strike a person: their motion up to it.
     """
 
     happening: SimulatedEvent
@@ -151,7 +152,7 @@ class ObservedEvent:
 
 @dataclass(frozen=True, eq=False)
 class ObservedCrash:
-    """All that happened in one simulation, in order, to be compared with any number of reports."""
+    """All events of one simulation, in order, for comparison with reports."""
 
     network: RoadNetwork
     hypothesis: Hypothesis
@@ -160,7 +161,7 @@ class ObservedCrash:
 
     @property
     def first(self) -> ObservedEvent | None:
-        """Return the first contact, else the first overturn: where the crash was; None if nothing happened."""
+        """Return the first contact, else the first overturn, or None."""
         return next((event for event in self.events if event.happening.contact), None) or next(iter(self.events), None)
 
     def of(self, happening: SimulatedEvent | None) -> ObservedEvent | None:
@@ -169,7 +170,9 @@ class ObservedCrash:
 
 
 def observe_crash(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedCrash:
-    """Measure what happened in a simulated hypothesis; :class:`Failure` if the log is not one of it.
+    """Return the observations of a simulated hypothesis.
+
+    Raises :class:`Failure` if the log is of another hypothesis.
 
     >>> observed = observe_crash(judged_queue.network, judged_queue.hypothesis, judged_queue.log)
     >>> [event.pair for event in observed.events][:2]  # the first car pushes the second
@@ -183,7 +186,7 @@ def observe_crash(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationL
 
 
 class _Observer:
-    """Measures events in their order; knows who has touched something before."""
+    """Measures events in order, with the parties that have touched something before."""
 
     def __init__(self, network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> None:
         self._network, self._log = network, log
@@ -328,9 +331,10 @@ def observe_vehicle(
 
 @dataclass(frozen=True)
 class StruckSide:
-    """A contact for one of its bodies, whatever led to it.
+    """A contact for one of its bodies.
 
-    The fields are those of :class:`ObservedVehicle`."""
+    The fields are those of :class:`ObservedVehicle`.
+    """
 
     number: int
     clock_h: float
@@ -341,7 +345,7 @@ class StruckSide:
 
 
 def observe_struck_side(side: ContactSide, log: SimulationLog, contact: Contact) -> StruckSide:
-    """Return where a body was struck in a contact, its speed, and its change of velocity.
+    """Return the struck part of a body in a contact, its speed, and its change of velocity.
 
     >>> side, _ = sides_of(log.meetings[0])
     >>> round(observe_struck_side(side, log, log.meetings[0]).clock_h)  # in its right side
@@ -361,7 +365,7 @@ def observe_struck_side(side: ContactSide, log: SimulationLog, contact: Contact)
 
 
 def outside_m(network: RoadNetwork, x_m: float, y_m: float) -> float:
-    """Return how far a point is outside the carriageway, negative within it."""
+    """Return the distance of a point from the carriageway, negative within it."""
     return float(network.drivable_area.beyond_m(np.array([x_m]), np.array([y_m]))[0])
 
 
@@ -383,7 +387,8 @@ def _thrown_m(person: VehicleLog, x_m: float, y_m: float, until_s: float | None)
 def along_road_m(network: RoadNetwork, x_m: float, y_m: float, place: RoadsidePlace | None) -> float:
     """Return the distance from the reported point.
 
-    Along the road for what is beside it, to its end for what is beyond that; the whole one for what is on the road.
+    It is along the road for a place beside it, up to its end for a place beyond it, and the whole distance for a place
+    on the road.
 
     >>> along_road_m(network, 5.0, 0.0, roadside_at(network, 5.0, 0.0))  # on the road: the distance itself
     5.0

@@ -34,7 +34,7 @@ _IN_PART_M: Final = 1.0
 
 
 def pedestrian_facts(beside: Comparison) -> Iterator[Fact]:
-    """Yield every fact about the strikes that the report says something of; none where nothing touched.
+    """Yield every reported fact about the strikes; nothing without a contact.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -57,7 +57,7 @@ def pedestrian_facts(beside: Comparison) -> Iterator[Fact]:
 
 
 def crosswalk_facts(beside: Comparison, placement: CrashPlacement) -> Iterator[Fact]:
-    """Yield ``PBCWALK`` beside the crosswalks of a map that has any: most towns have not drawn theirs."""
+    """Yield ``PBCWALK`` compared with the map, if the map has any crosswalks; in most towns they are not mapped."""
     network = beside.observed.network
     if not crosswalks(network):
         return
@@ -128,9 +128,7 @@ def _fact(name: str, agreement: Agreement, reported: str, found: str, party: int
 
 # --- departures from the road ----------------------------------------------------------------------------------------
 def departure_facts(beside: Comparison) -> Iterator[Fact]:
-    """Yield every fact about how a vehicle left the road that the report says something of.
-
-    None where nothing happened.
+    """Yield every reported fact about a vehicle's departure from the road; nothing if none happened.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings

@@ -1,7 +1,8 @@
 """Reported facts of the place beside the map: its streets, the road, the intersection, the point itself.
 
-Lanes, division, control and limit of each vehicle's form are compared with the road that the vehicle drives along
-(:mod:`trace_dag.roads.crash_site.agreement`). Features added to the map from the report alone are no facts here."""
+Lanes, division, control and limit of each vehicle are compared with the road on which it drives
+(:mod:`trace_dag.roads.crash_site.agreement`). Features added to the map from the report alone are no facts here.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +68,7 @@ _FACT_OF: Final = {
 def place_facts(
     record: CrashRecord, network: RoadNetwork, report: MapReport, seen: Sequence[ObservedVehicle] = ()
 ) -> Iterator[Fact]:
-    """Yield every fact about the place on which report and map both have something, and the vehicles ``seen``.
+    """Yield every fact about the place that both report and map have; ``seen`` are the vehicles in the simulation.
 
     >>> facts = {fact.name: fact for fact in place_facts(record, network, map_report)}
     >>> facts["lanes"].reported, facts["lanes"].found, facts["lanes"].agreement.value
@@ -117,9 +118,9 @@ def _names_of(network: RoadNetwork, placement: CrashPlacement, streets: SiteStre
 
 
 def _agreement_of_names(reported: str, here: set[str], around: set[str], *, on_reported_ramp: bool) -> Agreement | None:
-    """Compare a reported street with those ``here``; None if it cannot be compared.
+    """Return the agreement of a reported street with those ``here``; None if it cannot be compared.
 
-    A route's number can only be missed on a map that numbers routes, a name only where streets have names.
+    A reported number can only differ on a map with route numbers, and a reported name only on one with street names.
     """
     wanted = parse_street(reported)
     if not wanted.routes and not wanted.names:
@@ -146,9 +147,9 @@ def _agreement_of_names(reported: str, here: set[str], around: set[str], *, on_r
 def _road_class(
     record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, streets: SiteStreets
 ) -> Iterator[Fact]:
-    """Yield ``FUNC_SYS`` beside OSM's class.
+    """Yield ``FUNC_SYS`` compared with OSM's class.
 
-    And, since classes are a matter of opinion but carriageways are not, whether an interstate has divided ones (FHWA,
+    Classes are a matter of opinion, but carriageways are not, so it also yields whether an interstate is divided (FHWA,
     Highway Functional Classification Concepts).
     """
     road = network.road_by_id[placement.road_id]
@@ -169,7 +170,7 @@ def _road_class(
 
 
 def _land_use(record: CrashRecord, network: RoadNetwork, placement: CrashPlacement) -> Iterator[Fact]:
-    """Yield ``RUR_URB`` beside how dense the streets are."""
+    """Yield ``RUR_URB`` compared with the density of streets."""
     if record.rural_urban_code not in _LAND_USE:
         return
     junctions = sum(
@@ -190,9 +191,10 @@ def _land_use(record: CrashRecord, network: RoadNetwork, placement: CrashPlaceme
 def _compared_roads(
     record: CrashRecord, network: RoadNetwork, report: MapReport, seen: Sequence[ObservedVehicle]
 ) -> Iterator[Fact]:
-    """Yield the map's comparisons, those of a vehicle's form with the road that the vehicle drives along.
+    """Yield the map's comparisons; those of a vehicle are with the road on which it drives.
 
-    Features that the map lacked before gaps were filled from the report are compared with nothing."""
+    Features that the map only got from the report are not compared.
+    """
     driven = {vehicle.number: vehicle.road_id for vehicle in seen if vehicle.road_id is not None}
     own = {each.attribute: each for each in compare(network, record, report.placement, driven)} if driven else {}
     for comparison in report.comparisons:
@@ -225,7 +227,7 @@ def _moved(placement: CrashPlacement) -> Fact:
 def _alignment(
     record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, vehicles: Sequence[ObservedVehicle]
 ) -> Iterator[Fact]:
-    """Yield ``VALIGN`` of each vehicle that came along the crash's road, beside how that road bends there."""
+    """Yield ``VALIGN`` of each vehicle that came along the crash's road, compared with the bend of that road."""
     bend = bend_rad(network, placement, _BEND_REACH_M)
     line = network.road_geometry(placement.road_id).line
     heading = line.at(line.project(placement.x_m, placement.y_m)[0])[2]
@@ -246,7 +248,7 @@ def _alignment(
 
 
 def _bend_seen(bend: float, heading: float, seen: ObservedVehicle) -> float | None:
-    """Return the bend as a vehicle on that road saw it, positive to its left; None for one that came another way."""
+    """Return the bend as seen by a vehicle on that road, positive to its left; None for one from another direction."""
     off = abs(wrap_angle(seen.approach_rad - heading))
     if off < _ALONG_RAD:
         return bend

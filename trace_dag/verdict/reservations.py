@@ -1,7 +1,7 @@
 """Doubts about an accepted crash. A doubt is not outweighed by support (:mod:`trace_dag.verdict.support`).
 
-Whatever the report says and the simulation does not show keeps a crash from being verified; doubts about its street,
-its course or its areas keep it from being corroborated too.
+A reported fact that the simulation lacks prevents verification; doubts about street, course or areas also prevent
+corroboration.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ has to record (49 CFR 563.5). Lesser injuries come of any impact."""
 
 
 def place_doubts(record: CrashRecord, network: RoadNetwork, report: MapReport) -> tuple[Reservation, ...]:
-    """Return the doubts about an accepted crash that are the same in every simulation of it.
+    """Return the doubts about an accepted crash that are common to all its simulations.
 
     >>> place_doubts(record, network, map_report)
     ()
@@ -51,7 +51,7 @@ def place_doubts(record: CrashRecord, network: RoadNetwork, report: MapReport) -
 
 
 def simulation_doubts(beside: Comparison, events: Sequence[EventOutcome]) -> tuple[Reservation, ...]:
-    """Return the doubts about one simulation: events that do not happen, no harm, other roads, another course.
+    """Return the doubts about one simulation: missing events, no harm, other roads, another course.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -71,7 +71,7 @@ def simulation_doubts(beside: Comparison, events: Sequence[EventOutcome]) -> tup
 
 
 def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) -> Reservation | None:
-    """Return the doubt that the crash's street has another name, and the reported one is elsewhere on the map."""
+    """Return the doubt that the crash's street has another name while the reported one is elsewhere on the map."""
     here = names_at(record, network, report.placement)
     if not has_name_of_another(record, here, network):
         return None
@@ -81,7 +81,7 @@ def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) 
 
 
 def _other_roads(record: CrashRecord, observed: ObservedCrash) -> Iterator[Reservation]:
-    """Yield a doubt for each evidence term by which a vehicle's own road is not the one that its form describes."""
+    """Yield a doubt for each evidence term that contradicts the road in a vehicle's report."""
     for name, value in observed.hypothesis.evidence.items():
         term, _, whose = name.partition(" (")
         limit, sentence = _OTHER_ROAD.get(term, (-math.inf, ""))
@@ -116,7 +116,7 @@ def _missed(record: CrashRecord, events: Sequence[EventOutcome]) -> Iterator[Res
 
 
 def _no_areas(record: CrashRecord) -> Reservation | None:
-    """Return the doubt that the register has no areas of impact, so that no part struck is compared."""
+    """Return the doubt that the register has no areas of impact to compare."""
     if "impact" not in record.register_lacks:
         return None
     detail = "the register has no areas of impact: that the bodies meet at other parts would not be noticed"
@@ -124,9 +124,9 @@ def _no_areas(record: CrashRecord) -> Reservation | None:
 
 
 def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | None:
-    """Return the doubt that nothing in the simulation can have done the reported harm.
+    """Return the doubt that no event of the simulation can have caused the reported harm.
 
-    No vehicle changes its velocity enough, none overturns, and nobody outside a vehicle is struck.
+    No vehicle changes its velocity enough, none overturns, and no person outside a vehicle is struck.
     """
     least_mps = _LEAST_HARM_MPS.get(record.severity) if record.severity else None
     if least_mps is None or not observed.events or any(event.overturn or event.person for event in observed.events):

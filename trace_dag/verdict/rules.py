@@ -1,14 +1,14 @@
 """The rules of a verdict: a table of criteria with their events, measures, limits and reasons.
 
 Three rule sets. "trace-dag": the paper's three criteria (first contact near the reported location, each impact within
-two clock positions, each direction as reported), with the impact measured where the bodies touch, and thresholds
-from settings. "strict": those, and every reported travel speed kept and every later object and overturn, which the
-paper does not ask for. "published": the published pipeline's procedure as it is, contact within 10 m and the impact as
-the direction to the other body's centre, for comparison.
+two clock positions, each direction as reported), with the impact measured where the bodies touch, and thresholds from
+settings. "strict": those, and every reported travel speed kept and every later object and overturn, which the paper
+does not require. "published": the published pipeline's unchanged procedure, contact within 10 m and the impact as the
+direction to the other body's centre, for comparison.
 
-A crash is accepted if no criterion that can reject it fails and each of the reasons that its first event calls for was
-evaluated at least once: what the report leaves open is "not evaluated", and a crash about which nothing was evaluated
-has not been shown to be right. A report need not give speeds.
+A crash is accepted if no criterion that can reject it fails, and if each reason required by its first event was
+evaluated at least once. Unreported facts are "not evaluated", and without any evaluation there is no evidence for the
+crash. Speeds may be unreported.
 """
 
 from __future__ import annotations
@@ -102,9 +102,9 @@ _REQUIRED: Final[Mapping[EventKind, tuple[Reason, ...]]] = {
 
 
 def required_reasons(sequence: EventSequence, record: CrashRecord) -> tuple[Reason, ...]:
-    """Return reasons of which something has to have been evaluated, by the first event and who takes part in it.
+    """Return the reasons that must have been evaluated, by the first event and its parties.
 
-    No area of impact of a register that has none.
+    The area of impact is not required for a register without areas.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> [reason.value for reason in required_reasons(sequence_of(tree_record), tree_record)]
@@ -148,7 +148,7 @@ RULE_SETS: dict[RuleSetName, RuleSet] = {
 def limits_of(record: CrashRecord, settings: VerdictSettings) -> VerdictSettings:
     """Return the limits of a set of rules for one report.
 
-    No contact has to be nearer to a reported point than its register knows the point.
+    The limit of the contact's distance is at least the error of the register's points.
 
     >>> limits_of(record, VerdictSettings()).max_contact_distance_m
     5.0
@@ -160,7 +160,7 @@ def limits_of(record: CrashRecord, settings: VerdictSettings) -> VerdictSettings
 
 @dataclass(frozen=True)
 class Judgement:
-    """The sum of the criteria: ``reason`` and ``detail`` say why a crash is not accepted."""
+    """The sum of the criteria: ``reason`` and ``detail`` explain a rejection."""
 
     accepted: bool
     reason: Reason | None
@@ -170,10 +170,10 @@ class Judgement:
 # --- a report beside a simulation ------------------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A report's events matched with what happens in a simulation, and the limits that count.
+    """A report's events matched with those of a simulation, and the applicable limits.
 
-    ``begins`` is the reported event that the crash begins with in the simulation: the first one that happens.
-    ``placed_xy_m`` is where the crash was placed on the map: the reported point itself unless that is off its road.
+    ``begins`` is the first reported event that happens in the simulation. ``placed_xy_m`` is the place of the crash on
+    the map: the reported point unless that is off its road.
     """
 
     record: CrashRecord
@@ -219,7 +219,7 @@ class Comparison:
 
     @property
     def begins(self) -> CrashEvent | None:
-        """Return the event that the crash begins with; None if no reported one happens."""
+        """Return the reported event with which the crash begins, or None if none happens."""
         if self.sequence.order_known and self.seen(self.sequence.first) is not None:
             return self.sequence.first
         happening = [(seen.time_s, event) for event in self.sequence.events if (seen := self.seen(event)) is not None]
@@ -233,7 +233,7 @@ class Comparison:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """One reported event beside what it is in the simulation; ``first`` if the crash begins with it."""
+    """One reported event with its simulated counterpart; ``first`` if the crash begins with it."""
 
     event: CrashEvent
     seen: ObservedEvent
@@ -257,7 +257,7 @@ class Rule:
     reason: Reason | None
 
     def criteria(self, each: Beside) -> Iterator[Criterion]:
-        """Yield the criteria of an event; none where the rule does not apply."""
+        """Yield the criteria of an event, if the rule applies."""
         if not self.applies(each):
             return
         of = each.of
@@ -276,12 +276,12 @@ def _is_first_off_road(each: Beside) -> bool:
 
 
 def _contact_distance(each: Beside) -> Values:
-    """Measure from the reported point to the contact.
+    """Yield the distance from the reported point to the contact.
 
-    From where it was placed on its road where that is nearer, and no farther from the point than a contact may be.
+    It is measured from the placed crash if that is nearer, provided that this is within the limit of the point.
 
-    Along the road only where the person or the parked vehicle was off the carriageway by the report, since the reported
-    point lies on the road then.
+    It is measured along the road if the report places the person or the parked vehicle off the carriageway, since the
+    reported point is then on the road.
     """
     contact, parked = each.seen.contact, each.event.parked
     zones = frozenset[Zone]()
@@ -304,7 +304,7 @@ def _station_distance(each: Beside) -> Values:
 
 
 def _across_distance(each: Beside) -> Values:
-    """Yield how far the event is beyond the carriageway's edge, less what the reported point is and the zone allows."""
+    """Yield the event's distance beyond the carriageway's edge, less the reported point's and the zone's width."""
     left = each.seen.departure
     if left is None or left.place is None or reported_zone(each.of.record) is RoadZone.MEDIAN:
         return
@@ -328,7 +328,7 @@ def _head_on_angle(each: Beside) -> Values:
 
 
 def _zone_error(each: Beside) -> Values:
-    """Measure how far from the reported part of the road the event was."""
+    """Yield the distance of the event from the reported part of the road."""
     event, seen, record = each.event, each.seen, each.of.record
     if seen.person is not None:
         yield event.party, zone_error_m(seen.person.outside_m, reported_zones(record, event.person))
@@ -379,7 +379,7 @@ def _compass_errors(each: Beside) -> Values:
 
 
 def _heading_errors(each: Beside) -> Values:
-    """Measure the vehicles and the person whose direction of travel is reported."""
+    """Yield the heading errors of the vehicles and the person with a reported direction of travel."""
     for vehicle in each.event.vehicles:
         went = each.seen.vehicles.get(vehicle.number)
         if went is not None and vehicle.heading is not None:
@@ -392,7 +392,7 @@ def _heading_errors(each: Beside) -> Values:
 
 
 def _speed_errors(each: Beside) -> Values:
-    """Measure the vehicles that take part for the first time."""
+    """Yield the speed errors of the vehicles that take part for the first time."""
     begun = each.of.sequence.events[: each.of.sequence.events.index(each.event)]
     before = {vehicle.number for event in begun for vehicle in event.vehicles}
     initial = {vehicle.number: float(vehicle.speed_mps[0]) for vehicle in each.of.observed.log.parties}
@@ -491,7 +491,7 @@ RULES: Final[Sequence[Rule]] = (
 
 
 def criteria(beside: Comparison) -> tuple[Criterion, ...]:
-    """Return every criterion of the rule set, those that reject first, then those that are only shown.
+    """Return every criterion of the rule set, those that can reject first, then those that are only shown.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> found = criteria(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings()))
@@ -519,7 +519,7 @@ def criteria(beside: Comparison) -> tuple[Criterion, ...]:
 
 
 def _happens(beside: Comparison, first: CrashEvent, begins: CrashEvent | None, *, nothing: bool) -> Criterion:
-    """Return the criterion that there is a crash at all: a contact, or the overturn."""
+    """Return the criterion that there is a crash: a contact, or the overturn."""
     log, number = beside.observed.log, first.number
     if first.kind is EventKind.OVERTURN:
         over = begins is not None
@@ -544,7 +544,7 @@ def _happens(beside: Comparison, first: CrashEvent, begins: CrashEvent | None, *
 
 
 def _right_party(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criterion]:
-    """Yield the criterion that fails if the first contact is not the one that the report begins with."""
+    """Yield a criterion that fails if the first contact is not the first reported one."""
     seen, first = beside.observed.first, beside.sequence.first
     if seen is None or first.kind is EventKind.OVERTURN:
         return
@@ -566,7 +566,7 @@ def _right_party(beside: Comparison, begins: CrashEvent | None) -> Iterator[Crit
 
 
 def _departure(each: Beside) -> list[Criterion]:
-    """Return the criteria of the first departure: whether, to which side, and from which street."""
+    """Return the criteria of the first departure: whether it happens, its side, and its street."""
     departure, left = each.of.departure, each.seen.departure
     assert left is not None
     number, event = departure.vehicle.number, each.event.number
@@ -594,9 +594,9 @@ def _departure(each: Beside) -> list[Criterion]:
 
 
 def _sequence(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criterion]:
-    """Yield the criterion that every contact comes in its turn, and that nobody else is touched by then.
+    """Yield criteria that every contact comes in its turn, without other contacts before.
 
-    Later objects and overturns are asked for by the strict rules alone.
+    Only the strict rules require later objects and overturns.
     """
     strict, sequence = beside.rules.speeds_reject, beside.sequence
     told = "after what came before it" if sequence.order_known else "at all"
@@ -634,14 +634,14 @@ def _sequence(beside: Comparison, begins: CrashEvent | None) -> Iterator[Criteri
 
 
 def _collide(observed: ObservedCrash, strange: SimulatedEvent) -> bool:
-    """Return whether two vehicles touch as hard as an event data recorder records: no report leaves that out."""
+    """Return whether two vehicles touch hard enough for an event data recorder; no report leaves that out."""
     seen = observed.of(strange)
     changes = [side.delta_v_mps for side in seen.sides.values()] if seen is not None else []
     return len(changes) == 2 and max(changes) >= LEAST_RECORDED_MPS
 
 
 def _out_of_turn(beside: Comparison, event: CrashEvent) -> bool:
-    """Return whether an object is struck, but not when its turn comes."""
+    """Return whether an object is struck, but not in its turn."""
     touched = any(each.pair == event.pair and each.object_code is not None for each in beside.observed.events)
     return touched and beside.seen(event) is None
 
@@ -660,7 +660,7 @@ def at_most(
     number: int | None = None,
     event: int | None = None,
 ) -> Criterion:
-    """Return a criterion on the size of a value, not evaluated where there is none.
+    """Return a criterion on the size of a value; not evaluated without a value.
 
     >>> [at_most("contact_distance", each, 5.0, "m", Reason.WRONG_LOCATION).passed for each in (5.0, -6.0, None)]
     [True, False, None]
@@ -671,9 +671,9 @@ def at_most(
 
 
 def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...]) -> Judgement:
-    """Judge whether the crash is accepted; if not, give the first reason in the order of the flow, and its sentence.
+    """Return whether the crash is accepted; if not, with the first reason in the order of the flow, and its sentence.
 
-    Something has to have been evaluated for each ``required`` reason.
+    Each ``required`` reason must have been evaluated.
 
     >>> found = judgement((at_most("contact_distance", 6.0, 5.0, "m", Reason.WRONG_LOCATION),), ())
     >>> found.reason.value, found.detail

@@ -50,7 +50,7 @@ def select_measures(beside: Comparison) -> Iterator[Criterion]:
 
 
 def shown(name: str, value: float | None, unit: str, number: int | None = None, event: int | None = None) -> Criterion:
-    """Return a measure that is shown and judges nothing."""
+    """Return a measure that is shown without a judgement."""
     return Criterion(name, value, None, unit, None, None, "", number, event)
 
 

@@ -1,11 +1,11 @@
 """Support of an accepted crash: each independent fact of its report for or against it, their sum, and a grade.
 
-The three criteria ask whether the simulated contact fits the report; the estimator chooses hypotheses that do.
-Support asks what else the report says, of the place and of the course, and whether that is so. Each fact counts with
-the logarithm of how many times likelier it is to agree (or differ) in a true report at its true place than in a
-control, by the counts in ``support_weights.csv``, measured on FARS reports of Virginia 2023 and of Arizona,
-California, Ohio and South Dakota 2012 to 2016 (``lab/fit_support.py``). The facts' weights add up, in the manner of
-naive Bayes."""
+The three criteria test whether the simulated contact fits the report, but the estimator chooses hypotheses that do.
+Support tests the other reported facts of the place and the course. The weight of a fact is the logarithm of how many
+times likelier it is to agree (or differ) in a true report at its true place than in a control, by the counts in
+``support_weights.csv``, measured on FARS reports of Virginia 2023 and of Arizona, California, Ohio and South Dakota
+2012 to 2016 (``lab/fit_support.py``). The facts' weights add up, in the manner of naive Bayes.
+"""
 
 from __future__ import annotations
 
@@ -74,10 +74,10 @@ class Weight:
 
     @property
     def log_likelihood_ratio(self) -> float:
-        """Return the ln of the ratio of the two shares, each count with a prior, within :data:`_MOST` either way.
+        """Return the logarithm of the ratio of the two shares, each count with a prior, limited to :data:`_MOST`.
 
-        A disagreement never supports a crash: where it hardly ever occurs, in controls neither, few true reports
-        would."""
+        A disagreement never supports a crash, even if it is rare in controls and few true reports have it.
+        """
         levels = len(Agreement)
         true = (self.true_count + _PRIOR) / (self.true_of + levels * _PRIOR)
         chance = (self.chance_count + _PRIOR) / (self.chance_of + levels * _PRIOR)
@@ -89,9 +89,9 @@ Weights = Mapping[tuple[str, Agreement], float]
 
 
 def facts_of(record: CrashRecord, network: RoadNetwork, report: MapReport, beside: Comparison) -> tuple[Fact, ...]:
-    """Return every fact of the report that can be compared with the map, the simulated course or the report itself.
+    """Return every fact of the report that can be compared with the map, the course or the report itself.
 
-    Not weighed yet. If nothing happens, those of the place and of the report alone.
+    They are not weighed yet. Without any event they are only those of the place and of the report.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -110,7 +110,7 @@ def facts_of(record: CrashRecord, network: RoadNetwork, report: MapReport, besid
 
 
 def facts_of_course(beside: Comparison) -> tuple[Fact, ...]:
-    """Return the facts of the course alone, by what the crash begins with."""
+    """Return the facts of the course alone, by the kind of the first event."""
     return tuple(_COURSE_FACTS[beside.sequence.first.kind](beside))
 
 
@@ -131,10 +131,9 @@ def _contradictions(record: CrashRecord) -> Iterator[Fact]:
 
 
 def assess_support(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
-    """Return the facts weighed and summed up; ``weights`` are those of the package unless given.
+    """Return the facts with weights and their sum; ``weights`` default to those of the package.
 
-    A fact reported of both vehicles is one thing: its weights are averaged, so that what the two forms repeat does not
-    count twice.
+    A fact reported for both vehicles is one fact: its weights are averaged, so that repetition does not count twice.
 
     >>> fact = Fact("lanes", ComparedWith.MAP, Agreement.AGREES, "4", "4")
     >>> of_both = (replace(fact, vehicle_number=number) for number in (1, 2))
@@ -174,7 +173,9 @@ def _sentence(fact: Fact) -> str:
 
 
 def grade_of(support: Support | None, reservations: Sequence[Reservation] = ()) -> Grade:
-    """Return the grade of an accepted crash. An event that does not happen is a matter of its label, not of support.
+    """Return the grade of an accepted crash.
+
+    A missing event affects its label rather than its support.
 
     >>> grade_of(None).value
     'consistent'

@@ -1,9 +1,10 @@
 """Throws of struck people: thrown, glanced, carried along or run over.
 
-A body launched at a speed v, under any angle, comes to rest between v^2 / (2 mu g) and that times 1 + mu^2 further
-on (Searle, SAE 831622), with mu = 0.66 for people on pavement. Nobody is launched at more than the vehicle's speed,
-or the own: who lies further away was carried or pushed on the way. A strike that gives a person less than half of
-the vehicle's speed is a glance; who comes under the vehicle is run over."""
+A body launched at a speed v, under any angle, comes to rest between v^2 / (2 mu g) and that times 1 + mu^2 further on
+(Searle, SAE 831622), with mu = 0.66 for people on pavement. The launch speed is at most the vehicle's or the person's
+own speed, so a person who lies further away was carried or pushed. A strike that gives a person less than half of the
+vehicle's speed is a glance; a person under the vehicle is run over.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ def throw_bounds_m(speed_mps: float, friction: float = _FRICTION) -> tuple[float
 
 
 def throw_of(contact: Contact, vehicle: VehicleLog, body: Body, person: VehicleLog, thrown_m: float) -> Throw:
-    """Return the throw of the person of a strike, given the vehicle's body and log and the person's log.
+    """Return the throw of the person in a strike, given the vehicle's body and log and the person's log.
 
     >>> log = judged_pedestrian.log
     >>> strike = log.contacts[0]

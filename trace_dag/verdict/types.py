@@ -15,9 +15,9 @@ from trace_dag.reconstruction.alternatives import Approached
 
 @dataclass(frozen=True)
 class Criterion:
-    """``passed`` is None where the report gives nothing to compare with: shown as not evaluated, never as a pass.
+    """``passed`` is None if the report has no value to compare: shown as not evaluated, never as a pass.
 
-    ``reason`` is what a crash is rejected for if this criterion fails; None for criteria that are only reported.
+    ``reason`` is the reason of the rejection if this criterion fails; None for criteria that are only reported.
     ``vehicle_number`` is the number of the party, ``event_number`` that of the record's event; a collision of two
     vehicles is judged as a whole and has none.
     """
@@ -57,7 +57,7 @@ class Agreement(StrEnum):
 
     @classmethod
     def of(cls, agrees: bool) -> Agreement:
-        """Return the agreement of a fact that either agrees or does not."""
+        """Return the agreement of a fact that either agrees or differs."""
         return cls.AGREES if agrees else cls.DIFFERS
 
 
@@ -71,10 +71,10 @@ class ComparedWith(StrEnum):
 
 @dataclass(frozen=True)
 class Fact:
-    """One thing a report says that can be compared with the map, the simulated course, or another of its fields.
+    """One reported fact that can be compared with the map, the simulated course, or another field.
 
-    ``essential``: where it differs the crash is not corroborated, whatever else agrees. ``weight`` is its
-    log-likelihood ratio (natural logarithm), positive where it speaks for the crash.
+    ``essential``: if it differs, the crash is not corroborated, regardless of other facts. ``weight`` is its
+    log-likelihood ratio (natural logarithm), positive for support of the crash.
     """
 
     name: str
@@ -88,16 +88,16 @@ class Fact:
 
     @property
     def refutes(self) -> bool:
-        """Return whether it forbids corroboration by itself."""
+        """Return whether the fact by itself prevents corroboration."""
         return self.essential and self.agreement is Agreement.DIFFERS
 
 
 @dataclass(frozen=True)
 class Support:
-    """Every fact of a report that could be compared, with its weight, and what they amount to.
+    """Every compared fact of a report, with its weight, and their sum.
 
-    ``total`` is the sum of the weights; ``independent_facts`` counts the different things that agree, one of both
-    vehicles once; ``detail`` says in words why the crash is not corroborated, "" if it is.
+    ``total`` is the sum of the weights; ``independent_facts`` counts the different facts that agree, one of both
+    vehicles once; ``detail`` is the reason why the crash is not corroborated, or "".
     """
 
     facts: tuple[Fact, ...]
@@ -116,9 +116,9 @@ class EventResult(StrEnum):
 
 @dataclass(frozen=True)
 class EventOutcome:
-    """A harmful event of the report and what becomes of it: when it happens (s), or ``why`` not, in words.
+    """A harmful event of the report and its outcome: the time (s), or ``why`` it does not happen.
 
-    One that goes on with the event before it has no time of its own.
+    One that continues the previous event has no time of its own.
     """
 
     event_number: int
@@ -153,18 +153,18 @@ class Doubt(StrEnum):
 
     @property
     def bars_verification(self) -> bool:
-        """Return whether a crash with this doubt is accepted by its first event only: by looking, none was right."""
+        """Return whether a crash with this doubt is only accepted by its first event; by eye, none was right."""
         return self is not Doubt.NO_AREAS
 
     @property
     def bars_corroboration(self) -> bool:
-        """Return whether the doubt is about street, course or areas; what does not happen is a matter of the label."""
+        """Return whether the doubt concerns street, course or areas; a missing event affects the label instead."""
         return self not in (Doubt.EVENT_MISSED, Doubt.HARMLESS)
 
 
 @dataclass(frozen=True)
 class Reservation:
-    """A doubt about an accepted crash, and the sentence that says what was found."""
+    """A doubt about an accepted crash, and its sentence."""
 
     doubt: Doubt
     detail: str
@@ -174,9 +174,9 @@ class Reservation:
 class SightLine:
     """The view that one of two parties had of the other until they met.
 
-    The other can be seen for the last ``seen_for_s`` before the contact without a break. ``hidden_s`` are the times of
-    the simulation (s) between which it is hidden, ``hidden_share`` their part of the last seconds; the thing that hides
-    it longest is ``hidden_by``, with its element in OpenStreetMap ("way/12") if it is from there.
+    The other is visible without interruption for the last ``seen_for_s`` before the contact. ``hidden_s`` are the times
+    of the simulation (s) between which it is hidden, ``hidden_share`` is their part of the last seconds; ``hidden_by``
+    is the obstacle that hides it longest, with its element in OpenStreetMap ("way/12") if it is from there.
     """
 
     driver: int
@@ -195,11 +195,10 @@ class Verdict:
     It is of the first hypothesis (in the estimate's order) that is verified, else of the first that is accepted, else
     of the first.
 
-    ``label`` answers what happens, ``grade`` how well it is supported (None for a rejected crash), ``direction_open``
-    how open it is: the sides that the report leaves open, empty where one is likely. ``support`` is None where no
-    simulation came to a contact, and where one simulation is compared with many reports. ``events`` are the harmful
-    events of the report in order, ``reservations`` the doubts about an accepted crash, ``sight_lines`` those of the two
-    that met first.
+    ``label`` is the agreement of events, ``grade`` the support (None for a rejected crash), ``direction_open`` the
+    sides that are still possible, empty if one is likely. ``support`` is None without a contact, and for comparisons of
+    one simulation with many reports. ``events`` are the harmful events of the report in order, ``reservations`` the
+    doubts about an accepted crash, ``sight_lines`` those of the two that met first.
     """
 
     key: str
@@ -225,7 +224,7 @@ class Verdict:
 
     @property
     def verified(self) -> bool:
-        """Return whether every reported harmful event that can be modelled happens and can have done the harm."""
+        """Return whether every reported harmful event that can be modelled happens and can have caused the harm."""
         return self.label is Label.VERIFIED
 
     def criterion(self, name: str, vehicle_number: int | None = None) -> Criterion | None:
@@ -240,18 +239,21 @@ class Verdict:
         return max((abs(c.value) for c in self.criteria if c.name in names and c.value is not None), default=None)
 
     def all_hold(self, name: str) -> bool | None:
-        """Return whether every criterion of that name holds of those that were evaluated; None if none was."""
+        """Return whether every evaluated criterion of that name holds; None if none was evaluated."""
         evaluated = [c.passed for c in self.criteria if c.name == name and c.passed is not None]
         return all(evaluated) if evaluated else None
 
 
 def verdict_to_json(verdict: Verdict) -> bytes:
-    """Return a verdict as stored: every criterion with value, threshold, unit and whether it holds."""
+    """Return a verdict as stored: every criterion with value, threshold, unit and result."""
     return json_adapter(Verdict).dump_json(verdict, indent=1)
 
 
 def verdict_from_json(data: bytes) -> Verdict:
-    """Return a stored verdict; :class:`Failure` if it is not one of this version."""
+    """Return a stored verdict.
+
+    Raises :class:`Failure` if it is not one of this version.
+    """
     try:
         return json_adapter(Verdict).validate_json(data)
     except ValidationError as error:

@@ -1,8 +1,9 @@
-"""Doubts about what a simulation needs and no report says: streets that are not there, spins, walks out of lanes.
+"""Doubts about unreported requirements of a simulation: missing streets, spins, walks out of lanes.
 
-The criteria ask whether the contact is the reported one, :mod:`trace_dag.verdict.course_events` whether the reported
-course is there. A hypothesis can meet both on a way that nobody drives: into a leg that the map lacks, turned round
-so that a side is struck, over fields. Its requirements for the report to hold are doubts with their names."""
+The criteria test the reported contact, :mod:`trace_dag.verdict.course_events` the reported course. A hypothesis can
+satisfy both on an implausible path: into a leg that the map lacks, turned around so that a side is struck, or over
+fields. Each such requirement is a named doubt.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +59,7 @@ o'clock up to their corners."""
 
 
 def way_doubts(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for everything that a simulation needs and that its report and the map do not have.
+    """Yield a doubt for each requirement of a simulation that its report and the map lack.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -77,7 +78,7 @@ def way_doubts(beside: Comparison) -> Iterator[Reservation]:
 def _missing_legs(beside: Comparison) -> Iterator[Reservation]:
     """Yield a doubt for each vehicle that was going to drive where the map has no street.
 
-    A fourth arm that the report has is excepted.
+    A reported fourth arm is an exception.
     """
     network, record = beside.observed.network, beside.record
     left = {event.party_1 for event in record.events if event.code in SIDE_OF_EVENT}
@@ -95,7 +96,7 @@ def _missing_legs(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _strays(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each vehicle that goes far beyond the carriageways, or backwards before the first event."""
+    """Yield a doubt for each vehicle far beyond the carriageways, or backing before the first event."""
     log, network, first = beside.observed.log, beside.observed.network, beside.observed.first
     for state in beside.observed.hypothesis.participants:
         if not is_vehicle(state.vehicle_number):
@@ -119,7 +120,7 @@ def _strays(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _people(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each person who crosses and begins in a lane, or is struck beside the reported crosswalk."""
+    """Yield a doubt for each person who begins to cross in a lane, or is struck outside the reported crosswalk."""
     network = beside.observed.network
     struck = {event.pair[1]: event for event in beside.observed.events if event.person is not None}
     persons = {person.party: person for person in beside.record.non_motorists}
@@ -140,7 +141,7 @@ def _people(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _other_junction(beside: Comparison) -> Iterator[Reservation]:
-    """Yield the doubt that the first contact is in a junction and the report has it elsewhere, or the reverse.
+    """Yield the doubt that the first contact is in a junction but not by the report, or the reverse.
 
     ``RELJCT2`` and ``TYP_INT`` report it.
     """
@@ -160,7 +161,7 @@ def _other_junction(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _streets_cross(network: RoadNetwork, x_m: float, y_m: float) -> bool:
-    """Return whether lanes of two streets of an intersection lie over each other at a point."""
+    """Return whether lanes of two streets of an intersection overlap at a point."""
     headings = []
     for lane in network.nearest_lanes(x_m, y_m, 0.0):
         junction = network.junction_of(lane.lane)
@@ -170,7 +171,7 @@ def _streets_cross(network: RoadNetwork, x_m: float, y_m: float) -> bool:
 
 
 def _junction_at(network: RoadNetwork, x_m: float, y_m: float) -> Junction | None:
-    """Return the junction at a point: the one that it is in, or whose middle is near."""
+    """Return the junction that contains a point, or one with its middle nearby, or None."""
     for lane in network.nearest_lanes(x_m, y_m, 0.0):
         junction = network.junction_of(lane.lane)
         if junction is not None:
@@ -183,8 +184,8 @@ def _junction_at(network: RoadNetwork, x_m: float, y_m: float) -> Junction | Non
 def _other_faces(beside: Comparison) -> Iterator[Reservation]:
     """Yield a doubt for each vehicle struck at another face or a corner than reported.
 
-    The report has the middle of a side or the rear, within the criterion's two clock positions. Narratives and most
-    other tables name a side as a whole, so FARS alone is compared.
+    It concerns the reported middle of a side or the rear, within the criterion's two clock positions. Narratives and
+    most other tables name a whole side, so only FARS is compared.
     """
     if beside.record.register != FARS:
         return
@@ -211,7 +212,7 @@ def _objects_in_one_place(beside: Comparison) -> Iterator[Reservation]:
 
 
 def _objects_at_rest(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each placed later object that a vehicle touches slowly where it comes to rest anyway."""
+    """Yield a doubt for each placed later object that a vehicle touches slowly where it would come to rest anyway."""
     for event in beside.sequence.events:
         seen = beside.seen(event)
         if event is beside.begins or seen is None or seen.object_code is None:

@@ -1,6 +1,6 @@
-"""Asking the warehouse a question of somebody's, in a process that is ended when it takes too long or too much memory.
+"""Queries of users to the warehouse, in a process with limits of time and memory.
 
-DuckDB bounds neither: a recursive query may run for ever, and one expression may hold gigabytes.
+DuckDB limits neither: a recursive query may run for ever, and one expression may hold gigabytes.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _CHILD = "from trace_dag.warehouse.asking import _answer; _answer()"
 
 
 def ask(path: Path, sql: str, limits: WarehouseSettings, how: Callable[[Path, str], Answer]) -> Answer:
-    """Ask with ``how``, a function such as :func:`trace_dag.warehouse.query.query`, within the limits of the settings.
+    """Run ``how``, a function such as :func:`trace_dag.warehouse.query.query`, within the limits of the settings.
 
-    Raises :class:`UserError` also for a question that takes longer or needs more memory.
+    Raises :class:`UserError` also for a query that exceeds the limits of time or memory.
     """
     asked = pickle.dumps((how, path, sql, limits.query_memory_mb))
     try:
@@ -59,9 +59,9 @@ def _too_large(memory_mb: int) -> UserError:
 
 
 def _answer() -> None:
-    """Write the answer, or the error, to what was standard output in the child.
+    """Write the answer, or the error, to the child's original standard output.
 
-    DuckDB draws a progress bar there after two seconds, which goes to standard error.
+    DuckDB draws a progress bar on standard output after two seconds, which is redirected to standard error.
     """
     answer = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

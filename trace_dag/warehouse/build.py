@@ -1,9 +1,10 @@
 """The DuckDB warehouse, built from the stored artefacts.
 
-One ``.sql`` file per table and view, in ``sql/``, run in the order below. The database is built beside the old one
-and then put in its place, so readers of the old one go on undisturbed and there is never half a warehouse. If few
-crashes have changed since, it begins as a copy of the old one (:mod:`trace_dag.warehouse.updating`). Only artefacts
-that still count enter: those listed by a record whose inputs are what the records before it list."""
+One ``.sql`` file per table and view, in ``sql/``, run in the order below. The database is built beside the old one and
+then replaces it, so readers of the old one are not disturbed and a warehouse is never incomplete. If few crashes have
+changed since, it begins as a copy of the old one (:mod:`trace_dag.warehouse.updating`). Only current artefacts enter:
+those of a record whose inputs are the outputs of earlier records.
+"""
 
 from __future__ import annotations
 
@@ -81,19 +82,19 @@ class BuildReport:
 
 
 def is_built_by_this_code(path: Path) -> bool:
-    """Return whether there is a warehouse and it was built by the present code and SQL."""
+    """Return whether there is a warehouse built by the present code and SQL."""
     return _built_by(path) == VERSION
 
 
 def is_outdated(path: Path) -> bool:
-    """Return whether there is a sound warehouse that an earlier version of the program built."""
+    """Return whether there is an undamaged warehouse built by an earlier version of the program."""
     return _built_by(path) not in (None, VERSION)
 
 
 def _built_by(path: Path) -> str | None:
-    """Return the version of the code that built a warehouse, "" where it does not say.
+    """Return the version of the code that built a warehouse, or "" if unknown.
 
-    None where there is no sound one.
+    None without an undamaged one.
     """
     if not path.is_file():
         return None
@@ -109,11 +110,12 @@ def _built_by(path: Path) -> str | None:
 def build_warehouse(storage: Storage, local_folder: Path, *, on_problem: OnProblem = log_problem) -> BuildReport:
     """Build ``ROOT/warehouse.duckdb``, or bring it up to date.
 
-    ``local_folder`` is where that is done (the root itself, if local).
+    It is built in ``local_folder`` (the root itself, if local).
 
-    A crash may be worked on meanwhile: if one of its files goes while it is read, the build begins again. Damaged
-    parts are left out and passed to ``on_problem``. Its SHA-256 is noted beside it, so that its readers can tell
-    whether it is still what was built."""
+    A crash may be worked on meanwhile: if one of its files disappears during reading, the build begins again. Damaged
+    parts are left out and passed to ``on_problem``. Its SHA-256 is stored beside it, so that readers can detect
+    changes.
+    """
     started = time.monotonic()
     bring_up_to_date(storage)
 
@@ -204,9 +206,9 @@ def _read(
     connection: duckdb.DuckDBPyConnection,
     on_problem: OnProblem,
 ) -> dict[str, pa.Table]:
-    """Return everything stored, chunk by chunk.
+    """Read everything stored, chunk by chunk.
 
-    While one is read, the one before it becomes rows and DuckDB takes it over.
+    While one chunk is read, the previous one is converted and loaded into DuckDB.
     """
     outcomes = OutcomeTables()
     documents = DocumentTables(connection)
@@ -226,7 +228,7 @@ def _read(
 
 
 def _comment_columns_of_views(connection: duckdb.DuckDBPyConnection) -> None:
-    """Give the columns that a view takes over from ``crashes`` the comments that they have there."""
+    """Copy the comments of columns of ``crashes`` to columns that views take from it."""
     for view, column, comment in connection.execute(
         "SELECT taken.table_name, column_name, held.comment FROM duckdb_columns() taken JOIN duckdb_columns() held"
         " USING (column_name) WHERE taken.comment IS NULL AND held.table_name = 'crashes'"
@@ -253,9 +255,9 @@ def table_documentation(connection: duckdb.DuckDBPyConnection) -> dict[str, list
 
 # --- evaluations -----------------------------------------------------------------------------------------------------
 def evaluation_tables(storage: Storage, on_problem: OnProblem) -> dict[str, pa.Table]:
-    """Return the stored rows of each by the names in SQL, those of changed crashes included.
+    """Return the stored rows of each by their names in SQL, including those of changed crashes.
 
-    ``on_problem`` is called with the files left out because they are damaged.
+    ``on_problem`` is called with the errors of damaged files, which are left out.
     """
     import pyarrow as pa
 

@@ -17,7 +17,7 @@ _BUDGET = f"{BudgetSpent.__module__}.{BudgetSpent.__qualname__}:"
 
 
 def find_troubled(final_state: str, outdated: str | None) -> bool:
-    """Return whether a crash stands failed, or with a result that could not be made anew.
+    """Return whether a crash is failed, or has a result that could not be made anew.
 
     >>> find_troubled("failed", None), find_troubled("verified", None)
     (True, False)
@@ -26,7 +26,7 @@ def find_troubled(final_state: str, outdated: str | None) -> bool:
 
 
 def standings_in(warehouse: Path) -> dict[str, tuple[str, bool]]:
-    """Return the states of the crashes in a warehouse, and those in trouble; nothing where there is none."""
+    """Return the states of the crashes in a warehouse, and whether they are troubled; empty without one."""
     try:
         return {row[0]: (row[1], find_troubled(row[1], row[2])) for row in query(warehouse, _SQL)[1]}
     except (UserError, DamagedFile):
@@ -34,7 +34,7 @@ def standings_in(warehouse: Path) -> dict[str, tuple[str, bool]]:
 
 
 def alerts_since(before: Mapping[str, tuple[str, bool]], storage: Storage, warehouse: Path) -> Iterator[Alert]:
-    """Return the alerts of a warehouse, given the states of the crashes before it was built."""
+    """Return the alerts of a warehouse, given the states of the crashes before its build."""
     failed, fallen = [], []
     for key, state, outdated, stage, reason, detail, because in query(warehouse, _SQL)[1]:
         stood, was_troubled = before.get(key, (None, False))
@@ -53,7 +53,7 @@ def alerts_since(before: Mapping[str, tuple[str, bool]], storage: Storage, wareh
 
 
 def _for_the_budget(storage: Storage, keys: list[str]) -> set[str]:
-    """Return those of some failed crashes that stopped because the budget was spent."""
+    """Return the failed crashes that stopped because the budget was spent."""
     found = set()
     for key, records in read_records(storage, keys).items():
         errors = [each.error for record in records.values() for each in (record, record.failed_attempt) if each]

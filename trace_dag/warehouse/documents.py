@@ -31,7 +31,7 @@ DOCUMENTS = (_RECORD, *_JSON.values())
 
 
 class DocumentTables:
-    """Takes over the artefacts of some crashes at a time."""
+    """Loads the artefacts of some crashes at a time."""
 
     def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
         self._connection = connection
@@ -39,7 +39,7 @@ class DocumentTables:
         self.add([])
 
     def add(self, crashes: Sequence[CrashSnapshot]) -> None:
-        """Take over some crashes."""
+        """Load some crashes."""
         import pyarrow as pa
 
         records = [table_from_parquet(crash.documents[_RECORD]) for crash in crashes if _RECORD in crash.documents]
@@ -61,7 +61,7 @@ class DocumentTables:
 
 
 def _optional(field: pa.Field) -> pa.Field:
-    """Return a field that may be null, as may all within it."""
+    """Return a field that may be null, like all fields within it."""
     import pyarrow as pa
 
     kind = field.type
@@ -73,9 +73,9 @@ def _optional(field: pa.Field) -> pa.Field:
 
 
 def local_files(storage: Storage, names: Sequence[str], folder: Path) -> list[str]:
-    """Return paths of stored JSON files as DuckDB reads them: copies in ``folder`` where the storage is elsewhere.
+    """Return local paths of stored JSON files for DuckDB, with copies in ``folder`` if the storage is remote.
 
-    DuckDB needs at least one file to know the columns by: an empty one is always the first.
+    DuckDB needs at least one file to infer the columns, so an empty one is always the first.
     """
     empty = folder / "empty.json"
     empty.write_text("[]")
@@ -91,7 +91,10 @@ def local_files(storage: Storage, names: Sequence[str], folder: Path) -> list[st
 
 
 def execute_sql(connection: duckdb.DuckDBPyConnection, name: str, *, prefix: str = "") -> None:
-    """Run one of the ``.sql`` files. Raises ``FileNotFoundError`` for files that are gone, :class:`Failure` else."""
+    """Run one of the ``.sql`` files.
+
+    Raises ``FileNotFoundError`` for missing data files, :class:`Failure` for other errors.
+    """
     import duckdb
 
     sql = resources.files("trace_dag.warehouse").joinpath("sql", f"{name}.sql").read_text()

@@ -1,10 +1,10 @@
 """Coverage of a country's fatal crashes: kinds of national tables, rates of stored crashes.
 
 A national table has every crash, but neither its sequence nor a map; the crashes of a root have both. So the kinds are
-counted in the table, and each kind is taken to come through as the stored crashes of that kind do: reports that say
-enough, of those with a map at hand the ones whose map can be used, and of these the verified. It is an estimate. It
-assumes that within a kind the stored crashes are like the country's, that OpenStreetMap covers the country as it covers
-them, and that the kind follows from the first harmful event and the number of vehicles alone.
+counted in the table, and each kind gets the success rates of its stored crashes: complete reports, usable maps among
+those with a map at hand, and verified ones among these. It is an estimate. It assumes that within a kind the stored
+crashes are like the country's, that OpenStreetMap covers the country equally well, and that the kind follows from the
+first harmful event and the number of vehicles alone.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ WHERE
 
 @dataclass(frozen=True)
 class StoredKind:
-    """The crashes of one kind that were worked on, and how many of them came past each step."""
+    """The crashes of one kind that were worked on, and the number that passed each step."""
 
     registered: int = 0
     complete: int = 0
@@ -67,9 +67,9 @@ class StoredKind:
 
 @dataclass(frozen=True)
 class KindCoverage:
-    """One kind: crashes in the national tables, stored crashes, and the share of them that comes through.
+    """One kind: crashes in the national tables, stored crashes, and their success rate.
 
-    The rate is None where no stored crash of a judged kind says what it is; such a kind counts as not covered.
+    The rate is None without stored crashes of a judged kind; such a kind counts as not covered.
     """
 
     kind: CrashKind
@@ -81,7 +81,7 @@ class KindCoverage:
 
 @dataclass(frozen=True)
 class NationalCoverage:
-    """Shares of all crashes of the national tables (0 to 1), and the kinds they are made of.
+    """Shares of all crashes of the national tables (0 to 1), and their kinds.
 
     ``verified_bounds`` are 90 % bounds of ``verified``, from the number of stored crashes alone.
     """
@@ -97,7 +97,7 @@ class NationalCoverage:
 def count_kinds(files: Iterable[Path]) -> Counter[CrashKind]:
     """Return the crashes of national ``accident`` tables by kind.
 
-    CSV, or a ZIP archive with such a file in it. Raises :class:`UserError` for files that hold no such table.
+    A file is CSV, or a ZIP archive of one. Raises :class:`UserError` for files without such a table.
     """
     counted: Counter[tuple[int, int]] = Counter()
     for file in files:
@@ -111,9 +111,9 @@ def count_kinds(files: Iterable[Path]) -> Counter[CrashKind]:
 
 
 def read_accidents(file: Path, columns: Sequence[str], where_there: Sequence[str] = ()) -> pa.Table:
-    """Return columns of a national ``accident`` table, whole numbers; of those ``where_there`` the ones that it has.
+    """Return whole-number columns of a national ``accident`` table; those in ``where_there`` only if it has them.
 
-    CSV, or a ZIP archive with such a file in it. Raises :class:`UserError` for a file that holds no such table.
+    A file is CSV, or a ZIP archive of one. Raises :class:`UserError` for a file without such a table.
     """
     expected = f"expected FARS's accident table, CSV with the columns {' and '.join(columns)}, or a ZIP archive of it"
     try:
@@ -133,11 +133,9 @@ def read_accidents(file: Path, columns: Sequence[str], where_there: Sequence[str
 
 
 def thin_reports(warehouse: Path, cohorts: Sequence[str]) -> int:
-    """Return the stored crashes left out as incomplete whose vehicles have no movement in the tables.
+    """Return the number of incomplete stored crashes whose vehicles have no movement in the registered tables.
 
-    The tables are those registered, the movements ``P_CRASH1``, ``P_CRASH2`` and ``ACC_TYPE``.
-
-    NHTSA's own tables have them.
+    The movements are ``P_CRASH1``, ``P_CRASH2`` and ``ACC_TYPE``, which NHTSA's own tables have.
     """
     ((crashes,),) = _asked(warehouse, _THIN, cohorts)
     return int(crashes)
@@ -164,9 +162,9 @@ def _asked(warehouse: Path, sql: str, cohorts: Sequence[str]) -> list[tuple[Any,
 
 
 def coverage_of_country(national: Mapping[CrashKind, int], stored: Mapping[CrashKind, StoredKind]) -> NationalCoverage:
-    """Return the shares of all crashes that are of judged kinds, and that would be verified if mapped everywhere.
+    """Return the shares of all crashes that are of judged kinds, and that would be verified with maps everywhere.
 
-    The bounds (90 %) are of sampling alone: of each step's rate after the crashes seen, with Jeffreys' prior.
+    The bounds (90 %) only cover sampling: of each step's rate after the crashes seen, with Jeffreys' prior.
     """
     total = sum(national.values())
     if not total:

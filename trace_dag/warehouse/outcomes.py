@@ -1,4 +1,4 @@
-"""The outcome records of all crashes as Arrow tables: where each stands, what each stage said, which files it left."""
+"""The outcome records of all crashes as Arrow tables: states, outcomes of the stages, and files."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class OutcomeTables:
         self._settings_before: dict[Stage, tuple[dict[str, Any], str]] = {}
 
     def add(self, crashes: Sequence[CrashSnapshot], cohort_of: Mapping[str, str]) -> None:
-        """Take over some crashes."""
+        """Add some crashes."""
         import pyarrow as pa
 
         rows: dict[str, list[Row]] = {table: [] for table in self._schemas}
@@ -74,10 +74,7 @@ class OutcomeTables:
             self._parts[table].append(pa.Table.from_pylist(rows[table], schema=schema))
 
     def _settings(self, record: OutcomeRecord) -> str:
-        """Return the settings of a record as JSON.
-
-        Those of a stage are nearly always the same as of the crash before.
-        """
+        """Return the settings of a record as JSON; those of a stage are usually equal to the previous crash's."""
         settings = record.provenance.settings
         before = self._settings_before.get(record.stage)
         if before is None or before[0] != settings:
@@ -106,7 +103,7 @@ def _standing_row(crash: CrashSnapshot, cohort: str) -> Row:
 
 
 def _failed_attempts(crash: CrashSnapshot) -> Iterator[Row]:
-    """Return the failed attempts: at a stage, or anew at a stage whose earlier result still counts."""
+    """Yield the failed attempts: at a stage, or anew at a stage whose earlier result still counts."""
     for stage, record in crash.valid.items():
         failed = record if record.outcome is Outcome.FAILED else record.failed_attempt
         if failed is not None:

@@ -1,4 +1,4 @@
-"""Asking the warehouse: read-only, from the file as it was last built."""
+"""Queries to the warehouse: read-only, from the file of the last build."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ _BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, a
 
 
 def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
-    """Return a read-only connection to the warehouse as it was built.
+    """Yield a read-only connection to the warehouse.
 
     A rebuild does not disturb it.
 
-    Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not what was built: damaged,
-    or changed by hand. The connection reads the warehouse and reaches nothing else: no file is opened or written, its
-    own neither, no network is used, and no setting can be changed.
+    Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is damaged or was changed by
+    hand. The connection has access only to the warehouse: it opens and writes no file, not even its own, uses no
+    network, and allows no change of settings.
     """
     import duckdb
 
@@ -68,9 +68,9 @@ def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
 
 
 def check_warehouse(path: Path) -> str:
-    """Return the SHA-256 of a warehouse that is as it was built.
+    """Return the SHA-256 of an undamaged warehouse.
 
-    Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not as it was built.
+    Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it differs from its build.
     """
     return check_listed(lambda: _check(path), remedy=_BUILT_AGAIN)
 
@@ -93,7 +93,7 @@ def _check(path: Path) -> str:
 
 
 def note_built(path: Path, sha256: str) -> None:
-    """Note beside a warehouse with what content it was built."""
+    """Store the digest of a warehouse's content beside it."""
     Storage(path.parent).write(_BESIDE, add_checksum(json.dumps({"sha256": sha256}).encode()))
 
 
@@ -106,7 +106,7 @@ def _built(path: Path) -> str:
 
 @lru_cache(maxsize=4)
 def _digest(path: Path, _inode: int, _size: int, _mtime_ns: int) -> str:
-    """Return the SHA-256 of a file, read once as long as it stays the same."""
+    """Return the SHA-256 of a file, computed once as long as the file does not change."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -114,9 +114,9 @@ def _digest(path: Path, _inode: int, _size: int, _mtime_ns: int) -> str:
 def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
     """Return the column names and rows of one query.
 
-    :class:`UserError` for what DuckDB refuses, and for more rows than can be held.
+    Raises :class:`UserError` for a query that DuckDB refuses, and for too many rows.
 
-    ``DESCRIBE`` of a table says what each column means, which DuckDB's own leaves out.
+    ``DESCRIBE`` of a table adds the meaning of each column, which DuckDB's own lacks.
     """
     described = _DESCRIBE.fullmatch(sql)
     if described and (columns := [row for owner, *row in columns_of(path) if owner == described["table"]]):
@@ -132,7 +132,7 @@ def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
 
 
 def query_typed(path: Path, sql: str) -> tuple[list[str], pa.Table]:
-    """Return :func:`query` with the types that DuckDB gives the columns: that of a column of nulls is in no row."""
+    """Return the result of :func:`query` with the column types of DuckDB, also for columns of nulls."""
     with open_warehouse(path) as connection:
         with _refusals(sql):
             asked = connection.sql(sql)
@@ -174,14 +174,14 @@ def rows(path: Path, table: str) -> list[dict[str, Any]]:
 def rows_of(path: Path, tables: Sequence[str]) -> list[list[dict[str, Any]]]:
     """Return the :func:`rows` of several tables.
 
-    The file is opened once, which takes longer than most questions.
+    The file is opened once, because opening takes longer than most queries.
     """
     with open_warehouse(path):  # who connects to a file that this process has open shares it
         return [rows(path, table) for table in tables]
 
 
 def tables_of(path: Path) -> list[tuple[Any, ...]]:
-    """Return every table and view: name, rows and what it holds, by name."""
+    """Return every table and view: name, number of rows and description, by name."""
     _, found = query(
         path,
         "SELECT table_name, comment FROM duckdb_tables() UNION ALL "

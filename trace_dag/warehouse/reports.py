@@ -33,7 +33,7 @@ _POSITION = ("latitude_deg", "longitude_deg")
 
 
 def unread_reports(storage: Storage, cohorts: Iterable[Cohort], crash_statuses: pa.Table) -> pa.Table:
-    """Return one row per crash that no stage has read yet and whose report is at hand."""
+    """Return one row per crash that no stage has read yet but whose report is at hand."""
     import pyarrow as pa
 
     reports = {key: report for cohort in cohorts for key, report in cohort.reports.items()}
@@ -60,7 +60,7 @@ def state_names() -> pa.Table:
 
 
 def crash_kinds() -> pa.Table:
-    """Return the kinds of crash, and which of them can be judged."""
+    """Return the kinds of crash, and whether each can be judged."""
     import pyarrow as pa
 
     return pa.table(
@@ -69,7 +69,7 @@ def crash_kinds() -> pa.Table:
 
 
 def code_meanings() -> pa.Table:
-    """Return the meanings of the FARS codes in columns of the warehouse, but for those that mean "unknown"."""
+    """Return the meanings of FARS codes in the warehouse's columns, without those for "unknown"."""
     import pyarrow as pa
 
     meanings = [

@@ -1,8 +1,9 @@
-"""A snapshot of all stored crashes, read so that records and artefacts belong together while batches go on writing.
+"""A snapshot of all stored crashes with consistent records and artefacts while batches go on writing.
 
-A document counts only if it has the digest its record lists. If one has been replaced since its record was read, the
-crash is read again; where that goes on, the crash enters as far as it is settled, as a crash does whose stage has
-started. Some hundred crashes at a time are read, so that memory does not grow with the cohort."""
+A document counts only with the digest in its record. If one has been replaced since its record was read, the crash is
+read again. If that happens repeatedly, only its settled part enters, as for a crash with a started stage. Some hundred
+crashes at a time are read, so that memory does not grow with the cohort.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ _ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class CrashSnapshot:
-    """One crash: every record there is, those that count, and its documents by stage and extension."""
+    """One crash: all its records, the valid ones, and its documents by stage and extension."""
 
     key: str
     records: Records
@@ -35,7 +36,7 @@ def read_snapshots(
 ) -> Iterator[list[CrashSnapshot]]:
     """Yield some crashes at a time, in order, each with its documents: artefacts by stage and extension.
 
-    ``on_problem`` is called with records and documents that are damaged; their crash enters as far as it is whole.
+    ``on_problem`` is called with the errors of damaged records and documents; the undamaged part of their crash enters.
     """
     for start in range(0, len(keys), _CRASHES_AT_ONCE):
         chunk = keys[start : start + _CRASHES_AT_ONCE]
@@ -56,7 +57,7 @@ def read_snapshots(
 def _read(
     storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], on_problem: OnProblem
 ) -> Iterator[tuple[CrashSnapshot, DamagedFile | None]]:
-    """Yield each crash up to the first document that differs from its record, and what is wrong with that document."""
+    """Yield each crash up to the first document that differs from its record, with the fault of that document."""
     records = read_records(storage, keys, on_problem=on_problem)
     valid = {key: valid_records(of_crash) for key, of_crash in records.items()}
     listed = {

@@ -1,10 +1,10 @@
 """Crashes changed since a warehouse was built, and the update of these alone.
 
-A build notes beside the warehouse how each crash's records and documents were listed (``cache/warehouse.json`` of the
-local folder). The next one lists them again and reads only the crashes that are listed differently: their rows leave
-the tables that have rows for each crash, and are made anew by the same SQL, in a schema of their own. Everything else
-in the warehouse is made anew at every build. Nothing but time depends on the note: where it is missing, or is about
-another warehouse, everything is read.
+A build stores the listing of each crash's records and documents beside the warehouse (``cache/warehouse.json`` of the
+local folder). The next build lists them again and only reads the crashes whose listing differs: their rows are removed
+from the tables with rows per crash, and made anew by the same SQL in a separate schema. Everything else in the
+warehouse is made anew at every build. The stored listing only saves time: if it is missing, or of another warehouse,
+everything is read.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def list_for_build(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
 
 @gc_paused()
 def digest_listing(storage: Storage, about: Mapping[str, str]) -> Listed:
-    """Return for each crash a digest of the listing that a warehouse reads of it, and of the facts ``about`` it."""
+    """Return, for each crash, a digest of its listing for the warehouse and of the facts ``about`` it."""
     lines = {key: [text] for key, text in about.items()}
     for stage in Stage:
         for name, entry in storage.list(stage.value, _READ[stage]).items():
@@ -60,9 +60,9 @@ def digest_listing(storage: Storage, about: Mapping[str, str]) -> Listed:
 
 
 def changed_since_built(warehouse: Path, now: Listed) -> set[str] | None:
-    """Return the crashes that came, went or changed since a warehouse was built; None where it has to be built anew.
+    """Return the crashes added, removed or changed since a warehouse was built; None if it has to be built anew.
 
-    That it was built by the present code is for the caller to say.
+    The caller checks that it was built by the present code.
     """
     before = _noted(warehouse, _digest_of_built(warehouse))
     if before is None:
@@ -72,14 +72,14 @@ def changed_since_built(warehouse: Path, now: Listed) -> set[str] | None:
 
 
 def note_crashes(warehouse: Path, sha256: str, crashes: Listed, unsettled: Collection[str]) -> None:
-    """Note what a warehouse was built from; ``unsettled`` crashes are read again by the next build."""
+    """Store the inputs of a warehouse; ``unsettled`` crashes are read again by the next build."""
     settled = {key: digest for key, digest in crashes.items() if key not in unsettled}
     note = json.dumps({"warehouse": sha256, "crashes": settled}, sort_keys=True).encode()
     Storage(warehouse.parent).write(_NOTE, add_checksum(note))
 
 
 def _noted(warehouse: Path, sha256: str | None) -> Listed | None:
-    """Return the listing of the crashes in a warehouse with that content; None if there is none."""
+    """Return the stored listing of the crashes in a warehouse with that content, or None."""
     try:
         note = check_document(Storage(warehouse.parent).read(_NOTE), name=_NOTE)
     except (FileNotFoundError, DamagedFile):
@@ -88,7 +88,7 @@ def _noted(warehouse: Path, sha256: str | None) -> Listed | None:
 
 
 def _digest_of_built(warehouse: Path) -> str | None:
-    """Return the SHA-256 of a warehouse that is as it was built."""
+    """Return the SHA-256 of an undamaged warehouse, or None."""
     try:
         return check_warehouse(warehouse)
     except (DamagedFile, UserError):
@@ -100,7 +100,7 @@ def update_tables(
     changed: Collection[str],
     run_sql: Callable[[duckdb.DuckDBPyConnection, str], None],
 ) -> None:
-    """Bring an earlier warehouse up to date, with what was read of the ``changed`` crashes registered as for a build.
+    """Bring an earlier warehouse up to date from the ``changed`` crashes, registered as for a build.
 
     ``run_sql`` makes the table or view of a name.
     """

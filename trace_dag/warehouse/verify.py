@@ -18,10 +18,10 @@ _OUTCOMES = "SELECT key, stage, fingerprint FROM stage_outcomes"
 
 
 def verify_warehouse(path: Path, records: Mapping[str, Records]) -> list[Disagreement]:
-    """Compare where each crash stands and what each of its stages said. No warehouse is one disagreement.
+    """Compare the state of each crash and its stages' outcomes with the records.
 
-    None is needed as long as nothing has been run. One that an earlier version built is outdated, which
-    ``is_outdated`` says, and nothing is wrong with it.
+    A missing warehouse is one disagreement, but none if nothing has been run. A warehouse of an earlier version is
+    outdated (see ``is_outdated``), which is no disagreement.
     """
     if is_outdated(path):
         return []

@@ -1,9 +1,9 @@
-"""Weights that make the crashes of a benchmark stand for a country's: raking to margins of its national tables.
+"""Weights that make the crashes of a benchmark represent a country's: raking to margins of its national tables.
 
 Deming and Stephan (Annals of Mathematical Statistics 11, 1940): weights are scaled so that the shares of each margin in
-turn are the country's, until all are. Margins are the kind of crash, the junction, the light and the class of the road.
-A crash whose class nobody knows keeps its weight in that margin, and a class of the country of which no crash is there
-is left out: the weights stand for the rest.
+turn equal the country's, until all do. Margins are the kind of crash, the junction, the light and the class of the
+road. A crash of unknown class keeps its weight in that margin. A class of the country without any crash is left out,
+and the weights represent the rest.
 """
 
 from __future__ import annotations

@@ -251,7 +251,7 @@ class MapComparison:
         return [road for road in self.network.roads if road.junction_id in folds] if folds else []
 
     def crosswalk_distances(self) -> list[tuple[float, int]]:
-        """Return the distance of each crosswalk's OpenStreetMap node outside its outline (metres), and its id."""
+        """Return, for each crosswalk, the distance of its OSM node from its outline (0 inside, m) and the node's id."""
         return [
             (place.distance_m(*self._node_xy[node_id]), node_id)
             for place in crosswalks(self.network)

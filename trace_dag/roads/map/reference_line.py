@@ -32,7 +32,7 @@ _TABLE_POINTS = 33
 
 
 class Projection(NamedTuple):
-    """Foot of a point on a reference line: ``s_m``, ``t_m`` to the left, ``beyond_m`` along the line past its end."""
+    """Foot of a point on a reference line: ``s_m``, ``t_m`` to the left, ``beyond_m`` for the distance past its end."""
 
     s_m: float
     t_m: float

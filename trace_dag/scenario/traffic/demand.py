@@ -1,4 +1,4 @@
-"""Vehicles and their routes through a network for SUMO: arrivals at its edges by volume, turns by what roads carry."""
+"""Vehicles and their routes through a network for SUMO: arrivals at its edges by volume, and turns."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class SurroundingTraffic:
-    """Traffic around a crash: vehicles by number, and how many had to be left out for the crash to stay as it is."""
+    """Traffic around a crash: vehicles by number, and the number of vehicles left out to keep the crash unchanged."""
 
     vehicles: tuple[SurroundingVehicle, ...]
     left_out: int
