@@ -19,8 +19,10 @@ from trace_dag.export.formats.lane_rules import place_of
 from trace_dag.pages.replay_content import replay_content
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.scenario.lights import Colour, crash_lights
+from trace_dag.scenario.lights import Colour, LightCycle, Lights, crash_lights
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
+from trace_dag.scenario.traffic.simulation import TrafficRequest, surround
+from trace_dag.scenario.traffic.volumes import Hour
 from trace_dag.simulation.body_sizes import person_body
 from trace_dag.simulation.states import Trajectory
 from trace_dag.simulation.types import BodyKind, SimulationLog
@@ -176,3 +178,22 @@ def test_openscenario_has_the_programs_and_the_official_checker_finds_nothing(ne
     judges.judges_environment()
     for verdict in judges.official_check(files):
         assert [issue for issue in verdict["issues"] if " WARNING" not in issue] == [], verdict["file"]
+
+
+def test_surrounding_vehicles_stop_before_a_light_that_is_red(network, crossed, monkeypatch) -> None:
+    """Main Street's stop lines are 8.35 m from the middle; its light is red for ever, the other one green."""
+    monkeypatch.setenv("SUMO_HOME", str(judges.sumo_home()))
+    main, side = network.controllers
+    lights = Lights(
+        tuple(LightCycle(c.id, c.signal_ids, ((90.0, shown),)) for c, shown in ((main, RED), (side, GREEN)))
+    )
+    request, at = TrafficRequest(3.0, seed=3), Hour(rural=False, weekend=False, hour=17)
+    found = surround("town", network, write_opendrive(network), crossed, at, request, lights)
+    fronts = [
+        (np.abs(t.x_m) - each.body.length_m / 2, t.speed_mps)
+        for each in found.vehicles
+        for t in [each.trajectory]
+        if np.abs(np.sin(t.heading_rad)).max() < 0.1 and (t.x_m[0] > 0) == (np.cos(t.heading_rad[0]) < 0)
+    ]
+    assert any(speed_mps[-1] < 0.1 for _, speed_mps in fronts)
+    assert all(to_go_m.min() > 8.0 for to_go_m, _ in fronts)

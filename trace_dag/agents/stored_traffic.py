@@ -27,6 +27,7 @@ from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
 from trace_dag.flow.records import OnProblem
 from trace_dag.flow.workspace import Workspace
+from trace_dag.scenario.lights import crash_lights
 from trace_dag.scenario.traffic.simulation import TrafficRequest, load_traci, surround
 from trace_dag.scenario.traffic.sumo_network import sumo_program
 from trace_dag.scenario.traffic.surrounding import SurroundingTraffic
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     pass
 
 FOLDER = "traffic"
-VERSION = "1"
+VERSION = "2"
 """Number of the code that makes traffic; see :data:`trace_dag.flow.stages.VERSIONS`."""
 
 _TEXT, _INT, _REAL, _BOOL = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.REAL, ColumnType.BOOLEAN
@@ -105,9 +106,10 @@ def make_traffic(
 
 def _make(request: TrafficRequest, stored: StoredCase) -> TrafficReport:
     files, began_s = stored.files.unread(), _cpu_s()
-    log, at = files.shown_log(), hour_of(files.load(RECORD))
+    log, record, network = files.shown_log(), files.load(RECORD), files.load(ROAD_MAP)
     assert log is not None, "a verified crash was simulated"
-    traffic = surround(stored.key, files.load(ROAD_MAP), files.load(XODR), log, at, request)
+    at, lights = hour_of(record), next(iter(crash_lights(record, network, log)), None)
+    traffic = surround(stored.key, network, files.load(XODR), log, at, request, lights)
     about = StoredTraffic(stored.key, request, at, VERSION, stored.fingerprint, traffic)
     beside = {
         "key": stored.key,

@@ -30,8 +30,9 @@ from trace_dag.common.geometry import FloatArray, Poses
 from trace_dag.common.units import mps_to_kmh
 from trace_dag.crash.record import VehicleClass
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.lights import Lights
 from trace_dag.scenario.traffic.demand import Streets, Trip, routes_xml, types_xml
-from trace_dag.scenario.traffic.sumo_network import SUMO_PARSER, network_xml, sumo_homes, sumo_program
+from trace_dag.scenario.traffic.sumo_network import SUMO_PARSER, network_xml, programs_xml, sumo_homes, sumo_program
 from trace_dag.scenario.traffic.surrounding import (
     STEP_S,
     Measured,
@@ -90,20 +91,28 @@ class Party:
 
 
 def surround(
-    key: str, network: RoadNetwork, xodr: bytes, log: SimulationLog, at: Hour, request: TrafficRequest
+    key: str,
+    network: RoadNetwork,
+    xodr: bytes,
+    log: SimulationLog,
+    at: Hour,
+    request: TrafficRequest,
+    lights: Lights | None = None,
 ) -> SurroundingTraffic:
     """Return the traffic around a simulated crash (``log``) at an hour.
 
     Raises :class:`UserError` without SUMO, and :class:`Failure` if SUMO fails.
     """
     net = network_xml(sumo_program("netconvert"), key, network, xodr)
-    streets = Streets(etree.fromstring(net, SUMO_PARSER), network)
+    read = etree.fromstring(net, SUMO_PARSER)
+    streets, programs = Streets(read, network), programs_xml(read, lights, begins_s=_FILLING_S)
     trips = streets.trips(at, from_s=-_FILLING_S, until_s=log.duration_s, factor=request.factor, seed=request.seed)
     parties = {each.number: Party(log.bodies[each.number], each) for each in log.vehicles}
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
     poses = {number: (each.body, each.poses_at(times)) for number, each in parties.items()}
     left_out: set[int] = set()
     with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "lights.add.xml").write_bytes(programs)
         run = _Run(key, Path(folder), net, trips, parties)
         measured = run.fill(streets, at, request.factor)
         while True:
@@ -172,7 +181,14 @@ class _Run:
         return [_vehicle(number, self._trips[number].vehicle_class, np.array(rows[number])) for number in sorted(rows)]
 
     def _command(self, step_s: float) -> list[str]:
-        files = ("--net-file", "map.net.xml", "--additional-files", "types.add.xml", "--route-files", "trips.rou.xml")
+        files = (
+            "--net-file",
+            "map.net.xml",
+            "--additional-files",
+            "types.add.xml,lights.add.xml",
+            "--route-files",
+            "trips.rou.xml",
+        )
         return [sumo_program("sumo"), *files, "--step-length", f"{step_s:g}", *_PROGRAM_OPTIONS]
 
     @contextlib.contextmanager

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from importlib.util import find_spec
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,7 @@ from lxml import etree
 from trace_dag.common.errors import Failure, UserError
 from trace_dag.osm.road_classes import ROAD_CLASSES, road_class
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.lights import Colour, Lights
 
 _LANE: Final = re.compile(r"_(-?\d+)(?= |$)")  # of an origId
 _TIME_LIMIT_S: Final = 300.0
@@ -83,6 +85,35 @@ def edge_patch(network: RoadNetwork, read: etree._Element) -> bytes:
                 if limit_mps is None:
                     etree.SubElement(made, "param", key="assumedSpeed", value="true")
     return etree.tostring(patch)
+
+
+def programs_xml(net: etree._Element, lights: Lights | None, *, begins_s: float) -> bytes:
+    """Return the programs of a network's lights by a crash's, whose clock is 0 at ``begins_s``.
+
+    A link that no light of the map is for yields while the others have theirs.
+    """
+    root, cycle_of = etree.Element("additional"), {} if lights is None else lights.cycle_of
+    for logic in net.iterfind("tlLogic"):
+        names = {
+            each.get("key", "").partition(":")[2]: each.get("value", "").split() for each in logic.iterfind("param")
+        }
+        cycles = {int(link): cycle_of[name] for link, (name, *_) in names.items() if name in cycle_of}
+        if not cycles:
+            continue
+        states = [each.get("state", "") for each in logic.iterfind("phase")]
+        go = ["G" if any(state[link] == "G" for state in states) else "g" for link in range(len(states[0]))]
+        ends_s = sorted({round(end, 1) for each in cycles.values() for end in accumulate(s for s, _ in each.steps)})
+        made = etree.SubElement(
+            root, "tlLogic", id=logic.get("id", ""), type="static", programID="report", offset=f"{begins_s:g}"
+        )
+        for begin_s, end_s in pairwise((0.0, *ends_s)):
+            shown = {link: each.at((begin_s + end_s) / 2) for link, each in cycles.items()}
+            letters = (
+                go[link] if shown.get(link) is Colour.GREEN else shown[link][0] if link in shown else "o"
+                for link in range(len(go))
+            )
+            etree.SubElement(made, "phase", duration=f"{end_s - begin_s:.1f}", state="".join(letters))
+    return etree.tostring(root)
 
 
 def origin_of(lane: etree._Element) -> tuple[str, str]:
