@@ -40,7 +40,7 @@ def test_a_chart_is_one_address_in_markdown():
 
 
 def test_a_long_label_has_room():
-    label = "a cohort with a long name, two_vehicles: another that says something else"
+    label = "a cohort with a long name, two_vehicles: another that contradicts it"
     chart = etree.fromstring(share_chart("shares", [Share(label, 1, 2)]))
     (text,) = (text for text in chart.findall("{*}text") if text.text == label)
     assert float(text.get("x")) > 6.5 * len(label), "its end, in letters of 12 px"

@@ -54,7 +54,7 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
         groups = (
             ("its own report", [row for row in rows if row.kind == "true"]),
             ("another crash's report", [row for row in rows if row.kind == "other_report"]),
-            ("another that says something else", differ),
+            ("another that contradicts it", differ),
             *((title, [row for row in rows if row.kind == name]) for name, title in _CHANGED.items()),
         )
         for title, group in groups:
