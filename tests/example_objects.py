@@ -46,11 +46,10 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
-from trace_dag.simulation.backends import backend
 from trace_dag.simulation.dynamics import Vehicle
 from trace_dag.simulation.people import Person
 from trace_dag.simulation.plan import resample
-from trace_dag.simulation.run import participants, simulate
+from trace_dag.simulation.run import backend, participants, simulate
 from trace_dag.simulation.states import StateEstimate
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.simulation.vehicles import vehicle_model

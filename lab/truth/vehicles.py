@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from trace_dag.common.errors import UserError
 from trace_dag.common.geometry import FloatArray, Pose
 from trace_dag.common.units import wrap_angle
-from trace_dag.flow.makers import Made, makers_in_words
+from trace_dag.flow.crash_status import Made, makers_in_words
 from trace_dag.simulation.states import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
 
 MAX_APPROACH_HEADING_RAD = math.radians(60)

@@ -10,9 +10,9 @@ from crash_reports import read, rejection, report
 
 from trace_dag.common.errors import Reason, UserError
 from trace_dag.common.settings import CrashSettings
+from trace_dag.crash.classes import CrashKind, kind_of_codes
 from trace_dag.crash.completeness import RULES, check, shortcomings
 from trace_dag.crash.fars.csv_tables import FarsCsvSource
-from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord

@@ -10,7 +10,7 @@ import pytest
 
 from trace_dag.common.errors import UserError
 from trace_dag.common.settings import CrashSettings
-from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.registers.check import check_table
 from trace_dag.crash.registers.table import RegisterTable

@@ -11,10 +11,10 @@ import pytest
 
 from trace_dag.common.errors import Rejection, UserError
 from trace_dag.common.settings import CrashSettings
+from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import RULES, check
 from trace_dag.crash.keys import parse_key, register_key
-from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import Heading, Moment, Octant, Origin, PreCrashMovement, Severity, origins
 from trace_dag.crash.registers.mapping import list_shipped_mappings, read_mapping

@@ -17,9 +17,9 @@ from trace_dag.agents.replays import replay
 from trace_dag.common.errors import DamagedFile, Failure
 from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage
+from trace_dag.export.build import verify_benchmark
 from trace_dag.export.export import accepted_keys, export
 from trace_dag.export.release import build_release
-from trace_dag.export.verify import verify_benchmark
 from trace_dag.flow.batch import first_stale
 from trace_dag.flow.cohorts.registry import Registry
 from trace_dag.flow.controls import negative_controls

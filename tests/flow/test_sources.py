@@ -15,7 +15,7 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.cohorts import CohortFilter
-from trace_dag.export.removal import delete_artefacts
+from trace_dag.export.crash_files import delete_artefacts
 from trace_dag.flow.cohorts.choice import Choice
 from trace_dag.flow.cohorts.ingest import ingest
 from trace_dag.flow.cohorts.registry import Registry

@@ -6,7 +6,7 @@ import inspect
 
 import pytest
 
-from trace_dag.common.references import resolve_reference, signature_of
+from trace_dag.common.plugins import resolve_reference, signature_of
 from trace_dag.common.settings import Settings
 from trace_dag.common.stage import Stage
 from trace_dag.flow.stages import FLOW

@@ -14,7 +14,7 @@ from trace_dag.common.geometry import Pose, contact_clock_h, gaps_m, rectangle_c
 from trace_dag.common.paths import Path, TurnShape, straight, turned
 from trace_dag.common.units import bearing_to_clock_h, clock_difference_h
 from trace_dag.crash.codes.bodies import TRACTOR_OF_TRAILER
-from trace_dag.crash.codes.trailers import trailer_of
+from trace_dag.crash.vehicles import trailer_of
 from trace_dag.reconstruction.motion.contact import Mover, find_contact_points, first_contacts
 
 

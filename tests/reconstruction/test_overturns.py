@@ -10,7 +10,7 @@ from tests.reconstruction.test_run_off_road_planner import PLACE, left_road
 from tests.verdict.crashes import STREET, row_of_change
 from trace_dag.common.errors import Reason
 from trace_dag.common.settings import SimSettings, StateSettings, VerdictSettings
-from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.record import CrashRecord, EventRecord, VehicleClass
 from trace_dag.reconstruction.estimate import estimate
 from trace_dag.simulation.embedded import EmbeddedBackend

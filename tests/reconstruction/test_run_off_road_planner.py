@@ -11,7 +11,7 @@ import pytest
 from tests.verdict.crashes import STREET, area, record, row_of_change, two_way, vehicle
 from trace_dag.common.errors import Reason
 from trace_dag.common.settings import SimSettings, StateSettings, VerdictSettings
-from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, VehicleClass
 from trace_dag.reconstruction.estimate import estimate

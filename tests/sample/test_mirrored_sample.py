@@ -20,8 +20,7 @@ from trace_dag.roads.build import build_road_map
 from trace_dag.roads.from_osm.left_hand import mirror_extract
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.simulation.backends import backend
-from trace_dag.simulation.run import simulate
+from trace_dag.simulation.run import backend, simulate
 from trace_dag.verdict.judge import judge
 
 

@@ -11,8 +11,7 @@ from cases import SETTINGS, Case, sample_case
 
 from trace_dag.common.errors import Failure
 from trace_dag.reconstruction.estimate import estimate
-from trace_dag.reconstruction.samples.courses import STEP_S, SampledBody
-from trace_dag.reconstruction.samples.crash import PlannedLine
+from trace_dag.reconstruction.samples.crash import STEP_S, PlannedLine, SampledBody
 from trace_dag.reconstruction.samples.draws import draw_samples
 from trace_dag.reconstruction.samples.simulated import samples_from_json, samples_to_json, simulate_samples
 from trace_dag.reconstruction.scene.scene import place_of

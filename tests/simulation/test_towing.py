@@ -12,8 +12,8 @@ from tests.simulation.motions import CAR, driven, log_of, participant, straight
 from trace_dag.common.geometry import FloatArray, contact_clock_h
 from trace_dag.common.settings import SimSettings
 from trace_dag.crash.codes.bodies import PICKUP, TRACTOR_OF_TRAILER, ReportedBody
-from trace_dag.crash.codes.trailers import trailer_of
 from trace_dag.crash.trailer import Trailer
+from trace_dag.crash.vehicles import trailer_of
 from trace_dag.simulation.dynamics import Vehicle
 from trace_dag.simulation.plan import resample
 from trace_dag.simulation.states import Trajectory

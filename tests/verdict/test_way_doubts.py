@@ -26,9 +26,9 @@ from trace_dag.simulation.states import Hypothesis
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.course_events import course_doubts
 from trace_dag.verdict.observation import observe_crash
+from trace_dag.verdict.reservations import way_doubts
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt
-from trace_dag.verdict.way_doubts import way_doubts
 
 PERSON_RECORD = example_objects.record_of("pedestrian_record")
 PERSON = example_objects.made_of("pedestrian_record")

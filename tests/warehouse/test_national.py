@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from trace_dag.common.errors import UserError
-from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.classes import CrashKind
 from trace_dag.warehouse.national import StoredKind, count_kinds, coverage_of_country
 
 # Two cars (12), three cars, a tree (42), a pedestrian (8), a deer (11), a train (10).

@@ -27,7 +27,7 @@ from trace_dag.flow.pool import Lost, Pool, StepAnswer, Task
 from trace_dag.flow.time_limit import within
 from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.cases import Case
-from trace_dag.simulation.backends import backend, backend_factory
+from trace_dag.simulation.run import backend, backend_factory
 from trace_dag.simulation.types import Simulation
 
 VERSION = "6"

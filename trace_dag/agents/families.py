@@ -31,8 +31,8 @@ from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.artefacts import ESTIMATE, VERDICT
 from trace_dag.flow.manifests import list_files, sound_manifest
 from trace_dag.flow.workspace import Workspace
-from trace_dag.simulation.backends import backend
 from trace_dag.simulation.log_io import logs_to_files
+from trace_dag.simulation.run import backend
 from trace_dag.simulation.states import EstimatorRun, Hypothesis, ParticipantState, StateEstimate, estimate_to_json
 from trace_dag.simulation.types import Participant
 

@@ -20,7 +20,7 @@ from trace_dag.flow.artefacts import RECORD, ROAD_MAP, SAMPLED, VERDICT, CrashAr
 from trace_dag.flow.workspace import Workspace
 from trace_dag.pages.drive import AgentDrive
 from trace_dag.scenario.cases import Case
-from trace_dag.simulation.backends import backend
+from trace_dag.simulation.run import backend
 from trace_dag.simulation.types import Simulation, SimulationLog
 
 if TYPE_CHECKING:

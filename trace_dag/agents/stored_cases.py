@@ -97,7 +97,7 @@ def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
 def _drawn_case(case_id: str, files: CrashFiles, sample: int) -> Case:
     """Return a likely course, simulated, so that the contact that an agent has to avoid is known."""
     from trace_dag.scenario.driving_files import draw_course
-    from trace_dag.simulation.backends import backend
+    from trace_dag.simulation.run import backend
 
     crash = case_of(files, files.settings.sim)
     course = draw_course(files.load(ESTIMATE), sample)

@@ -25,7 +25,7 @@ from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.road_users import is_drivable
 from trace_dag.osm.xml import write_osm
 from trace_dag.roads.from_osm.converter import MapLimits, WayHints
-from trace_dag.roads.from_osm.marks import YELLOW_BROKEN, YELLOW_DOUBLE
+from trace_dag.roads.from_osm.lanes import YELLOW_BROKEN, YELLOW_DOUBLE
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.map.model import (
     Connection,

@@ -198,7 +198,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
     from trace_dag.assets.launch import dagster_records, summarise
     from trace_dag.assets.partitions import remove_partitions
     from trace_dag.common.storage.files import Storage
-    from trace_dag.export.removal import delete_artefacts
+    from trace_dag.export.crash_files import delete_artefacts
     from trace_dag.flow.cohorts.kept_files import remove_unused_map_copies
     from trace_dag.flow.cohorts.registry import Registry
     from trace_dag.flow.workspace import Workspace

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from trace_dag.common.errors import UserError
-from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
-from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory
 
 if TYPE_CHECKING:
     from trace_dag.flow.cohorts.choice import Choice
@@ -76,7 +75,7 @@ def choice_of(options: dict[str, Any]) -> Choice:
     Raises UserError for an invalid value.
     """
     from trace_dag.crash.cohorts import CohortFilter
-    from trace_dag.crash.places import state_code
+    from trace_dag.crash.reported_place import state_code
     from trace_dag.flow.cohorts.choice import Choice
 
     low, high = _range(options["vehicles"]) if options["vehicles"] else (None, None)

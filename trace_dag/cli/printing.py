@@ -23,8 +23,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # as OWASP lists them
 
 def print_statuses(crashes: Mapping[str, CrashStatus]) -> None:
     """Print the funnel beside that of the paper, the final states, the reasons of rejections, and the estimators."""
-    from trace_dag.flow.crash_status import FinalState, funnel
-    from trace_dag.flow.makers import makers_in_words
+    from trace_dag.flow.crash_status import FinalState, funnel, makers_in_words
 
     states = Counter(crash.final_state for crash in crashes.values())
     say()

@@ -44,7 +44,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     from trace_dag.assets.verify import repair_dagster
     from trace_dag.common.errors import UserError
     from trace_dag.common.stage import Stage
-    from trace_dag.export.verify import repair_benchmark
+    from trace_dag.export.build import repair_benchmark
     from trace_dag.flow.verify import DisagreementKind, Quarantine, repair_storage
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.build import is_outdated
@@ -103,7 +103,7 @@ def _look(
     storage: Any, workspace: Workspace, instance: Any, contents: bool = False
 ) -> tuple[StorageReport, list[Disagreement]]:
     from trace_dag.assets.verify import verify_dagster
-    from trace_dag.export.verify import verify_benchmark
+    from trace_dag.export.build import verify_benchmark
     from trace_dag.flow.verify import DisagreementKind, verify_storage
     from trace_dag.warehouse.verify import verify_warehouse
 

@@ -1,4 +1,4 @@
-"""Plug-ins that installed packages offer by name.
+"""Plug-ins that installed packages offer by name, and functions named as ``module:function``.
 
 Back-ends, converters, estimators, agents, exporters, sources of reports and maps.
 
@@ -7,10 +7,13 @@ way. The interface of each kind is defined where it is used; see the page on ext
 
 from __future__ import annotations
 
+import ast
+import importlib.util
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from importlib import import_module, metadata
+from pathlib import Path
 from typing import Any
 
 from trace_dag.common.errors import UserError
@@ -93,3 +96,43 @@ def load(kind: PluginKind, name: str) -> Any:
         return getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:
         raise UserError(f"{kind.value} {name} ({found.package} {found.version}) cannot be loaded: {error}") from error
+
+
+# --- functions by name -----------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a function, with its annotation as written."""
+
+    name: str
+    annotation: str
+
+
+@dataclass(frozen=True)
+class Signature:
+    """The parameters and the result of a function, as annotated."""
+
+    parameters: tuple[Parameter, ...]
+    returns: str
+
+
+@cache
+def signature_of(reference: str) -> Signature:
+    """Return the signature of ``module:function``, read from its source; importing could take a second."""
+    module, _, name = reference.partition(":")
+    spec = importlib.util.find_spec(module)
+    for node in ast.parse(Path(spec.origin).read_bytes()).body if spec is not None and spec.origin is not None else ():
+        if isinstance(node, ast.FunctionDef) and node.name == name:
+            asked = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+            parameters = tuple(Parameter(each.arg, _written(each.annotation)) for each in asked)
+            return Signature(parameters, _written(node.returns))
+    raise ValueError(f"{reference}: there is no such function")
+
+
+def resolve_reference(reference: str) -> Any:
+    """Import and return the object named ``module:name``."""
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module), name)
+
+
+def _written(node: ast.expr | None) -> str:
+    return "" if node is None else ast.unparse(node)

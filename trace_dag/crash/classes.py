@@ -1,14 +1,19 @@
-"""The three coverage dimensions of the published table and how FARS codes fall into them.
+"""Classes of crashes: the three coverage dimensions of the published table, and the kind that every crash has.
 
 Source: FARS Analytical User's Manual (``MAN_COLL``, ``TYP_INT``, ``ACC_TYPE``) and the coverage table of the paper.
 Classes are mapped by number, never by label: labels of ``ACC_TYPE`` 68-85 changed in 2023.
+
+The kind comes from the first harmful event if that was with a person, a parked vehicle or an animal. Else it comes from
+the number of vehicles, if several in transport may have touched. Else it comes from the first harmful event again.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Final
 
+from trace_dag.crash.codes import events as codes
 from trace_dag.crash.codes.crash import NON_JUNCTION, TYP_INT
 
 
@@ -89,3 +94,74 @@ def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopolo
     if TYP_INT.known(typ_int) is None and reljct2 in NON_JUNCTION:
         return RoadTopology.NOT_AN_INTERSECTION
     return _ROAD_TOPOLOGIES.get(typ_int or 0, RoadTopology.OTHERS)
+
+
+# --- kinds -----------------------------------------------------------------------------------------------------------
+class CrashKind(StrEnum):
+    """Kinds of crashes.
+
+    Codes are those of the first harmful event (``HARM_EV``).
+    """
+
+    TWO_VEHICLES = "two_vehicles"
+    MULTI_VEHICLE = "multi_vehicle"
+    PEDESTRIAN = "pedestrian"  # 8, and 15 on a personal conveyance
+    CYCLIST = "cyclist"  # 9
+    PARKED = "parked"  # 14, 45
+    FIXED_OBJECT = "fixed_object"  # 17-59 but those named here, 93
+    LYING_OBJECT = "lying_object"  # 18, 91: on the road or beside it, and not fixed
+    OVERTURN = "overturn"  # 1
+    ANIMAL = "animal"  # 11, 49
+    OTHER = "other"
+
+
+JUDGED_KINDS: Final = frozenset(set(CrashKind) - {CrashKind.OTHER})
+"""Kinds that can be judged."""
+
+_BEFORE_ALL: Final[Mapping[int, CrashKind]] = {
+    **dict.fromkeys((codes.PEDESTRIAN, codes.PERSON_ON_CONVEYANCE), CrashKind.PEDESTRIAN),
+    codes.CYCLIST: CrashKind.CYCLIST,
+    **dict.fromkeys(codes.STRUCK_STANDING, CrashKind.PARKED),
+    **dict.fromkeys(codes.ANIMALS, CrashKind.ANIMAL),
+    **dict.fromkeys(codes.TRAINS, CrashKind.OTHER),
+}
+_OF_ONE_VEHICLE: Final[Mapping[int, CrashKind]] = {
+    codes.OVERTURN: CrashKind.OVERTURN,
+    **dict.fromkeys(codes.FIXED_OBJECTS, CrashKind.FIXED_OBJECT),
+    **dict.fromkeys(codes.LYING_OBJECTS, CrashKind.LYING_OBJECT),
+}
+_OF_VEHICLES: Final = frozenset({codes.MOTOR_VEHICLE_IN_TRANSPORT, codes.VEHICLE_OUTSIDE_TRAFFICWAY})
+
+
+def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | None) -> CrashKind | None:
+    """Return the kind of a crash, or None if the first harmful event and the number of vehicles are unknown.
+
+    Args: first_harmful: code of the first harmful event, None if it is not known. vehicles: motor vehicles in
+    transport, None if not known. touched: whether two vehicles touched by the events; None without events.
+
+    >>> str(crash_kind(8, 1, None)), str(crash_kind(12, 3, True)), str(crash_kind(42, 1, None))  # 42: a tree
+    ('pedestrian', 'multi_vehicle', 'fixed_object')
+    """
+    if first_harmful is not None and first_harmful in _BEFORE_ALL:
+        return _BEFORE_ALL[first_harmful]
+    if vehicles is not None and vehicles > 1 and (touched is not False or first_harmful in _OF_VEHICLES):
+        return CrashKind.TWO_VEHICLES if vehicles == 2 else CrashKind.MULTI_VEHICLE
+    if first_harmful is None:
+        return None if vehicles is None else CrashKind.OTHER
+    return _OF_ONE_VEHICLE.get(first_harmful, CrashKind.OTHER)
+
+
+def kind_of_codes(harm_ev: int | None, vehicles: int | None, events: Sequence[int]) -> CrashKind | None:
+    """Return the kind of a crash from its codes: ``HARM_EV``, ``VE_FORMS``, and the ``SOE`` of its events in order.
+
+    If ``HARM_EV`` is unknown, the first harmful one of the events is used.
+
+    >>> str(kind_of_codes(8, 1, [8]))  # a pedestrian, and one vehicle
+    'pedestrian'
+    """
+    harmful = [code for code in events if codes.HARM_EV.meaning(code)]
+    first = codes.HARM_EV.known(harm_ev)
+    if first is None and harmful:
+        first = harmful[0]
+    touched = not codes.VEHICLE_CONTACTS.isdisjoint(harmful) if harmful else None
+    return crash_kind(first, vehicles, touched)

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from trace_dag.common.errors import UserError
-from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
-from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory
 from trace_dag.crash.listing import CrashListing
 
 Box: TypeAlias = tuple[float, float, float, float]

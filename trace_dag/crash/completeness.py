@@ -16,12 +16,12 @@ from trace_dag.common.errors import Reason, Rejection, UserError
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.common.settings import CrashSettings
+from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.codes.crash import REL_ROAD, TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.crash_types import crash_type_of
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
 from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, Missing, event_sequence
-from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.road_departure import overturns_on_road, side_of_first

@@ -16,10 +16,10 @@ from typing import Final, TypeAlias
 
 from trace_dag.common.errors import Reason
 from trace_dag.crash.animals import StruckAnimal
+from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.codes import events as codes
 from trace_dag.crash.departure_side import SIDE_AFTER_EVENT, DepartureSide, side_after
 from trace_dag.crash.event_parties import ORDER_OF_IMPACTS
-from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
 from trace_dag.crash.summary import event_in_words
@@ -179,7 +179,7 @@ def event_sequence(record: CrashRecord) -> EventSequence | Missing:
     if isinstance(harmful, Missing):
         return harmful
     if harmful[0].code not in MODELLED:
-        return _not_modelled(record, harmful)
+        return _not_modelled(harmful)
     reader = _Reader(record)
     for event in harmful:
         reader.add(event)
@@ -261,7 +261,7 @@ def unlisted_vehicles(record: CrashRecord) -> str | None:
     return f"the report lists {listed} of {record.moving_vehicles} vehicles in transport"
 
 
-def _not_modelled(record: CrashRecord, harmful: Sequence[EventRecord]) -> Missing:
+def _not_modelled(harmful: Sequence[EventRecord]) -> Missing:
     told = [f"event {event.number} {event_in_words(event)} (SOE {event.code})" for event in harmful[:_MOST_TOLD]]
     if len(harmful) > _MOST_TOLD:
         told.append(f"and {len(harmful) - _MOST_TOLD} more")

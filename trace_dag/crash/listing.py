@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory, collision_type, road_topology
+from trace_dag.crash.classes import (
+    CollisionType,
+    CrashKind,
+    RoadTopology,
+    VehicleTrajectory,
+    collision_type,
+    kind_of_codes,
+    road_topology,
+)
 from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.completed_record import complete_record
@@ -12,7 +20,6 @@ from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.fars.rows import FarsRows
 from trace_dag.crash.fields import Fields
 from trace_dag.crash.keys import state_of
-from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.parse import case_of, open_report
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.sequence import known_by_events_alone

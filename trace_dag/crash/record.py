@@ -16,11 +16,10 @@ import numpy as np
 from pydantic import Field
 
 from trace_dag.common.geometry import Pose
-from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory, kind_of_codes
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.codes.persons import HIGHEST_AGE
 from trace_dag.crash.keys import FARS
-from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.parties import (
     EventKind,
     PartyKind,

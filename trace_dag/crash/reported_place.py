@@ -1,11 +1,26 @@
-"""Places that a report gives in words: a crossing of two streets, or a distance from it along one of them."""
+"""Places that a report gives in words: a crossing of two streets or a distance from it, and names of states."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
+from trace_dag.common.errors import UserError
+from trace_dag.crash.codes.crash import STATES
 from trace_dag.crash.record import Octant
+
+_ABBREVIATIONS: Final = (
+    "AL AK AZ AR CA CO CT DE DC FL GA HI ID IL IN IA KS KY LA ME MD MA MI MN MS MO MT NE NV NH NJ NM NY NC ND OH OK OR "
+    "PA PR RI SC SD TN TX UT VT VA VI WA WV WI WY"  # in the order of the codes
+)
+_POSTAL: Final = dict(
+    zip(
+        STATES,
+        _ABBREVIATIONS.split(),
+        strict=True,
+    )
+)
+_BY_NAME: Final = {name.casefold(): code for names in (STATES, _POSTAL) for code, name in names.items()}
 
 
 class Place(NamedTuple):
@@ -59,3 +74,31 @@ def look_up(
             where = f"{len(here)} places of" if here else "nowhere on"
             unknown[name] = f"no latitude and longitude, and its streets lead to {where} the maps given"
     return places, unknown
+
+
+# --- states ----------------------------------------------------------------------------------------------------------
+def state_code(text: str) -> int:
+    """Return the ``STATE`` code of a state given as code, postal abbreviation or name.
+
+    Raises UserError for other text.
+
+    >>> state_code('VA'), state_code('virginia'), state_code('51')
+    (51, 51, 51)
+    """
+    if text.isascii() and text.isdigit() and int(text) in STATES:
+        return int(text)
+    code = _BY_NAME.get(" ".join(text.split()).casefold())
+    if code is None:
+        raise UserError(
+            f"{text!r} is not a state; expected a postal abbreviation, a name or a FARS code: VA, Virginia, 51"
+        )
+    return code
+
+
+def state_abbreviation(code: int) -> str:
+    """Return the postal abbreviation of a ``STATE`` code, or the code if it is no state's.
+
+    >>> state_abbreviation(51)
+    'VA'
+    """
+    return _POSTAL.get(code, str(code))

@@ -10,7 +10,7 @@ from calendar import month_name
 from collections.abc import Set
 
 from trace_dag.common.units import mps_to_mph
-from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import persons as person_codes
 from trace_dag.crash.codes import vehicle as codes
@@ -23,7 +23,6 @@ from trace_dag.crash.codes.events import (
     VEHICLE_CONTACTS,
     VEHICLE_EVENTS,
 )
-from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import (
     CrashRecord,

@@ -3,9 +3,9 @@
 ``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
 ``thumbnails/`` moving pictures of accepted crashes, ``replays/`` the data that ``replay.html`` shows for every
 simulated crash. Nothing is stored twice: pages link to the artefacts and pictures of the root. A crash whose artefacts,
-outcome and code have not changed is not made again. Belongs here: pages, and the layout of the folder. Does not belong
-here: the other files of a crash (:mod:`trace_dag.export.crash_files`), and the contents of packages and pages
-(:mod:`trace_dag.scenario`).
+outcome and code have not changed is not made again. Belongs here: pages, their verification and repair, and the layout
+of the folder. Does not belong here: the other files of a crash (:mod:`trace_dag.export.crash_files`), and the contents
+of packages and pages (:mod:`trace_dag.scenario`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import json
 import math
 import traceback
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -24,12 +24,13 @@ from typing import Any
 
 from trace_dag.agents.leaderboard import write_leaderboard
 from trace_dag.agents.stored_traffic import read_traffic, traffic_files
-from trace_dag.common.errors import Failure
+from trace_dag.common.errors import DamagedFile, Failure
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.export.crash_files import (
     FOLDER,
+    FOLDERS_OF_CRASHES,
     MADE_WITH,
     REPLAYS,
     VERSION,
@@ -55,10 +56,18 @@ from trace_dag.flow.artefacts import (
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState
 from trace_dag.flow.executors import run_redoing_lost
-from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
+from trace_dag.flow.manifests import (
+    Manifest,
+    manifest_name,
+    not_as_listed,
+    read_manifest,
+    sound_manifest,
+    write_manifest,
+)
 from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import Records, read_records
 from trace_dag.flow.stored_crashes import crash_files
+from trace_dag.flow.verify import Disagreement, DisagreementKind, Quarantine
 from trace_dag.flow.workspace import Workspace
 from trace_dag.osm.rights import Rights
 from trace_dag.warehouse import query
@@ -331,3 +340,39 @@ def _write_index(
         storage.write(LEADERBOARD, write_leaderboard(runs, *of_agents)),
         *(storage.write(f"{FOLDER}/{name}", data) for name, data in static_files().items()),
     ]
+
+
+# --- verification ----------------------------------------------------------------------------------------------------
+def verify_benchmark(storage: Storage, *, contents: bool = False) -> Iterator[Disagreement]:
+    """Yield pages and packages that differ from their manifest; ``contents`` compares the bytes as well.
+
+    Without a readable manifest every file counts as suspect.
+    """
+    name = manifest_name(FOLDER)
+    there = [each for folder in (FOLDER, *FOLDERS_OF_CRASHES) for each in storage.list(folder) if each != name]
+    try:
+        manifest = read_manifest(storage, FOLDER)
+        if there and not manifest.files:
+            raise DamagedFile(name, "it is not there")
+    except DamagedFile as damaged:
+        yield Disagreement(DisagreementKind.DAMAGED_PAGE, str(damaged), file=name)
+        for each in there:
+            yield Disagreement(DisagreementKind.DAMAGED_PAGE, f"{name} does not say whether {each} is whole", file=each)
+        return
+    for file, detail in not_as_listed(storage, manifest.files.values(), contents=contents):
+        key = crash_of(file.name)
+        yield Disagreement(
+            DisagreementKind.DAMAGED_PAGE, detail, key if key in manifest.made_of else None, file=file.name
+        )
+    for each in there:
+        if each not in manifest.files:
+            yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{each} is not in {name}", file=each)
+
+
+def repair_benchmark(found: Iterable[Disagreement], aside: Quarantine) -> None:
+    """Put damaged files aside, so that the next build of the benchmark makes them again."""
+    for each in found:
+        if each.kind is DisagreementKind.DAMAGED_PAGE and each.file:
+            aside.move(each.file, each.detail)
+            if each.key is not None:  # its page goes too: its lack is seen without asking for single files
+                aside.move(page_name(each.key), each.detail)

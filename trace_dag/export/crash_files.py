@@ -2,8 +2,9 @@
 
 A run lets its workers make them when the last stage of a crash is done (:func:`make_at_once`): the results of the
 stages are still in memory then, while a build would have to read them back, and the workers stay busy to the end. The
-benchmark's manifest lists the files made in this way; the others are made when the benchmark is built. Does not belong
-here: pages, and files about all crashes (:mod:`trace_dag.export.build`).
+benchmark's manifest lists the files made in this way; the others are made when the benchmark is built. Files of crashes
+that are no longer registered are deleted. Does not belong here: pages, and files about all crashes
+(:mod:`trace_dag.export.build`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from trace_dag.common.provenance import crash_of
+from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.export.packaging import package_of
 from trace_dag.flow.artefacts import ROAD_MAP, surroundings_of
@@ -39,6 +41,12 @@ MADE_WITH = (  # modules that take a while to load, also those that are imported
     "trace_dag.export.package",
     "trace_dag.pages.thumbnail",
     "trace_dag.agents.replays",
+)
+_FOLDERS = (
+    *(stage.value for stage in Stage),
+    "reports",
+    "pictures",
+    *FOLDERS_OF_CRASHES,
 )
 
 
@@ -134,3 +142,26 @@ def read_notes(storage: Storage) -> dict[str, MadeFiles]:
 def _at_once(key: str) -> str:
     """Return the name of the manifest of a crash's files that were made before its page."""
     return f"beside the page of {key}"
+
+
+# --- removal ---------------------------------------------------------------------------------------------------------
+def delete_artefacts(storage: Storage, keys: Collection[str]) -> int:
+    """Delete every file of some crashes below the root and return the number.
+
+    These are artefacts, records, copies of reports, and pages.
+    """
+    wanted = set(keys)
+    names = [
+        name
+        for folder in _FOLDERS
+        for name in storage.list(folder)
+        if name.rpartition("/")[2].partition(".")[0] in wanted
+    ]
+    for name in names:
+        storage.delete(name)
+    before = sound_manifest(storage, FOLDER)
+    if before.made_of.keys() & wanted:
+        files = {name: file for name, file in before.files.items() if crash_of(name) not in wanted}
+        made_of = {key: digest for key, digest in before.made_of.items() if key not in wanted}
+        write_manifest(storage, FOLDER, Manifest(files, made_of))
+    return len(names)

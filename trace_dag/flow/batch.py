@@ -13,8 +13,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from trace_dag.common.errors import Failure
+from trace_dag.common.plugins import resolve_reference
 from trace_dag.common.provenance import Outcome, now
-from trace_dag.common.references import resolve_reference
 from trace_dag.common.stage import Stage
 from trace_dag.flow.cohorts.registry import CrashSource
 from trace_dag.flow.cohorts.services import Services

@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pydantic import BaseModel
 
 from trace_dag.common.errors import DamagedFile, Rejection
+from trace_dag.common.plugins import resolve_reference, signature_of
 from trace_dag.common.provenance import OutcomeRecord, artefact_name, libraries_of, settings_of
-from trace_dag.common.references import resolve_reference, signature_of
 from trace_dag.common.settings import Settings
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage, StoredFile

@@ -8,7 +8,7 @@ from __future__ import annotations
 from trace_dag.common.settings import Settings
 from trace_dag.flow.cohorts.services import Services
 from trace_dag.roads.build import road_converter
-from trace_dag.simulation.backends import backend_factory
+from trace_dag.simulation.run import backend_factory
 
 
 def road_map(settings: Settings, services: Services) -> None:

@@ -14,7 +14,7 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.common.provenance import Outcome
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.stage import Stage
-from trace_dag.flow.makers import Made, maker_of, makers_in_words
+from trace_dag.flow.crash_status import Made, maker_of, makers_in_words
 from trace_dag.flow.tasks import Action, StageEvent
 
 _SLOWEST_NAMED = 3

@@ -1,7 +1,7 @@
 """Verification of storage against its records, and repair.
 
 Belongs here: a disagreement with its remedy, and those between outcome records, artefacts, registered crashes and the
-results of studies. Those of pages and packages are in :mod:`trace_dag.export.verify`, the warehouse's in
+results of studies. Those of pages and packages are in :mod:`trace_dag.export.build`, the warehouse's in
 :mod:`trace_dag.warehouse.verify`, Dagster's in :mod:`trace_dag.assets.verify`.
 
 Sizes are compared over listings, so that a large cohort on an object store costs no request per crash; the contents are

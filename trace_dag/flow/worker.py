@@ -19,6 +19,7 @@ from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_at
 from trace_dag.common.errors import Failure, Rejection, TransientFailure
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.messages.logs import log_context
+from trace_dag.common.plugins import resolve_reference
 from trace_dag.common.provenance import (
     Outcome,
     OutcomeRecord,
@@ -26,7 +27,6 @@ from trace_dag.common.provenance import (
     libraries_of,
     now,
 )
-from trace_dag.common.references import resolve_reference
 from trace_dag.common.stage import Stage
 from trace_dag.flow.contract import DamagedArtefactError, Flow, StageDefinition, StageProduct
 from trace_dag.flow.crash_store import CrashStore, open_crashes

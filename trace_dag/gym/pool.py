@@ -23,7 +23,7 @@ from trace_dag.gym.observing import LanePoints
 from trace_dag.reading.crashes import Crashes, Home
 from trace_dag.reading.opening import open_place
 from trace_dag.scenario.cases import Case
-from trace_dag.simulation.backends import backend
+from trace_dag.simulation.run import backend
 from trace_dag.simulation.types import Simulation
 
 Place = str | os.PathLike[str] | Crashes

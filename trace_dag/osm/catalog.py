@@ -15,9 +15,8 @@ import numpy as np
 from trace_dag.common.errors import Failure, Reason, Rejection, UserError, UserErrors
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.settings import OsmSettings
-from trace_dag.osm.clip import clip_roads
+from trace_dag.osm.clip import clip_roads, join_ways, neighbours
 from trace_dag.osm.extraction import Around, FileHeader, FilePass, read_around, read_header
-from trace_dag.osm.joining import join_ways, neighbours
 from trace_dag.osm.map_check import MapChecker
 from trace_dag.osm.plausibility import UnreadableMapError, check_roads
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, Site

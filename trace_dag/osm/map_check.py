@@ -24,8 +24,8 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.messages.logs import print_problem
 from trace_dag.common.processes import how_it_ended
 from trace_dag.osm.extraction import MOST_THREADS, TOLD_EVERY_S, read_header, reading
-from trace_dag.osm.plain_xml import as_plain_xml
 from trace_dag.osm.plausibility import UnreadableMapError, check_text
+from trace_dag.osm.xml import as_plain_xml
 
 _LIMIT_S: Final = 120.0  # by the clock, for Python to be there and a small file to be read
 _SLOWEST_BYTES_PER_S: Final = 200_000.0  # a hundredth of the usual; what is slower than that never ends

@@ -24,7 +24,7 @@ from trace_dag.pages.map_scene import Window
 from trace_dag.pages.maps import MapDrawing
 from trace_dag.pages.page_templates import compress, vehicle_name
 from trace_dag.pages.solid.scene import crash_glb
-from trace_dag.reconstruction.samples.courses import PLACE_M, STEP_S, TURN_RAD
+from trace_dag.reconstruction.samples.crash import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
@@ -259,7 +259,7 @@ def _ghost(drive: AgentDrive | None, log: SimulationLog) -> dict[str, Any]:
 def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
     """Return other likely courses.
 
-    Places in the steps of :class:`trace_dag.reconstruction.samples.courses.SampledBody`.
+    Places in the steps of :class:`trace_dag.reconstruction.samples.crash.SampledBody`.
     """
     courses: list[dict[str, Any]] = []
     for course in sampled.courses:

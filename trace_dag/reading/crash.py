@@ -205,7 +205,7 @@ class Crash:
         import numpy as np
         import pandas as pd
 
-        from trace_dag.reconstruction.samples.courses import STEP_S
+        from trace_dag.reconstruction.samples.crash import STEP_S
 
         columns = ["course", "weight", "number", "time_s", "x_m", "y_m", "heading_rad"]
         if not self._stored.has(SAMPLED):

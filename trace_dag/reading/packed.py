@@ -260,7 +260,7 @@ class PackedCrash:
 
     def load(self, artefact: Artefact[T]) -> T:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`. Raises :class:`DamagedFile`."""
-        from trace_dag.common.references import resolve_reference
+        from trace_dag.common.plugins import resolve_reference
 
         if not artefact.reader:
             return self._read(self._name(artefact))  # type: ignore[return-value] # an artefact without a reader is one of bytes

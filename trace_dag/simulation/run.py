@@ -1,15 +1,26 @@
-"""Simulation of an estimate: every kept hypothesis in one back-end, one log each."""
+"""Simulation of an estimate: every kept hypothesis in the back-end of the settings, one log each."""
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from trace_dag.common.errors import Failure
+from trace_dag.common.plugins import PluginKind, load
 from trace_dag.common.settings import SimSettings
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.states import Hypothesis, ParticipantState, StateEstimate
-from trace_dag.simulation.types import AfterStriking, Backend, Body, BodyKind, Participant, SimulationLog, Termination
+from trace_dag.simulation.types import (
+    AfterStriking,
+    Backend,
+    BackendFactory,
+    Body,
+    BodyKind,
+    Participant,
+    SimulationLog,
+    Termination,
+)
 
 _RELATIVE_FRICTION = {
     1: 1.0,  # dry
@@ -114,3 +125,28 @@ def simulate(
     if logs and all(log.termination is Termination.DIVERGED for log in logs):
         raise Failure(f"{estimate.key}: no hypothesis could be simulated; the first: {logs[0].reason}")
     return logs
+
+
+# --- back-ends -------------------------------------------------------------------------------------------------------
+def backend_factory(settings: SimSettings) -> BackendFactory:
+    """Return the factory of the back-end.
+
+    Raises :class:`trace_dag.common.errors.UserError` if it cannot be loaded.
+
+    >>> type(backend_factory(SimSettings(backend="embedded"))(SimSettings())).__name__
+    'EmbeddedBackend'
+    """
+    factory: BackendFactory = load(PluginKind.BACKEND, settings.backend)
+    return factory
+
+
+@lru_cache(maxsize=1)
+def backend(settings: SimSettings) -> Backend:
+    """Return the back-end, connected once per process.
+
+    Other back-ends are not imported.
+
+    >>> type(backend(SimSettings(backend="embedded"))).__name__
+    'EmbeddedBackend'
+    """
+    return backend_factory(settings)(settings)

@@ -134,7 +134,7 @@ def trailer_model(body: Body, trailer: Trailer) -> VehicleModel:
     Its front axle is the hitch, which has no wheels.
 
     >>> from trace_dag.crash.codes.bodies import PICKUP
-    >>> from trace_dag.crash.codes.trailers import trailer_of
+    >>> from trace_dag.crash.vehicles import trailer_of
     >>> from trace_dag.simulation.types import BodyKind
     >>> trailer = trailer_of(PICKUP, 1)  # TOW_VEH 1: one trailer
     >>> body = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.OTHER, trailer.length_m, 2.0, 2.0, trailer.mass_kg)

@@ -2,28 +2,47 @@
 
 A reported fact that the simulation lacks prevents verification; doubts about street, course or areas also prevent
 corroboration.
+
+A simulation may require what no report says: missing streets, spins, walks out of lanes. The criteria test the reported
+contact, :mod:`trace_dag.verdict.course_events` the reported course. A hypothesis can satisfy both on an implausible
+path: into a leg that the map lacks, turned around so that a side is struck, or over fields. Each such requirement is a
+named doubt.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 from typing import Final
 
-from trace_dag.common.units import kmh_to_mps, mps_to_mph
+import numpy as np
+import shapely
+
+from trace_dag.common.geometry import FloatArray, rectangle_corners
+from trace_dag.common.units import clock_difference_h, kmh_to_mps, mps_to_kmh, mps_to_mph
+from trace_dag.crash.classes import RoadTopology
+from trace_dag.crash.codes import crash as codes
+from trace_dag.crash.departure_side import SIDE_OF_EVENT
+from trace_dag.crash.keys import FARS
+from trace_dag.crash.parties import EventKind, is_vehicle, party_in_words
 from trace_dag.crash.record import CrashRecord, Severity
 from trace_dag.crash.summary import event_in_words, event_named
+from trace_dag.crash.zones import is_in_crosswalk
 from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.crash_site.reported_road import has_name_of_another, is_on_ramp
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.map.model import Junction
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.people import crosswalks
 from trace_dag.roads.report import MapReport
+from trace_dag.simulation.objects import PlacedBy
+from trace_dag.simulation.states import Manoeuvre
 from trace_dag.verdict.course_events import course_doubts
-from trace_dag.verdict.observation import ObservedCrash
+from trace_dag.verdict.observation import LEAST_RECORDED_MPS, ObservedCrash
 from trace_dag.verdict.place_facts import names_at
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Doubt, EventOutcome, EventResult, Reservation
-from trace_dag.verdict.way_doubts import way_doubts
 
 _OTHER_ROAD: Final[Mapping[str, tuple[float, str]]] = {
     "speed limit": (-1.0, "the speed limit differs by 14 mph or more"),
@@ -38,6 +57,29 @@ _LEAST_HARM_MPS: Final = {Severity.KILLED: kmh_to_mps(16.0), Severity.SERIOUS: k
 """Least change of velocity of any vehicle that can have done the harm, by the severity of the crash. A death: 10 mph,
 at which the risk is 4 in 10,000 by Joksch (1993), (delta-v / 71 mph)^4. A serious injury: what an event data recorder
 has to record (49 CFR 563.5). Lesser injuries come of any impact."""
+_ALONG_STREETS: Final = frozenset(
+    {Manoeuvre.STRAIGHT, Manoeuvre.CURVE, Manoeuvre.TURN_LEFT, Manoeuvre.TURN_RIGHT, Manoeuvre.U_TURN}
+)
+_CROSSES: Final = frozenset({Manoeuvre.CROSS_FROM_LEFT, Manoeuvre.CROSS_FROM_RIGHT})
+_NO_STREET_M: Final = 6.0  # beyond the edge of every carriageway: a driveway's mouth and a shoulder are nearer
+_LEG_M: Final = 40.0  # from the impact
+_FOUR_ARMS: Final = frozenset({RoadTopology.FOUR_WAY, RoadTopology.FIVE_POINT_OR_MORE})
+_FAR_M: Final = 45.0
+"""Beyond the edge. Judgement: five times the clear zone of a freeway (9.1 m, AASHTO Roadside Design Guide)."""
+_BACKWARDS_DEG: Final = 120.0  # between heading and course
+_DRIVES_MPS: Final = 3.0
+_SKIDS_SIDEWAYS: Final = frozenset({3, 4, 5})  # PCRASH4
+_CROSSING_DEG: Final = 30.0  # between the lanes of two streets
+_AWAY_M: Final = 20.0  # from the middle of a junction
+_IN_LANE_M: Final = 0.5  # the edge of a carriageway is drawn no better than so
+_CROSSWALK_M: Final = 3.0  # beside its lines: its own width
+_STANDS_MPS: Final = 0.5
+_RESTS_S: Final = 1.2
+_SLOW_MPS: Final = kmh_to_mps(16.0)  # the least that can have killed somebody
+_MIDDLES: Final = (3.0, 6.0, 9.0)
+_CORNER_H: Final = 1.4
+"""From the middle of a side or of the rear to its corner (1.5), less what the outline is known by. Fronts are coded 12
+o'clock up to their corners."""
 
 
 def place_doubts(record: CrashRecord, network: RoadNetwork, report: MapReport) -> tuple[Reservation, ...]:
@@ -141,3 +183,180 @@ def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | Non
         f"(at least {mps_to_mph(least_mps):.0f} mph)"
     )
     return Reservation(Doubt.HARMLESS, detail)
+
+
+# --- doubts about the ways of vehicles -------------------------------------------------------------------------------
+def way_doubts(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each requirement of a simulation that its report and the map lack.
+
+    >>> from trace_dag.crash.event_sequence import sequence_of
+    >>> from trace_dag.common.settings import VerdictSettings
+    >>> list(way_doubts(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
+    []
+    """
+    yield from _missing_legs(beside)
+    yield from _strays(beside)
+    yield from _people(beside)
+    yield from _other_junction(beside)
+    yield from _other_faces(beside)
+    yield from _objects_in_one_place(beside)
+    yield from _objects_at_rest(beside)
+
+
+def _missing_legs(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each vehicle that was going to drive where the map has no street.
+
+    A reported fourth arm is an exception.
+    """
+    network, record = beside.observed.network, beside.record
+    left = {event.party_1 for event in record.events if event.code in SIDE_OF_EVENT}
+    for state in beside.observed.hypothesis.participants:
+        if state.manoeuvre not in _ALONG_STREETS or state.vehicle_number in left:
+            continue
+        path, at = state.trajectory, state.impact_pose
+        near = np.hypot(path.x_m - at.x_m, path.y_m - at.y_m) <= _LEG_M
+        beyond_m = float(network.drivable_area.beyond_m(path.x_m[near], path.y_m[near]).max(initial=0.0))
+        here = _junction_at(network, at.x_m, at.y_m)
+        arms_missing = here is not None and RoadTopology(here.kind or "others") not in _FOUR_ARMS
+        if beyond_m > _NO_STREET_M and not (record.road_topology in _FOUR_ARMS and arms_missing):
+            detail = f"vehicle {state.vehicle_number} ({state.manoeuvre.replace('_', ' ')}) was going to drive "
+            yield Reservation(Doubt.NO_STREET, f"{detail}{beyond_m:.1f} m beyond every carriageway of the map")
+
+
+def _strays(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each vehicle far beyond the carriageways, or backing before the first event."""
+    log, network, first = beside.observed.log, beside.observed.network, beside.observed.first
+    for state in beside.observed.hypothesis.participants:
+        if not is_vehicle(state.vehicle_number):
+            continue
+        driven = log.vehicle_log(state.vehicle_number)
+        far_m = float(network.drivable_area.beyond_m(driven.x_m, driven.y_m).max())
+        if far_m > _FAR_M:
+            detail = f"vehicle {driven.number} goes {far_m:.1f} m beyond the edge of every carriageway"
+            yield Reservation(Doubt.FAR_OFF_ROAD, detail)
+        reported = next((v.stability_code for v in beside.record.vehicles if v.number == driven.number), None)
+        if first is None or reported in _SKIDS_SIDEWAYS:
+            continue
+        speeds = np.hypot(driven.velocity_x_mps, driven.velocity_y_mps)
+        course = np.arctan2(driven.velocity_y_mps, driven.velocity_x_mps)
+        slip_deg = _apart_deg(driven.heading_rad, course)
+        before = (speeds >= _DRIVES_MPS) & (driven.time_s <= first.time_s)
+        turned_deg = float(slip_deg[before].max(initial=0.0))
+        if slip_deg[0] < _BACKWARDS_DEG < turned_deg:  # else it backs
+            detail = f"vehicle {driven.number} turns by {turned_deg:.0f} degrees before the first event"
+            yield Reservation(Doubt.SPUN, f"{detail}, which the report does not say")
+
+
+def _people(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each person who begins to cross in a lane, or is struck outside the reported crosswalk."""
+    network = beside.observed.network
+    struck = {event.pair[1]: event for event in beside.observed.events if event.person is not None}
+    persons = {person.party: person for person in beside.record.non_motorists}
+    for state in beside.observed.hypothesis.participants:
+        number, start = state.vehicle_number, state.initial_pose
+        if is_vehicle(number):
+            continue
+        inside_m = -float(network.drivable_area.beyond_m(np.array([start.x_m]), np.array([start.y_m]))[0])
+        if state.manoeuvre in _CROSSES and inside_m > _IN_LANE_M:
+            detail = f"{party_in_words(number)} begins {inside_m:.1f} m within the carriageway"
+            yield Reservation(Doubt.STARTS_IN_LANE, detail)
+        drawn = crosswalks(network) if number in persons and is_in_crosswalk(persons[number]) else []
+        if drawn and number in struck:
+            away_m = min(each.distance_m(*struck[number].xy_m) for each in drawn)
+            if away_m > _CROSSWALK_M:
+                detail = f"{party_in_words(number)} is struck {away_m:.1f} m from the nearest crosswalk of the map"
+                yield Reservation(Doubt.OTHER_ZONE, f"{detail}, reported is a crosswalk")
+
+
+def _other_junction(beside: Comparison) -> Iterator[Reservation]:
+    """Yield the doubt that the first contact is in a junction but not by the report, or the reverse.
+
+    ``RELJCT2`` and ``TYP_INT`` report it.
+    """
+    first, record, network = beside.observed.first, beside.record, beside.observed.network
+    if first is None or first.happening.contact is None or first.departure is not None:
+        return
+    relation = record.junction_relation_code
+    away = relation == codes.AWAY_FROM_JUNCTION and record.road_topology is RoadTopology.NOT_AN_INTERSECTION
+    if (away or relation == codes.INTERSECTION_RELATED) and _streets_cross(network, *first.xy_m):
+        said = codes.RELJCT2.meaning(relation)
+        yield Reservation(Doubt.OTHER_JUNCTION, f"the first contact is where streets cross, reported is {said}")
+    elif record.road_topology is RoadTopology.L or relation != codes.IN_INTERSECTION:  # a map has an L for a bend
+        return
+    elif _junction_at(network, *first.xy_m) is None:
+        detail = f"no junction of the map is within {_AWAY_M:.0f} m of the first contact, reported is an intersection"
+        yield Reservation(Doubt.OTHER_JUNCTION, detail)
+
+
+def _streets_cross(network: RoadNetwork, x_m: float, y_m: float) -> bool:
+    """Return whether lanes of two streets of an intersection overlap at a point."""
+    headings = []
+    for lane in network.nearest_lanes(x_m, y_m, 0.0):
+        junction = network.junction_of(lane.lane)
+        if junction is not None and junction.kind != RoadTopology.NOT_AN_INTERSECTION:
+            headings.append(network.pose(lane.lane, lane.s_m).heading_rad)
+    return any(abs(math.degrees(math.remainder(a - b, math.pi))) > _CROSSING_DEG for a, b in combinations(headings, 2))
+
+
+def _junction_at(network: RoadNetwork, x_m: float, y_m: float) -> Junction | None:
+    """Return the junction that contains a point, or one with its middle nearby, or None."""
+    for lane in network.nearest_lanes(x_m, y_m, 0.0):
+        junction = network.junction_of(lane.lane)
+        if junction is not None:
+            return junction
+    near = [(math.dist(each.centre_xy_m, (x_m, y_m)), each) for each in network.junctions if each.centre_xy_m]
+    distance_m, junction = min(near, key=lambda found: found[0], default=(math.inf, None))
+    return junction if distance_m <= _AWAY_M else None
+
+
+def _other_faces(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each vehicle struck at another face or a corner than reported.
+
+    It concerns the reported middle of a side or the rear, within the criterion's two clock positions. Narratives and
+    most other tables name a whole side, so only FARS is compared.
+    """
+    if beside.record.register != FARS:
+        return
+    for event in beside.sequence.events:
+        seen = beside.seen(event)
+        for number, side in seen.sides.items() if seen is not None else ():
+            object_struck = event.kind is EventKind.OBJECT_STRUCK
+            area = event.area if object_struck else event.as_struck(number).impact
+            if area is None or area.clock_h not in _MIDDLES:
+                continue
+            if clock_difference_h(beside.rules.clock_h(side), area.clock_h) >= _CORNER_H:
+                detail = f"vehicle {number} is struck at {beside.rules.clock_h(side):.1f} o'clock"
+                yield Reservation(Doubt.OTHER_FACE, f"{detail}, reported is the middle of {area.clock_h:g} o'clock")
+
+
+def _objects_in_one_place(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each pair of placed objects that overlap."""
+    placed = [item for item in beside.observed.hypothesis.objects if item.placed_by is PlacedBy.PROGRAM]
+    for one, two in combinations(placed, 2):
+        shapes = [shapely.Polygon(rectangle_corners(item.pose, item.length_m, item.width_m)) for item in (one, two)]
+        if shapes[0].intersects(shapes[1]):
+            detail = f"the {one.name} of event {one.event_number} and the {two.name} of event {two.event_number}"
+            yield Reservation(Doubt.OBJECTS_OVERLAP, f"{detail} are placed over each other")
+
+
+def _objects_at_rest(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each placed later object that a vehicle touches slowly where it would come to rest anyway."""
+    for event in beside.sequence.events:
+        seen = beside.seen(event)
+        if event is beside.begins or seen is None or seen.object_code is None:
+            continue
+        item = beside.observed.log.object_of(seen.pair[1])
+        driven = beside.observed.log.vehicle_log(seen.pair[0])
+        moves = np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= _STANDS_MPS
+        rests_s = float(driven.time_s[moves].max(initial=0.0)) - seen.time_s
+        killed = beside.record.severity is Severity.KILLED
+        slow = seen.contact.closing_speed_mps < (_SLOW_MPS if killed else LEAST_RECORDED_MPS)
+        if item is not None and item.placed_by is PlacedBy.PROGRAM and slow and rests_s < _RESTS_S:
+            speed_kmh = mps_to_kmh(seen.contact.closing_speed_mps)
+            detail = f"vehicle {driven.number} touches the {item.name} of event {event.number} at {speed_kmh:.0f} km/h"
+            yield Reservation(Doubt.OBJECT_AT_REST, f"{detail}, where it comes to rest")
+
+
+def _apart_deg(one_rad: FloatArray, two_rad: FloatArray) -> FloatArray:
+    """Return the angles between directions."""
+    return np.asarray(np.abs(np.degrees(np.angle(np.exp(1j * (one_rad - two_rad))))))

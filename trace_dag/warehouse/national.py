@@ -22,7 +22,7 @@ import pyarrow as pa
 from pyarrow import csv
 
 from trace_dag.common.errors import UserError
-from trace_dag.crash.kind import JUDGED_KINDS, CrashKind, kind_of_codes
+from trace_dag.crash.classes import JUDGED_KINDS, CrashKind, kind_of_codes
 from trace_dag.warehouse.query import open_warehouse
 
 _COLUMNS: Final = ("HARM_EV", "VE_FORMS")

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 from trace_dag.common.errors import Rejection
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
+from trace_dag.crash.classes import JUDGED_KINDS, CrashKind
 from trace_dag.crash.codes import crash, events, persons, vehicle
 from trace_dag.crash.codes.crash import STATES
 from trace_dag.crash.codes.odd import ODD
-from trace_dag.crash.kind import JUDGED_KINDS, CrashKind
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
 from trace_dag.flow.cohorts.listings import listings_of

@@ -16,9 +16,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from trace_dag.common.geometry import FloatArray
-from trace_dag.crash.classes import RoadTopology, road_topology
+from trace_dag.crash.classes import JUDGED_KINDS, CrashKind, RoadTopology, kind_of_codes, road_topology
 from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
-from trace_dag.crash.kind import JUDGED_KINDS, CrashKind, kind_of_codes
 from trace_dag.warehouse.national import read_accidents
 
 _LIGHT: Final = {1: "daylight", 2: "dark", 3: "dark", 6: "dark", 4: "twilight", 5: "twilight"}

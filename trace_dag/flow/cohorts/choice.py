@@ -15,7 +15,7 @@ from trace_dag.crash.codes.crash import FUNC_SYS
 from trace_dag.crash.cohorts import CohortFilter, sample, select, stratified_sample
 from trace_dag.crash.keys import parse_key
 from trace_dag.crash.listing import CrashListing
-from trace_dag.crash.places import state_abbreviation
+from trace_dag.crash.reported_place import state_abbreviation
 
 
 @dataclass(frozen=True)

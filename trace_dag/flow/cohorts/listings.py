@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 from trace_dag.common.errors import DamagedFile, Rejection
 from trace_dag.common.storage.checksums import check_table, write_table
 from trace_dag.common.storage.files import Storage
-from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.flow.cohorts.kept_files import read_kept
 from trace_dag.flow.cohorts.registry import ReportSource

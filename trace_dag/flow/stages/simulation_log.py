@@ -10,9 +10,8 @@ from trace_dag.crash.parties import EventKind
 from trace_dag.flow.contract import Figure, StageProduct
 from trace_dag.reconstruction.samples.simulated import samples_to_json, simulate_samples
 from trace_dag.reconstruction.scene.scene import place_of
-from trace_dag.simulation.backends import backend
 from trace_dag.simulation.log_io import logs_to_files
-from trace_dag.simulation.run import simulate
+from trace_dag.simulation.run import backend, simulate
 from trace_dag.simulation.types import VehicleLog, overturned_at
 
 if TYPE_CHECKING:

@@ -168,7 +168,7 @@ def opposite(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
             crossing_over = facing
             if mover.turn is not None:
                 crossing_over = [approach for approach in facing if follows_turn(approach, mover.turn)]
-                yield from _turning_across(scene, mover, steady, other_speed, facing)
+                yield from _turning_across(mover, steady, other_speed, facing)
             for approach in crossing_over:
                 speed = speed_of(mover, approach)
                 gap = gap_between(approach.fitted(speed.speed_mps), target.fitted(other_speed.speed_mps))
@@ -193,7 +193,7 @@ def opposite(scene: Scene, scenario: PreCrashScenario) -> Iterator[PathPair]:
 
 
 def _turning_across(
-    scene: Scene, mover: Party, steady: Option, other_speed: TravelSpeed, facing: list[Approach]
+    mover: Party, steady: Option, other_speed: TravelSpeed, facing: list[Approach]
 ) -> Iterator[PathPair]:
     assert mover.turn is not None
     # To where lanes lead, and anywhere else off the road: into a driveway or a street that the map does not have.

@@ -224,7 +224,7 @@ def _walk(
     centre = np.array([point.ahead_m, point.left_m]) + np.array(point.normal) * reach
     x, y = drive.pose.to_world(centre)
     pose = Pose(float(x), float(y), math.remainder(heading, math.tau), drive.pose.z_m)
-    path, station = _line(scene, drive, pose, reading.course)
+    path, station = _line(drive, pose, reading.course)
     set_off = math.inf
     if reading.course in CROSSING:  # from the edge of the road on: who waits there does not walk out of a lane
         back = Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2)
@@ -258,7 +258,7 @@ def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
     return road + math.radians(RELATIVE_DEG[course])
 
 
-def _line(scene: Scene, drive: Drive, pose: Pose, course: Course) -> tuple[Path, float]:
+def _line(drive: Drive, pose: Pose, course: Course) -> tuple[Path, float]:
     """Return the path of the person, straight across or along the road, and the station of the strike on it."""
     back_m = 60.0
     if course in (Course.ALONG, Course.TOWARDS) and drive.option.turn is None and not drive.option.backing:

@@ -23,8 +23,7 @@ from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.settings import SimSettings
 from trace_dag.crash.record import CrashRecord
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood
-from trace_dag.reconstruction.samples.courses import SampledCourse, course_of
-from trace_dag.reconstruction.samples.crash import LONGEST_BACK_S, SampledCrash
+from trace_dag.reconstruction.samples.crash import LONGEST_BACK_S, SampledCourse, SampledCrash, course_of
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.crash_run import CrashRun
 from trace_dag.simulation.embedded import EmbeddedSimulation

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from trace_dag.common.geometry import FloatArray
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.carriageways import Carriageways
-from trace_dag.roads.from_osm.marks import LEGAL_EDGE, NOT_CROSSED
+from trace_dag.roads.from_osm.lanes import LEGAL_EDGE, NOT_CROSSED
 from trace_dag.roads.from_osm.shoulders import shoulders_along
 from trace_dag.roads.from_osm.street_graph import StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from trace_dag.roads.from_osm.marks import UNMARKED
+from trace_dag.roads.from_osm.lanes import UNMARKED
 from trace_dag.roads.from_osm.movements import ArmLane, Movement
 from trace_dag.roads.from_osm.polyline_fit import fit_plan
 from trace_dag.roads.from_osm.turn_curves import (

@@ -17,7 +17,7 @@ import numpy as np
 
 from trace_dag.common.geometry import hermite
 from trace_dag.roads.from_osm.carriageways import Carriageways
-from trace_dag.roads.from_osm.marks import NOT_CROSSED
+from trace_dag.roads.from_osm.lanes import NOT_CROSSED
 from trace_dag.roads.from_osm.turn_curves import tightest_radius_m, turn_of_radius
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanPose, PlanView, connect, drop_slivers, element_pose, plan_pose

@@ -4,6 +4,10 @@ If one way continues another with other lanes, the new lanes open and the ending
 lane border is continuous in position and direction. The boundary between two sections has only the lanes that match, at
 widths that fit both sides. A section goes from the widths at its start over its full cross-section to the widths at its
 end.
+
+Lane markings have a shape, a colour and permitted lane changes. They follow the US Manual on Uniform Traffic Control
+Devices (MUTCD), chapter 3B. A ``LEGAL`` mark is the one required by law where the map for reconstruction has another,
+since drivers in crashes cross centre lines and edges.
 """
 
 from __future__ import annotations
@@ -14,22 +18,21 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from trace_dag.roads.from_osm.marks import (
-    BROKEN,
-    EDGE,
-    LEGAL_CENTRE_TURN,
-    LEGAL_EDGE,
-    UNMARKED,
-    YELLOW_BROKEN,
-    YELLOW_DOUBLE,
-    YELLOW_EDGE,
-    lane_line,
-)
 from trace_dag.roads.from_osm.tags import LEFT_TURNS, CrossSection, LaneSpec, WayProfile
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, RoadMark
 
 _SAME_M: Final = 1e-9
 _TAPER_RATIO: Final = 4.0  # a taper is at least this many times as long as lanes shift sideways
+BROKEN: Final = RoadMark("broken", "white", "both")
+EDGE: Final = RoadMark("solid", "white", "both")
+LEGAL_EDGE: Final = RoadMark("solid", "white", "none")
+YELLOW_BROKEN: Final = RoadMark("broken", "yellow", "both")
+LEGAL_CENTRE_TURN: Final = RoadMark("solid broken", "yellow", "both")
+YELLOW_DOUBLE: Final = RoadMark("solid solid", "yellow", "none")
+YELLOW_EDGE: Final = RoadMark("solid", "yellow", "none")
+UNMARKED: Final = RoadMark("none", "standard", "both")
+NOT_CROSSED: Final = RoadMark("none", "standard", "none")
+"""Nothing is painted, and nobody changes lanes: beside sidewalks."""
 
 
 class Stretch(NamedTuple):
@@ -350,3 +353,18 @@ def _centre_marks(profile: WayProfile) -> tuple[RoadMark, RoadMark]:
     if profile.rank >= 5:  # unclassified, residential, service: commonly unmarked
         return YELLOW_BROKEN, UNMARKED
     return YELLOW_BROKEN, YELLOW_DOUBLE
+
+
+def lane_line(*, outward: bool, inward: bool, left: bool) -> RoadMark:
+    """Return the line between two lanes of one direction that may be crossed ``outward``, ``inward``, or not at all.
+
+    OpenDRIVE orders its parts from the inner to the outer lane. It names the directions of crossing by the ids of the
+    lanes, which grow outward on the ``left`` of the road.
+
+    >>> lane_line(outward=True, inward=False, left=True)
+    RoadMark(type='broken solid', colour='white', lane_change='increase')
+    """
+    if not outward and not inward:
+        return LEGAL_EDGE
+    kind = "broken solid" if outward else "solid broken"
+    return RoadMark(kind, "white", "increase" if outward == left else "decrease")
