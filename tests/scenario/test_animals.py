@@ -16,7 +16,7 @@ from trace_dag.common.settings import SimSettings
 from trace_dag.crash.record import VehicleClass
 from trace_dag.export.formats.sumo import floating_car_data
 from trace_dag.pages.solid.figures import animal_nodes, animal_places
-from trace_dag.scenario.figure_shapes import logged_shape, upright_shape
+from trace_dag.scenario.drawn_shapes import logged_shape, upright_shape
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.simulation.quadrupeds import LANDMARKS
 from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog

@@ -17,7 +17,7 @@ from trace_dag.pages.replay import write_html_player
 from trace_dag.pages.solid.objects import object_parts
 from trace_dag.pages.thumbnail import draw_thumbnail
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.scenario.object_shapes import OBJECT_NOTE, describe_object, object_category, outline
+from trace_dag.scenario.drawn_shapes import OBJECT_NOTE, describe_object, object_category, outline
 from trace_dag.scenario.opendrive_surroundings import add_objects, fixed_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.openscenario_entities import misc_object

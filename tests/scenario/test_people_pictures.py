@@ -22,8 +22,7 @@ from trace_dag.pages.pictures import draw_crash
 from trace_dag.pages.replay import write_html_player
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
-from trace_dag.scenario.colours import VEHICLE_COLOURS
-from trace_dag.scenario.figure_shapes import logged_shape, upright_shape
+from trace_dag.scenario.drawn_shapes import VEHICLE_COLOURS, logged_shape, upright_shape
 from trace_dag.simulation.body_sizes import person_body
 from trace_dag.simulation.figures import LANDMARKS
 from trace_dag.simulation.types import BodyKind, SimulationLog, VehicleLog

@@ -19,7 +19,7 @@ from trace_dag.pages.map_ground import ASPHALT
 from trace_dag.pages.picture_sheet import Sheet
 from trace_dag.pages.pictures import draw_crash
 from trace_dag.roads.report import CrashPlacement, InferredRoad, MapReport
-from trace_dag.scenario.colours import VEHICLE_COLOURS
+from trace_dag.scenario.drawn_shapes import VEHICLE_COLOURS
 from trace_dag.simulation.states import EstimatorRun, Hypothesis, StateEstimate
 from trace_dag.simulation.types import SimulationLog
 

@@ -18,7 +18,7 @@ from trace_dag.common.settings import VerdictSettings
 from trace_dag.pages.animation import write_animation
 from trace_dag.pages.replay import write_html_player
 from trace_dag.pages.replay_content import replay_windows
-from trace_dag.scenario.colours import VEHICLE_COLOURS
+from trace_dag.scenario.drawn_shapes import VEHICLE_COLOURS
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.types import Verdict

@@ -14,8 +14,8 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.flow.cohorts.registry import Registry, ReportSource
 from trace_dag.flow.records import read_records, write_record
 from trace_dag.warehouse.build import build_warehouse
+from trace_dag.warehouse.outcomes import read_snapshots
 from trace_dag.warehouse.query import open_warehouse, rows
-from trace_dag.warehouse.snapshot import read_snapshots
 
 KEYS = [f"2023-51000{number}" for number in range(1, 9)]
 
@@ -91,7 +91,7 @@ def test_a_crash_that_is_judged_between_its_record_and_its_document_is_read_agai
             note(storage, KEYS[0], Stage.VERDICT, run)
         return found
 
-    monkeypatch.setattr("trace_dag.warehouse.snapshot.read_records", records_and_then_a_run)
+    monkeypatch.setattr("trace_dag.warehouse.outcomes.read_records", records_and_then_a_run)
     problems = []
     ((judged, _),) = read_snapshots(storage, KEYS[:2], [(Stage.VERDICT, "json")], problems.append)
     assert problems == []

@@ -40,14 +40,14 @@ def anew(root: Path) -> dict[str, str]:
 def read_again(root: Path, monkeypatch) -> set[str]:
     """The crashes that a build reads."""
     asked: set[str] = set()
-    from trace_dag.warehouse import snapshot
+    from trace_dag.warehouse import outcomes
 
-    read = snapshot.read_records
+    read = outcomes.read_records
     monkeypatch.setattr(
-        snapshot, "read_records", lambda storage, keys, **more: asked.update(keys) or read(storage, keys, **more)
+        outcomes, "read_records", lambda storage, keys, **more: asked.update(keys) or read(storage, keys, **more)
     )
     build_warehouse(Storage(root), root)
-    monkeypatch.setattr(snapshot, "read_records", read)
+    monkeypatch.setattr(outcomes, "read_records", read)
     return asked
 
 

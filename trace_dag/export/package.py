@@ -35,10 +35,10 @@ from trace_dag.reconstruction.samples.simulated import SampledRuns, samples_to_j
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport, map_report_to_json
+from trace_dag.scenario.drawn_shapes import OBJECT_NOTE, names
 from trace_dag.scenario.drives import Drive
 from trace_dag.scenario.driving_files import courses_to_json, ensemble_to_json, lanes_to_json
 from trace_dag.scenario.lights import crash_lights
-from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
 from trace_dag.scenario.opendrive_surroundings import PlacedObject, add_objects, fixed_objects, surrounding_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.traffic.surrounding import add_traffic

@@ -18,7 +18,7 @@ from trace_dag.pages.picture_motion import SampledBody, draw_body
 from trace_dag.pages.replay import write_html_player
 from trace_dag.pages.replay_content import replay_windows
 from trace_dag.scenario.cases import Case
-from trace_dag.scenario.colours import body_colour
+from trace_dag.scenario.drawn_shapes import body_colour
 from trace_dag.simulation.types import SimulationLog
 
 _SIZE_PX = 480

@@ -24,8 +24,7 @@ from trace_dag.pages.maps import MapDrawing
 from trace_dag.pages.picture_motion import DrawnFigure, SampledBody, draw_body, draw_figure, draw_objects
 from trace_dag.pages.replay_content import replay_windows
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import CONTACT_COLOUR, body_colour
-from trace_dag.scenario.figure_shapes import logged_shape
+from trace_dag.scenario.drawn_shapes import CONTACT_COLOUR, body_colour, logged_shape
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog, moment_of
 from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import Verdict

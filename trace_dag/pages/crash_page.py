@@ -25,8 +25,7 @@ from trace_dag.osm.rights import Rights
 from trace_dag.pages.page_templates import templates, words
 from trace_dag.reconstruction.samples.simulated import Interval, SampledRuns
 from trace_dag.roads.report import MapReport, RejectedMapReport
-from trace_dag.scenario.colours import vehicle_colour
-from trace_dag.scenario.object_shapes import describe_object
+from trace_dag.scenario.drawn_shapes import describe_object, vehicle_colour
 from trace_dag.simulation.states import StateEstimate
 from trace_dag.verdict.in_words import (
     events_in_words,

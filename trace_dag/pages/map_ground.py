@@ -21,7 +21,6 @@ from trace_dag.roads.map.model import LaneType, RoadMark
 from trace_dag.roads.map.people import crosswalks
 
 if TYPE_CHECKING:
-    from trace_dag.common.geometry import FloatArray
     from trace_dag.roads.map.people import CrosswalkPlace
 
 ASPHALT: Final = "#6B7075"

@@ -12,9 +12,17 @@ from trace_dag.common.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.crash.parties import is_vehicle, party_of_body
 from trace_dag.pages.canvas import Canvas, Ink
 from trace_dag.roads.report import MapReport
-from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, body_colour
-from trace_dag.scenario.figure_shapes import WHEEL_M, FigureShape, logged_shape
-from trace_dag.scenario.object_shapes import is_ours, outline
+from trace_dag.scenario.drawn_shapes import (
+    CONTACT_COLOUR,
+    OBJECT_COLOUR,
+    REPORTED_COLOUR,
+    WHEEL_M,
+    FigureShape,
+    body_colour,
+    is_ours,
+    logged_shape,
+    outline,
+)
 from trace_dag.simulation.objects import FixedObject
 from trace_dag.simulation.states import Hypothesis
 from trace_dag.simulation.types import Contact, SimulationLog, VehicleLog, overturned_at

@@ -29,8 +29,14 @@ from trace_dag.pages.picture_motion import DrawnMotion, draw_cross, draw_reporte
 from trace_dag.pages.picture_sheet import Sheet, Sign, around, square
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport, NearStreet, RejectedMapReport
-from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, vehicle_colour
-from trace_dag.scenario.object_shapes import is_ours, names
+from trace_dag.scenario.drawn_shapes import (
+    CONTACT_COLOUR,
+    OBJECT_COLOUR,
+    REPORTED_COLOUR,
+    is_ours,
+    names,
+    vehicle_colour,
+)
 from trace_dag.simulation.states import Hypothesis, StateEstimate
 from trace_dag.simulation.types import SimulationLog, overturned_at
 from trace_dag.verdict.in_words import label_in_words
@@ -38,7 +44,6 @@ from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from trace_dag.common.geometry import FloatArray
-    from trace_dag.osm.types import OsmFeature
 
 WIDTH_PX: Final = 1170
 """Size of the picture as pixels."""

@@ -26,10 +26,18 @@ from trace_dag.pages.page_templates import compress, vehicle_name
 from trace_dag.pages.solid.scene import crash_glb
 from trace_dag.reconstruction.samples.crash import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
-from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
+from trace_dag.scenario.drawn_shapes import (
+    CONTACT_COLOUR,
+    OBJECT_COLOUR,
+    WHEEL_M,
+    body_colour,
+    describe_object,
+    is_ours,
+    logged_shape,
+    outline,
+    vehicle_colour,
+)
 from trace_dag.scenario.lights import Lights, StopLine, crash_lights, lights_in_words
-from trace_dag.scenario.object_shapes import describe_object, is_ours, outline
 from trace_dag.simulation.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import EventResult, Verdict

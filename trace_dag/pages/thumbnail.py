@@ -17,7 +17,7 @@ from trace_dag.pages.map_scene import Window
 from trace_dag.pages.maps import MapDrawing
 from trace_dag.pages.picture_motion import draw_objects
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import body_colour
+from trace_dag.scenario.drawn_shapes import body_colour
 from trace_dag.simulation.types import Body, Moment, SimulationLog, VehicleLog, moment_of
 
 _LEAST_M, _MOST_M = 11.0, 26.0  # half the height of what is seen

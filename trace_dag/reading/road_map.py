@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from trace_dag.osm.types import OsmFeature
-    from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapGate
 
 LONGEST_SIDE_M: Final = 10_000.0

@@ -22,7 +22,7 @@ from lxml import etree
 
 from trace_dag.roads.from_osm.tag_values import parse_length_m
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.object_shapes import describe_object, object_category
+from trace_dag.scenario.drawn_shapes import describe_object, object_category
 from trace_dag.simulation.objects import FixedObject, base_m
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from trace_dag.common.geometry import FloatArray, LocalFrame
     from trace_dag.osm.types import OsmFeature
-    from trace_dag.roads.map.network import RoadNetwork
 
 _REACH_M: Final = 100.0
 _BESIDE_LANES_M: Final = 40.0  # from a reference line; farther away there are no lanes

@@ -25,7 +25,7 @@ from typing import Final
 from trace_dag.crash.record import HEAVY_VEHICLES, VehicleClass
 from trace_dag.crash.trailer import Trailer
 from trace_dag.scenario.carla_blueprints import BLUEPRINTS, choose_bicycle, choose_blueprint, choose_walker
-from trace_dag.scenario.object_shapes import object_category
+from trace_dag.scenario.drawn_shapes import object_category
 from trace_dag.scenario.openscenario_elements import (
     Element,
     bounding_box,

@@ -21,7 +21,7 @@ import shapely
 
 from trace_dag.common.geometry import FloatArray, LocalFrame
 from trace_dag.crash.parties import party_in_words, party_of_body
-from trace_dag.scenario.object_shapes import outline
+from trace_dag.scenario.drawn_shapes import outline
 from trace_dag.scenario.opendrive_surroundings import local_shapes, told_height_m, usual_kind
 from trace_dag.simulation.fronts import driver_eye_m
 from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog

@@ -37,10 +37,9 @@ from trace_dag.flow.study_tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED,
 from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
 from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
-from trace_dag.warehouse.outcomes import OutcomeTables
+from trace_dag.warehouse.outcomes import OutcomeTables, read_snapshots
 from trace_dag.warehouse.query import stray_log
 from trace_dag.warehouse.reports import code_meanings, crash_kinds, domain_terms, state_names, unread_reports
-from trace_dag.warehouse.snapshot import read_snapshots
 from trace_dag.warehouse.tables import TABLES
 from trace_dag.warehouse.updating import changed_since_built, list_for_build, note_crashes, update_tables
 

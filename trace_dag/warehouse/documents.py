@@ -13,7 +13,7 @@ from trace_dag.common.stage import Stage
 from trace_dag.common.storage.disk_errors import disk_failure
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.warehouse.snapshot import CrashSnapshot
+from trace_dag.warehouse.outcomes import CrashSnapshot
 
 if TYPE_CHECKING:
     import duckdb

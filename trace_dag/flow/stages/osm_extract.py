@@ -19,7 +19,6 @@ from trace_dag.osm.types import OsmExtract, Site
 if TYPE_CHECKING:
     from trace_dag.common.settings import OsmSettings
     from trace_dag.crash.record import CrashRecord
-    from trace_dag.flow.cohorts.registry import RegisteredMap
     from trace_dag.flow.cohorts.services import Services
 
 

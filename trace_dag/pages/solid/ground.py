@@ -20,7 +20,7 @@ from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.shapes import Mesh, flat, join_shapes, prism, ribbons
 from trace_dag.roads.map.lane_index import unite_areas
 from trace_dag.roads.map.model import LaneType
-from trace_dag.scenario.object_shapes import outline
+from trace_dag.scenario.drawn_shapes import outline
 from trace_dag.scenario.polylines import worth_keeping
 from trace_dag.simulation.roadside_terrain import FORE_SLOPE_M
 

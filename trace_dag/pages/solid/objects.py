@@ -15,7 +15,7 @@ from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.roadside import tree_parts
 from trace_dag.pages.solid.shapes import Mesh, ball, bar, box, cylinder, flat, join_shapes, loft, prism
 from trace_dag.pages.solid.vehicle_shapes import Parts
-from trace_dag.scenario.colours import OBJECT_COLOUR
+from trace_dag.scenario.drawn_shapes import OBJECT_COLOUR
 from trace_dag.simulation.objects import FixedObject, slope_profile_m
 
 _STEEL, _CONCRETE = Material("#A7ABAE", roughness=0.5), Material("#B5B2AA")

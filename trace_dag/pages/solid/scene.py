@@ -21,16 +21,25 @@ from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import VehicleClass
 from trace_dag.pages.map_scene import MapScene, Window, window_of
 from trace_dag.pages.solid.figures import animal_nodes, animal_places, landmarks, person_nodes
-from trace_dag.pages.solid.gltf import Keys, Material, Node, write_glb
+from trace_dag.pages.solid.gltf import (
+    Keys,
+    Material,
+    Node,
+    body_places,
+    body_turns,
+    place_keys,
+    rolling_keys,
+    size_keys,
+    turn_keys,
+    write_glb,
+)
 from trace_dag.pages.solid.ground import Terrain
 from trace_dag.pages.solid.objects import object_parts
 from trace_dag.pages.solid.roadside import areas_of, beside_roads, signs
 from trace_dag.pages.solid.shapes import ball, join_shapes
-from trace_dag.pages.solid.tracks import body_places, body_turns, place_keys, rolling_keys, size_keys, turn_keys
 from trace_dag.pages.solid.two_wheelers import motorcycle_shape
 from trace_dag.pages.solid.vehicle_shapes import BRAKE_LAMP, Parts, vehicle_shape, wheel_parts
-from trace_dag.scenario.colours import CONTACT_COLOUR, body_colour, vehicle_colour
-from trace_dag.scenario.object_shapes import describe_object, is_ours
+from trace_dag.scenario.drawn_shapes import CONTACT_COLOUR, body_colour, describe_object, is_ours, vehicle_colour
 from trace_dag.simulation.objects import Resistance
 from trace_dag.simulation.roadside_terrain import RoadsideTerrain
 from trace_dag.simulation.types import BodyKind, Contact
@@ -40,7 +49,7 @@ if TYPE_CHECKING:
     from trace_dag.pages.drive import AgentDrive
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.simulation.objects import FixedObject
-    from trace_dag.simulation.types import Body, Contact, SimulationLog, VehicleLog
+    from trace_dag.simulation.types import Body, SimulationLog, VehicleLog
 
 _AROUND_M: Final = 110.0  # of the motion: so much of the place is seen
 _MOST_M: Final = 450.0  # from its middle

@@ -21,13 +21,11 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.lanes import LEGAL_EDGE, NOT_CROSSED
-from trace_dag.roads.from_osm.shoulders import shoulders_along
 from trace_dag.roads.from_osm.street_graph import StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads
-from trace_dag.roads.from_osm.strips import STEP_M, Strip, Strips, strips_along
-from trace_dag.roads.map.arcs import along_arcs
+from trace_dag.roads.from_osm.strips import STEP_M, Strip, Strips, shoulders_along, strips_along
 from trace_dag.roads.map.cubic_profile import CubicProfile
-from trace_dag.roads.map.curves import PlanView
+from trace_dag.roads.map.curves import PlanView, along_arcs
 from trace_dag.roads.map.model import Cubic, Lane, LaneType, Road
 
 _END_M: Final = 1.0  # length over which a sidewalk begins and ends

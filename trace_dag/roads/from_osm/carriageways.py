@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trace_dag.common.geometry import FloatArray
-from trace_dag.roads.map.arcs import along_arcs
+from trace_dag.roads.map.curves import along_arcs
 from trace_dag.roads.map.model import Road
 
 _BESIDE_LENGTH_M: Final = 3.0  # half the length of road that a place of its reference line stands for

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import shapely
 
-from trace_dag.roads.map.arcs import along_arcs
+from trace_dag.roads.map.curves import along_arcs
 from trace_dag.roads.map.lane_geometry import sample_lanes
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from trace_dag.common.geometry import hermite
-from trace_dag.roads.map.arcs import along_arc, along_arcs
 from trace_dag.roads.map.cubic_profile import CubicProfile
+from trace_dag.roads.map.curves import along_arc, along_arcs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

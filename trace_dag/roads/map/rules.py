@@ -19,7 +19,7 @@ from typing import Final
 
 from lxml import etree
 
-from trace_dag.roads.map.arcs import along_arc
+from trace_dag.roads.map.curves import along_arc
 from trace_dag.roads.map.link_rules import broken_links
 from trace_dag.roads.map.reader import parse_opendrive
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from trace_dag.roads.map.arcs import along_arcs
+from trace_dag.roads.map.curves import along_arcs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

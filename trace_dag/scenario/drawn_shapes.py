@@ -1,23 +1,26 @@
-"""A person or an animal from above, for pictures, replays and sketches: head, body, limbs, and mount.
+"""Shapes and colours for pictures, replays and sketches: people and animals from above, outlines of fixed objects.
 
-If a log has the landmarks of a jointed figure, that figure is drawn, standing, riding or thrown. Without them, and for
-plans, the figure stands upright or rides along the heading.
+A figure has head, body, limbs and mount. If a log has the landmarks of a jointed figure, that figure is drawn,
+standing, riding or thrown. Without them, and for plans, the figure stands upright or rides along the heading.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from trace_dag.common.geometry import FloatArray, rectangle_corners
+from trace_dag.crash.parties import party_of_body
 from trace_dag.simulation import quadrupeds
 from trace_dag.simulation.figures import LANDMARKS, PLACE_OF_LANDMARK
+from trace_dag.simulation.objects import FixedObject, PlacedBy, Resistance, slope_profile_m
 from trace_dag.simulation.types import BodyKind
 
 if TYPE_CHECKING:
-    from trace_dag.common.geometry import FloatArray
     from trace_dag.simulation.types import Body, VehicleLog
 
 _LIMBS: Final = (("neck", "hand_l"), ("neck", "hand_r"), ("pelvis", "knee_l"), ("knee_l", "foot_l"))
@@ -32,6 +35,15 @@ _LEGS: Final = ("fl", "fr", "hl", "hr")
 _TRUNK, _NECK, _LEG, _SKULL = 0.85, 0.40, 0.17, 0.22  # widths of an animal's parts and its head's radius, of its own
 _SPINE: Final = (-0.23, 0.10)  # of an animal's length: its rump and withers
 _NOSE: Final = 0.46
+_LEAST_M: Final = 0.5  # nothing thinner is drawn
+_ROUND_M: Final = 1.0  # compact objects smaller than this are drawn round
+OBJECT_NOTE: Final = "placed by the program: the map has none of the kind there"
+VEHICLE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#F0E442", "#56B4E9")
+"""Okabe and Ito's palette: told apart with every common kind of colour vision. Vehicle 1 is blue, 2 vermilion."""
+REPORTED_COLOUR: Final = "#000000"
+CONTACT_COLOUR: Final = "#B00020"
+OBJECT_COLOUR: Final = "#6B4A2B"
+"""Colour of fixed objects: brown, with a broken outline where the program placed them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,3 +166,79 @@ def _animal(at: dict[str, FloatArray], body: Body) -> FigureShape:
         widths_m=(_TRUNK * body.width_m, _NECK * body.width_m, _LEG * body.width_m),
         head_m=_SKULL * body.width_m,
     )
+
+
+# --- fixed objects ---------------------------------------------------------------------------------------------------
+def outline(item: FixedObject) -> FloatArray:
+    """Return corners of an object seen from above, shape (n, 2); for a ditch or embankment, of the whole slope.
+
+    >>> from trace_dag.common.geometry import Pose
+    >>> barrier = FixedObject(1001, 1, 25, "concrete barrier", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 1.0, Resistance.RIGID)
+    >>> float(np.ptp(outline(barrier)[:, 0]))
+    20.0
+    """
+    if item.resistance is Resistance.SLOPE:
+        (near_m, _), *_, (far_m, _) = slope_profile_m(item)
+        middle = item.pose.to_world(np.array([0.0, (near_m + far_m) / 2]))
+        pose = replace(item.pose, x_m=float(middle[0]), y_m=float(middle[1]))
+        return rectangle_corners(pose, item.length_m, far_m - near_m)
+    length_m, width_m = max(item.length_m, _LEAST_M), max(item.width_m, _LEAST_M)
+    if max(item.length_m, item.width_m) < _ROUND_M:
+        angles = np.linspace(0.0, 2 * np.pi, 13)[:-1]
+        return item.pose.xy_m + np.column_stack([np.cos(angles), np.sin(angles)]) * max(length_m, width_m) / 2
+    return rectangle_corners(item.pose, length_m, width_m)
+
+
+def is_ours(item: FixedObject) -> bool:
+    """Return whether the program placed the object."""
+    return item.placed_by is PlacedBy.PROGRAM
+
+
+def describe_object(item: FixedObject) -> str:
+    """Return the object's kind and the origin of its place.
+
+    >>> describe_object(tree)
+    'tree (placed by the program: the map has none of the kind there)'
+    """
+    return f"{item.name} ({OBJECT_NOTE if is_ours(item) else 'OpenStreetMap ' + item.osm_id})"
+
+
+def names(items: Iterable[FixedObject]) -> str:
+    """Return the names of some objects, without repetitions, in their order.
+
+    >>> names([tree, tree])
+    'tree'
+    """
+    return ", ".join(dict.fromkeys(item.name for item in items))
+
+
+_CATEGORIES: Final = {
+    **dict.fromkeys((23, 24, 25, 26, 57), "barrier"),
+    **dict.fromkeys((19, 21, 50), "building"),
+    **dict.fromkeys((30, 31, 46, 59), "pole"),
+    42: "tree",
+    41: "vegetation",
+}
+
+
+def object_category(item: FixedObject) -> str:
+    """Return the object's category, common to OpenDRIVE (``e_objectType``) and OpenSCENARIO (``MiscObjectCategory``).
+
+    >>> object_category(tree)
+    'tree'
+    """
+    return _CATEGORIES.get(item.code, "obstacle")
+
+
+def vehicle_colour(index: int) -> str:
+    """Return the colour of the vehicle that is the ``index``-th by number, from 0.
+
+    >>> vehicle_colour(0), vehicle_colour(6)  # six of them, then from the start
+    ('#0072B2', '#0072B2')
+    """
+    return VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)]
+
+
+def body_colour(number: int, numbers: Iterable[int]) -> str:
+    """Return the colour of a body among those of a simulation; a trailer has that of its vehicle."""
+    return vehicle_colour(list(numbers).index(party_of_body(number)))
