@@ -22,6 +22,7 @@ from tests.roads import judges
 from tests.roads.towns import Town
 from trace_dag.common.errors import UserError
 from trace_dag.common.units import mps_to_mph
+from trace_dag.crash.record import VehicleClass
 from trace_dag.export.export import export
 from trace_dag.export.formats import commonroad as commonroad_form
 from trace_dag.export.formats import scenarionet
@@ -34,6 +35,8 @@ from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.drives import STEP_S
 from trace_dag.scenario.lights import Colour, crash_lights
 from trace_dag.scenario.traffic.sumo_network import network_xml, origin_of
+from trace_dag.scenario.traffic.surrounding import SurroundingTraffic, SurroundingVehicle, body_of_class
+from trace_dag.simulation.states import Trajectory
 
 KEY = "2023-319003"
 GPX = "{http://www.topografix.com/GPX/1/1}"
@@ -233,6 +236,27 @@ def test_lights_show_in_each_form_what_the_parties_met(home, tmp_path, commonroa
         assert sorted(in_cycles) == sorted(now.values())
         assert {each[step] for each in shown} == {f"TRAFFIC_LIGHT_{colour.upper()}" for colour in now.values()}
         assert set(now.values()) == {Colour.GREEN, Colour.RED}
+
+
+def test_vehicles_around_the_crash_are_there_from_when_they_come_until_they_leave(home, tmp_path, monkeypatch):
+    """A bus goes east at 10 m/s from 1.0 to 2.0 s."""
+    times = np.arange(10, 21) * 0.1
+    still = np.zeros(11)
+    way = Trajectory(times, 200.0 + 10.0 * (times - 1.0), still + 50.0, still, still, still + 10.0)
+    bus = SurroundingVehicle(4001, body_of_class(VehicleClass.BUS), way)
+    for form in (commonroad_form, scenarionet):
+        monkeypatch.setattr(form, "traffic_of", lambda _: SurroundingTraffic((bus,), 0, ()))
+    export(home.workspace, [KEY], tmp_path / "commonroad", "commonroad")
+    root = etree.parse(tmp_path / "commonroad" / f"{KEY}_V1.xml").getroot()
+    (obstacle,) = (each for each in root.iterfind("dynamicObstacle") if each.findtext("type") == "bus")
+    moments = [obstacle.find("initialState"), *obstacle.iterfind("trajectory/state")]
+    assert [int(each.findtext("time/exact")) for each in moments] == list(range(10, 21))
+    assert [number(each, "position/point/x") for each in moments] == pytest.approx(np.linspace(200.0, 210.0, 11))
+    export(home.workspace, [KEY], tmp_path / "scenarionet", "scenarionet")
+    track = pickle.loads(next((tmp_path / "scenarionet").glob("sd_*")).read_bytes())["tracks"]["S1"]
+    assert np.flatnonzero(track["state"]["valid"]).tolist() == list(range(10, 21))
+    assert track["state"]["position"][15, 0] == pytest.approx(205.0)
+    assert track["metadata"]["track_length"] == len(track["state"]["valid"])
 
 
 def test_a_lone_vehicle_is_the_ego_of_the_description(home, monkeypatch):

@@ -30,7 +30,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.types import BodyKind, SimulationLog
 
 _TENTHS: Final = 10  # of a second, in which programs are made
-_CYCLE_S, _CLEARANCE_S, _LEAST_GREEN_S, _YELLOW_S = 90.0, 1.0, 5.0, (3.0, 6.0)
+_CYCLE_S, _CLEARANCE_S, _YELLOW_S = 90.0, 1.0, (3.0, 6.0)
 _REACTION_S, _BRAKING_MPS2 = 1.0, 3.05  # ITE: 10 ft/s2
 _USUAL_MPS: Final = 13.41  # 30 mph, where the map has no limit
 
@@ -71,7 +71,7 @@ class LightCycle:
         return self.steps[min(bisect_right(ends_s, time_s % ends_s[-1]), len(self.steps) - 1)][1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class MetLight:
     """A light that a party met before its first contact: when it crossed the stop line, or stood before it.
 
@@ -123,14 +123,12 @@ def crash_lights(record: CrashRecord, network: RoadNetwork, log: SimulationLog) 
     groups: dict[str, list[Controller]] = defaultdict(list)
     for each in network.controllers:
         groups[junction_of.get(each.id, f"controller {each.id}")].append(each)
-    met = sorted(_met_lights(network, log), key=lambda light: (light.party, light.time_s)) if groups else []
+    met = sorted(_met_lights(network, log)) if groups else []
     readings = [list(_Junction(record, network, controllers, met).readings(log)) for controllers in groups.values()]
     return tuple(
         Lights(
             tuple(cycle for each in chosen for cycle in each.cycles),
-            tuple(
-                sorted((light for each in chosen for light in each.met), key=lambda light: (light.party, light.time_s))
-            ),
+            tuple(sorted(light for each in chosen for light in each.met)),
             tuple(sorted(number for each in chosen for number in each.ran)),
         )
         for chosen in product(*filter(None, readings))
@@ -159,20 +157,15 @@ class _Junction:
         self._met = [each for each in met if each.signal_id in self._group_of]
         self._last = {each.party: each for each in self._met if last[each.party] is each and not each.stood}
         limits = {signal.id: road.speed_mps or _USUAL_MPS for road in network.roads for signal in road.signals}
-        share_s = _CYCLE_S / max(len(controllers), 2)  # where there is one group, people cross
-        phases = []
-        for each in controllers:
-            yellow_s = _REACTION_S + max(limits[name] for name in each.signal_ids) / (2 * _BRAKING_MPS2)
-            yellow_s = min(max(yellow_s, _YELLOW_S[0]), _YELLOW_S[1])
-            phases.append((max(share_s - yellow_s - _CLEARANCE_S, _LEAST_GREEN_S), yellow_s, _CLEARANCE_S))
-        phases += [(0.0, 0.0, share_s)] * (len(phases) == 1)
-        tenths = [[round(_TENTHS * each) for each in phase] for phase in phases]
-        colours = [Colour.GREEN, Colour.YELLOW, Colour.RED]
+        groups = max(len(controllers), 2)  # where there is one, people cross
+        share = round(_TENTHS * _CYCLE_S / groups)
         # The colours of each group, every tenth of a second of the cycle.
-        self._shown = [
-            np.concatenate([np.repeat(colours if k == own else colours[2:] * 3, each) for k, each in enumerate(tenths)])
-            for own in range(len(controllers))
-        ]
+        self._shown = np.full((len(controllers), share * groups), Colour.RED, dtype="<U6")
+        for k, each in enumerate(controllers):
+            yellow_s = _REACTION_S + max(limits[name] for name in each.signal_ids) / (2 * _BRAKING_MPS2)
+            ends = (k + 1) * share - round(_TENTHS * _CLEARANCE_S)
+            turns = ends - round(_TENTHS * min(max(yellow_s, _YELLOW_S[0]), _YELLOW_S[1]))
+            self._shown[k, k * share : turns], self._shown[k, turns:ends] = Colour.GREEN, Colour.YELLOW
 
     def readings(self, log: SimulationLog) -> Iterator[Lights]:
         """Yield what the lights can have shown: as reported or, where the report leaves it open, each possibility."""
@@ -220,7 +213,7 @@ class _Junction:
         It is the middle of the longest stretch of best ones. Crossing a stop line counts more than standing before it,
         running the light more than having green, yellow more than red.
         """
-        length = len(self._shown[0])
+        length = self._shown.shape[1]
         agreeing, score, wished = np.zeros(length), np.zeros(length), 0
         for met in self._met:
             wanted = self._wanted(met, ran)

@@ -26,6 +26,7 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.agents.stored_traffic import traffic_of
 from trace_dag.common.errors import UserError
 from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_of_body
@@ -47,6 +48,7 @@ from trace_dag.scenario.drives import (
     meets,
 )
 from trace_dag.scenario.lights import LightCycle, Lights
+from trace_dag.scenario.traffic.surrounding import SurroundingVehicle
 from trace_dag.simulation.types import Body, BodyKind
 from trace_dag.version import __version__
 
@@ -89,13 +91,14 @@ class CommonRoad:
                 tested[own] = others
         if not tested:
             raise UserError("nobody who drives in it has anything to avoid")
-        road = _Lanelets(case.network, case.lights)
+        road, traffic = _Lanelets(case.network, case.lights), traffic_of(crash)
+        around = () if traffic is None else traffic.vehicles
         source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"
         files = {
-            f"{crash.key}_V{own.number}.xml": _scenario(record, road, f"V{own.number}", others, source, [own])
+            f"{crash.key}_V{own.number}.xml": _scenario(record, road, f"V{own.number}", others, source, [own], around)
             for own, others in tested.items()
         }
-        return {**files, f"{crash.key}_all.xml": _scenario(record, road, "All", drives, source, drivers)}
+        return {**files, f"{crash.key}_all.xml": _scenario(record, road, "All", drives, source, drivers, around)}
 
     def beside(self) -> Mapping[str, bytes]:
         """Return no files, since each file explains itself."""
@@ -231,7 +234,13 @@ def _add_light(root: etree._Element, number: int, place: FloatArray, program: Li
 
 
 def _scenario(
-    record: CrashRecord, road: _Lanelets, name: str, others: Sequence[Drive], source: str, tested: Sequence[Drive]
+    record: CrashRecord,
+    road: _Lanelets,
+    name: str,
+    others: Sequence[Drive],
+    source: str,
+    tested: Sequence[Drive],
+    around: Sequence[SurroundingVehicle],
 ) -> bytes:
     year, _, number = record.key.partition("-")
     day = date(record.year or record.case_year, record.month or 1, record.day or 1)
@@ -240,6 +249,10 @@ def _scenario(
     ids = count(road.write_into(root, "critical"))
     for each in sorted(others, key=lambda each: not each.is_parked):  # those that stand come first
         _add_obstacle(root, next(ids), each)
+    for vehicle in around:
+        begins, course = vehicle.course
+        if len(course) > 1:
+            _add_moving(root, next(ids), vehicle.body, course, begins)
     for each in tested:
         _add_problem(root, next(ids), each)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
@@ -266,19 +279,27 @@ def _add_location(root: etree._Element, latitude_deg: float, longitude_deg: floa
 
 
 def _add_obstacle(root: etree._Element, number: int, drive: Drive) -> None:
-    stands, body, states = drive.is_parked, drive.participant.body, drive.course
-    obstacle = etree.SubElement(root, "staticObstacle" if stands else "dynamicObstacle", id=str(number))
-    _add(obstacle, "type", "parkedVehicle" if stands else _type_of(body))
+    body, states = drive.participant.body, drive.course
+    if not drive.is_parked:
+        _add_moving(root, number, body, states)
+        return
+    obstacle = etree.SubElement(root, "staticObstacle", id=str(number))
+    _add(obstacle, "type", "parkedVehicle")
     _add_rectangle(etree.SubElement(obstacle, "shape"), body.length_m, body.width_m)
     initial = etree.SubElement(obstacle, "initialState")
-    if stands:
-        _add_position(initial, states[0])
-        _add_exact(initial, "orientation", states[0, 3])
-        _add_exact(initial, "time", 0)
-        return
-    _add_state(initial, 0, states[0])
+    _add_position(initial, states[0])
+    _add_exact(initial, "orientation", states[0, 3])
+    _add_exact(initial, "time", 0)
+
+
+def _add_moving(root: etree._Element, number: int, body: Body, states: FloatArray, begins: int = 0) -> None:
+    """Add an obstacle that moves, from a step on."""
+    obstacle = etree.SubElement(root, "dynamicObstacle", id=str(number))
+    _add(obstacle, "type", _type_of(body))
+    _add_rectangle(etree.SubElement(obstacle, "shape"), body.length_m, body.width_m)
+    _add_state(etree.SubElement(obstacle, "initialState"), begins, states[0])
     trajectory = etree.SubElement(obstacle, "trajectory")
-    for step, state in enumerate(states[1:], 1):
+    for step, state in enumerate(states[1:], begins + 1):
         _add_state(etree.SubElement(trajectory, "state"), step, state)
 
 

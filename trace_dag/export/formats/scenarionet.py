@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from trace_dag.agents.stored_cases import AgentRole, number_of
+from trace_dag.agents.stored_traffic import traffic_of
 from trace_dag.common.errors import UserError
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import mps_to_kmh
@@ -72,6 +73,18 @@ class ScenarioNet:
         ego = _ego(case, drives)
         shown = [each for each in drives if each.number == ego or party_of_body(each.number) != ego]
         tracks = {party_label(each.number): _track(each) for each in shown}  # without the trailer that the ego pulls
+        length, traffic = len(drives[0].course), traffic_of(crash)
+        for each in () if traffic is None else traffic.vehicles:
+            begins, course = each.course
+            if begins < length:
+                name, size_m = party_label(each.number), (each.body.length_m, each.body.width_m, each.body.height_m)
+                padded = np.pad(
+                    course[: length - begins], ((begins, max(length - begins - len(course), 0)), (0, 0)), "edge"
+                )
+                tracks[name] = _track_of(name, "VEHICLE", padded, size_m, each.body.vehicle_class)
+                tracks[name]["state"]["valid"] &= (np.arange(length) >= begins) & (
+                    np.arange(length) < begins + len(course)
+                )
         source = f"crash {crash.key}"
         name, scenario = _scenario(crash.key, source, case.network, tracks, party_label(ego), case.lights)
         self._summaries[name] = scenario["metadata"]
@@ -213,14 +226,14 @@ def _track_of(
 
 def _summary(name: str, track: Mapping[str, Any]) -> dict[str, Any]:
     steps_m = np.hypot(*np.diff(track["state"]["position"][:, :2], axis=0).T)
-    length = len(track["state"]["valid"])
+    valid = int(track["state"]["valid"].sum())
     return {
         "type": track["type"],
         "object_id": name,
-        "track_length": length,
+        "track_length": len(track["state"]["valid"]),
         "moving_distance": float(steps_m.sum()),
-        "valid_length": length,
-        "continuous_valid_length": length,
+        "valid_length": valid,
+        "continuous_valid_length": valid,
     }
 
 

@@ -45,6 +45,12 @@ class SurroundingVehicle:
         )
         return x, y, heading
 
+    @property
+    def course(self) -> tuple[int, FloatArray]:
+        """Return the step of :data:`STEP_S` at which it comes, and x, y, z, heading, speed a step from then, (n, 5)."""
+        t = self.trajectory
+        return round(float(t.time_s[0]) / STEP_S), np.column_stack([t.x_m, t.y_m, t.z_m, t.heading_rad, t.speed_mps])
+
     def logged(self) -> VehicleLog:
         """Return the motion as a log: on its wheels, with zeros for unknown values."""
         t, none = self.trajectory, np.zeros(len(self.trajectory.time_s))
