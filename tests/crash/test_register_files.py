@@ -83,9 +83,10 @@ def test_a_text_that_is_no_time_is_counted_with_its_format(tmp_path):
     table, records = read_times(tmp_path, time, "d,t", "2022-05-03,24:60", "3 May 2022,16:20", "2022-05-04,")
     assert [record.hour for record in records] == [None, None]
     assert table.notes()[1:4] == [
-        "1 crash left out: no year in the column of the time, as the mapping has its format",
-        "not mapped, so not known: d as %Y-%m-%d: 3 May 2022 (1)",
-        "not mapped, so not known: t as %H:%M: 24:60 (1)",
+        "1 crash left out: no year in the column of the time, as the mapping has its format; "
+        "first at id '1': 3 May 2022 16:20",
+        "not mapped, so not known: d as %Y-%m-%d: 3 May 2022 (1); first at id '1': 3 May 2022",
+        "not mapped, so not known: t as %H:%M: 24:60 (1); first at id '0': 24:60",
     ]
 
 
@@ -93,8 +94,8 @@ def test_an_offset_without_a_zone_is_no_local_time(tmp_path):
     table, records = read_times(tmp_path, '{ column = "d", format = "ISO8601" }', "d", "2022-05-03T16:20:00Z")
     assert records == []
     assert (
-        "not mapped, so not known: d as ISO8601 (with an offset: name a zone): 2022-05-03T16:20:00Z (1)"
-        in table.notes()
+        "not mapped, so not known: d as ISO8601 (with an offset: name a zone): 2022-05-03T16:20:00Z (1); "
+        "first at id '0': 2022-05-03T16:20:00Z" in table.notes()
     )
 
 

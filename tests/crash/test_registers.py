@@ -126,7 +126,7 @@ def test_a_person_may_be_the_first_unit(tmp_path):
 def test_values_that_are_not_mapped_are_counted_and_not_known(tmp_path):
     rows = [{**TEMPE, "Incidentid": str(number), "Weather": "Locusts"} for number in (1, 2)]
     read = table(tmp_path, "tempe", *rows)
-    assert "not mapped, so not known: Weather as WEATHER: Locusts (2)" in read.notes()
+    assert "not mapped, so not known: Weather as WEATHER: Locusts (2); first at id '1': Locusts" in read.notes()
     assert {record.weather_code for record in read.records()} == {None}
 
 
@@ -139,15 +139,21 @@ def test_columns_that_are_not_mapped_are_named_and_not_stored(tmp_path):
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"Latitude": ""}, "no latitude and longitude"),
-        ({"Latitude": "0", "Longitude": "0"}, "no latitude and longitude"),
-        ({"Latitude": "33 24:00.0"}, "Latitude is no number of degrees, such as 41.5, but '33 24:00.0' or the like"),
-        ({"DateTime": "yesterday"}, "no year in the column of the time, as the mapping has its format"),
-        ({"Incidentid": ""}, "no id, or one that is too long"),
+        ({"Latitude": ""}, "no latitude and longitude; first at id '7'"),
+        ({"Latitude": "0", "Longitude": "0"}, "no latitude and longitude; first at id '7'"),
+        (
+            {"Latitude": "33 24:00.0"},
+            "Latitude is no number of degrees, such as 41.5, but '33 24:00.0' or the like; first at id '7'",
+        ),
+        (
+            {"DateTime": "yesterday"},
+            "no year in the column of the time, as the mapping has its format; first at id '7': yesterday",
+        ),
+        ({"Incidentid": ""}, "no id, or one that is too long; first at a row without id"),
     ],
 )
 def test_rows_that_make_no_crash_are_counted(tmp_path, change, why):
-    read = table(tmp_path, "tempe", {**TEMPE, **change}, {**TEMPE, "Incidentid": "2"})
+    read = table(tmp_path, "tempe", {**TEMPE, "Incidentid": "7", **change}, {**TEMPE, "Incidentid": "2"})
     assert f"1 crash left out: {why}" in read.notes()
     assert [record.key for record in read.records()] == ["tempe-2"]
 
@@ -197,9 +203,9 @@ def test_ages_and_years_that_nobody_has_are_counted_and_not_known(tmp_path):
     assert [[each.age_years for each in vehicle.occupants] for vehicle in record.vehicles] == [[44], [], []]
     assert [vehicle.model_year for vehicle in record.vehicles] == [2019, None, None]
     assert read.notes()[1:] == [
-        "1 crash left out: a year that is not from 1900 to 2100",
-        "not mapped, so not known: age as AGE: -5 (1), 121 (1)",
-        "not mapped, so not known: built as MOD_YEAR: 1066 (1), 20155 (1)",
+        "1 crash left out: a year that is not from 1900 to 2100; first at id '2': 1815",
+        "not mapped, so not known: age as AGE: -5 (1), 121 (1); first at id '1': -5",
+        "not mapped, so not known: built as MOD_YEAR: 1066 (1), 20155 (1); first at id '1': 1066",
     ]
 
 
@@ -330,8 +336,10 @@ def test_without_a_point_a_crash_is_looked_up_by_its_streets(tmp_path):
     assert FromCrossing("Oak St", "Ash St") in asked
     left_out = [note for note in read.notes() if "left out" in note]
     assert left_out == [
-        "3 crashes left out: no latitude and longitude, and no two streets, or no direction of a distance",
-        "1 crash left out: no latitude and longitude, and its streets lead to nowhere on the maps given",
+        "3 crashes left out: no latitude and longitude, and no two streets, or no direction of a distance; "
+        "first at id '3'",
+        "1 crash left out: no latitude and longitude, and its streets lead to nowhere on the maps given; "
+        "first at id '5'",
     ]
 
 
@@ -368,7 +376,11 @@ def test_elements_without_a_table_of_codes_are_taken_as_they_stand(tmp_path):
         ('"mine"', '"My State"', "expected lower-case letters"),
         ('unit = "km/h"', 'unit = "knots"', "expected one of"),
         ("MAN_COLL =", "MAN_CALL =", "MAN_CALL is not an element of a record"),
-        ('{ column = "manner" }', '{ column = "manner", values = { x = 3 } }', "MAN_COLL has no code 3"),
+        (
+            '{ column = "manner" }',
+            '{ column = "manner", values = { x = 3 } }',
+            "MAN_COLL has no code 3; expected 0-2, 6-11, 98-99",
+        ),
         ('rows = "unit"', 'rows = "crash"', "units are named where"),
         ("point_accuracy_m = 10", "", "point_accuracy_m: Field required"),
         ("point_accuracy_m = 10", "point_accuracy_m = 100000", "point_accuracy_m: Input should be less than"),

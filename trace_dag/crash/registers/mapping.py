@@ -11,7 +11,7 @@ import re
 import tomllib
 import zoneinfo
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -24,7 +24,7 @@ from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.common.units import KG_PER_LB, METRES_PER_FOOT, MPS_PER_KMH, MPS_PER_MPH
 from trace_dag.crash.codes.crash import STATES
 from trace_dag.crash.codes.persons import HIGHEST_AGE
-from trace_dag.crash.codes.table import code_table, has_codes
+from trace_dag.crash.codes.table import code_table, has_codes, ranges
 from trace_dag.crash.keys import FARS, REGISTER_NAME
 from trace_dag.crash.record import LARGEST_ACCURACY_M, Moment, Octant
 from trace_dag.crash.tables import CRASH_RECORD, NON_MOTORIST_COLUMNS, VEHICLE_COLUMNS
@@ -416,7 +416,7 @@ def _check_codes(element: str, values: Iterable[int | str]) -> None:
     words = {PARKED} if element == "P_CRASH1" else set()
     if element not in NUMBERS and not has_codes(element):
         return
-    known: Container[int | str] = NUMBERS.get(element) or code_table(element).meanings
+    known: Collection[int] = NUMBERS.get(element) or code_table(element).meanings
     for value in values:
         if value not in words and value not in known:
-            raise ValueError(f"{element} has no code {value!r}")
+            raise ValueError(f"{element} has no code {value!r}; expected {', '.join((ranges(known), *words))}")

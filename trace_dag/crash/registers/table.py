@@ -65,6 +65,7 @@ _CROSSING: Final = 3  # NMACTION
 _ON_ROADWAY: Final = 1  # REL_ROAD
 _DRIVER: Final = 1  # PER_TYP
 _SHOWN: Final = 12
+_ID_SHOWN: Final = 40  # characters
 _MOST_ROWS: Final = 1_000  # of one crash; the largest ever had some 200 vehicles
 
 
@@ -94,9 +95,12 @@ class RegisterTable:
             f"{self.mapping.attribution}, {self.mapping.name}: {count_of(reader.made, 'crash', 'crashes')} in "
             f"{count_of(len(self._rows), 'row')}; licence: {self.mapping.licence}"
         ]
-        notes += [f"{count_of(count, 'crash', 'crashes')} left out: {why}" for why, count in reader.left_out.items()]
         notes += [
-            f"not mapped, so not known: {column}: {_listed(values)}"
+            f"{count_of(count, 'crash', 'crashes')} left out: {why}; first at {reader.first[why]}"
+            for why, count in reader.left_out.items()
+        ]
+        notes += [
+            f"not mapped, so not known: {column}: {_listed(values)}; first at {reader.first[column]}"
             for column, values in sorted(reader.not_mapped.items())
         ]
         if ignored := [name for name in self._rows.columns if name not in self._rows.wanted]:
@@ -118,7 +122,8 @@ class RegisterTable:
             place = None
             if reader.lacks_point(rows[0]):
                 places, unknown = look_up({crash_id: reader.place_in_words(rows[0])}, self._found)
-                reader.left_out.update(unknown.values())
+                for why in unknown.values():
+                    reader.leave_out(why, crash_id)
                 place = places.get(crash_id)
                 if place is None:
                     continue
@@ -168,6 +173,11 @@ def _listed(values: Counter[str]) -> str:
     return ", ".join(said) + (f" and {len(values) - _SHOWN} more values" if len(values) > _SHOWN else "")
 
 
+def _row_named(crash_id: str, value: str) -> str:
+    named = f"id {crash_id[:_ID_SHOWN]!r}" if crash_id else "a row without id"
+    return f"{named}: {value}" if value else named
+
+
 @dataclass
 class RowReader:
     """Makes records of rows, and counts unmapped values and omitted crashes."""
@@ -177,6 +187,8 @@ class RowReader:
     narratives: dict[str, str] = field(default_factory=dict)
     not_mapped: dict[str, Counter[str]] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
+    first: dict[str, str] = field(default_factory=dict)  # by reason or column: the id, and the value, of its first row
+    _id: str = ""  # of the rows that are read
 
     def lacks_point(self, row: Row) -> bool:
         """Return whether a crash has to be looked up by its streets."""
@@ -185,6 +197,7 @@ class RowReader:
     def place_in_words(self, row: Row) -> FromCrossing | None:
         """Return the place of a crash by its streets, or None if the table lacks them."""
         crash = self.mapping.crash
+        self._id = row[crash.id]
         assert crash.from_crossing is not None
         distance, direction = crash.from_crossing.distance, crash.from_crossing.direction
         distance_m = 0.0 if self._is_unknown(row[distance.column]) else self._measured(row, distance, "")
@@ -225,8 +238,13 @@ class RowReader:
         try:
             return register_key(self.mapping.register_name, crash_id)
         except ValueError:
-            self.left_out["no id, or one that is too long"] += 1
+            self.leave_out("no id, or one that is too long", crash_id)
             return None
+
+    def leave_out(self, why: str, crash_id: str, value: object = "") -> None:
+        """Count a crash that is left out, and keep the id and value of the first for each reason."""
+        self.left_out[why] += 1
+        self.first.setdefault(why, _row_named(crash_id, str(value)))
 
     def record(self, key: str, rows: Sequence[Row], found: Place | None = None) -> CrashRecord | None:
         """Return the record of one crash, or None if it is left out.
@@ -235,16 +253,18 @@ class RowReader:
         """
         mapping, row = self.mapping, rows[0]
         moment = row[TIME]
+        self._id = row[mapping.crash.id]
         place = found or self._point(row)
         if place is None:
-            self.left_out[self._why_no_point(row)] += 1
+            self.leave_out(self._why_no_point(row), self._id)
             return None
         self._count_unread_times(row)
         if moment.year is None:
-            self.left_out["no year in the column of the time, as the mapping has its format"] += 1
+            texts = " ".join(row[column] for column in mapping.crash.time.column)
+            self.leave_out("no year in the column of the time, as the mapping has its format", self._id, texts)
             return None
         if not FIRST_YEAR <= moment.year <= LATEST_YEAR:
-            self.left_out[f"a year that is not from {FIRST_YEAR} to {LATEST_YEAR}"] += 1
+            self.leave_out(f"a year that is not from {FIRST_YEAR} to {LATEST_YEAR}", self._id, moment.year)
             return None
         coded = {name: self._code(row, name, column) for name, column in mapping.crash.coded.items()}
         vehicles, persons = self._units(rows, keeps_left=self._keeps_left(place))
@@ -424,6 +444,7 @@ class RowReader:
     def _count(self, name: str, value: str) -> Any:
         """Count a value that the mapping does not know; return None in its place."""
         self.not_mapped.setdefault(name, Counter())[value] += 1
+        self.first.setdefault(name, _row_named(self._id, value))
         return None
 
 
