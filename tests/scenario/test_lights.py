@@ -109,8 +109,10 @@ def test_a_turn_on_red_is_allowed(network, crossed) -> None:
     assert lights.met[1].shown is GREEN
 
 
-def test_who_waits_before_the_light_has_red(network) -> None:
-    log = driven(straight(-50.0, -LANE_M, 0.0, 12.0), straight(-20.0, -LANE_M, 0.0, 0.0))
+@pytest.mark.parametrize("front_m", [-17.6, -8.0])  # the stop line is at -8.35
+def test_who_waits_before_the_light_has_red(front_m, network) -> None:
+    stands = straight(front_m - CAR.length_m / 2, -LANE_M, 0.0, 0.0)
+    log = driven(straight(front_m - 35.0, -LANE_M, 0.0, 12.0), stands)
     (lights,) = crash_lights(reported(False, False), network, log)
     assert [(each.party, each.stood, each.shown) for each in lights.met] == [(2, True, RED)]
 

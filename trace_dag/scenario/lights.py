@@ -37,7 +37,7 @@ _USUAL_MPS: Final = 13.41  # 30 mph, where the map has no limit
 _BEFORE_S: Final = 3.0  # a crash begins: who is past its stop line then came straight on
 _STEP_S: Final = 0.02
 _ASIDE_M, _ANOTHER_LEVEL_M = 1.0, 4.0  # of the lanes under a light
-_WAITS_M, _STANDS_MPS = 40.0, 1.0
+_WAITS_M, _OVER_M, _STANDS_MPS = 40.0, 3.0, 1.0  # before a stop line, with the front at most a little over it
 _JUST_BEFORE: Final = 5  # steps: a tenth of a second before a contact, which is too quick for its first one
 _JUNCTION_M: Final = 40.0  # beyond a stop line, to the crosswalk at the far side
 _ACROSS: Final = math.sin(math.radians(45.0))
@@ -274,7 +274,7 @@ def _met_lights(network: RoadNetwork, log: SimulationLog) -> Iterator[MetLight]:
                 yield MetLight(
                     each.number, round(float(times[crosses[0] + 1]), 2), line.signal_id, False, float(beyond_m[-1])
                 )
-            if within[-1] and -_WAITS_M < beyond_m[-1] <= 0.0:
+            elif within[-1] and -_WAITS_M < beyond_m[-1] < _OVER_M:
                 waits.append((float(beyond_m[-1]), line.signal_id))
         if waits and speed[-_JUST_BEFORE:].min() < _STANDS_MPS:
             yield MetLight(each.number, round(until_s, 2), max(waits)[1], True, max(waits)[0])
