@@ -11,7 +11,7 @@ import pytest
 from dagster import AssetKey, DagsterInstance
 
 from trace_dag.assets.launch import RunReport, open_instance, plan_runs, run_batches
-from trace_dag.assets.partitions import CRASHES, add_partitions
+from trace_dag.assets.run_requests import CRASHES, add_partitions
 from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import Selection, select_stale
 from trace_dag.flow.workspace import Workspace

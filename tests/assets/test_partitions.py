@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from trace_dag.assets.launch import open_instance, plan_runs, run_batches
-from trace_dag.assets.partitions import add_partitions, remove_partitions
+from trace_dag.assets.run_requests import add_partitions, remove_partitions
 from trace_dag.flow.selection import select_stale
 
 

@@ -11,8 +11,7 @@ from public_services import NEBRASKA, NOT_RELEASED, VERIFIED, public_services
 
 from trace_dag.assets.definitions import build_definitions
 from trace_dag.assets.launch import open_instance
-from trace_dag.assets.partitions import add_partitions
-from trace_dag.assets.run_requests import range_tags
+from trace_dag.assets.run_requests import add_partitions, range_tags
 from trace_dag.assets.schedules import schedules
 from trace_dag.common.errors import UserError
 from trace_dag.common.settings import AutomationSettings, Schedule

@@ -84,7 +84,7 @@ def test_a_removal_that_broke_off_is_finished_by_the_same_command(root: Path, mo
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("trace_dag.assets.partitions.remove_partitions", full)
+        patched.setattr("trace_dag.assets.run_requests.remove_partitions", full)
         assert SPACE in said(root, "cohort", "remove", "sample")
     assert list(Registry(Storage(root)).cohorts()) == ["sample"]
     done = trace_dag(root, "cohort", "remove", "sample")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from trace_dag.assets.partitions import add_partitions, remove_partitions
+from trace_dag.assets.run_requests import add_partitions, remove_partitions
 from trace_dag.common.errors import UserError
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.classes import CollisionType

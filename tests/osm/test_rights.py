@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights, read_attribution
+from trace_dag.osm.types import OSM_ATTRIBUTION, Rights, read_attribution
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from tests.roads.networks import FRAME, lanes
 from tests.simulation.test_objects import CURB, TREE, item
 from tests.verdict.crashes import CROSSROADS, STREET
 from trace_dag.common.geometry import Pose
-from trace_dag.reconstruction.scene.object_ground import beyond_range_m, on_free_ground
+from trace_dag.reconstruction.scene.roadside_objects import beyond_range_m, on_free_ground
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road
 from trace_dag.roads.map.network import RoadNetwork
 

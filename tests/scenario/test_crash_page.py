@@ -13,7 +13,7 @@ from trace_dag.common.errors import Reason
 from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.crash.summary import in_one_sentence
-from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
+from trace_dag.osm.types import OSM_ATTRIBUTION, Rights
 from trace_dag.pages.crash_page import CrashPage, write_crash_page
 from trace_dag.reconstruction.samples.simulated import Interval, SampledRuns
 from trace_dag.verdict.in_words import numbers_of

@@ -13,9 +13,9 @@ from tests.simulation.test_objects import GUARDRAIL, PICKUP_2000P, TREE, item, r
 from tests.simulation.test_overturn import STREET, sliding
 from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.parties import party_label
+from trace_dag.pages.picture_motion import draw_thumbnail
 from trace_dag.pages.replay import write_html_player
 from trace_dag.pages.solid.objects import object_parts
-from trace_dag.pages.thumbnail import draw_thumbnail
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.drawn_shapes import OBJECT_NOTE, describe_object, object_category, outline
 from trace_dag.scenario.opendrive_surroundings import add_objects, fixed_objects

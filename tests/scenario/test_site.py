@@ -15,7 +15,7 @@ import sample_runs
 from tests.browser import CHROMIUM, Page
 from tests.scenario.page_rows import crash
 from trace_dag.crash.summary import TOPOLOGIES
-from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
+from trace_dag.osm.types import OSM_ATTRIBUTION, Rights
 from trace_dag.pages.crash_page import CrashPage, write_crash_page
 from trace_dag.pages.site import IndexRows, static_files, write_index
 from trace_dag.warehouse.query import rows

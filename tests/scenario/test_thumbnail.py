@@ -9,7 +9,7 @@ import sample_runs
 from lxml import etree
 
 import trace_dag
-from trace_dag.pages.thumbnail import draw_thumbnail
+from trace_dag.pages.picture_motion import draw_thumbnail
 
 
 @pytest.fixture(scope="module", params=["2023-319022", "2023-319024"])

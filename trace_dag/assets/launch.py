@@ -28,8 +28,7 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
 from trace_dag.assets.definitions import build_definitions
-from trace_dag.assets.partitions import CRASHES, add_partitions
-from trace_dag.assets.run_requests import PROCESS_TAG, batch_config, range_tags
+from trace_dag.assets.run_requests import CRASHES, PROCESS_TAG, add_partitions, batch_config, range_tags
 from trace_dag.assets.summaries import DAMAGED, SUMMARY
 from trace_dag.common.errors import DamagedFile, Failure, UserError
 from trace_dag.common.processes import is_gone, this_process

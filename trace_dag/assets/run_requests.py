@@ -1,12 +1,16 @@
-"""Runs of planned crashes, the same for schedules, sensors and commands."""
+"""Partitions, one per registered crash, and runs of planned crashes, the same for schedules, sensors and commands.
 
-from collections.abc import Mapping, Sequence
+Dagster advises at most 100,000 partitions per asset; larger collections are split over several storage roots.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
 from hashlib import sha256
 from typing import Any
 
-from dagster import AssetKey, DagsterInstance, DagsterRunStatus, RunRequest
+from dagster import AssetKey, DagsterInstance, DagsterRunStatus, DynamicPartitionsDefinition, RunRequest
 
 from trace_dag.common.stage import Stage
+from trace_dag.flow.cohorts.registry import in_order
 from trace_dag.flow.selection import PlannedBatch, Selection, plan
 
 PROCESS_TAG = "trace_dag/process"
@@ -26,6 +30,9 @@ PLANNED_TAG = "trace_dag/planned"
 _PARTITION_TAG = "dagster/partition"
 _RANGE_START_TAG = "dagster/asset_partition_range_start"
 _RANGE_END_TAG = "dagster/asset_partition_range_end"
+CRASHES = DynamicPartitionsDefinition(name="crashes")
+
+_KEYS_PER_STATEMENT = 500  # SQLite refuses statements with tens of thousands of values
 
 
 def batch_config(batch: PlannedBatch, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -77,3 +84,23 @@ def keys_of(tags: Mapping[str, str], partitions: Sequence[str]) -> Sequence[str]
         return ()
     first, last = (partitions.index(end) for end in ends if end is not None)
     return partitions[first : last + 1]
+
+
+def add_partitions(instance: DagsterInstance, keys: Sequence[str]) -> int:
+    """Add partitions for registered crashes that have none, in order; return their number.
+
+    Runs cover ranges in the order of insertion, so keys are added sorted.
+    """
+    known = set(instance.get_dynamic_partitions("crashes"))
+    new = [key for key in in_order(keys) if key not in known]
+    for start in range(0, len(new), _KEYS_PER_STATEMENT):
+        instance.add_dynamic_partitions("crashes", new[start : start + _KEYS_PER_STATEMENT])
+    return len(new)
+
+
+def remove_partitions(instance: DagsterInstance, keys: Collection[str]) -> int:
+    """Remove the partitions of crashes that are no longer registered; return their number."""
+    gone = set(instance.get_dynamic_partitions("crashes")) & set(keys)
+    for key in gone:
+        instance.delete_dynamic_partition("crashes", key)
+    return len(gone)

@@ -15,8 +15,7 @@ from dagster import (
 )
 
 from trace_dag.assets.checks import STAGES
-from trace_dag.assets.partitions import add_partitions
-from trace_dag.assets.run_requests import run_requests
+from trace_dag.assets.run_requests import add_partitions, run_requests
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import AutomationSettings, Schedule

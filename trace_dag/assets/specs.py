@@ -8,7 +8,7 @@ from typing import Any
 
 from dagster import AssetSpec, TableColumn, TableSchema
 
-from trace_dag.assets.partitions import CRASHES
+from trace_dag.assets.run_requests import CRASHES
 from trace_dag.common import schemas
 from trace_dag.common.errors import Reason
 from trace_dag.common.stage import Stage

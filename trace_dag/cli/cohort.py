@@ -196,7 +196,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
     Results of the crashes stay, unless --artefacts is given: registered again, they are up to date.
     """
     from trace_dag.assets.launch import dagster_records, summarise
-    from trace_dag.assets.partitions import remove_partitions
+    from trace_dag.assets.run_requests import remove_partitions
     from trace_dag.common.storage.files import Storage
     from trace_dag.export.crash_files import delete_artefacts
     from trace_dag.flow.cohorts.kept_files import remove_unused_map_copies

@@ -123,7 +123,7 @@ def ingest(
     """
     from trace_dag.common.plugins import PluginKind, list_plugins
     from trace_dag.common.storage.files import Storage
-    from trace_dag.crash.registers.check import check_table
+    from trace_dag.crash.registers.new_mapping import check_table
     from trace_dag.flow.cohorts.ingest import ingest as ingest_into
     from trace_dag.flow.cohorts.public_files import name_of
     from trace_dag.flow.cohorts.services import crash_api
@@ -296,7 +296,7 @@ def _coverage(workspace: Workspace, cohort: str) -> list[str]:
 
 def _add_partitions(root: str) -> None:
     from trace_dag.assets.launch import dagster_records
-    from trace_dag.assets.partitions import add_partitions
+    from trace_dag.assets.run_requests import add_partitions
     from trace_dag.common.storage.files import Storage
     from trace_dag.flow.cohorts.registry import Registry
     from trace_dag.flow.workspace import Workspace

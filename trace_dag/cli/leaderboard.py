@@ -29,7 +29,7 @@ def weighted(root: str, bench: Path) -> None:
     """
     from trace_dag.agents.summaries import weigh_table
     from trace_dag.common.errors import UserError
-    from trace_dag.export.trace_bench import read_definition
+    from trace_dag.export.release_metadata import read_definition
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.query import rows
 

@@ -32,7 +32,7 @@ def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: boo
     do anything.
     """
     from trace_dag.assets.launch import dagster_records
-    from trace_dag.assets.partitions import add_partitions
+    from trace_dag.assets.run_requests import add_partitions
     from trace_dag.assets.schedules import schedules
     from trace_dag.flow.workspace import Workspace
 

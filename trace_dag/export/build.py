@@ -69,7 +69,7 @@ from trace_dag.flow.records import Records, read_records
 from trace_dag.flow.stored_crashes import crash_files
 from trace_dag.flow.verify import Disagreement, DisagreementKind, Quarantine
 from trace_dag.flow.workspace import Workspace
-from trace_dag.osm.rights import Rights
+from trace_dag.osm.types import Rights
 from trace_dag.warehouse import query
 
 _BY_CODE = "code"  # of all, beside what each crash's files were made of

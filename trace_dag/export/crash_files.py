@@ -39,7 +39,7 @@ MADE_WITH = (  # modules that take a while to load, also those that are imported
     "resvg_py",
     "trace_dag.scenario.drives",
     "trace_dag.export.package",
-    "trace_dag.pages.thumbnail",
+    "trace_dag.pages.picture_motion",
     "trace_dag.agents.replays",
 )
 _FOLDERS = (
@@ -69,8 +69,8 @@ def make_files(files: CrashFiles, *, accepted: bool, traffic: StoredTraffic | No
     """Make and store the files of a crash: a replay if it was simulated, the others if it is accepted."""
     from trace_dag.agents.replays import content_of
     from trace_dag.export.package import zip_files
+    from trace_dag.pages.picture_motion import draw_thumbnail
     from trace_dag.pages.replay import replay_script
-    from trace_dag.pages.thumbnail import draw_thumbnail
 
     storage, key, log = files.storage, files.key, files.shown_log()
     if log is None:

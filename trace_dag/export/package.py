@@ -24,8 +24,7 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
-from trace_dag.osm.rights import Rights
-from trace_dag.osm.types import OsmFeature
+from trace_dag.osm.types import OsmFeature, Rights
 from trace_dag.pages.canvas import as_png, pixels_of
 from trace_dag.pages.pictures import WIDTH_PX, draw_crash
 from trace_dag.pages.replay import replay_page

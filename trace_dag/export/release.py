@@ -36,7 +36,7 @@ from trace_dag.export.release_files import (
     release_documents,
     write_archive,
 )
-from trace_dag.export.trace_bench import FILE, definition, differences, read_definition
+from trace_dag.export.release_metadata import FILE, definition, differences, read_definition
 from trace_dag.flow.manifests import read_manifest
 from trace_dag.flow.records import OnProblem, raise_problem, read_records
 from trace_dag.flow.workspace import Workspace

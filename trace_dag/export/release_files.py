@@ -29,7 +29,7 @@ from trace_dag.crash.keys import FARS
 from trace_dag.export.geoparquet import geoparquet
 from trace_dag.export.package import render_document
 from trace_dag.export.release_metadata import croissant, datacite, licences
-from trace_dag.osm.rights import Rights
+from trace_dag.osm.types import Rights
 from trace_dag.verdict.types import Grade
 from trace_dag.version import __version__
 
@@ -165,7 +165,7 @@ class BenchmarkRelease:
 def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
     """Return the files beside the packages by name, all but the checksums.
 
-    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
+    >>> from trace_dag.osm.types import OSM_ATTRIBUTION
     >>> row = dict.fromkeys(column.name for column in RELEASE_INDEX.columns)
     >>> row |= {"key": "2023-510001", "map_attribution": OSM_ATTRIBUTION, "latitude_deg": 37.0, "longitude_deg": -78.0}
     >>> row["case_year"] = 2023

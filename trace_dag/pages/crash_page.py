@@ -21,7 +21,7 @@ from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import event_named, in_one_sentence
-from trace_dag.osm.rights import Rights
+from trace_dag.osm.types import Rights
 from trace_dag.pages.page_templates import templates, words
 from trace_dag.reconstruction.samples.simulated import Interval, SampledRuns
 from trace_dag.roads.report import MapReport, RejectedMapReport

@@ -6,13 +6,21 @@ is made once for all windows, and only the part in a window is drawn.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from trace_dag.pages.canvas import Canvas, Ink
+import numpy as np
+import shapely
+
+from trace_dag.common.units import mps_to_mph
+from trace_dag.pages.canvas import Canvas, Ink, length_pt
 from trace_dag.pages.map_ground import (
     ASPHALT,
     SURFACE_NAMES,
+    WHITE,
     YELLOW,
     Arrows,
     Crosswalks,
@@ -21,13 +29,15 @@ from trace_dag.pages.map_ground import (
     Surfaces,
     height_shades,
 )
-from trace_dag.pages.map_scene import MapScene, Window, window_of
-from trace_dag.pages.map_signs import SIGNS, Names, Signs
+from trace_dag.pages.map_scene import MapScene, Window, inside, window_of
 from trace_dag.pages.picture_sheet import Sign, with_legend
 from trace_dag.pages.scenery import Scenery, corners_of, draw_fading, draw_night, map_reach_m
+from trace_dag.roads.map.lane_geometry import LANE_STEP_M
+from trace_dag.roads.map.model import Signal
 from trace_dag.roads.map.network import RoadNetwork
 
 if TYPE_CHECKING:
+    from trace_dag.common.geometry import FloatArray
     from trace_dag.osm.types import OsmFeature
 
 GROUND: Final = "#EFEDE4"
@@ -38,6 +48,22 @@ _M_PER_PT: Final = 2.5  # in the picture of a whole map, as far as these allow
 _HIGHEST_LEVEL: Final = 9
 NAMES_Z: Final = 22.0
 """Above the paths that vehicles take, below their bodies."""
+_RED: Final = "#C1272D"
+_BLACK: Final = "#202327"
+_LAMPS: Final = ("#E5443B", "#F2C230", "#3FB35F")
+LIGHT, STOP, YIELD, LIMIT = "1000001", "206", "205", "274"
+"""Signals by OpenDRIVE type: a traffic light, and the signs that are drawn."""
+_NEAR_M: Final = 150.0  # windows wider than this have smaller symbols
+_NEAR_HALF_PT, _FAR_HALF_PT = 3.9, 2.75  # of a symbol
+_LIMIT_SIZE_PT: Final = 5.5
+SIGNS: Final = {
+    LIGHT: ("traffic light", "square", Ink(_BLACK)),
+    STOP: ("stop sign", "octagon", Ink(_RED, WHITE, 0.9)),
+    YIELD: ("yield sign", "triangle down", Ink(WHITE, _RED, 0.9)),
+    LIMIT: ("speed limit, mph", "square", Ink("white", _BLACK, 0.7)),
+}
+"""Name, symbol and ink of each kind."""
+_MOST_STEPS: Final = 9  # of a quarter of its height, that a sign is moved away from its road
 
 
 class MapDrawing:
@@ -147,3 +173,154 @@ def whole_width_pt(network: RoadNetwork) -> float:
     """
     west, _, east, _ = window_of(network)
     return min(max(_WIDTH_PT, (east - west) / _M_PER_PT), _WIDEST_PT)
+
+
+# --- signs -----------------------------------------------------------------------------------------------------------
+class Signs:
+    """The signals and signs in a scene, by kind; speed limits by their value."""
+
+    def __init__(self, scene: MapScene) -> None:
+        self._surfaces = scene.surfaces
+        kinds: dict[tuple[str, str], list[tuple[float, float, float]]] = defaultdict(list)
+        for each in place_signs(scene):
+            kinds[each.signal.type, each.text].append((*each.xy_m, each.outward_rad))
+        self._kinds = {kind: np.array(places) for kind, places in sorted(kinds.items())}
+
+    @property
+    def kinds(self) -> set[str]:
+        """Return the types of the signals and signs."""
+        return {kind for kind, _ in self._kinds}
+
+    def draw(self, canvas: Canvas, z: float) -> None:
+        """Draw the signs in the window, moved away from the road if they would cover it; limits only beside it."""
+        half_pt = _NEAR_HALF_PT if canvas.span_m < _NEAR_M else _FAR_HALF_PT
+        for (kind, text), places in self._kinds.items():
+            _, symbol, ink = SIGNS[kind]
+            size_pt = (length_pt(text, _LIMIT_SIZE_PT) / 2 + 1.4, 0.75 * _LIMIT_SIZE_PT) if kind == LIMIT else half_pt
+            half_m = np.broadcast_to(size_pt, 2) / canvas.points_per_m
+            for x, y, outward in places[inside(places, canvas.window)].tolist():
+                place = self._beside(np.array([x, y]), outward, half_m)
+                if kind == LIMIT and (place is None or any(map(_box(place, half_m).intersects, canvas.taken))):
+                    continue
+                if place is not None:
+                    x, y = place.tolist()
+                canvas.taken.append(_box(np.array([x, y]), half_m))
+                if kind == LIMIT:
+                    canvas.polygons([shapely.get_coordinates(canvas.taken[-1])], ink, z)
+                    canvas.text(text, x, y, _LIMIT_SIZE_PT, _BLACK, z + 0.1)
+                    continue
+                canvas.symbol(symbol, x, y, half_pt, ink, z)
+                if kind == LIGHT:
+                    # The lamps of a signal head, above each other inside its symbol.
+                    for up, colour in zip((0.6, 0.0, -0.6), _LAMPS, strict=True):
+                        canvas.discs([(x, y + up * half_m[1])], 0.27 * half_m[1], Ink(colour), z + 0.1)
+
+    def _beside(self, xy_m: FloatArray, outward_rad: float, half_m: FloatArray) -> FloatArray | None:
+        """Return the first position outward from the road where a sign covers no lane; None if none is near."""
+        step = np.array([math.cos(outward_rad), math.sin(outward_rad)]) * half_m.min() / 2
+        places = (xy_m + steps * step for steps in range(_MOST_STEPS))
+        return next((each for each in places if not len(self._surfaces.query(_box(each, half_m), "intersects"))), None)
+
+
+def _box(middle_m: FloatArray, half_m: FloatArray) -> shapely.Polygon:
+    return shapely.box(*(middle_m - half_m), *(middle_m + half_m))
+
+
+class PlacedSign(NamedTuple):
+    """A signal or sign: its place (m), the directions of its traffic and away from its road (rad), and its text."""
+
+    signal: Signal
+    xy_m: tuple[float, float]
+    heading_rad: float
+    outward_rad: float
+    text: str
+
+
+def place_signs(scene: MapScene) -> Iterator[PlacedSign]:
+    """Yield the traffic lights, and the signs of the kinds that are drawn."""
+    for road in {section.road.id: section.road for section in scene.sections}.values():
+        line = scene.network.road_geometry(road.id).line
+        for signal in road.signals:
+            if signal.type in (LIGHT, STOP, YIELD, LIMIT):
+                x, y, heading, _ = line.at(signal.s_m)
+                place = (x - signal.t_m * math.sin(heading), y + signal.t_m * math.cos(heading))
+                text = _limit_text(signal) if signal.type == LIMIT else ""
+                towards = heading + (math.pi if signal.orientation == "-" else 0.0)
+                yield PlacedSign(signal, place, towards, heading + math.copysign(math.pi / 2, signal.t_m), text)
+
+
+def _limit_text(signal: Signal) -> str:
+    if signal.value is None:
+        return "?"
+    return f"{mps_to_mph(signal.value):.0f}" if signal.unit == "m/s" else f"{signal.value:.0f}"
+
+
+# --- names of streets -------------------------------------------------------------------------------------------
+_SIZE_PT: Final = 6.5
+_INK: Final = "#1D2024"
+_LEAST_SHARE: Final = 0.7  # of a name's length: a shorter stretch of street is not named
+_PLACES: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # along a stretch of street, the first one with room for the name
+
+
+class Names:
+    """The named streets of a scene and where they run: x, y, heading, and how far they reach left and right (m)."""
+
+    def __init__(self, scene: MapScene) -> None:
+        roads: dict[str, list[FloatArray]] = defaultdict(list)
+        names: dict[str, str] = {}
+        for section in scene.sections:
+            if section.road.name and section.road.junction_id is None:
+                line = section.line_m[:, :2]
+                sides = [[lane for lane in section.lanes if lane.geometry.lane.id * sign > 0] for sign in (1, -1)]
+                reach_m = [
+                    np.max([0.0 * line[:, 0], *(np.hypot(*(lane.outer_m[:, :2] - line).T) for lane in lanes)], axis=0)
+                    for lanes in sides
+                ]
+                roads[section.road.id].append(np.column_stack([section.line_m[:, :3], *reach_m]))
+                names[section.road.id] = section.road.name
+        self._lines = [(names[road], np.concatenate(lines)) for road, lines in roads.items()]
+        self._surfaces = scene.surfaces
+
+    def draw(self, canvas: Canvas, z: float, backing: str) -> None:
+        """Write the names of streets in the window beside them, on a background that keeps the letters readable.
+
+        No name covers a lane; one without room beside its street is left out.
+        """
+        height_m = _SIZE_PT / canvas.points_per_m
+        whole = shapely.box(*canvas.window).buffer(-height_m)
+        ground = Ink(stroke=backing, width_pt=1.5 * _SIZE_PT, opacity=0.75, round_caps=True)
+        for name, half_m, places in self._places(canvas):
+            for (x, y, heading, *reach_m), side in product(places.tolist(), (0, 1)):
+                aside_m = (1 - 2 * side) * (reach_m[side] + height_m)
+                x, y = x - aside_m * math.sin(heading), y + aside_m * math.cos(heading)
+                angle = math.remainder(heading, math.pi)  # within a quarter turn, so that it is read from below
+                east_m, north_m = half_m * math.cos(angle), half_m * math.sin(angle)
+                room = shapely.LineString([(x - east_m, y - north_m), (x + east_m, y + north_m)])
+                if (
+                    whole.contains(room)
+                    and not len(self._surfaces.query(room, "dwithin", 0.8 * height_m))
+                    and not shapely.dwithin(room, np.array(canvas.taken, object), 1.6 * height_m).any()
+                ):
+                    canvas.taken.append(room)
+                    canvas.lines([shapely.get_coordinates(room)], ground, z)
+                    canvas.text(name, x, y, _SIZE_PT, _INK, z + 0.1, angle_rad=angle)
+                    break
+
+    def _places(self, canvas: Canvas) -> list[tuple[str, float, FloatArray]]:
+        """Return each name, half its length (m), and places on its longest stretch, shape (n, 5), longest first."""
+        window = canvas.window
+        longest: dict[str, FloatArray] = {}
+        for name, line in self._lines:
+            shown = line[inside(line, window)]
+            if len(shown) > len(longest.get(name, ())):
+                longest[name] = shown
+        centre = np.array([window[0] + window[2], window[1] + window[3]]) / 2
+        places = []
+        for name, line in sorted(longest.items(), key=lambda each: -len(each[1])):
+            half_m = length_pt(name, _SIZE_PT) / canvas.points_per_m / 2
+            # The crash is in the middle: the name stands on the longer side of it.
+            nearest = int(np.hypot(*(line[:, :2] - centre).T).argmin())
+            side = line[: nearest + 1] if nearest > len(line) / 2 else line[nearest:]
+            if len(line) * LANE_STEP_M > _LEAST_SHARE * 2 * half_m:
+                places.append((name, half_m, side[[int(share * len(side)) for share in _PLACES]]))
+        return places

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trace_dag.osm.rights import Rights
+from trace_dag.osm.types import Rights
 from trace_dag.pages.crash_page import LABEL_MEANINGS, report_rights
 from trace_dag.pages.page_templates import NAMES, read, templates
 from trace_dag.pages.replay import LIBRARY, site_files

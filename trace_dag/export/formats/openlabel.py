@@ -14,7 +14,7 @@ from trace_dag.crash.codes.odd import odd_terms
 from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.osm.rights import Rights
+from trace_dag.osm.types import Rights
 from trace_dag.simulation.states import Manoeuvre, ParticipantState
 from trace_dag.simulation.types import BodyKind
 from trace_dag.version import __version__

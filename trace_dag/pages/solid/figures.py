@@ -17,8 +17,7 @@ from scipy.spatial.transform import Rotation
 from trace_dag.common.geometry import FloatArray
 from trace_dag.pages.solid.gltf import Material, Node, body_turns, place_keys, rolling_keys, turn_keys
 from trace_dag.pages.solid.shapes import ball, box, join_shapes, revolve
-from trace_dag.pages.solid.two_wheelers import bicycle_parts, bicycle_wheel_parts, conveyance_parts
-from trace_dag.pages.solid.vehicle_shapes import Parts
+from trace_dag.pages.solid.vehicle_shapes import Parts, bicycle_parts, bicycle_wheel_parts, conveyance_parts
 from trace_dag.simulation.figures import PLACE_OF_LANDMARK, RIDDEN_LANDMARKS, RIDING, Posture, root_height, walking
 from trace_dag.simulation.quadrupeds import LANDMARKS, build
 from trace_dag.simulation.types import Body, BodyKind, VehicleLog

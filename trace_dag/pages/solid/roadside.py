@@ -14,7 +14,7 @@ import shapely
 
 from trace_dag.common.units import METRES_PER_FOOT
 from trace_dag.pages.map_scene import MapScene, Window
-from trace_dag.pages.map_signs import LIGHT, STOP, YIELD, PlacedSign, place_signs
+from trace_dag.pages.maps import LIGHT, STOP, YIELD, PlacedSign, place_signs
 from trace_dag.pages.scenery import local_points, look_of, parts_of
 from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.ground import Heights, by_material

@@ -37,8 +37,7 @@ from trace_dag.pages.solid.ground import Terrain
 from trace_dag.pages.solid.objects import object_parts
 from trace_dag.pages.solid.roadside import areas_of, beside_roads, signs
 from trace_dag.pages.solid.shapes import ball, join_shapes
-from trace_dag.pages.solid.two_wheelers import motorcycle_shape
-from trace_dag.pages.solid.vehicle_shapes import BRAKE_LAMP, Parts, vehicle_shape, wheel_parts
+from trace_dag.pages.solid.vehicle_shapes import BRAKE_LAMP, Parts, motorcycle_shape, vehicle_shape, wheel_parts
 from trace_dag.scenario.drawn_shapes import CONTACT_COLOUR, body_colour, describe_object, is_ours, vehicle_colour
 from trace_dag.simulation.objects import Resistance
 from trace_dag.simulation.roadside_terrain import RoadsideTerrain

@@ -5,7 +5,7 @@ side, the kind of object and where on the vehicle it was struck. So the vehicle 
 the reported manner. The object is put where the vehicle's area of impact then is, as far beyond the edge as such
 objects usually stand. Objects behind one that breaks or is driven over follow along the same course. Every such object
 says that the program placed it. If OpenStreetMap has one of the kind
-(:mod:`trace_dag.reconstruction.scene.mapped_objects`), the vehicle is led to that instead.
+(:mod:`trace_dag.reconstruction.scene.roadside_objects`), the vehicle is led to that instead.
 
 A vehicle out of control skids: it goes on along its course and turns about itself, so far that the area of impact faces
 the object. Angles of departure follow from the lateral acceleration, of which each manner has several; measured angles
@@ -53,8 +53,6 @@ from trace_dag.reconstruction.motion.speeds import TravelSpeed
 from trace_dag.reconstruction.planners.way_after import STRIKES_MPS, Way, ways_on
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored, leaders_first
-from trace_dag.reconstruction.scene.mapped_objects import nearest_of, things_of_kind
-from trace_dag.reconstruction.scene.object_ground import Struck, on_free_ground
 from trace_dag.reconstruction.scene.object_placement import (
     PlannedContacts,
     as_mapped,
@@ -64,6 +62,7 @@ from trace_dag.reconstruction.scene.object_placement import (
     point_off_road_m,
     straight_on,
 )
+from trace_dag.reconstruction.scene.roadside_objects import Struck, nearest_of, on_free_ground, things_of_kind
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.reconstruction.scene.vehicle_ways import approaches_of
 from trace_dag.roads.map.network import RoadNetwork

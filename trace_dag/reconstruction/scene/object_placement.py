@@ -25,8 +25,7 @@ from trace_dag.reconstruction.motion.departure_paths import (
     sign_of,
     slope_of,
 )
-from trace_dag.reconstruction.scene.mapped_objects import mapped_object
-from trace_dag.reconstruction.scene.object_ground import beyond_range_m
+from trace_dag.reconstruction.scene.roadside_objects import beyond_range_m, mapped_object
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.roads.map.roadside import roadside_at
 from trace_dag.roads.report import MappedThing
