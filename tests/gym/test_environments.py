@@ -75,6 +75,19 @@ def test_the_recorded_driver_has_the_recorded_crash(home):
     assert info["metrics"]["contact_shift_m"] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_the_light_ahead_is_the_crashs_until_its_stop_line_is_crossed(home):
+    """A motorcycle straight on at 30 mph: 2 s before it crosses, the line is 27 m ahead."""
+    env = make(home, actions="discrete", ego=2)
+    infos = [given[-1] for given in driven(env, RECORDED, seed=1)]
+    (met,) = (each for each in env.unwrapped.tracks[KEY].case.lights.met if each.party == 2)
+    crosses = round(met.time_s * 10)
+    assert {info["light"] for info in infos[: crosses - 1]} == {str(met.shown)} == {"green"}
+    way_m = [info["light_m"] for info in infos[: crosses - 1]]
+    assert way_m == sorted(way_m, reverse=True)
+    assert way_m[crosses - 20] == pytest.approx(2 * 30 / 2.237, abs=1.5)
+    assert (infos[crosses + 1]["light"], infos[crosses + 1]["light_m"]) == (None, None)
+
+
 def test_environments_of_one_place_share_what_is_loaded(home):
     first, second = (make(home).unwrapped.tracks[KEY] for _ in range(2))
     assert first is second

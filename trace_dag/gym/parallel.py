@@ -93,7 +93,7 @@ class ParallelCrashEnv(OneEpisode, ParallelEnv[str, Seen, Any]):  # type: ignore
             for number in numbers
         }
         self.agents = list(self._drivers)
-        infos = {agent: about(track.case, driver.ego) for agent, driver in self._drivers.items()}
+        infos = {agent: about(self._episode, driver.ego) for agent, driver in self._drivers.items()}
         return {agent: driver.look() for agent, driver in self._drivers.items()}, infos
 
     def step(
@@ -114,7 +114,7 @@ class ParallelCrashEnv(OneEpisode, ParallelEnv[str, Seen, Any]):  # type: ignore
             {agent: reward for agent, (reward, _) in rewarded.items()},
             dict.fromkeys(rewarded, touched),
             dict.fromkeys(rewarded, episode.log is not None and not touched),
-            {agent: info for agent, (_, info) in rewarded.items()},
+            {agent: info | about(episode, self._drivers[agent].ego) for agent, (_, info) in rewarded.items()},
         )
 
     def render(self) -> Any:

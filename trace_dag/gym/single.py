@@ -57,12 +57,16 @@ class EpisodeDriver:
         return reward + self._reward.in_the_end(metrics), build_final_info(metrics)
 
 
-def about(case: Case, ego: int) -> dict[str, Any]:
+def about(episode: Episode, ego: int) -> dict[str, Any]:
     """Return the ``info`` of any step.
 
-    It has the crash's ``key``, the ``case_id`` (the variation's id for a variation) and ``ego``.
+    It has the crash's ``key``, the ``case_id`` (the variation's id for a variation), ``ego``, and the next light on the
+    way straight on: ``light``, red, yellow or green, and ``light_m``, the way to its stop line; None without one.
     """
-    return {"key": case.key, "case_id": case.case_id, "ego": ego}
+    case, moment = episode.case, episode.moment
+    assert moment is not None
+    light, light_m = case.light_ahead(ego, moment.states[ego], moment.time_s)
+    return {"key": case.key, "case_id": case.case_id, "ego": ego, "light": light, "light_m": light_m}
 
 
 def build_final_info(metrics: Metrics) -> dict[str, Any]:
@@ -125,7 +129,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     leave the seed draws one, every crash and variation as often, a course by its weight. The same seed, options and
     actions give the same bits. An episode is terminated by the first contact of anybody with anybody, and truncated
     when the agent has arrived 50 m beyond the conflict or at the end of its recorded way, not before five seconds after
-    the recorded impact, or has taken twice the recorded time. ``info`` has ``key``, ``case_id`` and ``ego``, and in the
+    the recorded impact, or has taken twice the recorded time. ``info`` has what :func:`about` says, and in the
     end ``outcome`` and ``metrics``. Raises :class:`trace_dag.common.errors.UserError` for what is not there.
     """
 
@@ -179,14 +183,14 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
             traffic=self._traffic,
         )
         self._driver = EpisodeDriver(self._episode, ego, track.lanes, self._actions, self._reward)
-        return self._driver.look(), about(track.case, ego)
+        return self._driver.look(), about(self._episode, ego)
 
     def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """See :meth:`gymnasium.Env.step`."""
         episode, driver = self._unfinished(), self._driver
         episode.step({driver.ego: driver.hands.act(action)})
         reward, info = driver.rewarded()
-        info |= about(episode.case, driver.ego)
+        info |= about(episode, driver.ego)
         touched = episode.log is not None and episode.log.first_contact is not None
         if episode.log is not None and self.render_mode == "human":
             show_page(self._track, episode.log)

@@ -37,7 +37,7 @@ from trace_dag.scenario.drawn_shapes import (
     outline,
     vehicle_colour,
 )
-from trace_dag.scenario.lights import Lights, StopLine, crash_lights, lights_in_words
+from trace_dag.scenario.lights import Lights, crash_lights, lights_in_words, lit_lines
 from trace_dag.simulation.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import EventResult, Verdict
@@ -294,10 +294,9 @@ def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
 
 def _lights(network: RoadNetwork, readings: Sequence[Lights]) -> dict[str, Any]:
     """Return the stop lines of lights with their programs by the first reading, and all readings in words."""
-    cycle_of = readings[0].cycle_of if readings else {}
-    lines = [StopLine(network, road, each) for road in network.roads for each in road.signals if each.id in cycle_of]
+    lines = lit_lines(network, next(iter(readings), None))
     return {
-        "lights": [{"ends": line.ends_m, "steps": cycle_of[line.signal_id].steps} for line in lines],
+        "lights": [{"ends": line.ends_m, "steps": cycle.steps} for line, cycle in lines],
         "lights_said": lights_in_words(readings),
     }
 

@@ -14,7 +14,8 @@ from trace_dag.common.paths import Path, straight, through_points
 from trace_dag.crash.parties import trailer_body
 from trace_dag.roads.map.lane_map import LaneMap, Route
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.lights import Lights
+from trace_dag.scenario.lights import LightCycle, Lights, StopLine, light_ahead, lit_lines
+from trace_dag.simulation.driving import BodyState
 from trace_dag.simulation.objects import FixedObject
 from trace_dag.simulation.states import Trajectory
 from trace_dag.simulation.towing import pulled_body
@@ -153,6 +154,16 @@ class Case:
         if math.isinf(participant.skids_from_s):
             trajectory = extend_motion(trajectory, MOST_TIMES * self.end_s + _EXTENSION_STEP_S)
         return replace(participant, trajectory=trajectory, losses_of_control=losses)
+
+    @cached_property
+    def _lit_lines(self) -> list[tuple[StopLine, LightCycle]]:
+        return lit_lines(self.network, self.lights)
+
+    def light_ahead(self, number: int, state: BodyState, time_s: float) -> tuple[str, float] | tuple[None, None]:
+        """Return the colour of the next light ahead of a participant, and the way to its stop line (m)."""
+        ahead_m, heading = self.bodies[number].length_m / 2, state.heading_rad
+        x_m, y_m = state.x_m + ahead_m * math.cos(heading), state.y_m + ahead_m * math.sin(heading)
+        return light_ahead(self._lit_lines, Pose(x_m, y_m, heading, state.z_m), time_s)
 
     @cached_property
     def _ways(self) -> dict[int, tuple[Route, Path]]:

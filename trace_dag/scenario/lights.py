@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.common.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray, Pose
 from trace_dag.crash.codes.vehicle import FLASHING, SIGNALS
 from trace_dag.crash.parties import SURROUNDING, party_label
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
@@ -40,7 +40,8 @@ _ASIDE_M, _ANOTHER_LEVEL_M = 1.0, 4.0  # of the lanes under a light
 _WAITS_M, _OVER_M, _STANDS_MPS = 40.0, 3.0, 1.0  # before a stop line, with the front at most a little over it
 _JUST_BEFORE: Final = 5  # steps: a tenth of a second before a contact, which is too quick for its first one
 _JUNCTION_M: Final = 40.0  # beyond a stop line, to the crosswalk at the far side
-_ACROSS: Final = math.sin(math.radians(45.0))
+_ACROSS, _ALONG = math.sin(math.radians(45.0)), math.cos(math.radians(45.0))
+_AHEAD_M: Final = 150.0
 _DISOBEYED: Final = frozenset({2, 3, 12})  # NMCC: failed to yield, disobeyed a signal, crossed improperly
 _TURNS: Final = frozenset({PreCrashMovement.TURNING_LEFT, PreCrashMovement.TURNING_RIGHT, PreCrashMovement.U_TURN})
 
@@ -308,9 +309,34 @@ class StopLine:
             for aside_m in (max(self._aside_m), min(self._aside_m))
         ]
 
+    def faces(self, heading_rad: float) -> bool:
+        """Return whether traffic that goes so comes to the line from before it."""
+        return self._at[2] * math.cos(heading_rad) + self._at[3] * math.sin(heading_rad) > _ALONG
+
     def seen(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return how far beyond the line places are, and whether they are in its lanes."""
         x, y, c, s = self._at
         aside_m = (y_m - y) * c - (x_m - x) * s
         within = (aside_m < max(self._aside_m) + _ASIDE_M) & (aside_m > min(self._aside_m) - _ASIDE_M)
         return (x_m - x) * c + (y_m - y) * s, within & (np.abs(z_m - self._z_m) < _ANOTHER_LEVEL_M)
+
+
+def lit_lines(network: RoadNetwork, lights: Lights | None) -> list[tuple[StopLine, LightCycle]]:
+    """Return the stop lines of the lights that have a program, each with it."""
+    cycle_of = {} if lights is None else lights.cycle_of
+    signals = ((road, each) for road in network.roads for each in road.signals if each.id in cycle_of)
+    return [(StopLine(network, road, each), cycle_of[each.id]) for road, each in signals]
+
+
+def light_ahead(
+    lines: Sequence[tuple[StopLine, LightCycle]], front: Pose, time_s: float
+) -> tuple[Colour, float] | tuple[None, None]:
+    """Return the colour of the next light straight ahead, and how far its stop line is (m); None without one."""
+    x, y, z = (np.array([value]) for value in (front.x_m, front.y_m, front.z_m))
+    found = []
+    for line, cycle in lines:
+        beyond_m, within = line.seen(x, y, z)
+        if within[0] and -_AHEAD_M < beyond_m[0] < 0.0 and line.faces(front.heading_rad):
+            found.append((-float(beyond_m[0]), cycle.at(time_s)))
+    to_go_m, colour = min(found, default=(None, None))
+    return (None, None) if to_go_m is None or colour is None else (colour, to_go_m)
