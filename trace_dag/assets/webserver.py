@@ -238,11 +238,6 @@ def _end(_signal: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-if __name__ == "__main__":
-    _root, _host, _port, _read_only, *_allowed = sys.argv[1:]
-    serve(_root, _host, int(_port), allowed=tuple(_allowed), read_only=_read_only == "read-only")
-
-
 # --- the benchmark page ----------------------------------------------------------------------------------------------
 class BenchmarkSite:
     """An ASGI application in front of another: it serves files of a root below ``/site``."""
@@ -316,3 +311,8 @@ def again(body: bytes, receive: Receive) -> Receive:
         return {"type": "http.request", "body": left.pop(), "more_body": False} if left else await receive()
 
     return receive_again
+
+
+if __name__ == "__main__":
+    _root, _host, _port, _read_only, *_allowed = sys.argv[1:]
+    serve(_root, _host, int(_port), allowed=tuple(_allowed), read_only=_read_only == "read-only")
