@@ -16,6 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -25,7 +26,7 @@ from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.codes.events import OVERTURN, RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
 from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.crash_types import EncounterRole, Relation
-from trace_dag.crash.record import HEAVY_VEHICLES, PreCrashMovement, VehicleClass
+from trace_dag.crash.record import HEAVY_VEHICLES, PreCrashMovement, Severity, VehicleClass
 from trace_dag.reconstruction.motion.speed_coefficients import BRAKING, BRAKING_G, LEVELS, SHIFTS_MPH, SPREAD_MPH
 from trace_dag.reconstruction.motion.speeds import (
     BRAKING_AVOIDANCE,
@@ -53,6 +54,11 @@ _STARTING_TIME_S: Final = 3.0
 _LONGEST_BRAKING_S: Final = 4.0  # before that a driver of a reported speed had it: recorders have five seconds
 _LEAST_KEPT: Final = 0.25  # share of the speed: who has nearly stopped kills nobody
 _FASTEST_MPS: Final = mph_to_mps(151)  # the highest TRAV_SP
+_STEPS: Final = 1000  # of a distribution that is weighted
+_DEATH_POWER: Final = 1.5
+"""Power of the speed with which deaths among serious injuries grow: of 3.5 for fatal crashes, 2.0 for crashes with
+serious injuries, of which the recorders are (Elvik, The Power Model of the relationship between speed and road safety,
+TOI report 1034, 2009)."""
 
 
 class SpeedClass(StrEnum):
@@ -89,6 +95,17 @@ class Distribution:
     def probability_below(self, value: float) -> float:
         """Return the cumulative probability of a value, linear between the levels."""
         return float(np.interp(value, self.values, LEVELS))
+
+    @cache  # noqa: B019 - there are as many as rows of the table
+    def weighted(self, power: float) -> Distribution:
+        """Return the distribution of those that are counted by a power of their value.
+
+        >>> round(Distribution(LEVELS).weighted(1.0).at(0.25), 2)  # of 0 to 1, evenly: its square is the probability
+        0.5
+        """
+        values = np.interp((np.arange(_STEPS) + 0.5) / _STEPS, LEVELS, self.values)
+        counted = np.cumsum(values**power)
+        return Distribution(tuple(np.interp(LEVELS, counted / counted[-1], values).tolist()))
 
     @property
     def median(self) -> float:
@@ -204,12 +221,13 @@ def speed_kept_distribution(party: Party) -> Distribution:
     """Return the distribution of the speed at the impact as a share of the travel speed.
 
     It is 1 if the report says that no avoidance or one other than braking was tried, and for vehicles that turn or
-    stand.
+    stand. If somebody died, faster impacts count more.
     """
     whole = Distribution((1.0,) * len(LEVELS))
     if party.turn is not None or party.stationary or party.vehicle.avoidance_code in NO_BRAKING:
         return whole
-    return Distribution(BRAKING[role(party)])
+    kept = Distribution(BRAKING[role(party)])
+    return kept.weighted(_DEATH_POWER) if party.record.severity is Severity.KILLED else kept
 
 
 def speed_profile(party: Party, initial_mps: float, *, most_g: float = math.inf) -> SpeedProfile:
