@@ -11,9 +11,9 @@ import pytest
 
 from trace_dag.common.units import kmh_to_mps
 from trace_dag.crash.event_sequence import sequence_of
-from trace_dag.crash.record import EventRecord
+from trace_dag.crash.record import EventRecord, VehicleClass
 from trace_dag.reconstruction.alternatives import alternatives
-from trace_dag.simulation.states import EstimateCheck, StateEstimate
+from trace_dag.simulation.states import EstimateCheck, Hypothesis, StateEstimate
 from trace_dag.verdict.judge import event_outcomes, judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
 from trace_dag.verdict.reservations import place_doubts, simulation_doubts
@@ -33,8 +33,8 @@ def outcomes(record, seen: ObservedCrash) -> tuple[EventOutcome, ...]:
     return event_outcomes(Comparison.of(record, sequence_of(record), seen, example_objects.SETTINGS.verdict))
 
 
-def doubts(record=RECORD, *, report=MADE.map_report, log=LOG, events=()) -> dict[Doubt, str]:
-    seen = observed(log)
+def doubts(record=RECORD, *, report=MADE.map_report, log=LOG, hypothesis=None, events=()) -> dict[Doubt, str]:
+    seen = observed(log) if hypothesis is None else observed(log, hypothesis)
     beside = Comparison.of(record, sequence_of(record), seen, example_objects.SETTINGS.verdict)
     found = (*simulation_doubts(beside, events), *place_doubts(record, MADE.network, report))
     return {each.doubt: each.detail for each in found}
@@ -63,10 +63,24 @@ def test_an_impact_below_ten_miles_an_hour_cannot_have_killed(kmh: float, harmle
     gentle = tuple(
         replace(each, delta_v_1_mps=(kmh_to_mps(kmh), 0.0), delta_v_2_mps=(0.0, 0.1)) for each in LOG.contacts
     )
-    found = doubts(log=replace(LOG, contacts=gentle))
+    found = doubts(log=replace(LOG, contacts=gentle), hypothesis=cars())
     assert (Doubt.HARMLESS in found) is harmless
     if harmless:
         assert "10 mph" in found[Doubt.HARMLESS]
+
+
+def test_a_rider_who_is_struck_falls_at_the_speed_ridden():
+    """30 mph are reported of the motorcycle: touched ever so lightly, its rider comes to the ground at that speed."""
+    touched = tuple(replace(each, delta_v_1_mps=(0.1, 0.0), delta_v_2_mps=(0.0, 0.1)) for each in LOG.contacts)
+    assert Doubt.HARMLESS not in doubts(log=replace(LOG, contacts=touched))
+    assert Doubt.HARMLESS in doubts(log=replace(LOG, contacts=touched), hypothesis=cars())
+    slow = tuple(replace(each, velocity_2_mps=(1.0, 0.0)) for each in touched)
+    assert Doubt.HARMLESS in doubts(log=replace(LOG, contacts=slow))
+
+
+def cars() -> Hypothesis:
+    best = MADE.state_estimate.hypotheses[0]
+    return replace(best, participants=tuple(replace(s, vehicle_class=VehicleClass.CAR) for s in best.participants))
 
 
 def test_an_event_that_does_not_happen_is_doubted_one_that_cannot_be_simulated_is_not():

@@ -26,7 +26,7 @@ from trace_dag.crash.codes import crash as codes
 from trace_dag.crash.departure_side import SIDE_OF_EVENT
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import EventKind, is_vehicle, party_in_words
-from trace_dag.crash.record import CrashRecord, Severity
+from trace_dag.crash.record import CrashRecord, Severity, VehicleClass
 from trace_dag.crash.summary import event_in_words, event_named
 from trace_dag.crash.zones import is_in_crosswalk
 from trace_dag.roads.crash_site.placement import is_at_intersection
@@ -168,13 +168,18 @@ def _no_areas(record: CrashRecord) -> Reservation | None:
 def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | None:
     """Return the doubt that no event of the simulation can have caused the reported harm.
 
-    No vehicle changes its velocity enough, none overturns, and no person outside a vehicle is struck.
+    No vehicle changes its velocity enough, none overturns, and no person outside a vehicle is struck. Whoever rides a
+    motorcycle that another vehicle strikes falls: the change is at least the speed ridden.
     """
     least_mps = _LEAST_HARM_MPS.get(record.severity) if record.severity else None
     if least_mps is None or not observed.events or any(event.overturn or event.person for event in observed.events):
         return None
-    changes = [side.delta_v_mps for event in observed.events for side in event.sides.values()]
-    change_mps = max(changes, default=0.0)
+    classes = {state.vehicle_number: state.vehicle_class for state in observed.hypothesis.participants}
+    change_mps = 0.0
+    for event in observed.events:
+        for number, side in event.sides.items():
+            falls = classes.get(number) is VehicleClass.MOTORCYCLE and classes.keys() >= set(event.pair)
+            change_mps = max(change_mps, side.delta_v_mps, abs(side.impact_speed_mps) if falls else 0.0)
     if change_mps >= least_mps:
         return None
     harm = "a death" if record.severity is Severity.KILLED else "a serious injury"
