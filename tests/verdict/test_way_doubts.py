@@ -80,6 +80,23 @@ def test_a_vehicle_that_goes_far_over_fields_is_doubted(metres: float, far: bool
     assert (Doubt.FAR_OFF_ROAD in doubts(seen(HEAD_ON_RECORD, hypothesis, gone))) is far
 
 
+@pytest.mark.parametrize(
+    ("name", "reported", "other"), [("Far St", "", True), ("Near St", "", False), ("Far St", "FAR ST", False)]
+)
+def test_a_vehicle_that_comes_onto_another_street_over_the_ground_is_doubted(name: str, reported: str, other: bool):
+    """Two streets, 30 m apart, and a car that slides from the one over to the other."""
+    near, far = (
+        replace(STREET.roads[0], names=("Near St",)),
+        replace(two_way("2", -300.0, -30.0, 0.0, 600.0), names=(name,)),
+    )
+    hypothesis, log = simulated(*HEAD_ON)
+    slid = replace(log.vehicles[0], y_m=np.linspace(0.0, -30.0, len(log.vehicles[0].y_m)))
+    gone = replace(log, vehicles=(slid, *log.vehicles[1:]))
+    record = replace(HEAD_ON_RECORD, trafficway_1=reported, trafficway_2="")
+    network = RoadNetwork(FRAME, (near, far))
+    assert (Doubt.OTHER_CARRIAGEWAY in doubts(seen(record, hypothesis, gone, network))) is other
+
+
 def test_a_spin_before_the_first_event_is_doubted_unless_a_sideways_skid_is_reported():
     hypothesis, log = simulated(*HEAD_ON)
     first_s = log.contacts[0].time_s

@@ -201,6 +201,7 @@ def way_doubts(beside: Comparison) -> Iterator[Reservation]:
     """
     yield from _missing_legs(beside)
     yield from _strays(beside)
+    yield from _other_carriageways(beside)
     yield from _people(beside)
     yield from _other_junction(beside)
     yield from _other_faces(beside)
@@ -250,6 +251,30 @@ def _strays(beside: Comparison) -> Iterator[Reservation]:
         if slip_deg[0] < _BACKWARDS_DEG < turned_deg:  # else it backs
             detail = f"vehicle {driven.number} turns by {turned_deg:.0f} degrees before the first event"
             yield Reservation(Doubt.SPUN, f"{detail}, which the report does not say")
+
+
+def _other_carriageways(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each vehicle that leaves its street and then comes onto another one, away from junctions."""
+    log, network, record = beside.observed.log, beside.observed.network, beside.record
+    for driven in log.vehicles:
+        inside = network.drivable_area.contains(driven.x_m, driven.y_m)
+        if not is_vehicle(driven.number) or inside.all():
+            continue
+        own: set[str] = set()
+        reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
+        left = int(np.argmin(inside))
+        for step in (max(left - 1, 0), *(left + np.flatnonzero(inside[left:]))):
+            at = float(driven.x_m[step]), float(driven.y_m[step])
+            lanes = [each.lane for each in network.nearest_lanes(*at, 0.0, z_m=float(driven.z_m[step]))]
+            streets = {name for lane in lanes for name in network.road_by_id[lane.road_id].names}
+            if step < left:
+                own = streets
+            elif own and streets and not own & streets and not any(network.junction_of(lane) for lane in lanes):
+                alike = [similarity(name, streets) for name in reported]
+                if all(value is not None and value < SAME_STREET for value in alike):
+                    detail = f"vehicle {driven.number} comes onto {' and '.join(sorted(streets))} off its road"
+                    yield Reservation(Doubt.OTHER_CARRIAGEWAY, detail)
+                break
 
 
 def _people(beside: Comparison) -> Iterator[Reservation]:

@@ -143,6 +143,7 @@ class Doubt(StrEnum):
     UNREPORTED_OVERTURN = "unreported_overturn"
     NO_STREET = "no_street"  # where a vehicle was going to drive
     FAR_OFF_ROAD = "far_off_road"
+    OTHER_CARRIAGEWAY = "other_carriageway"
     SPUN = "spun"  # before the first event
     STARTS_IN_LANE = "starts_in_lane"  # of a person who crosses
     OTHER_JUNCTION = "other_junction"
