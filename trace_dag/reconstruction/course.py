@@ -89,14 +89,17 @@ class Course:
         return max((each.time_s for each in seen), default=None)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Search:
-    """The fixed facts of a search: the scene, the events, and the simulation for looking ahead."""
+    """The fixed facts of a search: the scene, the events, and the simulation for looking ahead.
+
+    ``simulated`` counts simulations so far."""
 
     scene: Scene
     sequence: EventSequence
     simulation: EmbeddedSimulation
     lead_s: float
+    simulated: int = 0
     # By the log of a course, which follows from its states and objects, and who loses control of it: what it comes to.
     _lost: dict[tuple[SimulationLog, int, tuple[LossOfControl, ...]], tuple[_States, SimulationLog]] = field(
         default_factory=dict
@@ -120,6 +123,7 @@ class Search:
             strange = match(happenings(contacts), expected, order_known=known).strange
             return all(each.pair in usual for each in strange)
 
+        self.simulated += 1
         run = self.simulation.begin(
             tuple(map(participant, plan.states)), time_limit_s=DEFAULTS.time_limit_s, objects=plan.objects
         )
@@ -148,6 +152,7 @@ class Search:
         if key not in self._lost:
             states = tuple(state if s.vehicle_number == state.vehicle_number else s for s in course.states)
             parties = tuple(map(participant, states))
+            self.simulated += 1
             log = self.simulation.run(parties, time_limit_s=DEFAULTS.time_limit_s, objects=course.objects)
             self._lost[key] = states, log
         states, log = self._lost[key]

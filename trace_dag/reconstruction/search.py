@@ -50,6 +50,7 @@ from trace_dag.simulation.states import EstimateCheck, EstimatorRun, Hypothesis,
 _FIRSTS: Final = 6  # hypotheses of the first event that are gone on from
 _TRIED: Final = 6  # plans of one event that are simulated
 _FOLLOWED: Final = 2  # of those in which it happens, how many are gone on from
+_ENOUGH: Final = 30  # simulations, after which a search goes on from no other first event
 _ASKED_LATER: Final = 2  # hypotheses in which later objects and overturns are looked for
 _AS_GOOD: Final = 2.0  # one that is less likely by this (log-likelihood) may come first for more of them
 _AFTER_S: Final = 1.0  # an event of parties that were not there before comes so long after the one before it
@@ -160,7 +161,7 @@ def _with_contacts(
     for first in firsts:
         if first.name in right:
             continue
-        if len(right) == settings.max_hypotheses:
+        if len(right) == settings.max_hypotheses or (whole and search.simulated >= _ENOUGH):
             break  # what goes wrong comes after these
         plan = Plan(first.participants, first.objects, first.name, first.score, first.evidence)
         followed = [_begun(search, plan, begun)]
@@ -334,7 +335,7 @@ def _with_later_events(search: Search, hypotheses: Sequence[Hypothesis]) -> tupl
             checks.append(check)
         found[place] = replace(made, participants=course.states, objects=course.objects, later_events=tuple(checks))
         asked.append((sum(not check.passed for check in checks), place))
-        if not asked[-1][0] or len(asked) == _ASKED_LATER:
+        if not asked[-1][0] or len(asked) == _ASKED_LATER or search.simulated >= _ENOUGH:
             break
     if asked:
         least = found[asked[0][1]].score - _AS_GOOD
