@@ -43,9 +43,8 @@ from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import Place
 from trace_dag.language.answer import WrongAnswer
 from trace_dag.language.hypotheses import llm_client
-from trace_dag.language.narratives.asking import Model, read_narrative
 from trace_dag.language.narratives.record import record_of
-from trace_dag.language.narratives.source import narratives_in
+from trace_dag.language.narratives.source import Model, narratives_in, read_narrative
 from trace_dag.language.narratives.vocabulary import vocabulary
 from trace_dag.language.store import StoredAnswer
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
@@ -65,7 +64,7 @@ class StandIn:
         self._texts = {each.id: " ".join(each.text.split()) for each in narratives_in(folder)}
 
     def ask(self, messages: list[dict[str, str]], *, prompt: str, schema: Mapping[str, Any]) -> StoredAnswer:
-        """See :class:`trace_dag.language.narratives.asking.Model`."""
+        """See :class:`trace_dag.language.narratives.source.Model`."""
         del prompt, schema
         return StoredAnswer(self.answer(messages), "stop", "stand-in", 0, 0, 0.0, 0.0)
 

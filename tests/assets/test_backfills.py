@@ -10,9 +10,9 @@ import pytest
 from dagster import AssetKey, DagsterRun, build_run_status_sensor_context
 
 from tests.assets.dagster_ui import DagsterUi, dagster_ui, launch_in_this_process
+from trace_dag.assets.automation import summary_after_runs
 from trace_dag.assets.batch import SUMMARY_TAG
 from trace_dag.assets.launch import open_instance
-from trace_dag.assets.sensors import summary_after_runs
 from trace_dag.assets.studies import STUDIES
 from trace_dag.common.stage import Stage
 from trace_dag.flow.selection import select_again

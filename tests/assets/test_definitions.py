@@ -77,9 +77,9 @@ def test_loading_touches_no_root(tmp_path):
 def test_summary_follows_the_last_run_started_in_the_ui_and_no_other(campaign):
     from dagster import DagsterRunStatus, build_run_status_sensor_context
 
+    from trace_dag.assets.automation import summary_after_runs
     from trace_dag.assets.definitions import build_definitions
     from trace_dag.assets.run_requests import PROCESS_TAG
-    from trace_dag.assets.sensors import summary_after_runs
 
     made = campaign({"2023-510010": ""})
     job = build_definitions(made.workspace).resolve_implicit_global_asset_job_def()

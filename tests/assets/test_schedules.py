@@ -9,10 +9,10 @@ from dagster import AssetKey, RunRequest, SkipReason, build_schedule_context
 from fake_flow import ASKING
 from public_services import NEBRASKA, NOT_RELEASED, VERIFIED, public_services
 
+from trace_dag.assets.automation import schedules
 from trace_dag.assets.definitions import build_definitions
 from trace_dag.assets.launch import open_instance
 from trace_dag.assets.run_requests import add_partitions, range_tags
-from trace_dag.assets.schedules import schedules
 from trace_dag.common.errors import UserError
 from trace_dag.common.settings import AutomationSettings, Schedule
 from trace_dag.common.stage import Stage

@@ -10,10 +10,10 @@ import fake_flow
 import pytest
 from dagster import DagsterInstance, DagsterRun, DagsterRunStatus, RunRequest, SkipReason, build_sensor_context
 
+from trace_dag.assets.automation import arriving_reports, registered_crashes
 from trace_dag.assets.definitions import build_definitions
 from trace_dag.assets.launch import open_instance
 from trace_dag.assets.run_requests import keys_of, range_tags
-from trace_dag.assets.sensors import arriving_reports, registered_crashes
 from trace_dag.common.provenance import Outcome
 from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import run_stages

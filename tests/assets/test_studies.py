@@ -10,8 +10,8 @@ import sample_runs
 from dagster import AssetKey, DagsterInstance, DagsterRunStatus, build_run_status_sensor_context, materialize
 
 from tests.roads import judges
+from trace_dag.assets.automation import summary_after_runs
 from trace_dag.assets.definitions import build_definitions
-from trace_dag.assets.sensors import summary_after_runs
 from trace_dag.assets.studies import STUDIES
 from trace_dag.flow.study_tables import FOLDER
 from trace_dag.flow.workspace import Workspace

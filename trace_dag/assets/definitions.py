@@ -16,10 +16,9 @@ from dagster import (
     in_process_executor,
 )
 
+from trace_dag.assets.automation import SENSORS, schedules
 from trace_dag.assets.batch import crashes
 from trace_dag.assets.checks import CHECKS, SUMMARY_JOB
-from trace_dag.assets.schedules import schedules
-from trace_dag.assets.sensors import SENSORS
 from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
 from trace_dag.common.settings import AutomationSettings

@@ -1,7 +1,7 @@
 """Studies as assets: questions over stored crashes, asked from the UI, with their tables to look at.
 
 Each is unpartitioned and has the options of its command as configuration. After its run the warehouse is brought up to
-date, as after runs of stages (:mod:`trace_dag.assets.sensors`).
+date, as after runs of stages (:mod:`trace_dag.assets.automation`).
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -31,9 +31,9 @@ def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: boo
     It accepts requests only to its own names and from its own pages. It has no users: anyone who can reach the port may
     do anything.
     """
+    from trace_dag.assets.automation import schedules
     from trace_dag.assets.launch import dagster_records
     from trace_dag.assets.run_requests import add_partitions
-    from trace_dag.assets.schedules import schedules
     from trace_dag.flow.workspace import Workspace
 
     _refuse_port_in_use(host, port)

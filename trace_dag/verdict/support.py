@@ -23,8 +23,7 @@ from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.verdict.course_facts import course_facts
-from trace_dag.verdict.one_vehicle_facts import crosswalk_facts, departure_facts, pedestrian_facts
+from trace_dag.verdict.course_facts import course_facts, crosswalk_facts, departure_facts, pedestrian_facts
 from trace_dag.verdict.place_facts import place_facts
 from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Reservation, Support

@@ -13,11 +13,11 @@ import logging
 import shutil
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tenacity import Retrying, retry_if_exception_type, stop_after_attempt
 
@@ -25,12 +25,19 @@ from trace_dag.agents import evaluations, stored_traffic, stored_variations
 from trace_dag.agents.evaluation.table import EVALUATIONS
 from trace_dag.agents.stored_traffic import TRAFFIC
 from trace_dag.agents.variations.table import VARIATIONS
-from trace_dag.common.errors import DamagedFile, Failure, UserError
+from trace_dag.common.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.common.processes import temporary_prefix
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
-from trace_dag.flow.cohorts.registry import Registry
+from trace_dag.crash.classes import JUDGED_KINDS, CrashKind
+from trace_dag.crash.codes import crash, events, persons, vehicle
+from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.odd import ODD
+from trace_dag.crash.listing import CrashListing
+from trace_dag.crash.parse import reported_position
+from trace_dag.flow.cohorts.listings import listings_of
+from trace_dag.flow.cohorts.registry import Cohort, Registry
 from trace_dag.flow.manifests import bring_up_to_date
 from trace_dag.flow.records import OnProblem, log_problem
 from trace_dag.flow.study_tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, is_comparison_whole
@@ -39,7 +46,6 @@ from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
 from trace_dag.warehouse.outcomes import OutcomeTables, read_snapshots
 from trace_dag.warehouse.query import stray_log
-from trace_dag.warehouse.reports import code_meanings, crash_kinds, domain_terms, state_names, unread_reports
 from trace_dag.warehouse.tables import TABLES
 from trace_dag.warehouse.updating import changed_since_built, list_for_build, note_crashes, update_tables
 
@@ -62,6 +68,16 @@ _MEMORY_LIMIT = "1GB"
 # Each column of each table takes whole blocks. With DuckDB's usual 256 kB nearly all of a warehouse of a few hundred
 # crashes is empty: 20 kB per crash in place of 6; of 36,000 it saves nothing and costs 2 s.
 _BLOCK_BYTES = 32_768
+_CODES = (
+    *(crash.FUNC_SYS, crash.LGT_COND, crash.MAN_COLL, crash.REL_ROAD, crash.RELJCT2, crash.RUR_URB, crash.TYP_INT),
+    *(crash.WEATHER, events.HARM_EV, events.IMPACT1, events.SOE, persons.PEDCGP, persons.BIKECGP),
+    *(vehicle.ACC_TYPE, vehicle.P_CRASH1, vehicle.P_CRASH2, vehicle.VALIGN, vehicle.VPROFILE, vehicle.VSURCOND),
+    *(vehicle.J_KNIFE, vehicle.VTRAFCON, vehicle.VTRAFWAY),
+    *(persons.SEX, persons.LOCATION, persons.NMACTION, persons.NMCC, persons.MSAFEQMT, *persons.EQUIPMENT),
+    *(persons.PBCWALK, persons.PBSWALK, persons.PBSZONE, persons.PEDLOC, persons.PEDPOS, persons.BIKEPOS),
+    *(persons.PEDDIR, persons.BIKEDIR, persons.MOTDIR, persons.MOTMAN, persons.PEDLEG, crash.PER_TYP),
+)
+_POSITION = ("latitude_deg", "longitude_deg")
 
 
 @dataclass(frozen=True)
@@ -270,4 +286,84 @@ def evaluation_tables(storage: Storage, on_problem: OnProblem) -> dict[str, pa.T
         "traffic_row": pa.Table.from_pylist(
             stored_traffic.all_rows(storage, on_problem=on_problem), schema=TRAFFIC.arrow()
         ),
+    }
+
+
+# --- reports ---------------------------------------------------------------------------------------------------------
+def unread_reports(storage: Storage, cohorts: Iterable[Cohort], crash_statuses: pa.Table) -> pa.Table:
+    """Return one row per crash that no stage has read yet but whose report is at hand."""
+    import pyarrow as pa
+
+    reports = {key: report for cohort in cohorts for key, report in cohort.reports.items()}
+    unread = [
+        row["key"]
+        for row in crash_statuses.select(["key", "stage_reached"]).to_pylist()
+        if row["stage_reached"] in (None, Stage.RAW_REPORT.value)
+    ]
+    listings = listings_of(storage, {key: reports[key] for key in unread})
+    texts = ("key", "kind", "collision_type", "road_topology", "vehicle_trajectory")
+    schema = pa.schema(
+        [(name, pa.string()) for name in texts]
+        + [(name, pa.float64()) for name in _POSITION]
+        + [("vehicles", pa.int32())]
+    )
+    return pa.Table.from_pylist([_row(listing) for listing in listings.values()], schema=schema)
+
+
+def state_names() -> pa.Table:
+    """Return names of the states by ``STATE`` code."""
+    import pyarrow as pa
+
+    return pa.table({"code": pa.array(list(STATES), pa.int32()), "name": list(STATES.values())})
+
+
+def crash_kinds() -> pa.Table:
+    """Return the kinds of crash, and whether each can be judged."""
+    import pyarrow as pa
+
+    return pa.table(
+        {"kind": [kind.value for kind in CrashKind], "judged": [kind in JUDGED_KINDS for kind in CrashKind]}
+    )
+
+
+def code_meanings() -> pa.Table:
+    """Return the meanings of FARS codes in the warehouse's columns, without those for "unknown"."""
+    import pyarrow as pa
+
+    meanings = [
+        {"element": table.element, "code": code, "meaning": meaning}
+        for table in _CODES
+        for code, meaning in table.meanings.items()
+        if meaning and table.known(code) is not None
+    ]
+    return pa.Table.from_pylist(
+        meanings, schema=pa.schema([("element", pa.string()), ("code", pa.int32()), ("meaning", pa.string())])
+    )
+
+
+def domain_terms() -> pa.Table:
+    """Return the terms of the operational design domain by element and code."""
+    import pyarrow as pa
+
+    terms = [
+        {"element": element, "code": str(code), "term": term.term}
+        for element, by_code in ODD.items()
+        for code, term in by_code.items()
+    ]
+    return pa.Table.from_pylist(terms)
+
+
+def _row(listing: CrashListing) -> dict[str, Any]:
+    try:
+        position = dict(zip(_POSITION, reported_position(listing.latitude_deg, listing.longitude_deg), strict=True))
+    except Rejection:
+        position = {}
+    return {
+        "key": listing.key,
+        "kind": listing.kind.value if listing.kind else None,
+        "collision_type": listing.collision_type.value,
+        "road_topology": listing.road_topology.value,
+        "vehicle_trajectory": listing.vehicle_trajectory.value,
+        "vehicles": listing.vehicles,
+        **position,
     }
