@@ -1,6 +1,6 @@
 """Reported directions of travel hidden from the estimate: how many approaches does it find by itself?
 
-FARS has no directions, so nothing else says how often an estimate comes from the right side. A register that has them
+FARS has no directions, so only registers show how often an estimate comes from the right side. A register that has them
 does: each crash is estimated without them and all that they imply, and again with them. Belongs here: which crashes are
 asked, and what right means. Nothing is simulated; the maps of the cohort are used as they are stored.
 """

@@ -27,7 +27,8 @@ class EstimateErrors:
 
 @dataclass(frozen=True, eq=False)
 class EstimatorAttempt:
-    """One estimator's attempt at one crash: an estimate and its verdict, or a sentence that says why there is none.
+    """One estimator's attempt at one crash: an estimate and its verdict, or a sentence with the reason why there is
+    none.
 
     ``failed``: the estimator or a service failed, the crash is not the reason.
     """
@@ -46,7 +47,7 @@ class EstimatorRow:
     """One estimator's estimate of one crash, beside the reference estimator's; None where there is no value.
 
     ``outcome``: estimated (by itself), fallback (another estimator made it in its place), rejected or failed;
-    ``detail`` says why. ``approach_agrees``: both vehicles start on the same road in the same direction as in the
+    ``detail`` is the reason. ``approach_agrees``: both vehicles start on the same road in the same direction as in the
     reference's best hypothesis; ``lane_agrees``: in the same lane too. ``accepted`` and ``reason`` come from the
     verdict. Errors are against the truth, see :class:`EstimateErrors`. Distances in metres, costs in US dollars.
     """

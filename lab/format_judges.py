@@ -2,8 +2,8 @@
 
     python -m lab format_judges JUDGES FOLDER
 
-Prints a line of JSON per judge: who, which version, over how many files, how many it took, and what it says besides.
-Nothing of trace-dag is imported: what these say rests on the files alone.
+Prints a line of JSON per judge: name, version, numbers of files and of accepted files, and its remarks. Nothing of
+trace-dag is imported: what these say rests on the files alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 
 class Verdict(NamedTuple):
-    """A judge's verdict on a form: ``taken`` of ``files`` had nothing wrong; ``says`` is more, in words."""
+    """A judge's verdict on a form: ``taken`` of ``files`` had nothing wrong; ``says`` holds its remarks."""
 
     judge: str
     files: int

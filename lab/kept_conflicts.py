@@ -1,4 +1,5 @@
-"""Scenarios that keep a conflict before a player: how often somebody who never reacts meets whom it was recorded to.
+"""Scenarios that keep a conflict before a player: the share of drivers without reaction that meet their recorded
+opponent.
 
     python -m lab kept_conflicts ROOT            every verified crash of a root in esmini, at four speeds
     python -m lab kept_conflicts ROOT --every 4  every fourth

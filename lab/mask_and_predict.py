@@ -48,7 +48,7 @@ _STEPS: Final = 40
 
 @dataclass(frozen=True)
 class Guess:
-    """One hidden speed (mph), what the rule says, and the estimate with its interval of 80 %."""
+    """One hidden speed (mph), the rule's value, and the estimate with its interval of 80 %."""
 
     group: str
     hidden: float

@@ -5,7 +5,7 @@
 
 ``ROOT`` holds computed crashes; the first command computes the shared ones and those of the sample, or takes the root
 that ``TRACE_DAG_MASKED_ROOT`` names for the shared ones. One thing of each verified collision of two vehicles is hidden
-in turn, and compared with the draws of the new estimate, weighed by what the report still says:
+in turn, and compared with the draws of the new estimate, weighed by the rest of the report:
 
 * a reported travel speed: whether the middle of the draws is within 5 mph of it, and an interval of 80 % contains it;
 * an area of impact: whether the likeliest is within a clock position of it;

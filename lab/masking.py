@@ -1,8 +1,8 @@
 """Verified collisions of two vehicles, and what can be hidden of their reports.
 
-A fact is hidden in all fields of a report. Other fields mostly say it again: who is said to have turned left has the
-crash type of a left turn. So what comes back says how much a report's parts agree with each other, not how much it
-knows beyond itself."""
+A fact is hidden in all fields of a report. Other fields mostly repeat it: a driver reported to have turned left has the
+crash type of a left turn. So the recovered fact measures how far the parts of a report agree, not how much is known
+beyond the report."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def with_vehicle(record: CrashRecord, vehicle: VehicleRecord) -> CrashRecord:
 
 
 def without_area(record: CrashRecord, number: int) -> CrashRecord:
-    """Return a record in which nothing says where a vehicle was struck."""
+    """Return a record without the places where a vehicle was struck."""
     events = tuple(
         replace(
             event,
@@ -157,8 +157,8 @@ def without_movement(record: CrashRecord, number: int) -> CrashRecord:
 
 
 def without_lanes(record: CrashRecord) -> CrashRecord:
-    """Return a record in which nothing says in which lane anybody came: no number of lanes, movement, crash type, area
-    of impact, and no word on who left a lane.
+    """Return a record without the lanes of the vehicles: no number of lanes, movement, crash type, area of impact, and
+    no word on who left a lane.
     """
     for vehicle in record.vehicles:
         record = without_movement(without_area(record, vehicle.number), vehicle.number)

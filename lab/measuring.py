@@ -1,7 +1,7 @@
 """Figures of a measure: medians of several runs, ours and the peer's by turns.
 
 Times are CPU seconds (of this process and its ended children), which other work on the machine disturbs less than the
-clock on the wall does; a figure says where it is wall time.
+clock on the wall does; figures of wall time are marked.
 """
 
 from __future__ import annotations

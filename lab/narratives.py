@@ -57,7 +57,7 @@ T = TypeVar("T")
 
 
 class StandIn:
-    """Answers as the hand-written file beside the narratives says: no model."""
+    """Answers from the hand-written file beside the narratives, without a model."""
 
     def __init__(self, folder: Path = NARRATIVES) -> None:
         self._answers: dict[str, Any] = json.loads((folder / "stand_in.json").read_text())
@@ -84,7 +84,7 @@ class StandIn:
 
 @dataclass(frozen=True)
 class Compared:
-    """A field of one crash: whether the narrative says what the coded report does; None where it says nothing."""
+    """A field of one crash: whether the narrative agrees with the coded report; None if it lacks the field."""
 
     field: str
     right: bool | None

@@ -1,7 +1,7 @@
 """Maps for made crashes: pieces of the shared extracts, set down where the crashes are said to be.
 
 Each crash gets a piece of real OpenStreetMap around a point on a road of the class its record names, at a junction or
-between junctions as the record says, moved to the crash's own coordinates and stretched along the parallels so that
+between junctions as in the record, moved to the crash's own coordinates and stretched along the parallels so that
 lengths stay. The record then names that road. All pieces are one file with ids of its own, as a country's file is.
 """
 

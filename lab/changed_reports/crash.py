@@ -1,6 +1,6 @@
-"""Changes to what a report says of the crash as a whole and of the road.
+"""Changes to a report's values of the whole crash and of the road.
 
-Each function changes the report in place and says in words what it changed; None where it does not apply.
+Each function changes the report in place and returns the change in words; None where it does not apply.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def name_street(report: ChangedReport, scene: PerturbedScene, *, name: str) -> s
 
 
 def set_intersection(report: ChangedReport, scene: PerturbedScene, *, kind: int, junction: int) -> str | None:
-    """Return ``TYP_INT``, and ``RELJCT2`` so that it says the same.
+    """Return ``TYP_INT``, and ``RELJCT2`` so that the two agree.
 
     >>> report = ChangedReport(report_xml)
     >>> set_intersection(report, perturbed_scene, kind=6, junction=2), report.crash["TYP_INT"]

@@ -1,4 +1,4 @@
-"""Changes to what a report says of people: from which side they came, which way they went, where they were, who struck.
+"""Changes to a report's values of people: the side they came from, their direction and place, and their striker.
 
 The changes are like those of vehicles (:mod:`lab.changed_reports.vehicles`). Fields typed at or near intersections
 only are changed where they are there."""

@@ -59,7 +59,7 @@ class ChangedReport:
         return [row for row in self._rows("pbtype") if code_in(row, "VEH_NO") in (None, 0)]
 
     def crash_events(self) -> list[Row]:
-        """Return every row that says what happened between parties: ``CEvent``, and the ``VEvent`` that repeats it."""
+        """Return every row of an event between parties: ``CEvent``, and the ``VEvent`` that repeats it."""
         return [*self._rows("cevent"), *self._rows("vevent")]
 
     def own_events(self, number: int) -> list[Row]:

@@ -1,6 +1,6 @@
-"""Changes to what a report says of the two vehicles: where they were struck, how they moved, how fast, what they were.
+"""Changes to a report's values of the two vehicles: impact areas, movements, speeds and bodies.
 
-Each function changes the report in place and says in words what it changed; None where it does not apply.
+Each function changes the report in place and returns the change in words; None where it does not apply.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ def swap_crash_types(report: ChangedReport, scene: PerturbedScene) -> str | None
 
 # --- bodies and the rest ---------------------------------------------------------------------------------------------
 def set_bodies(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int, int]) -> str | None:
-    """Return ``BODY_TYP`` of the two vehicles; model, weight rating and what the VIN says of the old bodies go.
+    """Return ``BODY_TYP`` of the two vehicles; model, weight rating and the VIN's values of the old bodies are removed.
 
     >>> set_bodies(ChangedReport(report_xml), perturbed_scene, codes=(52, 80))
     'transit bus and motorcycle'

@@ -29,7 +29,7 @@ class _Row(BaseModel):
 class TruePerson(_Row):
     """The true course of one person.
 
-    ``told``: the report says which way it went; ``number`` is the party's.
+    ``told``: the report has the direction; ``number`` is the party's.
     """
 
     number: int
@@ -77,7 +77,7 @@ class PersonTruthRow:
 
 @dataclass(frozen=True)
 class KindSummary:
-    """The people of one kind of crash. ``course_told_share`` is over those whose report says which way they went."""
+    """The people of one kind of crash. ``course_told_share`` is over the people whose report has their direction."""
 
     kind: str
     people: int

@@ -139,8 +139,8 @@ class TruthRow:
 class TruthSummary:
     """The sample as a whole. Medians are over vehicles with an estimate, of the impact point over crashes.
 
-    ``estimators`` says what made how many estimates, in words. Errors are of the asked estimator's own estimates;
-    those another made in its place are counted in ``fallbacks`` alone.
+    ``estimators`` has the number of estimates by each estimator, in words. Errors are of the asked estimator's own
+    estimates; those another made in its place are counted in ``fallbacks`` alone.
     """
 
     crashes: int

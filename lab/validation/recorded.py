@@ -121,7 +121,7 @@ class RecordedEvent:
 
 @dataclass(frozen=True)
 class RecordedCrash:
-    """A case of the file; ``unreadable`` says why it has no vehicles, where it is none."""
+    """A case of the file; ``unreadable`` is the reason if it has no vehicles."""
 
     case: str
     events: tuple[RecordedEvent, ...]

@@ -76,8 +76,16 @@ def test_a_study_is_stored_and_shown(
     ("name", "config", "said"),
     [
         ("evaluations", {"variations": True, "courses": True}, "courses are of crashes, not of variations"),
-        ("evaluations", {"agents": ["brake"], "ego": ["third"]}, "'third' is none of first, second, striking, struck"),
-        ("evaluations", {"agents": ["brake"], "traffic": "heavy"}, "'heavy' is none of recorded, reactive, persistent"),
+        (
+            "evaluations",
+            {"agents": ["brake"], "ego": ["third"]},
+            "'third': expected one of first, second, striking, struck",
+        ),
+        (
+            "evaluations",
+            {"agents": ["brake"], "traffic": "heavy"},
+            "'heavy': expected one of recorded, reactive, persistent",
+        ),
     ],
 )
 def test_impossible_requests_fail_the_run_in_a_line(

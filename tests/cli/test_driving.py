@@ -180,7 +180,7 @@ def test_a_bound_that_cannot_be_is_named_with_what_can(bound: str, value: str, t
         (["evaluate", "--only", "2023-510999"], "is not registered"),
         (["evaluate", "--variations"], "trace-dag vary makes them"),
         (["replay", f"{CRASHES[0]}-c99", "--agent", "brake"], f"{CRASHES[0]}-c99 is not among {CRASHES[0]}-c"),
-        (["evaluate", "--courses", "--departures"], "--courses are of crashes in which somebody met somebody"),
+        (["evaluate", "--courses", "--departures"], "--courses are of crashes between parties"),
         (["vary", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
         (["vary", "--only", REJECTED], "is verified"),
     ],

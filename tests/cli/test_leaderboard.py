@@ -51,7 +51,7 @@ FORGED = {
     "judged again since": lambda document: document["runs"][0].update(verdict_fingerprint="0" * 16),
     "measured by code": lambda document: document["runs"][0].update(code_version="0.0.1"),
     "the protocol has 150": lambda document: document["runs"][0].update(range_m=500.0),
-    "of the crash itself": lambda document: document["runs"][0].update(recorded_delta_v_mps=99.0),
+    "in the crash itself": lambda document: document["runs"][0].update(recorded_delta_v_mps=99.0),
     "brake is the name of a baseline": lambda document: [run.update(agent="brake") for run in document["runs"]],
     "'my agent' cannot be the name": lambda document: [run.update(agent="my agent") for run in document["runs"]],
     "none of its crashes is among": lambda document: [run.update(key="2001-1") for run in document["runs"]],
@@ -74,8 +74,8 @@ def test_a_forged_or_stale_file_is_refused_with_a_line(why: str, elsewhere: Path
 
 def test_a_changed_file_and_one_that_is_none_are_refused(elsewhere: Path, here: Path, tmp_path: Path) -> None:
     for data, why in (
-        (elsewhere.read_bytes().replace(b"true", b"false", 1), "not the one it was written with"),
-        (b"[]", "not the one it was written with"),
+        (elsewhere.read_bytes().replace(b"true", b"false", 1), "has changed since it was written"),
+        (b"[]", "has changed since it was written"),
     ):
         (tmp_path / "results.json").write_bytes(data)
         done = trace_dag(here, "leaderboard", "add", str(tmp_path / "results.json"))
@@ -100,4 +100,4 @@ def test_a_part_is_handed_in_as_a_whole(here: Path) -> None:
     done = trace_dag(here, "evaluate", "--split", "train", "--only", "2023-319003")
     assert (done.returncode, "--split takes a part as a whole" in done.stderr) == (2, True)
     done = trace_dag(here, "evaluate", "--results", "results.json")
-    assert (done.returncode, "--results goes with --split" in done.stderr) == (2, True)
+    assert (done.returncode, "--results needs --split" in done.stderr) == (2, True)

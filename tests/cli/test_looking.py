@@ -223,5 +223,5 @@ def test_the_ui_names_invalid_cron_hours_in_one_line(tmp_path):
     (tmp_path / "settings.toml").write_text('[[automation.schedules]]\nname = "nightly"\ncron = "0 25 * * *"\n')
     done = trace_dag(tmp_path, "ui", "--port", "0")
     assert done.returncode == 2
-    assert "schedule nightly: '0 25 * * *' is nothing that cron knows" in done.stderr
+    assert "schedule nightly: '0 25 * * *' is not a cron expression" in done.stderr
     assert done.stderr.count("\n") == 1

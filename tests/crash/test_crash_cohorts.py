@@ -91,7 +91,7 @@ def test_boxes_the_wrong_way_round_are_one_line(box: tuple[float, float, float, 
 
 
 def test_no_crash_can_have_fewer_than_more_vehicles() -> None:
-    with pytest.raises(UserError, match="leave no crash"):
+    with pytest.raises(UserError, match="no crash can have both"):
         CohortFilter(min_vehicles=3, max_vehicles=2)
 
 

@@ -105,7 +105,7 @@ def test_a_driver_has_a_file_where_its_course_meets_an_obstacle(home, monkeypatc
     monkeypatch.setattr(
         commonroad_form, "as_driven", lambda crash: replace(case, participants=(case.participants[0], moved))
     )
-    with pytest.raises(UserError, match="nobody who drives in it has anything to avoid"):
+    with pytest.raises(UserError, match="no driver in it has a collision to avoid"):
         commonroad_form.CommonRoad([KEY]).of_crash(stored)
 
 

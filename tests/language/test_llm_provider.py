@@ -92,7 +92,7 @@ def test_a_time_out_is_a_transient_failure(monkeypatch, case):
 def test_an_answer_that_comes_byte_by_byte_does_not_outlive_the_time_limit(monkeypatch, case):
     dripping = dataclasses.replace(completion(right_answer(case)), byte_s=0.1)
     began_s = time.monotonic()
-    with pytest.raises(TransientFailure, match=r"no whole answer within 0.5 s.*asked 2 times"):
+    with pytest.raises(TransientFailure, match=r"no complete answer within 0.5 s.*asked 2 times"):
         asking(monkeypatch, case, in_turn(dripping), llm_timeout_s=0.5, llm_provider_attempts=2)
     assert time.monotonic() - began_s < 60  # its bytes take minutes
 

@@ -222,7 +222,7 @@ def test_a_damaged_file_of_a_package_is_found_when_it_is_read_and_not_before(pac
     (folder / "states.json").unlink()
     crash = trace_dag.open(folder).only
     assert crash.verdict.accepted
-    with pytest.raises(DamagedFile, match=r"trajectories\.json.*not what the manifest says"):
+    with pytest.raises(DamagedFile, match=r"trajectories\.json.*differs from the manifest"):
         _ = crash.log
     with pytest.raises(DamagedFile, match=r"states\.json.*it is not there"):
         _ = crash.estimate

@@ -40,7 +40,7 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
 
     log = crash.shown_log()
     if log is None:
-        raise UserError(f"crash {crash.key} was not simulated; trace-dag status tells where it stands")
+        raise UserError(f"crash {crash.key} was not simulated; trace-dag status shows its state")
     if replay_format == "html":
         return replay_page(content_of(crash, log, read_traffic(crash)))
     record, network = crash.load(RECORD), crash.load(ROAD_MAP)

@@ -183,7 +183,7 @@ def verified_cases(
         if status_of_valid(files.key, files.records).final_state is FinalState.VERIFIED
     ]
     if not cases:
-        raise UserError(f"no crash of the {len(keys)} asked for is verified; trace-dag status tells where they stand")
+        raise UserError(f"no crash of the {len(keys)} asked for is verified; trace-dag status shows their state")
     if split is not None:
         records = {case.key: case.files.unread().load(RECORD) for case in cases}
         parts = splits_of({key: (record.latitude_deg, record.longitude_deg) for key, record in records.items()})
@@ -193,12 +193,12 @@ def verified_cases(
     chosen = [case for case in cases if departures is None or somebody_met(case.files) is not departures]
     if not chosen and departures:
         raise UserError(
-            f"in none of the {len(cases)} verified crashes asked for did a vehicle leave the road by itself"
+            f"none of the {len(cases)} verified crashes is of a vehicle that left the road without meeting a party"
         )
     if not chosen:
         raise UserError(
-            f"in none of the {len(cases)} verified crashes asked for did anybody meet somebody: a vehicle left the "
-            "road by itself, which leaves an agent nothing to react to; evaluate --departures evaluates those"
+            f"none of the {len(cases)} verified crashes is between parties, so that an agent has nothing to react to; "
+            "evaluate --departures evaluates vehicles that left the road by themselves"
         )
     return chosen
 

@@ -184,9 +184,9 @@ def _check_run(where: str, row: Row, case: Case, recorded: Metrics) -> None:
         ("recorded_serious_injury_risk", _SAME_RISK),
     ):
         if abs(getattr(metrics, what) - getattr(recorded, what)) > tolerance:
-            raise UserError(f"{where}: {what} is {row[what]:g}, of the crash itself {getattr(recorded, what):g}")
+            raise UserError(f"{where}: {what} is {row[what]:g}, but {getattr(recorded, what):g} in the crash itself")
     if metrics.collided != (metrics.contact_time_s is not None):
-        raise UserError(f"{where}: collided is {metrics.collided}, the time of its contact {metrics.contact_time_s}")
+        raise UserError(f"{where}: collided is {metrics.collided}, but its contact time is {metrics.contact_time_s}")
     if outcome_of(metrics) != row["outcome"]:
         raise UserError(f"{where}: outcome {row['outcome']}, but its measures say {outcome_of(metrics)}")
     problem = problem_of_drive(case, row["vehicle_number"], metrics, Traffic(row["traffic"]), row["drive"] or "")

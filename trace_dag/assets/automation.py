@@ -290,7 +290,8 @@ def _defined(
         )(look)
     except DagsterInvalidDefinitionError as error:
         raise UserError(
-            f"setting automation: schedule {name}: {cron!r} is nothing that cron knows; 0 2 * * * is every night at two"
+            f"setting automation: schedule {name}: {cron!r} is not a cron expression; expected one such as 0 2 * * *, "
+            "every night at two"
         ) from error
 
 

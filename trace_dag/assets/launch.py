@@ -86,7 +86,7 @@ def _prepare_dagster_home(workspace: Workspace, folder: Path) -> None:
     settings = folder / "dagster.yaml"
     if settings.is_file() and _OLDER in settings.read_bytes():
         aside = folder.with_name(f"{folder.name}-of-earlier-version")
-        log.warning("an earlier version of the program kept Dagster's records otherwise; they are in %s now", aside)
+        log.warning("Dagster's records are of an earlier version of the program; they were moved to %s", aside)
         folder.rename(aside)
     folder.mkdir(parents=True, exist_ok=True)
     if not settings.exists():

@@ -34,7 +34,7 @@ def data_version(record: OutcomeRecord) -> str:
 def materialization(event: StageEvent, storage: Storage, site_url: str | None = None) -> AssetMaterialization:
     """Return the materialization of a stage and crash."""
     if event.record is None:
-        raise ValueError(f"{event.key} {event.stage}: nothing to tell of a stage that did not run")
+        raise ValueError(f"{event.key} {event.stage}: no metadata, because the stage did not run")
     return AssetMaterialization(
         event.stage.value,
         partition=event.key,
@@ -52,7 +52,7 @@ def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = N
     """
     record = event.record
     if record is None:
-        raise ValueError(f"{event.key} {event.stage}: nothing to show of a stage that did not run")
+        raise ValueError(f"{event.key} {event.stage}: no picture, because the stage did not run")
     metadata: dict[str, Any] = {
         "outcome": record.outcome.value,
         "stage_reached": record.stage.value,

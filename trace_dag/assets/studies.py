@@ -114,7 +114,7 @@ def _one_of(kind: type[Kind], value: str) -> Kind:
     try:
         return kind(value)
     except ValueError as error:
-        raise UserError(f"{value!r} is none of {', '.join(kind)}") from error
+        raise UserError(f"{value!r}: expected one of {', '.join(kind)}") from error
 
 
 def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Callable[[Any], AssetsDefinition]:

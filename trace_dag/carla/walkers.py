@@ -1,8 +1,8 @@
 """A person on foot in CARLA's world: a walker that keeps to its plan until touched, and then stands.
 
-CARLA's walkers are moved by a character controller. They take part in no collision: a vehicle's sensor says that it
-touched one, but the person is not thrown and the vehicle loses no speed. So a run shows the parties, place, time and
-speed of a strike; only the embedded back-end simulates its effect.
+CARLA's walkers are moved by a character controller. They take part in no collision: a vehicle's sensor detects the
+contact, but the person is not thrown and the vehicle loses no speed. So a run shows the parties, place, time and speed
+of a strike; only the embedded back-end simulates its effect.
 """
 
 from __future__ import annotations

@@ -171,7 +171,7 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
         with suppress(Rejection):
             sites.append(Site(key, *reported_position(listing.latitude_deg, listing.longitude_deg)))
     if not sites:
-        raise UserError(f"cohort {name}: no report at hand says where its crash was")
+        raise UserError(f"cohort {name}: no stored report has the position of its crash")
     settings = workspace.settings.osm
     output.write_text(osmium_config(sites, max(settings.radius_m, settings.surroundings_radius_m), map_name))
     crashes = count_of(len(reports), "crash", "crashes")

@@ -167,15 +167,13 @@ def evaluate(
     from trace_dag.flow.workspace import Workspace
 
     if split and (only or variations):
-        raise UserError("--split takes a part as a whole; leave --only and --variations away")
+        raise UserError("--split takes a part as a whole; leave out --only and --variations")
     if departures and (split or variations):
-        raise UserError("--departures are no part of a --split, and have no --variations")
+        raise UserError("--departures cannot be combined with --split or --variations")
     if courses and (departures or variations or results):
-        raise UserError(
-            "--courses are of crashes in which somebody met somebody: leave --departures, --variations, --results away"
-        )
+        raise UserError("--courses are of crashes between parties; leave out --departures, --variations and --results")
     if results and not split:
-        raise UserError("--results goes with --split: what is handed in is of one part")
+        raise UserError("--results needs --split, since a submission has the runs of one part")
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
     workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
     problems = Problems()

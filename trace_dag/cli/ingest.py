@@ -136,7 +136,7 @@ def ingest(
     read = _read_sources(root, register, narratives, map_files)
     if check:
         if not read:
-            raise UserError("ingest: --check needs --register or --narratives, what to look at")
+            raise UserError("ingest: --check needs --register or --narratives, the table to check")
         for table in read.values():
             for line in check_table(table, Workspace.open(root).settings.crash):
                 say(line)
@@ -148,9 +148,11 @@ def ingest(
         maps = tuple(str(path) for path in found if path.suffix == ".pbf")
     cohort = cohort or "default"
     if watch and not (reports or crashapi):
-        raise UserError("ingest: --watch needs --reports, the folders to look at, or --crashapi")
+        raise UserError("ingest: --watch needs --reports, the folders to watch, or --crashapi")
     if watch and crashapi and (choice.cases or choice.sample or choice.stratified):
-        raise UserError("ingest: --watch follows all that a filter admits; it goes with no sample and no --cases")
+        raise UserError(
+            "ingest: --watch takes every crash that the filters admit; leave out --sample, --stratified and --cases"
+        )
     Storage.open(root)
     workspace = Workspace.open(root)
     if len(services) > 1:
@@ -233,7 +235,7 @@ def _next_command(workspace: Workspace, cohort: str) -> str:
     own = "" if workspace.root == storage_root() else f"--root {shlex.quote(workspace.root)} "
     registered = workspace.registry.cohort(cohort)
     if not registered.reports:
-        return f"Next, its crashes: trace-dag {own}ingest --cohort {shlex.quote(cohort)}, with a source of reports"
+        return f"Next, its crashes: trace-dag {own}ingest --reports FOLDER --cohort {shlex.quote(cohort)}"
     if not registered.maps and not registered.map_service:
         return f"Next, its maps: trace-dag {own}ingest --maps FILE --cohort {shlex.quote(cohort)}"
     return f"Next: trace-dag {own}run --cohort {shlex.quote(cohort)}"

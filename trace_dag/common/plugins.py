@@ -78,7 +78,7 @@ def plugin(kind: PluginKind, name: str) -> Plugin:
     what = kind.value.replace("_", " ").removesuffix("s")
     if not there_are:  # a checkout that was brought up to date after it was installed
         raise UserError(
-            f"this installation knows no {what}, not even ours; install the package again (pip install -e .)"
+            f"this installation has no {what}, not even those of the package; install it again (pip install -e .)"
         )
     raise UserError(
         f"no {what} {name!r} is installed; expected one of {', '.join(there_are)} (trace-dag plugins lists them)"

@@ -50,7 +50,7 @@ def load_settings(
 
 
 def _holds(settings: Mapping[str, Any], path: tuple[int | str, ...]) -> bool:
-    """Return whether a source has a section's setting."""
+    """Return whether a source of settings sets the one at a path (section, name)."""
     section = settings.get(str(path[0]), {}) if path else {}
     return len(path) > 1 and isinstance(section, Mapping) and path[1] in section
 

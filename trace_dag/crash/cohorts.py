@@ -49,7 +49,7 @@ class CohortFilter:
             raise UserError(f"bounding box {self.box}: expected south, west, north, east in degrees, in that order")
         low, high = self.min_vehicles, self.max_vehicles
         if low is not None and high is not None and low > high:
-            raise UserError(f"at least {low} and at most {high} vehicles leave no crash")
+            raise UserError(f"at least {low} and at most {high} vehicles: no crash can have both")
 
     def admits(self, crash: CrashListing) -> bool:
         """Return whether the crash satisfies all fields of the filter."""

@@ -257,9 +257,9 @@ def _second_street(record: CrashRecord) -> Iterator[str]:
 def _route(record: CrashRecord) -> Iterator[str]:
     """Yield a sentence if a road's number contradicts its system (``ROUTE``) or class (``FUNC_SYS``).
 
-    In two-vehicle crashes of 2015 with an interstate, US or state route as ``TWAY_ID``, ``ROUTE`` names another system
-    in 0.5 to 2 %. Those on interstates by name are so by class in 98.7 %; those on US routes are in 0.4 % on minor
-    collectors or local roads.
+    In two-vehicle crashes of 2015 whose ``TWAY_ID`` names an interstate, US or state route, ``ROUTE`` is another system
+    in 0.5 to 2 % of the crashes. Interstates by name have the class of an interstate in 98.7 %; US routes have that of
+    a minor collector or local road in 0.4 %.
     """
     if _RAMP.search(record.trafficway_1):
         return  # it bears the number of the road it leads to, and is signed by whoever keeps it

@@ -1,10 +1,9 @@
 """Parties struck by a vehicle: the person, and the number of an object, an animal or a train.
 
-No table says which person an event was with (``VNUMBER2`` is 9999 or 5555 there). There is only one vehicle that
-struck each person (``STR_VEH``), and it need not be the first (in 2023-510304 it is the second). So a person is
-identified by kind, if there is only one of that kind, else by ``STR_VEH``. If several remain, and there are as many
-strikes as persons, they are assigned in the order of numbers, and marked; otherwise nobody is named. Open questions
-are sentences."""
+No table has the person of an event (``VNUMBER2`` is 9999 or 5555 there). There is only one vehicle that struck each
+person (``STR_VEH``), and it need not be the first (in 2023-510304 it is the second). So a person is identified by kind,
+if there is only one of that kind, else by ``STR_VEH``. If several remain, and there are as many strikes as persons,
+they are assigned in the order of numbers, and marked; otherwise nobody is named. Open questions are sentences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The key of a crash: made and read in one place, so that nothing a report says can become a path.
+"""The key of a crash: made and read in one place, so that no text of a report can become a path.
 
 FARS' keys are ``<caseYear>-<stateCase>``: a ``stateCase`` is unique only within its year. Those of other registers are
 ``<register>-<id>``. A register's name begins with a letter, so that the two cannot be mixed up; an id holds letters,

@@ -43,7 +43,7 @@ def accepted_keys(
     ]
     missing = sorted(set(only) - set(found))
     if missing:
-        raise UserError(f"{', '.join(missing)}: not accepted; trace-dag status tells where a crash stands")
+        raise UserError(f"{', '.join(missing)}: not accepted; trace-dag status shows its state")
     if not found:
         raise UserError(f"no accepted crash in {workspace.storage.root}; trace-dag run makes them")
     return sorted(found)

@@ -141,7 +141,7 @@ def build_release(
         row["package_sha256"] = sums[row["package"]] = package.sha256
     bench_file = definition(rows, records, made_on, weighed)
     if given is not None and (unlike := differences(given, json.loads(bench_file))):
-        raise UserError(f"{bench}: not what can be made here: {'; '.join(unlike)}")
+        raise UserError(f"{bench}: differs from the definition of this root: {'; '.join(unlike)}")
     documents = release_documents(BenchmarkRelease(version, made_on, cohorts, crashes, rows)) | {FILE: bench_file}
     sums |= {name: hashlib.sha256(data).hexdigest() for name, data in documents.items()}
     if complete and not missing and complete != sums:

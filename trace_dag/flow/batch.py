@@ -287,7 +287,9 @@ class _Batch:
         except Exception as error:
             # What is broken breaks again in the stage itself, and is then the failure of the crashes it concerns.
             told = not isinstance(error, Failure)
-            log.warning("%s: no groups (%s); going on without", definition.stage, error, exc_info=told)
+            log.warning(
+                "%s: crashes cannot be grouped (%s) and are run one by one", definition.stage, error, exc_info=told
+            )
             return []
 
     def _files(self, crash: CrashTask) -> CrashFiles:
@@ -308,7 +310,9 @@ class _Batch:
                 return events
         else:
             return events  # it died after the last record, drawing the picture
-        error = Failure(f"the worker process died in this stage, alone and twice over ({lost.detail})")
+        error = Failure(
+            f"the worker process died in this stage, twice, the second time with this crash alone ({lost.detail})"
+        )
         attempt = Attempt(task.key, stuck.stage, provenance, self.work.run_id, now(), 0.0)
         failed = CrashStore(self.work, replace(task, records=records)).put(attempt, error)
         return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, failed)]

@@ -136,7 +136,7 @@ class CrashStore:
             log.error("%s %s: the failure could not be recorded: %s", failed.key, failed.stage, second)
             stands = failed if standing is None or standing.outcome is Outcome.FAILED else standing
         if stands.failed_attempt is not None:
-            log.warning("%s %s: the earlier result stands, outdated", failed.key, failed.stage)
+            log.warning("%s %s: the earlier result is kept, though it is outdated", failed.key, failed.stage)
         self._stand(stands, files)
         return stands if stands.outcome is Outcome.FAILED else failed
 

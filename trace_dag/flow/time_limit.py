@@ -45,7 +45,7 @@ def within(limit_s: float, what: str, function: Callable[[], T]) -> T:
             return _with_an_alarm(limit_s, function) if alarms else _in_its_own_thread(limit_s, function)
     except _TimeIsUpError:
         raise Failure(
-            f"{what}: not done after {limit_s:g} s (execution.stage_time_limit_s); look at what it is made from, or "
+            f"{what}: not done after {limit_s:g} s (execution.stage_time_limit_s); look at its inputs, or "
             "raise the limit"
         ) from None
 

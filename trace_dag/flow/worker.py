@@ -227,7 +227,7 @@ class _CrashWorker:
             return [*events[:-1], replace(last, made=afterwards(self.store.files))]
         except Exception:
             # It can be made later, and whoever makes it then says what went wrong.
-            log.exception("%s: not made at once", self.store.key)
+            log.exception("%s: its page or package could not be made now", self.store.key)
             return events
 
 

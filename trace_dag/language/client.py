@@ -164,7 +164,7 @@ class LlmClient:
                 ),
             )
         except _TooSlowError:
-            raise _NoAnswer(f"{self.model}: Timeout: no whole answer within {timeout_s:.1f} s", None) from None
+            raise _NoAnswer(f"{self.model}: Timeout: no complete answer within {timeout_s:.1f} s", None) from None
         except litellm.exceptions.ContentPolicyViolationError as error:
             return StoredAnswer(mask_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
         except litellm.exceptions.ContextWindowExceededError as error:  # with the answers so far it became too long

@@ -34,7 +34,7 @@ class LlmEstimator:
     def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
         """See :func:`estimate_llm`.
 
-        If no two vehicles in transport meet first nobody is asked, and the estimate says so."""
+        If no two vehicles in transport meet first, no model is asked, and the estimate records that."""
         asked: list[EstimatorRun] = []
 
         def ask(search: Search, settings: StateSettings) -> FirstEvent:

@@ -178,7 +178,7 @@ def _picture_alt(page: CrashPage) -> str:
 
 
 def _objects(page: CrashPage) -> list[str]:
-    """Return the fixed objects of the judged hypothesis, and who placed them."""
+    """Return the fixed objects of the judged hypothesis, and the source of their places."""
     if page.estimate is None:
         return []
     chosen = page.verdict.hypothesis if page.verdict else 0

@@ -310,7 +310,7 @@ class PackedCrash:
         except FileNotFoundError as error:
             raise DamagedFile(self._place(name), "it is not there", GET_AGAIN) from error
         if said is None or hashlib.sha256(data).hexdigest() != said.sha256:
-            raise DamagedFile(self._place(name), "its content is not what the manifest says", GET_AGAIN)
+            raise DamagedFile(self._place(name), "its content differs from the manifest", GET_AGAIN)
         if name.endswith(".json"):
             check_json(self._place(name), data)
         return data

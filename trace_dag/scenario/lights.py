@@ -1,10 +1,10 @@
-"""Traffic lights around a crash: a program for each junction, by which the parties did what the report says.
+"""Traffic lights around a crash: a program for each junction, with which the parties' motion agrees with the report.
 
 A program goes through the groups of lights of a junction (:mod:`trace_dag.roads.from_osm.controllers`), one after the
 other: green, yellow, red for all. It takes 90 s, as the programs that SUMO's netconvert makes do; yellow is by the
-formula of the Institute of Transportation Engineers, within the 3 to 6 s of the MUTCD (4F.17). All that is free is when
-it began: so that who is reported to have disobeyed the light crosses its stop line on red, and everybody else on green.
-If no beginning does that and the report has nobody who did, somebody ran the light: each reading stays.
+formula of the Institute of Transportation Engineers, within the 3 to 6 s of the MUTCD (4F.17). Only its beginning is
+free. It is chosen so that drivers reported to have disobeyed the light cross the stop line on red, and all others on
+green. If that is impossible and the report names no such driver, some driver ran the light, and every reading stays.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def lights_in_words(readings: Sequence[Lights]) -> str:
 
 
 class _Junction:
-    """The lights of a junction, or of a crossing between junctions, and who met them."""
+    """The lights of a junction, or of a crossing between junctions, and the parties that met them."""
 
     def __init__(
         self, record: CrashRecord, network: RoadNetwork, controllers: Sequence[Controller], met: Sequence[MetLight]

@@ -47,11 +47,11 @@ def check_participants(participants: Sequence[Participant]) -> None:
     >>> check_participants(participants(hypothesis))  # can be driven
     >>> check_participants(participants(hypothesis)[:1] * 2)
     Traceback (most recent call last):
-    trace_dag.common.errors.Failure: participants are told apart by their numbers, found [1, 1]: every number once
+    trace_dag.common.errors.Failure: participants need different numbers; found [1, 1]
     """
     numbers = [participant.number for participant in participants]
     if len(set(numbers)) != len(numbers):
-        raise Failure(f"participants are told apart by their numbers, found {numbers}: every number once")
+        raise Failure(f"participants need different numbers; found {numbers}")
     for participant in participants:
         _check_plan(participant)
 

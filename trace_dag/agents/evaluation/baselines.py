@@ -150,7 +150,7 @@ class IdmLaneKeeper:
     """Keeps to the lanes of its route at the speed limit and its distance from whoever is in its way ahead.
 
     Treiber, Hennecke and Helbing, Phys. Rev. E 62 (2000) 1805, with Treiber and Kesting's constants for cars on a
-    highway (Traffic Flow Dynamics, 2nd ed., table 11.2). It sees nobody who is not yet in its way.
+    highway (Traffic Flow Dynamics, 2nd ed., table 11.2). It does not see parties that are not yet in its way.
     """
 
     share_of_limit = 1.0

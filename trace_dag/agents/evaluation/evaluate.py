@@ -58,7 +58,7 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty.
+    """The result of one agent in one case. If it is faulty, ``metrics`` is None and ``fault`` has the reason.
 
     ``role``: of the two parties that collided first, ``striking`` closed in faster and ``struck`` is the other;
     ``departing`` left the road by itself. ``part`` is initiator or responder, None if the report does not say.

@@ -55,7 +55,7 @@ def clustered_share(
 ) -> ClusteredShare:
     """Return the share of true values, or the mean of probabilities, each given with its crash.
 
-    A crash weighs 1 unless ``weights`` says otherwise.
+    A crash without an entry in ``weights`` weighs 1.
 
     The interval is Wilson's for the effective number of crashes. It assumes that the drivers of a crash always fare
     alike, so it can be too wide but never too narrow.

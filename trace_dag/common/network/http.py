@@ -3,7 +3,7 @@
 Time-outs, exponential back-off with jitter on what may pass by itself (408, 429, 5xx, lost connections, wrong answers),
 ``Retry-After`` honoured, a polite rate, bounded answers, and a cache on disk keyed by the request that never holds a
 failure. A missing network is detected and reported once. In cache-only mode nothing leaves the machine. The client
-knows no service: the caller says which answers are right and how long they last.
+knows no service: the caller defines which answers are right and how long they last.
 """
 
 from __future__ import annotations
@@ -101,7 +101,8 @@ class HttpClient:
     """A client for one service. Safe to use from several threads; the rate holds over all of them.
 
     With ``turns``, a file, it holds over all processes of the machine that were given the same one.
-    ``instead`` says what helps where there is no network. ``sleep`` and ``clock`` (monotonic seconds) are for tests.
+    ``instead`` is the remedy that is named if there is no network. ``sleep`` and ``clock`` (monotonic seconds) are for
+    tests.
     """
 
     policy: HttpPolicy = HttpPolicy()

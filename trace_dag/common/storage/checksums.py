@@ -47,7 +47,7 @@ def check_document(data: bytes, *, name: str) -> dict[str, Any]:
         raise DamagedFile(name, f"not a JSON object ({error})") from error
     said = content.pop(_FIELD, None)
     if said != _of(content) and not (said is None and content.pop(_OLDER, None)):
-        raise DamagedFile(name, "its content is not the one it was written with")
+        raise DamagedFile(name, "its content has changed since it was written")
     return content
 
 
@@ -77,7 +77,7 @@ def check_table(data: bytes, *, name: str) -> tuple[pa.Table, bytes]:
     except (pa.ArrowException, OSError, KeyError, ValueError) as error:
         raise DamagedFile(name, f"not a table with a checksum ({error})") from error
     if hashlib.sha256(data[:at] + _BLANK + data[at + len(said) :]).hexdigest().encode() != said:
-        raise DamagedFile(name, "its content is not the one it was written with")
+        raise DamagedFile(name, "its content has changed since it was written")
     return table, table.schema.metadata[b"about"]
 
 

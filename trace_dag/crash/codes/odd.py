@@ -1,4 +1,4 @@
-"""Operational design domain of a crash: the terms of ISO 34503 and the tags of OpenLABEL for what a report says.
+"""Operational design domain of a crash: the terms of ISO 34503 and the tags of OpenLABEL for a report's values.
 
 Terms are those of ISO 34503:2023, clauses 9 (scenery) and 10 (environmental conditions); tags are classes of OpenLABEL
 1.0.0's ontology of scenario tags. Both follow BSI PAS 1883:2020. Some terms have no class there.

@@ -90,7 +90,7 @@ class CommonRoad:
             if own.number == case.departed or any(meets(own, each) for each in others):
                 tested[own] = others
         if not tested:
-            raise UserError("nobody who drives in it has anything to avoid")
+            raise UserError("no driver in it has a collision to avoid")
         road, traffic = _Lanelets(case.network, case.lights), traffic_of(crash)
         around = () if traffic is None else traffic.vehicles
         source = f"trace-dag {__version__}, crash {record.key}, {case.network.attribution}"

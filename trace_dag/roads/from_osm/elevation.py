@@ -150,7 +150,7 @@ def _separate(
     """Return heights within the attempt's grade, nearest to the ground, with a storey between every pair.
 
     If a pair lacks height, its upper road is raised (or its lower one lowered) by the difference; the effect on other
-    pairs shows in the next round. The flag says whether all pairs have a storey.
+    pairs shows in the next round. The flag is true if all pairs have a storey.
     """
     least: dict[NodeId, float] = {}
     most: dict[NodeId, float] = {}

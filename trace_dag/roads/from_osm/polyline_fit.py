@@ -176,9 +176,9 @@ def _beside(point: Point, heading_rad: float, along_m: float, right_m: float) ->
 
 
 def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
-    """Return the share of the tangent for the wanted radius that a corner has.
+    """Return the tangent of a corner divided by the tangent that its wanted radius needs.
 
-    It is infinite if nothing can be changed.
+    It is infinite if the corner is straight or must not be changed.
     """
     if not 0 < index < len(shape.corners) - 1 or shape.corners[index].sources in frozen:
         return math.inf

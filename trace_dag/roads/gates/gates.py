@@ -197,7 +197,7 @@ def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
 
 
 def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
-    """Return the gate that each lane's neighbour has the lane as its neighbour in turn, with a shared border."""
+    """Yield the gate that lanes are neighbours in both directions, with a shared border."""
     broken: list[str] = []
     roads: list[str] = []
     for ref in stored.drivable_lanes():

@@ -329,7 +329,7 @@ def _axes(network: RoadNetwork, roads: Iterable[Road]) -> dict[str, list[FloatAr
 
 
 def _stations(line: ReferenceLine, everywhere: bool) -> FloatArray:
-    """Return the stations of a line's pieces, and those metre by metre in curves, or ``everywhere``."""
+    """Return the stations where a line's pieces begin, and one per metre in curves, or ``everywhere``."""
     starts = line.table[0]
     stations = line.stations(SAMPLE_M)
     if not everywhere and not line.has_cubics:
