@@ -18,7 +18,8 @@ from trace_dag.agents.evaluation.agent_main import AgentLimits
 from trace_dag.agents.evaluation.agent_process import WAITS, AgentProcess
 from trace_dag.agents.evaluation.evaluate import Conditions, Evaluation, evaluate
 from trace_dag.agents.evaluation.isolation import Isolation
-from trace_dag.agents.stored_cases import AgentRole, StoredCase, load_case, number_of
+from trace_dag.agents.stored_cases import AgentRole, StoredCase, number_of
+from trace_dag.agents.stored_traffic import load_driven
 from trace_dag.common.errors import Failure
 from trace_dag.common.provenance import libraries_of
 from trace_dag.common.settings import SimSettings
@@ -80,7 +81,7 @@ class EvaluationWork:
         Raises :class:`Failure`.
         """
         try:
-            case = load_case(self.cases[name])
+            case = load_driven(self.cases[name], self.conditions.traffic)
             return LoadedCase(case, backend(self.settings).load(case.network, case.xodr, friction=case.friction))
         except Failure:
             raise

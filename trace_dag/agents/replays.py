@@ -12,8 +12,8 @@ from trace_dag.agents.evaluation.evaluate import Conditions, run
 from trace_dag.agents.evaluation.metrics import DriveOutcome, Metrics, measure, outcome_of
 from trace_dag.agents.evaluation.registry import resolve
 from trace_dag.agents.evaluation.traffic import Traffic
-from trace_dag.agents.stored_cases import AgentRole, load_case, number_of, stored_case
-from trace_dag.agents.stored_traffic import StoredTraffic, read_traffic
+from trace_dag.agents.stored_cases import AgentRole, number_of, stored_case
+from trace_dag.agents.stored_traffic import StoredTraffic, load_driven, read_traffic
 from trace_dag.common.errors import UserError
 from trace_dag.common.units import mps_to_mph
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP, SAMPLED, VERDICT, CrashArtefacts, surroundings_of
@@ -88,7 +88,7 @@ def replay_with(
     if len(agents) > 1 and replay_format != "html":
         raise UserError(f"--format {replay_format} shows one agent; several beside each other need --format html")
     stored = stored_case(workspace, case_id)
-    case = load_case(stored)
+    case = load_driven(stored, traffic)
     simulation = backend(workspace.settings.sim).load(case.network, case.xodr, friction=case.friction)
     driven = [_driven(case, number_of(case, role), agent, traffic, simulation) for agent in agents]
     record, surroundings = stored.files.load(RECORD), surroundings_of(stored.files)

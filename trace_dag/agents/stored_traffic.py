@@ -9,14 +9,17 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from trace_dag.agents.evaluation.table import Row, rows_from_parquet, rows_to_parquet
-from trace_dag.agents.stored_cases import StoredCase
+from trace_dag.agents.evaluation.traffic import Traffic
+from trace_dag.agents.stored_cases import StoredCase, load_case
 from trace_dag.agents.work_by_crash import report_each
-from trace_dag.common.errors import DamagedFile
+from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.schemas import Column, ColumnType, TableSchema
@@ -27,11 +30,14 @@ from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
 from trace_dag.flow.records import OnProblem
 from trace_dag.flow.workspace import Workspace
+from trace_dag.scenario.cases import MOST_TIMES, Case
+from trace_dag.scenario.drives import drives_of
 from trace_dag.scenario.lights import crash_lights
 from trace_dag.scenario.traffic.simulation import TrafficRequest, load_traci, surround
 from trace_dag.scenario.traffic.sumo_network import sumo_program
-from trace_dag.scenario.traffic.surrounding import SurroundingTraffic
+from trace_dag.scenario.traffic.surrounding import STEP_S, SurroundingTraffic, overlapping
 from trace_dag.scenario.traffic.volumes import Hour, hour_of
+from trace_dag.simulation.run import backend
 
 if TYPE_CHECKING:
     pass
@@ -154,6 +160,36 @@ def traffic_of(crash: CrashArtefacts) -> SurroundingTraffic | None:
     """Return the vehicles of :func:`read_traffic`."""
     stored = read_traffic(crash)
     return None if stored is None else stored.traffic
+
+
+def load_driven(stored: StoredCase, traffic: Traffic) -> Case:
+    """Return a case as it is driven in a kind of traffic: among surrounding vehicles if that is asked for.
+
+    They are on the map from the beginning to the crash's end, follow their motion whatever the agent does, and brake to
+    stand after it. Vehicles are left out that are in the way of a party without the crash, or that touch another one:
+    bodies do not follow SUMO's sideways motion exactly. Raises :class:`UserError` if no traffic was made.
+    """
+    case = load_case(stored)
+    if traffic is not Traffic.SURROUNDING:
+        return case
+    traffic_around = traffic_of(stored.files) if stored.case_id == stored.key else None
+    if traffic_around is None:
+        why = "trace-dag traffic makes it; variations and courses have none"
+        raise UserError(f"{stored.case_id} has no surrounding traffic: {why}")
+    times = np.arange(0.0, case.end_s + STEP_S / 2, STEP_S)
+    parties = {
+        each.number: (each.participant.body, (each.course[:, 0], each.course[:, 1], each.course[:, 3]))
+        for each in drives_of(case)
+    }
+    vehicles = [each.stopping for each in traffic_around.throughout(case.recorded.duration_s)]
+    left_out = overlapping(vehicles, parties, times)
+    simulation = backend(stored.files.settings.sim).load(case.network, case.xodr, friction=case.friction)
+    while True:
+        around = tuple(each.participant for each in vehicles if each.number not in left_out)
+        alone = simulation.run(around, time_limit_s=MOST_TIMES * case.end_s) if around else None
+        if alone is None or not alone.contacts:
+            return replace(case, participants=(*case.participants, *around))
+        left_out |= {max(each.number_1, each.number_2) for each in alone.contacts}
 
 
 def traffic_files(storage: Storage) -> dict[str, list[StoredFile]]:

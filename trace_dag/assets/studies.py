@@ -74,7 +74,9 @@ class EvaluationsConfig(CohortConfig):
     noise_m: float = Field(default=0.0, description="Standard deviation of the positions they see.")
     occlusion: bool = Field(default=False, description="They do not see whom another body hides.")
     seed: int = Field(default=1, description="Of the noise.")
-    traffic: str = Field(default="recorded", description="How the others move: recorded, reactive or persistent.")
+    traffic: str = Field(
+        default="recorded", description="How others move: recorded, reactive, persistent, surrounding."
+    )
 
 
 class VariationsConfig(CohortConfig):

@@ -176,11 +176,11 @@ def execution_overrides(executor: str | None, workers: int | None) -> dict[str, 
 
 traffic_option = click.option(
     "--traffic",
-    type=click.Choice(["recorded", "reactive", "persistent"]),
+    type=click.Choice(["recorded", "reactive", "persistent", "surrounding"]),
     default="recorded",
     show_default=True,
     help="The others do as recorded, keep their distance once the agent does something else, or keep the conflict: "
-    "they come when it comes.",
+    "they come when it comes; or do as recorded among the vehicles that trace-dag traffic put around the crash.",
 )
 
 agent_arguments = click.option(

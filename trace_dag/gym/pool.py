@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from weakref import WeakKeyDictionary
 
+from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.agents.stored_cases import (
     case_of,
     likely_courses,
-    load_case,
     somebody_met,
     stored_variations,
     verified_cases,
 )
+from trace_dag.agents.stored_traffic import load_driven
 from trace_dag.common.errors import UserError
 from trace_dag.common.settings import SimSettings
 from trace_dag.flow.artefacts import CrashArtefacts
@@ -92,11 +93,18 @@ def _loaded(track: Track) -> Loaded:
     return Loaded(case, simulation, LanePoints(case.network))
 
 
-_known: WeakKeyDictionary[Crashes, dict[str, Track]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[Crashes, dict[tuple[str, bool], Track]] = WeakKeyDictionary()
 """The tracks made of each opened place. A place given by name is opened anew for each environment."""
 
 
-def tracks(home: Place | None, keys: Sequence[str], *, variations: bool, courses: bool) -> dict[str, Track]:
+def tracks(
+    home: Place | None,
+    keys: Sequence[str],
+    *,
+    variations: bool,
+    courses: bool,
+    traffic: Traffic = Traffic.RECORDED,
+) -> dict[str, Track]:
     """Return the verified crashes of a place in which two parties met, all or those of ``keys``, by case id.
 
     ``variations``: also the stored variations of each; ``courses``: the likely courses in place of each crash. Only a
@@ -104,9 +112,10 @@ def tracks(home: Place | None, keys: Sequence[str], *, variations: bool, courses
     """
     crashes = home if isinstance(home, Crashes) else open_place(home)
     if isinstance(crashes, Home):
-        found = _of_root(crashes, keys, variations=variations, courses=courses)
-    elif variations or courses:
-        raise UserError(f"{crashes.place}: variations and courses are of a root; this is a package or a release")
+        found = _of_root(crashes, keys, variations, courses, traffic)
+    elif variations or courses or traffic is Traffic.SURROUNDING:
+        what = "variations, courses and surrounding traffic"
+        raise UserError(f"{crashes.place}: {what} are of a root; this is a package or a release")
     else:
         settings, stored = SimSettings(), [crashes[key].stored for key in keys or crashes]
         found = [
@@ -117,13 +126,16 @@ def tracks(home: Place | None, keys: Sequence[str], *, variations: bool, courses
     if not found:
         raise UserError(f"{crashes.place}: no crash in which anybody met somebody; an agent has nobody to react to")
     shared = _known.setdefault(crashes, {})
-    return {track.case_id: shared.setdefault(track.case_id, track) for track in found}
+    among = traffic is Traffic.SURROUNDING
+    return {track.case_id: shared.setdefault((track.case_id, among), track) for track in found}
 
 
-def _of_root(home: Home, keys: Sequence[str], *, variations: bool, courses: bool) -> list[Track]:
+def _of_root(home: Home, keys: Sequence[str], variations: bool, courses: bool, traffic: Traffic) -> list[Track]:
     crashes = verified_cases(home.workspace, None, keys)
     cases = likely_courses(crashes) if courses else list(crashes)
     if variations:
         cases += stored_variations(home.workspace, crashes)
     settings = home.workspace.settings.sim
-    return [Track(each.case_id, each.files, partial(load_case, each), settings, each.weight) for each in cases]
+    return [
+        Track(each.case_id, each.files, partial(load_driven, each, traffic), settings, each.weight) for each in cases
+    ]

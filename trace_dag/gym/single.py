@@ -146,7 +146,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         actions: ActionKind = "continuous",
         rate_hz: float = 10.0,
         sensing: Sensing | None = None,
-        traffic: Literal["recorded", "reactive", "persistent"] = "recorded",
+        traffic: Literal["recorded", "reactive", "persistent", "surrounding"] = "recorded",
         reward: Reward | None = None,
         render_mode: RenderMode | None = None,
     ) -> None:
@@ -154,7 +154,8 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         if traffic not in list(Traffic):
             raise UserError(f"traffic {traffic!r}: expected {', '.join(Traffic)}")
         keys = [key] if isinstance(key, str) else list(key)
-        self.tracks = tracks(home, keys, variations=variations, courses=courses)
+        self._traffic = Traffic(traffic)
+        self.tracks = tracks(home, keys, variations=variations, courses=courses, traffic=self._traffic)
         self.observation_space = observation_space()
         self.action_space = action_space(actions)
         self.render_mode = render_mode
@@ -162,7 +163,6 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         self._ego = ego
         self._actions: ActionKind = actions
         self._sensing = sensing or Sensing()
-        self._traffic = Traffic(traffic)
         self._reward = reward or Reward()
         self._camera: tuple[str, Camera] | None = None
 

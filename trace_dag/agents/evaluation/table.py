@@ -70,7 +70,7 @@ EVALUATIONS = TableSchema(
         Column("range_m", _REAL, "How far it saw", unit="m", required=True),
         Column("noise_m", _REAL, "Noise of the positions it saw, standard deviation", unit="m", required=True),
         Column("occlusion", _BOOL, "Whether bodies hid others from it", required=True),
-        Column("traffic", _TEXT, "How the others moved: recorded, reactive or persistent"),
+        Column("traffic", _TEXT, "How the others moved: recorded, reactive, persistent or surrounding"),
         Column("seed", _INT, "Seed of the noise", required=True),
         Column(
             "split", _TEXT, "The part of the benchmark that was asked for: train, validation or test; empty for all"

@@ -41,6 +41,7 @@ class Traffic(StrEnum):
     RECORDED = "recorded"
     REACTIVE = "reactive"
     PERSISTENT = "persistent"
+    SURROUNDING = "surrounding"  # recorded, among the vehicles around the crash
 
 
 class CourseKeeper(IdmLaneKeeper):

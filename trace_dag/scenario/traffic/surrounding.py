@@ -8,14 +8,15 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.common.geometry import FloatArray, Poses, gaps_m
+from trace_dag.common.geometry import FloatArray, Pose, Poses, gaps_m
 from trace_dag.crash.codes import bodies
 from trace_dag.crash.record import VehicleClass
 from trace_dag.scenario.traffic.volumes import TrafficClass
 from trace_dag.simulation.states import Trajectory
-from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog
+from trace_dag.simulation.types import Body, BodyKind, Participant, SimulationLog, VehicleLog
 
 STEP_S: Final = 0.1
+_BRAKING_MPS2, _STANDS_S = 3.0, 60.0
 _COMBINATION_M: Final = 21.0  # AASHTO's WB-62, 69 ft, as one body
 _REPORTED: Final = {
     VehicleClass.CAR: bodies.SEDAN,
@@ -44,6 +45,31 @@ class SurroundingVehicle:
             for values in (t.x_m, t.y_m, np.unwrap(t.heading_rad))
         )
         return x, y, heading
+
+    @property
+    def stopping(self) -> SurroundingVehicle:
+        """Return it as it goes on after its motion: straight ahead, braking until it stands."""
+        t = self.trajectory
+        speed_mps = np.maximum(float(t.speed_mps[-1]) - _BRAKING_MPS2 * np.arange(0.0, _STANDS_S, STEP_S)[1:], 0.0)
+        ahead_m, heading = np.cumsum(speed_mps) * STEP_S, float(t.heading_rad[-1])
+        return replace(
+            self,
+            trajectory=Trajectory(
+                np.append(t.time_s, t.time_s[-1] + STEP_S * np.arange(1, len(speed_mps) + 1)),
+                np.append(t.x_m, t.x_m[-1] + ahead_m * np.cos(heading)),
+                np.append(t.y_m, t.y_m[-1] + ahead_m * np.sin(heading)),
+                np.append(t.z_m, np.full(len(speed_mps), t.z_m[-1])),
+                np.append(t.heading_rad, np.full(len(speed_mps), heading)),
+                np.append(t.speed_mps, speed_mps),
+            ),
+        )
+
+    @property
+    def participant(self) -> Participant:
+        """Return it as a body of a simulation that follows its motion."""
+        t = self.trajectory
+        start = Pose(*(float(values[0]) for values in (t.x_m, t.y_m, t.heading_rad, t.z_m)))
+        return Participant(self.number, self.body, start, float(t.speed_mps[0]), t)
 
     @property
     def course(self) -> tuple[int, FloatArray]:
@@ -85,18 +111,18 @@ class SurroundingTraffic:
     left_out: int
     measured: tuple[Measured, ...]
 
+    def throughout(self, until_s: float) -> list[SurroundingVehicle]:
+        """Return those that are on the map from the beginning until a time."""
+        ways = ((each, each.trajectory.time_s) for each in self.vehicles)
+        return [each for each, time_s in ways if time_s[0] <= 0.0 and time_s[-1] >= until_s - 2 * STEP_S]
+
 
 def add_traffic(log: SimulationLog, traffic: SurroundingTraffic | None, *, throughout: bool = False) -> SimulationLog:
     """Return a log with the vehicles around a crash as further bodies, for formats that write a log.
 
     ``throughout``: only vehicles that are on the map all the time, for formats in which bodies cannot come and go.
     """
-    lasts_s = log.duration_s - 2 * STEP_S
-    vehicles = [
-        each
-        for each in (() if traffic is None else traffic.vehicles)
-        if not throughout or (each.trajectory.time_s[0] <= 0.0 and each.trajectory.time_s[-1] >= lasts_s)
-    ]
+    vehicles = () if traffic is None else traffic.throughout(log.duration_s) if throughout else traffic.vehicles
     return replace(
         log,
         vehicles=(*log.vehicles, *(each.logged() for each in vehicles)),
