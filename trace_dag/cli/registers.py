@@ -27,7 +27,7 @@ def registers(new: str | None, output: str | None) -> None:
         if target.exists():
             raise UserError(f"{target} is there already; name another with --output")
         target.write_text(guess_mapping(Path(new)), encoding="utf-8")
-        say(f"{target}: mend what is marked as a guess, then trace-dag ingest --register {target} {new} --check")
+        say(f"{target}: fill in each ?, check each guess, then trace-dag ingest --register {target} {new} --check")
         return
     for name in list_shipped_mappings():
         mapping = read_mapping(name)

@@ -14,7 +14,7 @@ _TEXT, _INT, _REAL, _BOOL = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.REAL
 
 EVALUATIONS = TableSchema(
     "evaluations",
-    "Agents in the place of a crash's participants, and what came of it",
+    "Runs of agents in the place of a crash's participants, and their outcomes",
     (
         Column("agent", _TEXT, "Name of the agent, and of conditions other than the usual", required=True),
         Column("case_id", _TEXT, "Key of the crash, or of one of its variations or likely courses", required=True),
@@ -29,8 +29,8 @@ EVALUATIONS = TableSchema(
             "conflict_avoided, collision_avoided, did_not_arrive, rules_broken, mitigated, unchanged, worse or faulty",
             required=True,
         ),
-        Column("fault", _TEXT, "What a faulty agent did"),
-        Column("collided", _BOOL, "Whether the vehicle of anybody touched another, or a fixed object"),
+        Column("fault", _TEXT, "Fault of a faulty agent"),
+        Column("collided", _BOOL, "Whether any vehicle touched another party or a fixed object"),
         Column("overturned", _BOOL, "Whether the agent's vehicle overturned"),
         Column("recorded_overturned", _BOOL, "Whether the same vehicle overturned in the recorded crash"),
         Column(
@@ -70,7 +70,7 @@ EVALUATIONS = TableSchema(
         Column("range_m", _REAL, "How far it saw", unit="m", required=True),
         Column("noise_m", _REAL, "Noise of the positions it saw, standard deviation", unit="m", required=True),
         Column("occlusion", _BOOL, "Whether bodies hid others from it", required=True),
-        Column("traffic", _TEXT, "How the others moved: recorded, reactive, persistent or surrounding"),
+        Column("traffic", _TEXT, "Motion of the others: recorded, reactive, persistent or surrounding"),
         Column("seed", _INT, "Seed of the noise", required=True),
         Column(
             "split", _TEXT, "The part of the benchmark that was asked for: train, validation or test; empty for all"

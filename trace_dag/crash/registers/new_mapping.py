@@ -201,7 +201,7 @@ def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
     for kind, count in total.most_common():
         reasons = lacking.get(kind, Counter())
         why = "".join(f", {number} {reason}" for reason, number in reasons.most_common())
-        yield f"{kind}: {count} crashes, {count - reasons.total()} that say enough{why}"
+        yield f"{kind}: {count} crashes, {count - reasons.total()} with enough facts{why}"
     if on_the_left:
         yield f"traffic keeps left in {on_the_left} of {total.total()} crashes, by the mapping or the point's country"
     times = ", ".join(f"{part} {found[Origin.REPORTED][part]}" for part in MOMENT)

@@ -44,16 +44,16 @@ SELECT
 FROM intervals
 ORDER BY agent, key, vehicle_number;
 
-COMMENT ON VIEW agent_probabilities IS 'What each agent makes of a crash as a probability, over its likely courses';
+COMMENT ON VIEW agent_probabilities IS 'Probabilities of each agent''s outcomes in a crash, over its likely courses';
 COMMENT ON COLUMN agent_probabilities.agent IS 'Name of the agent, and of conditions other than the usual';
 COMMENT ON COLUMN agent_probabilities.key IS 'Key of the crash';
 COMMENT ON COLUMN agent_probabilities.vehicle_number IS 'Vehicle the agent drove';
 COMMENT ON COLUMN agent_probabilities.courses IS 'Likely courses it drove in';
 COMMENT ON COLUMN agent_probabilities.effective IS 'How many courses of equal weight they are worth';
-COMMENT ON COLUMN agent_probabilities.avoided IS 'Probability that it gets past by the rules and nobody touches anybody';
+COMMENT ON COLUMN agent_probabilities.avoided IS 'Probability that it passes by the rules and no party touches another';
 COMMENT ON COLUMN agent_probabilities.avoided_low IS 'Lower end of its 95 % interval';
 COMMENT ON COLUMN agent_probabilities.avoided_high IS 'Upper end of its 95 % interval';
-COMMENT ON COLUMN agent_probabilities.did_not_arrive IS 'Probability that nobody touches anybody and it never gets past the conflict';
+COMMENT ON COLUMN agent_probabilities.did_not_arrive IS 'Probability that no party touches another and it never passes the conflict';
 COMMENT ON COLUMN agent_probabilities.rules_broken IS 'Probability that it gets past off the road or faster than traffic drives';
 COMMENT ON COLUMN agent_probabilities.mitigated IS 'Probability of a risk of serious injury lower by more than a tenth';
 COMMENT ON COLUMN agent_probabilities.worse IS 'Probability of a risk higher by more than a tenth';

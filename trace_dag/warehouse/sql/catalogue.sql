@@ -125,7 +125,7 @@ LEFT JOIN of_people USING (key)
 LEFT JOIN domain USING (key)
 ORDER BY crashes.key;
 
-COMMENT ON TABLE catalogue IS 'Crashes as people look for them: conditions, road, parties, and all of it in words';
+COMMENT ON TABLE catalogue IS 'Crashes for searches by words: conditions, road, parties, and a text of all of them';
 COMMENT ON COLUMN catalogue.key IS 'Key of the crash, <caseYear>-<stateCase> or <register>-<id>';
 COMMENT ON COLUMN catalogue.surface IS 'Condition of the road surface, in words; of the first vehicle (VSURCOND)';
 COMMENT ON COLUMN catalogue.speed_limit_mph IS 'Speed limit, the highest of the vehicles, mph (VSPD_LIM)';

@@ -4,7 +4,7 @@ SELECT element, code, meaning
 FROM code_meaning
 ORDER BY element, code;
 
-COMMENT ON TABLE codes IS 'What the codes of FARS elements mean that other tables hold';
+COMMENT ON TABLE codes IS 'Meanings of the FARS codes in other tables';
 COMMENT ON COLUMN codes.element IS 'FARS element, as the comments of columns name it';
 COMMENT ON COLUMN codes.code IS 'Code';
 COMMENT ON COLUMN codes.meaning IS 'The code in words';

@@ -20,7 +20,7 @@ CROSS JOIN (
 GROUP BY cohort, step_number, step
 ORDER BY cohort, step_number;
 
-COMMENT ON VIEW cohort_funnel IS 'How many crashes of each cohort got past each step';
+COMMENT ON VIEW cohort_funnel IS 'Numbers of crashes of each cohort that passed each step';
 COMMENT ON COLUMN cohort_funnel.cohort IS 'Cohort';
 COMMENT ON COLUMN cohort_funnel.step IS 'Step of the funnel';
 COMMENT ON COLUMN cohort_funnel.crashes IS 'Crashes of the cohort that passed it';

@@ -24,9 +24,9 @@ WHERE coverage.verified = 0
 GROUP BY ALL
 ORDER BY classes_filled DESC, open_crashes.key;
 
-COMMENT ON VIEW cohort_gaps IS 'Crashes yet to be finished that would fill a class without a verified crash';
+COMMENT ON VIEW cohort_gaps IS 'Pending crashes of classes that have no verified crash';
 COMMENT ON COLUMN cohort_gaps.key IS 'Key of the crash';
 COMMENT ON COLUMN cohort_gaps.cohort IS 'Its cohort';
 COMMENT ON COLUMN cohort_gaps.final_state IS 'pending or failed';
 COMMENT ON COLUMN cohort_gaps.classes_filled IS 'Uncovered classes it would fill';
-COMMENT ON COLUMN cohort_gaps.would_fill IS 'Which ones';
+COMMENT ON COLUMN cohort_gaps.would_fill IS 'Names of these classes';

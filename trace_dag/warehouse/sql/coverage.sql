@@ -17,7 +17,7 @@ LEFT JOIN classes USING (dimension, class)
 GROUP BY coverage_classes.dimension, coverage_classes.class, class_number
 ORDER BY class_number;
 
-COMMENT ON VIEW coverage IS 'How the crashes cover each class of the three dimensions, uncovered classes included';
+COMMENT ON VIEW coverage IS 'Numbers of crashes in each class of the three dimensions, empty classes included';
 COMMENT ON COLUMN coverage.dimension IS 'collision_type, road_topology or vehicle_trajectory';
 COMMENT ON COLUMN coverage.class IS 'Class of the dimension';
 COMMENT ON COLUMN coverage.registered IS 'Crashes of that class, whatever became of them';

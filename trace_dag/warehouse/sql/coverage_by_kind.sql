@@ -19,7 +19,7 @@ JOIN coverage_classes USING (dimension, class)
 GROUP BY classes.kind, coverage_classes.dimension, coverage_classes.class, class_number
 ORDER BY classes.kind, class_number;
 
-COMMENT ON VIEW coverage_by_kind IS 'How the crashes of each kind cover each class of the three dimensions';
+COMMENT ON VIEW coverage_by_kind IS 'Numbers of crashes of each kind in each class of the three dimensions';
 COMMENT ON COLUMN coverage_by_kind.kind IS 'Kind of crash';
 COMMENT ON COLUMN coverage_by_kind.dimension IS 'collision_type, road_topology or vehicle_trajectory';
 COMMENT ON COLUMN coverage_by_kind.class IS 'Class of the dimension';

@@ -106,7 +106,7 @@ LEFT JOIN state ON state.code = CASE
 END
 ORDER BY named.register <> 'fars', named.register, case_year, state_case, standing.key;
 
-COMMENT ON TABLE crashes IS 'Every registered crash, once, with where it stands';
+COMMENT ON TABLE crashes IS 'Every registered crash, once, with its state';
 COMMENT ON COLUMN crashes.key IS 'Key of the crash, <caseYear>-<stateCase> or <register>-<id>';
 COMMENT ON COLUMN crashes.register IS 'Register that the report is of: fars, or the name of another';
 COMMENT ON COLUMN crashes.case_year IS 'Year of the case file; of other registers than FARS the year of the crash';
@@ -122,8 +122,8 @@ COMMENT ON COLUMN crashes.road_topology IS 'Coverage class of the intersection (
 COMMENT ON COLUMN crashes.vehicle_trajectory IS 'Coverage class of the crash type of the vehicle pair (ACC_TYPE)';
 COMMENT ON COLUMN crashes.kind IS 'Kind of crash, by first harmful event and vehicles (HARM_EV, VE_FORMS, SOE)';
 COMMENT ON COLUMN crashes.detail IS 'The sentence behind a rejection or failure, with what was measured';
-COMMENT ON COLUMN crashes.outdated IS 'Stage that was to run again and failed: the crash stands where it stood; null if there is none';
-COMMENT ON COLUMN crashes.outdated_because IS 'What happened in that attempt';
+COMMENT ON COLUMN crashes.outdated IS 'Stage that failed when run again, so that the earlier results are kept; null if there is none';
+COMMENT ON COLUMN crashes.outdated_because IS 'Message of the failed attempt';
 COMMENT ON COLUMN crashes.state_code IS 'State (STATE), as in the case number';
 COMMENT ON COLUMN crashes.state_name IS 'Name of the state';
 COMMENT ON COLUMN crashes.place IS 'City, county and state as labelled';

@@ -12,5 +12,5 @@ ORDER BY ALL;
 
 COMMENT ON VIEW doubtful_places IS 'Accepted crashes off mapped ground, through a building, or on a street that the report contradicts';
 COMMENT ON COLUMN doubtful_places.key IS 'Key of the crash';
-COMMENT ON COLUMN doubtful_places.what IS 'What is doubtful: mapped_ground, first street or carriageways';
+COMMENT ON COLUMN doubtful_places.what IS 'Subject of the doubt: mapped_ground, first street or carriageways';
 COMMENT ON COLUMN doubtful_places.detail IS 'What was found, in words';

@@ -18,7 +18,7 @@ SELECT
 FROM (SELECT key, drawn, len(contacts) AS contacts, effective, unnest(intervals) AS found FROM sampled)
 ORDER BY key, found.quantity, found.party;
 
-COMMENT ON TABLE estimate_intervals IS 'What the report leaves open of speeds, changes of velocity, place and angle: intervals over weighed draws';
+COMMENT ON TABLE estimate_intervals IS 'Intervals of speeds, changes of velocity, place and angle, over weighted draws of the values that the report leaves open';
 COMMENT ON COLUMN estimate_intervals.key IS 'Key of the crash';
 COMMENT ON COLUMN estimate_intervals.quantity IS 'Of the first contact: impact_speed, delta_v, contact_x, contact_y (east and north of the reported point), heading_angle';
 COMMENT ON COLUMN estimate_intervals.party IS 'Number of the party; NULL of what belongs to the crash';

@@ -21,10 +21,10 @@ SELECT
 FROM estimate
 ORDER BY key;
 
-COMMENT ON TABLE estimates IS 'Every state estimate: who made it, from how many hypotheses, at what cost';
+COMMENT ON TABLE estimates IS 'Every state estimate: estimator, number of hypotheses and cost';
 COMMENT ON COLUMN estimates.key IS 'Key of the crash';
-COMMENT ON COLUMN estimates.estimator IS 'What made the estimate: analytic or llm';
-COMMENT ON COLUMN estimates.asked_estimator IS 'What was asked for it; another than estimator if that had to take its place';
+COMMENT ON COLUMN estimates.estimator IS 'Estimator: analytic or llm';
+COMMENT ON COLUMN estimates.asked_estimator IS 'Estimator that was asked; it differs from estimator if that one replaced it';
 COMMENT ON COLUMN estimates.fallback_reason IS 'Why the asked estimator made none; null if it did';
 COMMENT ON COLUMN estimates.version IS 'Version of the estimator';
 COMMENT ON COLUMN estimates.model IS 'Language model, if one was asked';

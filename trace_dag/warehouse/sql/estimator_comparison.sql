@@ -34,7 +34,7 @@ FROM read_json(
 )
 ORDER BY cohort, key, estimator;
 
-COMMENT ON TABLE estimator_comparison IS 'Estimators set side by side on the same crashes';
+COMMENT ON TABLE estimator_comparison IS 'Estimators compared on the same crashes';
 COMMENT ON COLUMN estimator_comparison.cohort IS 'Cohort compared on';
 COMMENT ON COLUMN estimator_comparison.key IS 'Key of the crash';
 COMMENT ON COLUMN estimator_comparison.estimator IS 'Estimator as named in the comparison: analytic, llm, llm:PROMPT, llm@MODEL';

@@ -6,7 +6,7 @@ WHERE outcome = 'rejected'
 GROUP BY stage, stage_number, reason
 ORDER BY stage_number, crashes DESC, reason;
 
-COMMENT ON VIEW failure_reasons IS 'Why crashes were rejected';
+COMMENT ON VIEW failure_reasons IS 'Reasons for rejections, with counts';
 COMMENT ON COLUMN failure_reasons.stage IS 'Stage that rejected';
 COMMENT ON COLUMN failure_reasons.reason IS 'Reason code';
 COMMENT ON COLUMN failure_reasons.published_category IS 'Category of the published paper it is counted under';

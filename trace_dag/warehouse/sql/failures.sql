@@ -15,10 +15,10 @@ FROM crashes
 JOIN failed_attempt USING (key)
 ORDER BY crashes.key;
 
-COMMENT ON TABLE failures IS 'What broke: crashes that stand failed, and those that stand outdated; trace-dag rerun --failed runs them again';
+COMMENT ON TABLE failures IS 'Failed and outdated crashes; trace-dag rerun --failed runs them again';
 COMMENT ON COLUMN failures.key IS 'Key of the crash';
 COMMENT ON COLUMN failures.cohort IS 'Its cohort';
-COMMENT ON COLUMN failures.final_state IS 'Where the crash stands: failed, or where it stood before the attempt';
+COMMENT ON COLUMN failures.final_state IS 'State of the crash: failed, or its state before the attempt';
 COMMENT ON COLUMN failures.stage IS 'Stage that broke';
 COMMENT ON COLUMN failures.message IS 'What happened';
 COMMENT ON COLUMN failures.transient IS 'Whether it may pass by itself';

@@ -54,7 +54,7 @@ LEFT JOIN fragile USING (key)
 WHERE crashes.severity = 'K' AND crashes.kind IN ('two_vehicles', 'multi_vehicle', 'parked', 'fixed_object', 'lying_object', 'overturn')
 ORDER BY delta_v_mps, key;
 
-COMMENT ON VIEW fatality_plausibility IS 'Verified crashes of vehicles that killed somebody, and whether their simulated change of velocity can have killed';
+COMMENT ON VIEW fatality_plausibility IS 'Verified crashes with deaths in vehicles, and whether their simulated change of velocity can have caused them';
 COMMENT ON COLUMN fatality_plausibility.key IS 'Key of the crash';
 COMMENT ON COLUMN fatality_plausibility.kind IS 'Kind of crash';
 COMMENT ON COLUMN fatality_plausibility.delta_v_mps IS 'Largest change of velocity of any vehicle in any simulated contact, m/s';
@@ -62,4 +62,4 @@ COMMENT ON COLUMN fatality_plausibility.fatality_risk IS 'Risk of death of an oc
 COMMENT ON COLUMN fatality_plausibility.harmless IS 'Whether it is below the 8 km/h from which recorders record';
 COMMENT ON COLUMN fatality_plausibility.delta_v_high_mps IS 'What one in ten draws of the estimate exceeds, of the same vehicle or another, m/s';
 COMMENT ON COLUMN fatality_plausibility.harmful_events IS 'Harmful events that the report lists';
-COMMENT ON COLUMN fatality_plausibility.explained_by IS 'What of the report would explain a harmless one; null for others';
+COMMENT ON COLUMN fatality_plausibility.explained_by IS 'Fact of the report that would explain a harmless one; null for others';

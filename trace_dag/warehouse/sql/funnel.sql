@@ -25,7 +25,7 @@ RIGHT JOIN (
 GROUP BY step_number, step
 ORDER BY step_number;
 
-COMMENT ON VIEW funnel IS 'How many crashes got past each step, beside the counts of the published study (TRACE, FSE Companion ''26)';
+COMMENT ON VIEW funnel IS 'Numbers of crashes that passed each step, beside the counts of the published study (TRACE, FSE Companion ''26)';
 COMMENT ON COLUMN funnel.step IS 'Step of the funnel';
 COMMENT ON COLUMN funnel.crashes IS 'Crashes that passed it';
-COMMENT ON COLUMN funnel.published IS 'Crashes that did in that study, which takes two vehicles alone; null where it does not say';
+COMMENT ON COLUMN funnel.published IS 'Crashes of the published study, which has only two vehicles; null if it has no count';

@@ -24,11 +24,11 @@ FROM passed
 GROUP BY kind
 ORDER BY registered DESC, kind;
 
-COMMENT ON VIEW funnel_by_kind IS 'How many crashes of each kind got past each step';
+COMMENT ON VIEW funnel_by_kind IS 'Numbers of crashes of each kind that passed each step';
 COMMENT ON COLUMN funnel_by_kind.kind IS 'Kind of crash; not_known where neither report nor source say it yet';
 COMMENT ON COLUMN funnel_by_kind.registered IS 'Crashes of that kind';
 COMMENT ON COLUMN funnel_by_kind.share_pct IS 'Their share of all registered crashes, per cent';
-COMMENT ON COLUMN funnel_by_kind.complete IS 'Of those, with a report that says enough';
+COMMENT ON COLUMN funnel_by_kind.complete IS 'Of those, with enough facts in the report';
 COMMENT ON COLUMN funnel_by_kind.mapped IS 'Of those, with a road map';
 COMMENT ON COLUMN funnel_by_kind.estimated IS 'Of those, with an estimate of the states';
 COMMENT ON COLUMN funnel_by_kind.collided IS 'Of those, that collide in simulation';

@@ -106,7 +106,7 @@ SELECT
 FROM belted_drivers
 ORDER BY key, party;
 
-COMMENT ON VIEW injury_risk IS 'How badly people are hurt at the violence that was simulated, in verified crashes; risks of published curves';
+COMMENT ON VIEW injury_risk IS 'Risks of injury at the simulated severity of verified crashes, by published curves';
 COMMENT ON COLUMN injury_risk.key IS 'Key of the crash';
 COMMENT ON COLUMN injury_risk.party IS 'Number of the person struck, or of the vehicle';
 COMMENT ON COLUMN injury_risk.who IS 'person struck, or occupants of a car, SUV, pickup or van';

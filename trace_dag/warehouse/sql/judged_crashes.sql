@@ -18,7 +18,7 @@ LEFT JOIN verdicts USING (key)
 LEFT JOIN (SELECT key, max(speed_limit_mph) AS speed_limit_mph FROM vehicles GROUP BY key) AS limits USING (key);
 
 COMMENT ON VIEW judged_crashes IS 'Every registered crash with grade, change of velocity and speed limit: crashes and verdicts in one';
-COMMENT ON COLUMN judged_crashes.grade IS 'How well it is supported: corroborated or consistent; null of a rejected crash';
+COMMENT ON COLUMN judged_crashes.grade IS 'Grade: corroborated or consistent; null for a rejected crash';
 COMMENT ON COLUMN judged_crashes.direction_open IS 'Sides that the report leaves open, with the share of each: party, side, share';
 COMMENT ON COLUMN judged_crashes.contact_distance_m IS 'First contact, or overturn, from the reported point, m';
 COMMENT ON COLUMN judged_crashes.delta_v_max_mps IS 'Change of velocity, the larger of the vehicles, m/s';

@@ -39,26 +39,26 @@ WHERE case_id = key AND role IS DISTINCT FROM 'departing'
 GROUP BY agent, asked.cases, asked.crashes_asked
 ORDER BY runs < asked.cases, (conflict_avoided + collision_avoided) / runs DESC, delta_v_saved_rel DESC, agent;
 
-COMMENT ON VIEW leaderboard IS 'Agents side by side, over the verified crashes they drove in';
+COMMENT ON VIEW leaderboard IS 'Comparison of agents over the verified crashes in which they drove';
 COMMENT ON COLUMN leaderboard.agent IS 'Name of the agent, and of conditions other than the usual';
 COMMENT ON COLUMN leaderboard.runs IS 'Evaluations: crashes times places it took';
-COMMENT ON COLUMN leaderboard.cases IS 'Crashes times places that any agent took: agents with fewer runs stand below the others';
+COMMENT ON COLUMN leaderboard.cases IS 'Pairs of crash and place in which any agent drove; agents with fewer runs are listed below the others';
 COMMENT ON COLUMN leaderboard.crashes IS 'Crashes it drove in';
 COMMENT ON COLUMN leaderboard.crashes_asked IS 'Crashes that any agent drove in';
-COMMENT ON COLUMN leaderboard.traffic IS 'How the others moved: recorded, reactive or persistent';
+COMMENT ON COLUMN leaderboard.traffic IS 'Motion of the others: recorded, reactive or persistent';
 COMMENT ON COLUMN leaderboard.split IS 'The part of the benchmark it was evaluated on; NULL where on no part as a whole';
 COMMENT ON COLUMN leaderboard.handed_in IS 'Whether its runs were handed in as a file';
-COMMENT ON COLUMN leaderboard.conflict_avoided IS 'Runs in which it got past and nobody came within 1.5 s of touching anybody';
-COMMENT ON COLUMN leaderboard.collision_avoided IS 'Runs in which somebody did, it got past and nobody touched anybody';
-COMMENT ON COLUMN leaderboard.did_not_arrive IS 'Runs without a contact in which it never got past the conflict';
-COMMENT ON COLUMN leaderboard.rules_broken IS 'Runs in which it got past, but off the road or faster than traffic drives';
+COMMENT ON COLUMN leaderboard.conflict_avoided IS 'Runs in which it passed, with 1.5 s or more to every contact';
+COMMENT ON COLUMN leaderboard.collision_avoided IS 'Runs in which it passed without a contact, but with less than 1.5 s to one';
+COMMENT ON COLUMN leaderboard.did_not_arrive IS 'Runs without a contact in which it never passed the conflict';
+COMMENT ON COLUMN leaderboard.rules_broken IS 'Runs in which it passed, but off the road or faster than traffic';
 COMMENT ON COLUMN leaderboard.mitigated IS 'Runs with a risk of serious injury lower by more than a tenth';
 COMMENT ON COLUMN leaderboard.unchanged IS 'Runs with the crash''s risk of serious injury, within a tenth';
 COMMENT ON COLUMN leaderboard.worse IS 'Runs with a risk higher by more than a tenth';
-COMMENT ON COLUMN leaderboard.faulty IS 'Runs in which the agent broke its side of the interface';
+COMMENT ON COLUMN leaderboard.faulty IS 'Runs in which the agent violated the interface';
 COMMENT ON COLUMN leaderboard.off_road IS 'Runs with more than half a second off the road';
 COMMENT ON COLUMN leaderboard.wrong_way IS 'Runs with more than half a second in lanes of the other direction';
-COMMENT ON COLUMN leaderboard.unfinished IS 'Runs without a contact in which it did not come to its goal in twice the recorded time';
+COMMENT ON COLUMN leaderboard.unfinished IS 'Runs without a contact in which it did not reach its goal in twice the recorded time';
 COMMENT ON COLUMN leaderboard.risk_saved IS 'Risk of serious injury of the crashes less that of its runs, mean of all runs but faulty ones';
 COMMENT ON COLUMN leaderboard.delta_v_saved_rel IS 'Share of the crashes'' delta-v that it saved, over all runs but faulty ones';
 COMMENT ON COLUMN leaderboard.max_deceleration_median_mps2 IS 'Hardest braking of a run, median, m/s2';

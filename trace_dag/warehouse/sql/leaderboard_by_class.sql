@@ -24,16 +24,16 @@ WHERE case_id = key AND role IS DISTINCT FROM 'departing'
 GROUP BY agent, dimension, class
 ORDER BY agent, dimension, class;
 
-COMMENT ON VIEW leaderboard_by_class IS 'What each agent made of the verified crashes of each kind and class';
+COMMENT ON VIEW leaderboard_by_class IS 'Results of each agent in verified crashes, by kind and class';
 COMMENT ON COLUMN leaderboard_by_class.agent IS 'Name of the agent, and of conditions other than the usual';
 COMMENT ON COLUMN leaderboard_by_class.dimension IS 'kind, collision_type, road_topology or vehicle_trajectory';
 COMMENT ON COLUMN leaderboard_by_class.class IS 'Class of the dimension';
 COMMENT ON COLUMN leaderboard_by_class.runs IS 'Evaluations: crashes times places it took';
-COMMENT ON COLUMN leaderboard_by_class.conflict_avoided IS 'Runs in which it got past and nobody came within 1.5 s of touching anybody';
-COMMENT ON COLUMN leaderboard_by_class.collision_avoided IS 'Runs in which somebody did, it got past and nobody touched anybody';
-COMMENT ON COLUMN leaderboard_by_class.did_not_arrive IS 'Runs without a contact in which it never got past the conflict';
-COMMENT ON COLUMN leaderboard_by_class.rules_broken IS 'Runs in which it got past, but off the road or faster than traffic drives';
+COMMENT ON COLUMN leaderboard_by_class.conflict_avoided IS 'Runs in which it passed, with 1.5 s or more to every contact';
+COMMENT ON COLUMN leaderboard_by_class.collision_avoided IS 'Runs in which it passed without a contact, but with less than 1.5 s to one';
+COMMENT ON COLUMN leaderboard_by_class.did_not_arrive IS 'Runs without a contact in which it never passed the conflict';
+COMMENT ON COLUMN leaderboard_by_class.rules_broken IS 'Runs in which it passed, but off the road or faster than traffic';
 COMMENT ON COLUMN leaderboard_by_class.mitigated IS 'Runs with a risk of serious injury lower by more than a tenth';
 COMMENT ON COLUMN leaderboard_by_class.unchanged IS 'Runs with the crash''s risk of serious injury, within a tenth';
 COMMENT ON COLUMN leaderboard_by_class.worse IS 'Runs with a risk higher by more than a tenth';
-COMMENT ON COLUMN leaderboard_by_class.faulty IS 'Runs in which the agent broke its side of the interface';
+COMMENT ON COLUMN leaderboard_by_class.faulty IS 'Runs in which the agent violated the interface';

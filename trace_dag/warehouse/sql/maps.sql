@@ -18,14 +18,14 @@ SELECT
 FROM map_report
 ORDER BY key;
 
-COMMENT ON TABLE maps IS 'Every road map: what it holds and where the crash lies on it';
+COMMENT ON TABLE maps IS 'Every road map: its contents and the place of the crash on it';
 COMMENT ON COLUMN maps.key IS 'Key of the crash';
 COMMENT ON COLUMN maps.converter IS 'Name and version of what made the map';
 COMMENT ON COLUMN maps.roads IS 'Roads, connecting roads among them';
 COMMENT ON COLUMN maps.junctions IS 'Junctions';
 COMMENT ON COLUMN maps.crash_road IS 'Road the crash was placed on';
 COMMENT ON COLUMN maps.crash_junction IS 'Junction of an intersection crash';
-COMMENT ON COLUMN maps.moved_m IS 'How far the reported point was moved to its carriageway, m';
+COMMENT ON COLUMN maps.moved_m IS 'Distance by which the reported point was moved to its carriageway, m';
 COMMENT ON COLUMN maps.matched_by IS 'Evidence the road was chosen by';
 COMMENT ON COLUMN maps.crash_x_m IS 'Place of the crash, east of the reported point, m';
 COMMENT ON COLUMN maps.crash_y_m IS 'Place of the crash, north of the reported point, m';

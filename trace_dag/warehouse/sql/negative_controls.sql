@@ -25,7 +25,7 @@ FROM read_json(
 )
 ORDER BY cohort, kind, key, other_key;
 
-COMMENT ON TABLE negative_controls IS 'Verdicts of simulations set beside what they are not, and of the true pairings';
+COMMENT ON TABLE negative_controls IS 'Verdicts of simulations on reports that they should not match, and on their own';
 COMMENT ON COLUMN negative_controls.rule_set IS 'Set of rules it was judged by';
 COMMENT ON COLUMN negative_controls.cohort IS 'Cohort compared within';
 COMMENT ON COLUMN negative_controls.kind IS 'true (its own report), other_report, shifted (one vehicle or the person late), mirrored (the person from the other side), dropped (one contact), swapped (two contacts), parked_moved (the parked vehicle 3 m aside) or object_moved (what was struck, farther off than allowed)';

@@ -59,5 +59,5 @@ COMMENT ON COLUMN pedestrians.movement IS 'Its movement before the critical even
 COMMENT ON COLUMN pedestrians.speed_limit_mph IS 'Its speed limit, mph (VSPD_LIM)';
 COMMENT ON COLUMN pedestrians.impact_speed_mph IS 'Its speed at the first contact of the judged course, mph';
 COMMENT ON COLUMN pedestrians.final_state IS 'verified, first_event_only, rejected, failed or pending';
-COMMENT ON COLUMN pedestrians.grade IS 'How well it is supported: corroborated or consistent; null of a rejected crash';
+COMMENT ON COLUMN pedestrians.grade IS 'Grade: corroborated or consistent; null for a rejected crash';
 COMMENT ON COLUMN pedestrians.summary IS 'The crash in words';

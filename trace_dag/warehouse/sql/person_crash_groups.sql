@@ -19,7 +19,7 @@ WHERE codes.element IN ('PEDCGP', 'BIKECGP')
 GROUP BY codes.element, codes.code, codes.meaning
 ORDER BY codes.element DESC, codes.code;
 
-COMMENT ON VIEW person_crash_groups IS 'Crashes with pedestrians and cyclists by the group their typing puts them into';
+COMMENT ON VIEW person_crash_groups IS 'Crashes with pedestrians and cyclists by the group of their crash type';
 COMMENT ON COLUMN person_crash_groups.element IS 'PEDCGP of pedestrians, BIKECGP of cyclists';
 COMMENT ON COLUMN person_crash_groups.code IS 'Code of the group';
 COMMENT ON COLUMN person_crash_groups.meaning IS 'The group in words';

@@ -31,7 +31,7 @@ COMMENT ON COLUMN perturbed_controls.rule_set IS 'Set of rules it was judged by'
 COMMENT ON COLUMN perturbed_controls.cohort IS 'Cohort of the crash';
 COMMENT ON COLUMN perturbed_controls.key IS 'Key of the crash whose report was changed';
 COMMENT ON COLUMN perturbed_controls.perturbation IS 'What was changed, by name; python -m lab perturbed prints them in words';
-COMMENT ON COLUMN perturbed_controls.draw IS 'Which draw of what is drawn at random, from 0';
+COMMENT ON COLUMN perturbed_controls.draw IS 'Number of the random draw, from 0';
 COMMENT ON COLUMN perturbed_controls.seed IS 'Seed it was drawn with';
 COMMENT ON COLUMN perturbed_controls.detail IS 'What was changed, in words';
 COMMENT ON COLUMN perturbed_controls.other_key IS 'Crash whose report was set down at this place';

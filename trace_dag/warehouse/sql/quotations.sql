@@ -11,7 +11,7 @@ FROM (
 ) AS record
 ORDER BY record.key, record.number;
 
-COMMENT ON TABLE quotations IS 'The words of narratives that fields of records were read from';
+COMMENT ON TABLE quotations IS 'The words of narratives from which fields of records were read';
 COMMENT ON COLUMN quotations.key IS 'Key of the crash';
 COMMENT ON COLUMN quotations.number IS 'Number among those of the crash';
 COMMENT ON COLUMN quotations.part IS 'The crash, or a vehicle, person or event by its number';

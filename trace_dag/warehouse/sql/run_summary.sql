@@ -17,7 +17,7 @@ LEFT JOIN estimates ON estimates.key = stage_outcomes.key
 GROUP BY run_id
 ORDER BY began_at;
 
-COMMENT ON VIEW run_summary IS 'What each run did, of what still stands';
+COMMENT ON VIEW run_summary IS 'Work of each run, as far as its results are current';
 COMMENT ON COLUMN run_summary.run_id IS 'Dagster run';
 COMMENT ON COLUMN run_summary.began_at IS 'Its first stage, UTC';
 COMMENT ON COLUMN run_summary.crashes IS 'Crashes it computed something for';

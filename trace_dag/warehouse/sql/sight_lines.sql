@@ -11,7 +11,7 @@ SELECT
 FROM (SELECT key, unnest(sight_lines) AS line FROM verdict)
 ORDER BY key, party;
 
-COMMENT ON TABLE sight_lines IS 'From when on each of the two parties that met first could see the other';
+COMMENT ON TABLE sight_lines IS 'The times from which the two parties of the first contact could see each other';
 COMMENT ON COLUMN sight_lines.key IS 'Key of the crash';
 COMMENT ON COLUMN sight_lines.party IS 'The party that looks, from the driver''s or the person''s eye';
 COMMENT ON COLUMN sight_lines.other IS 'The party that is looked at';

@@ -4,7 +4,7 @@ SELECT key, stage, number, outcome, reason, detail, started_at, run_id, fingerpr
 FROM known_outcome
 ORDER BY key, stage_number, number;
 
-COMMENT ON TABLE stage_history IS 'Every outcome that is known of a stage and crash; of those replaced since, the latest twenty';
+COMMENT ON TABLE stage_history IS 'Every known outcome of a stage and crash: the current one, and the latest twenty replaced ones';
 COMMENT ON COLUMN stage_history.key IS 'Key of the crash';
 COMMENT ON COLUMN stage_history.stage IS 'Stage of the flow';
 COMMENT ON COLUMN stage_history.number IS 'Order of the outcomes, from 1';

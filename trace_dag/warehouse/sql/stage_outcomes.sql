@@ -6,7 +6,7 @@ SELECT
 FROM outcome
 ORDER BY key, stage_number;
 
-COMMENT ON TABLE stage_outcomes IS 'What every stage said about every crash it examined';
+COMMENT ON TABLE stage_outcomes IS 'Outcome of every stage for every crash';
 COMMENT ON COLUMN stage_outcomes.key IS 'Key of the crash';
 COMMENT ON COLUMN stage_outcomes.stage IS 'Stage of the flow';
 COMMENT ON COLUMN stage_outcomes.outcome IS 'accepted, rejected or failed';

@@ -15,14 +15,14 @@ SELECT
 FROM (SELECT key, grade, unnest(support.facts) AS fact FROM verdict)
 ORDER BY ALL;
 
-COMMENT ON TABLE support IS 'What supports each verdict, one row per fact of the report';
+COMMENT ON TABLE support IS 'Support of each verdict, one row per fact of the report';
 COMMENT ON COLUMN support.key IS 'Key of the crash';
-COMMENT ON COLUMN support.grade IS 'How well it is supported: corroborated or consistent; null of a rejected crash';
-COMMENT ON COLUMN support.fact IS 'What the report speaks of';
+COMMENT ON COLUMN support.grade IS 'Grade: corroborated or consistent; null for a rejected crash';
+COMMENT ON COLUMN support.fact IS 'Name of the fact';
 COMMENT ON COLUMN support.against IS 'What it is compared with: map, course (as simulated) or record (other fields of the report)';
 COMMENT ON COLUMN support.vehicle_number IS 'Vehicle it is about, if one';
-COMMENT ON COLUMN support.reported IS 'What the report says; of a contradiction, the sentence';
-COMMENT ON COLUMN support.found IS 'What the map or the course has';
+COMMENT ON COLUMN support.reported IS 'Value of the report; for a contradiction, the sentence';
+COMMENT ON COLUMN support.found IS 'Value of the map or the course';
 COMMENT ON COLUMN support.agreement IS 'agrees, near or differs';
 COMMENT ON COLUMN support.agreed IS 'Whether it agrees';
 COMMENT ON COLUMN support.essential IS 'Whether a difference forbids corroboration, whatever else agrees';

@@ -26,11 +26,11 @@ WHERE coalesce(crashes.reason NOT IN ('outside_cohort', 'not_modelled', 'incompl
 GROUP BY ALL
 ORDER BY crashes.cohort, crashes.kind, told.moving;
 
-COMMENT ON VIEW usable_information IS 'What the reports tell of crashes that can be judged, within their cohort''s filters';
+COMMENT ON VIEW usable_information IS 'Information in the reports of crashes that can be judged, within their cohort''s filters';
 COMMENT ON COLUMN usable_information.cohort IS 'Cohort';
 COMMENT ON COLUMN usable_information.kind IS 'Kind of crash';
 COMMENT ON COLUMN usable_information.vehicles IS 'Motor vehicles in transport that the report lists';
-COMMENT ON COLUMN usable_information.crashes IS 'Crashes whose report was read, filters passed, kind can be judged, who met is known';
+COMMENT ON COLUMN usable_information.crashes IS 'Crashes with a readable report and known parties, of a kind that can be judged, within the filters';
 COMMENT ON COLUMN usable_information.topology IS 'Of those, not rejected as incomplete_topology';
 COMMENT ON COLUMN usable_information.trajectory IS 'Of those, not rejected as incomplete_trajectory';
 COMMENT ON COLUMN usable_information.impact IS 'Of those, with an area of impact of every vehicle';

@@ -55,7 +55,7 @@ FROM in_order
 WHERE result_before IS NOT NULL AND (result, reason) IS DISTINCT FROM (result_before, reason_before)
 ORDER BY changed_at, key;
 
-COMMENT ON VIEW verdict_changes IS 'Which re-runs changed what became of a crash';
+COMMENT ON VIEW verdict_changes IS 'Changes of a crash''s outcome by re-runs';
 COMMENT ON COLUMN verdict_changes.key IS 'Key of the crash';
 COMMENT ON COLUMN verdict_changes.run_id IS 'Dagster run that changed it';
 COMMENT ON COLUMN verdict_changes.changed_at IS 'When the stage that did began, UTC';

@@ -33,7 +33,7 @@ COMMENT ON COLUMN verdict_criteria.key IS 'Key of the crash';
 COMMENT ON COLUMN verdict_criteria.accepted IS 'Whether the crash is accepted';
 COMMENT ON COLUMN verdict_criteria.label IS 'What happens: verified, first_event_only or rejected';
 COMMENT ON COLUMN verdict_criteria.direction_open IS 'Sides that the report leaves open, with the share of each; of the verdict';
-COMMENT ON COLUMN verdict_criteria.grade IS 'How well it is supported: corroborated or consistent; null of a rejected crash';
+COMMENT ON COLUMN verdict_criteria.grade IS 'Grade: corroborated or consistent; null for a rejected crash';
 COMMENT ON COLUMN verdict_criteria.support IS 'Sum of the weights of all facts of the report, natural logarithm';
 COMMENT ON COLUMN verdict_criteria.independent_facts IS 'Different facts that agree with the map or the course';
 COMMENT ON COLUMN verdict_criteria.alternatives IS 'What else is likely beside the course that was judged, in words; of the verdict';
