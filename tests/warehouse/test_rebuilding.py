@@ -71,10 +71,11 @@ def test_tells_which_runs_changed_a_verdict(tmp_path):
     note(storage, broken, Stage.SIMULATION_LOG, run=2, error="the disk is full")
     build_warehouse(storage, tmp_path)
     changes = rows(tmp_path / "warehouse.duckdb", "verdict_changes")
-    assert {(row["key"], row["run_id"], row["reason_before"], row["reason_after"]) for row in changes} == {
-        (rejected, "run 2", None, "wrong_impact"),
-        (back, "run 2", None, "crash_off_road"),
-        (back, "run 3", "crash_off_road", None),
+    columns = ("key", "run_id", "result_before", "reason_before", "result_after", "reason_after")
+    assert {tuple(row[column] for column in columns) for row in changes} == {
+        (rejected, "run 2", "accepted", None, "rejected", "wrong_impact"),
+        (back, "run 2", "accepted", None, "rejected", "crash_off_road"),
+        (back, "run 3", "rejected", "crash_off_road", "accepted", None),
     }
     (failure,) = rows(tmp_path / "warehouse.duckdb", "failures")
     assert (failure["key"], failure["stage"], failure["message"]) == (broken, "simulation_log", "the disk is full")

@@ -1,6 +1,6 @@
--- Which re-runs changed what became of a crash: from verified to rejected, back, or to another reason. Failures say
--- nothing about a crash and are passed over. A result may also change by standing again: an earlier stage runs once more,
--- makes what it made before, and the later results hold without being computed; so the present standing is the last.
+-- Re-runs that changed the outcome of a crash: from accepted to rejected, back, or to another reason. Failures are passed
+-- over. A result may also change without being computed: an earlier stage runs once more and gives its old output, so that
+-- the later results are valid again. So the present state is the last row of each crash.
 CREATE VIEW verdict_changes AS
 WITH ended AS (
     SELECT
@@ -8,7 +8,7 @@ WITH ended AS (
         started_at,
         run_id,
         stage_number,
-        if(outcome = 'accepted', 'verified', 'rejected') AS result,
+        outcome AS result,
         reason,
         detail
     FROM stage_history
@@ -21,7 +21,7 @@ present AS (
         latest.started_at,
         latest.run_id,
         99 AS stage_number,
-        crashes.final_state AS result,
+        if(crashes.final_state = 'rejected', 'rejected', 'accepted') AS result,
         crashes.reason,
         crashes.detail
     FROM crashes
@@ -30,7 +30,7 @@ present AS (
         FROM stage_history
         GROUP BY key
     ) AS latest USING (key)
-    WHERE crashes.final_state IN ('verified', 'rejected')
+    WHERE crashes.final_state IN ('verified', 'first_event_only', 'rejected')
 ),
 
 in_order AS (
@@ -58,9 +58,9 @@ ORDER BY changed_at, key;
 COMMENT ON VIEW verdict_changes IS 'Changes of a crash''s outcome by re-runs';
 COMMENT ON COLUMN verdict_changes.key IS 'Key of the crash';
 COMMENT ON COLUMN verdict_changes.run_id IS 'Dagster run that changed it';
-COMMENT ON COLUMN verdict_changes.changed_at IS 'When the stage that did began, UTC';
-COMMENT ON COLUMN verdict_changes.result_before IS 'verified or rejected, before';
+COMMENT ON COLUMN verdict_changes.changed_at IS 'Time at which the stage that changed it began, UTC';
+COMMENT ON COLUMN verdict_changes.result_before IS 'accepted (verified or first_event_only) or rejected, before';
 COMMENT ON COLUMN verdict_changes.reason_before IS 'Reason code of the rejection before';
-COMMENT ON COLUMN verdict_changes.result_after IS 'verified or rejected, after';
+COMMENT ON COLUMN verdict_changes.result_after IS 'accepted (verified or first_event_only) or rejected, after';
 COMMENT ON COLUMN verdict_changes.reason_after IS 'Reason code of the rejection after';
-COMMENT ON COLUMN verdict_changes.detail IS 'The sentence behind the rejection after';
+COMMENT ON COLUMN verdict_changes.detail IS 'Sentence of the rejection after';
