@@ -24,7 +24,7 @@ from trace_dag.scenario.openscenario import OpenScenarios
 from trace_dag.scenario.traffic.demand import Streets
 from trace_dag.scenario.traffic.simulation import Party, TrafficRequest, surround
 from trace_dag.scenario.traffic.sumo_network import network_xml
-from trace_dag.scenario.traffic.surrounding import SurroundingTraffic, add_traffic
+from trace_dag.scenario.traffic.surrounding import SurroundingTraffic, add_traffic, take_traffic
 from trace_dag.scenario.traffic.volumes import Hour, TrafficClass, hourly_volume, vehicle_mix
 from trace_dag.simulation.embedded import EmbeddedSimulation
 from trace_dag.simulation.surface import NetworkSurface
@@ -165,3 +165,15 @@ def test_volumes_and_vehicles_are_those_of_the_sources() -> None:
     ]
     of_week = 5 * sum(days[:24]) + 2 * sum(days[24:])
     assert of_week == pytest.approx(7 * 1_899_000 / 365, rel=1e-3)
+
+
+def test_a_log_gives_the_vehicles_back_that_were_put_into_it(network, crash, sumo) -> None:
+    found = around(network, crash, 1.0)
+    log, taken = take_traffic(add_traffic(crash, found))
+    assert [each.number for each in log.vehicles] == [each.number for each in crash.vehicles]
+    assert set(log.bodies) == set(crash.bodies)
+    for one, other in zip(taken.vehicles, found.vehicles, strict=True):
+        assert (one.number, one.body) == (other.number, other.body)
+        times = one.trajectory.time_s
+        np.testing.assert_allclose(one.trajectory.x_m, np.interp(times, other.trajectory.time_s, other.trajectory.x_m))
+    assert take_traffic(crash)[1] is None

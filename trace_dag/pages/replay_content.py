@@ -38,6 +38,7 @@ from trace_dag.scenario.drawn_shapes import (
     vehicle_colour,
 )
 from trace_dag.scenario.lights import Lights, crash_lights, lights_in_words, lit_lines
+from trace_dag.scenario.traffic.surrounding import SurroundingTraffic, take_traffic
 from trace_dag.simulation.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import EventResult, Verdict
@@ -45,7 +46,6 @@ from trace_dag.verdict.types import EventResult, Verdict
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
     from trace_dag.reconstruction.samples.simulated import SampledRuns
-    from trace_dag.scenario.traffic.surrounding import SurroundingTraffic
     from trace_dag.simulation.types import Contact
 
 _MARGIN_M = 25.0
@@ -126,6 +126,8 @@ def replay_content(
     >>> content.solid is None, content.map_svg[:4]
     (True, '<svg')
     """
+    log, among = take_traffic(log)
+    traffic = among or traffic
     windows = beside or choose_windows(log, drive)
     west, south, east, north = windows.overview
     wider = (east - west) * (_MAP_WIDER - 1) / 2

@@ -10,6 +10,7 @@ import numpy as np
 
 from trace_dag.common.geometry import FloatArray, Pose, Poses, gaps_m
 from trace_dag.crash.codes import bodies
+from trace_dag.crash.parties import SURROUNDING
 from trace_dag.crash.record import VehicleClass
 from trace_dag.scenario.traffic.volumes import TrafficClass
 from trace_dag.simulation.states import Trajectory
@@ -17,6 +18,7 @@ from trace_dag.simulation.types import Body, BodyKind, Participant, SimulationLo
 
 STEP_S: Final = 0.1
 _BRAKING_MPS2, _STANDS_S = 3.0, 60.0
+_LOGGED: Final = 5  # of a log's steps, one is kept
 _COMBINATION_M: Final = 21.0  # AASHTO's WB-62, 69 ft, as one body
 _REPORTED: Final = {
     VehicleClass.CAR: bodies.SEDAN,
@@ -128,6 +130,21 @@ def add_traffic(log: SimulationLog, traffic: SurroundingTraffic | None, *, throu
         vehicles=(*log.vehicles, *(each.logged() for each in vehicles)),
         bodies=log.bodies | {each.number: each.body for each in vehicles},
     )
+
+
+def take_traffic(log: SimulationLog) -> tuple[SimulationLog, SurroundingTraffic | None]:
+    """Return a log without the vehicles around a crash, and these; None if it has none."""
+    names = [each.name for each in fields(Trajectory)]
+    around = tuple(
+        SurroundingVehicle(
+            each.number, log.bodies[each.number], Trajectory(**{name: getattr(each, name)[::_LOGGED] for name in names})
+        )
+        for each in log.vehicles
+        if each.number > SURROUNDING
+    )
+    kept = tuple(each for each in log.vehicles if each.number <= SURROUNDING)
+    bodies = {number: body for number, body in log.bodies.items() if number <= SURROUNDING}
+    return replace(log, vehicles=kept, bodies=bodies), SurroundingTraffic(around, 0, ()) if around else None
 
 
 def body_of_class(vehicle_class: VehicleClass) -> Body:
