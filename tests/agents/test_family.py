@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from tests.agents.cases import BACKEND, crossing, rear_end
-from trace_dag.agents.variations.family import Criteria, VariationKind, family
-from trace_dag.agents.variations.motion import perturb_motion
-from trace_dag.agents.variations.perturbation import Bounds, Perturbation, VehiclePerturbation, draw
+from trace_dag.agents.variations.family import (
+    Bounds,
+    Criteria,
+    Perturbation,
+    VariationKind,
+    VehiclePerturbation,
+    draw,
+    family,
+    perturb_motion,
+)
 
 NOTHING = VehiclePerturbation(1, 1.0, 0.0, 0.0, 0.0), VehiclePerturbation(2, 1.0, 0.0, 0.0, 0.0)
 

@@ -15,7 +15,6 @@ import pytest
 from waiting import eventually
 
 from tests.agents.cases import drive, rear_end
-from trace_dag.agents.evaluation.agent_code import agent_code
 from trace_dag.agents.evaluation.agent_main import AgentLimits
 from trace_dag.agents.evaluation.agent_process import AgentProcess
 from trace_dag.agents.evaluation.agent_protocol import answer_from_bytes, answer_to_bytes
@@ -23,6 +22,7 @@ from trace_dag.agents.evaluation.agents import AgentFault, Motion
 from trace_dag.agents.evaluation.evaluate import Evaluation
 from trace_dag.agents.evaluation.isolation import Isolation, isolation
 from trace_dag.agents.evaluation.metrics import DriveOutcome
+from trace_dag.agents.evaluation_work import agent_code
 from trace_dag.common.errors import UserError
 from trace_dag.common.processes import descendants
 

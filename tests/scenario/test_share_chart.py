@@ -8,7 +8,7 @@ from urllib.parse import unquote
 import pytest
 from lxml import etree
 
-from trace_dag.agents.share_chart import Share, data_url, share_chart, wilson_interval
+from trace_dag.agents.evaluation.shares import Share, data_url, share_chart, wilson_interval
 
 
 def test_the_interval_is_wilsons():

@@ -1,4 +1,4 @@
-"""The work of one evaluation, done by processes of this machine or by the workers of a cluster.
+"""The work of one evaluation, by processes of this machine or workers of a cluster, and the identity of agent code.
 
 Belongs here: loading a case, driving it, and dividing the cases. Does not belong here: what becomes of the answers
 (:mod:`trace_dag.agents.evaluations`), and driving and measuring themselves (:mod:`trace_dag.agents.evaluation`).
@@ -6,14 +6,17 @@ Belongs here: loading a case, driving it, and dividing the cases. Does not belon
 
 from __future__ import annotations
 
+import hashlib
+import importlib.util
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
+from urllib.parse import parse_qsl
 
-from trace_dag.agents.evaluation.agent_code import agent_code
 from trace_dag.agents.evaluation.agent_main import AgentLimits
 from trace_dag.agents.evaluation.agent_process import WAITS, AgentProcess
 from trace_dag.agents.evaluation.evaluate import Conditions, Evaluation, evaluate
@@ -195,3 +198,33 @@ def _done(work: EvaluationWork, shared: LoadedCase, step: Step) -> Evaluation | 
         late = time.monotonic() - began_s >= limit_s
         work.close()  # an agent that was broken off may be in the middle of an answer: the next step has a new one
         return Lost(f"took longer than {limit_s:g} s" if late else str(failure))
+
+
+# --- code of agents --------------------------------------------------------------------------------------------------
+def agent_code(reference: str) -> str:
+    """Return the digest of an agent, given as ``module:Class?name=value``.
+
+    It covers the sources of the agent's package (for an agent of trace-dag only its module), its arguments, and the
+    bytes of files that the arguments name. The result is "unread" if the module is not a Python source.
+    """
+    place, _, arguments = reference.partition("?")
+    digest = hashlib.sha256()
+    try:
+        for path in _sources(place.partition(":")[0]):
+            digest.update(path.read_bytes() + b"\0")
+    except (OSError, ValueError, ImportError):
+        return "unread"
+    for name, value in parse_qsl(arguments, keep_blank_values=True):
+        digest.update(f"\0{name}\0{value}\0".encode())
+        with suppress(OSError, ValueError), Path(value).open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
+    return digest.hexdigest()[:16]
+
+
+def _sources(module: str) -> Iterator[Path]:
+    spec = importlib.util.find_spec(module)
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+        raise ImportError(f"{module}: no Python source")
+    path = Path(spec.origin)
+    alone = module.startswith("trace_dag.") or ("." not in module and path.name != "__init__.py")
+    yield from [path] if alone else sorted(path.parent.rglob("*.py"))

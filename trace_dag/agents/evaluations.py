@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 
-from trace_dag.agents.evaluation.agent_code import agent_code
 from trace_dag.agents.evaluation.agent_main import AgentLimits
 from trace_dag.agents.evaluation.agent_process import AgentProcess
 from trace_dag.agents.evaluation.agents import AgentFault
@@ -19,7 +18,7 @@ from trace_dag.agents.evaluation.isolation import Isolation
 from trace_dag.agents.evaluation.registry import label, resolve
 from trace_dag.agents.evaluation.splits import Split
 from trace_dag.agents.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
-from trace_dag.agents.evaluation_work import EvaluationWork, Step, answers, evaluation_code_version
+from trace_dag.agents.evaluation_work import EvaluationWork, Step, agent_code, answers, evaluation_code_version
 from trace_dag.agents.stored_cases import AgentRole, StoredCase, load_case, number_of
 from trace_dag.common.errors import DamagedFile, Failure, UserError
 from trace_dag.common.provenance import now

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from trace_dag.agents.evaluation.table import rows_to_parquet
-from trace_dag.agents.stored_cases import StoredCase, load_case
+from trace_dag.agents.stored_cases import StoredCase, load_case, report_each
 from trace_dag.agents.stored_variations import (
     FOLDER,
     AboutVariation,
@@ -23,7 +23,6 @@ from trace_dag.agents.stored_variations import (
 )
 from trace_dag.agents.variations.family import Variation, VariationKind, family
 from trace_dag.agents.variations.table import VARIATIONS, row
-from trace_dag.agents.work_by_crash import report_each
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import Pose
 from trace_dag.common.json_adapters import json_adapter

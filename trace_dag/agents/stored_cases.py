@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+import traceback
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from trace_dag.agents.evaluation.crash_parts import part_of
 from trace_dag.agents.evaluation.splits import Split, splits_of
 from trace_dag.agents.stored_variations import families, read_variation
-from trace_dag.common.errors import UserError
+from trace_dag.common.errors import Failure, UserError
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.stage import Stage
 from trace_dag.crash.event_sequence import OFF_THE_ROAD, sequence_of
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, SAMPLED, VERDICT, XODR, CrashArtefacts
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import FinalState, status_of_valid
+from trace_dag.flow.executors import run_redoing_lost
+from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import OnProblem, log_problem, raise_problem
 from trace_dag.flow.selection import select_registered
 from trace_dag.flow.stored_crashes import crash_files
@@ -29,7 +33,6 @@ if TYPE_CHECKING:
     from trace_dag.common.settings import SimSettings
     from trace_dag.simulation.states import Hypothesis
     from trace_dag.simulation.types import SimulationLog
-
 
 _PART_OF_A_CRASH = re.compile(r"(?P<key>.+)-(?P<letter>[cv])\d+")  # 2023-319003-c02, 2023-319003-v001
 
@@ -259,3 +262,49 @@ def stored_variations(
             f"of {count_of(len(cases), 'crash', 'crashes')} have no stored variation; trace-dag vary makes them"
         )
     return found
+
+
+# --- work by crash ---------------------------------------------------------------------------------------------------
+class Report(Protocol):
+    """A report of one crash: its key, and the error if it broke, else ""."""
+
+    def __init__(self, key: str, *, error: str = "") -> None: ...
+
+    @property
+    def key(self) -> str: ...
+
+    @property
+    def error(self) -> str: ...
+
+
+Reported = TypeVar("Reported", bound=Report)
+
+
+def report_each(
+    workspace: Workspace,
+    cases: Sequence[StoredCase],
+    make: Callable[[StoredCase], Reported],
+    report: type[Reported],
+    on_progress: Callable[[Reported], None],
+) -> list[Reported]:
+    """Return the reports that ``make`` gives for the crashes, in order.
+
+    ``on_progress`` is called with each finished report.
+    """
+    reports: dict[str, Reported] = {}
+    with workspace.executing() as executor:
+        for case, found in run_redoing_lost(executor, partial(_report, make, report), cases, lambda case: [case]):
+            made = report(case.key, error=found.detail) if isinstance(found, Lost) else found
+            reports[case.key] = made
+            on_progress(made)
+    return [reports[case.key] for case in cases]
+
+
+def _report(make: Callable[[StoredCase], Reported], report: type[Reported], case: StoredCase) -> Reported:
+    try:
+        return make(case)
+    except Failure as failure:
+        return report(case.key, error=str(failure))
+    except Exception as error:
+        # One crash without a result keeps no other from having one.
+        return report(case.key, error="".join(traceback.format_exception(error)))

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from trace_dag.agents.evaluation.table import Row, rows_from_parquet
-from trace_dag.agents.variations.family import Criteria, VariationKind
-from trace_dag.agents.variations.perturbation import Bounds, Perturbation
+from trace_dag.agents.variations.family import Bounds, Criteria, Perturbation, VariationKind
 from trace_dag.common.errors import DamagedFile
 from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.provenance import crash_of

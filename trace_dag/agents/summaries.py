@@ -10,10 +10,9 @@ import numpy as np
 
 from trace_dag.agents.evaluation.crash_parts import CrashPart
 from trace_dag.agents.evaluation.metrics import AVOIDED, OFF_ROAD_S, DriveOutcome
-from trace_dag.agents.evaluation.shares import clustered_share, effective_number, share_avoided
+from trace_dag.agents.evaluation.shares import Share, clustered_share, effective_number, share_avoided
 from trace_dag.agents.evaluation.table import Row
 from trace_dag.agents.families import FamilyReport
-from trace_dag.agents.share_chart import Share
 from trace_dag.agents.stored_traffic import TrafficReport
 from trace_dag.common.messages.wording import percent
 from trace_dag.verdict.controls import ControlRow

@@ -17,10 +17,10 @@ from trace_dag.agents.evaluation.agent_main import AgentLimits
 from trace_dag.agents.evaluation.evaluate import Conditions
 from trace_dag.agents.evaluation.observation import Sensing
 from trace_dag.agents.evaluation.registry import BASELINES
+from trace_dag.agents.evaluation.shares import data_url, share_chart
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.agents.evaluations import evaluate_agents, try_agents
 from trace_dag.agents.families import make_families
-from trace_dag.agents.share_chart import data_url, share_chart
 from trace_dag.agents.stored_cases import AgentRole, StoredCase, likely_courses, stored_variations, verified_cases
 from trace_dag.agents.stored_traffic import make_traffic
 from trace_dag.agents.stored_variations import FamilyRequest

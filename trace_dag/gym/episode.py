@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from greenlet import GreenletExit, getcurrent, greenlet
 
 from trace_dag.agents.evaluation.agents import Motion, Observation, Recorded
-from trace_dag.agents.evaluation.control import MotionController
 from trace_dag.agents.evaluation.evaluate import AFTER_CONTACT_S, LEAST_RATE_HZ, others_of
+from trace_dag.agents.evaluation.loop import MotionController
 from trace_dag.agents.evaluation.observation import Sensing, Sensor
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.scenario.cases import Case, Scenario

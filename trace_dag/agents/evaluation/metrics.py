@@ -1,4 +1,9 @@
-"""Measures of one evaluation, from its log beside the recorded crash, and the outcome that sums them up."""
+"""Measures of one evaluation, from its log beside the recorded crash, and the outcome that sums them up.
+
+The risk of serious injury in a contact is that of the curves of the warehouse's view ``injury_risk``. The curves are
+for occupants of cars and people on foot, and here cover all directions. For motorcyclists, whose risk is higher, and
+for trucks they only rank contacts of the same bodies.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from trace_dag.agents.evaluation.injury_risk import risk_of_contact
 from trace_dag.agents.evaluation.rules import measure_rules
+from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.parties import party_of_body
 from trace_dag.scenario.cases import Case
 from trace_dag.scenario.conflicts import post_encroachment_time_s, time_to_contact_s
@@ -25,6 +30,7 @@ _SMOOTHED_S = 0.2  # accelerations are means over so long
 OFF_ROAD_S = 0.5
 """A vehicle that is off the road for longer has left it."""
 _SAME_REL = 0.1
+_TEFFT_10_MPH, _TEFFT_90_MPH = 17.1, 48.1
 
 
 class DriveOutcome(StrEnum):
@@ -60,7 +66,7 @@ class Metrics:
     ``required_deceleration_mps2`` is the most that was needed not to touch (:func:`needed_mps2`), None with a contact
     or off a collision course. The comfort
     measures are of the time before any contact. ``serious_injury_risk`` is the larger one of the first contact's two
-    (:mod:`trace_dag.agents.evaluation.injury_risk`). ``finished``: nobody touched anybody, and the agent came 50 m
+    (:mod:`trace_dag.agents.evaluation.metrics`). ``finished``: nobody touched anybody, and the agent came 50 m
     beyond the conflict, or to the end of its recorded way, within twice the recorded time; ``arrived``: past the
     conflict. ``over_traffic_mps``: the most above 1.25 times the limit, or the highest speed of the recorded vehicle
     where that is more. ``recorded_off_road_s``: of the recorded vehicle before the conflict, 0 of one that left the
@@ -266,3 +272,44 @@ def _comfort(log: VehicleLog, until_s: float) -> dict[str, Any]:
         "max_lateral_mps2": float(np.abs(across).max()),
         "max_jerk_mps3": float(np.abs(jerk).max(initial=0.0)),
     }
+
+
+# --- injury risk -----------------------------------------------------------------------------------------------------
+def occupants_risk(delta_v_mps: float) -> float:
+    """Return the risk of serious injury (MAIS 3 and more) of a car's occupants.
+
+    Malliaris, Digges, DeBlois, SAE 970393, 1997.
+
+    >>> round(occupants_risk(10.0), 3), round(occupants_risk(20.0), 3)
+    (0.187, 0.925)
+    """
+    return _logistic(-5.450 + 0.178 * mps_to_mph(delta_v_mps))
+
+
+def struck_persons_risk(closing_mps: float) -> float:
+    """Return the risk of severe injury (AIS 4 and more) of a person struck.
+
+    Tefft, Accident Analysis and Prevention 50, 2013.
+
+    >>> round(struck_persons_risk(17.1 * 0.44704), 2), round(struck_persons_risk(48.1 * 0.44704), 2)
+    (0.1, 0.9)
+    """
+    middle, slope = (_TEFFT_10_MPH + _TEFFT_90_MPH) / 2, 2 * math.log(9) / (_TEFFT_90_MPH - _TEFFT_10_MPH)
+    return _logistic(slope * (mps_to_mph(closing_mps) - middle))
+
+
+def risk_of_contact(contact: Contact | None, bodies: dict[int, Body]) -> float:
+    """Return the larger risk of the two bodies in contact; 0 without a contact."""
+    if contact is None:
+        return 0.0
+    risks = []
+    for number, delta_v_mps in ((contact.number_1, contact.delta_v_1_mps), (contact.number_2, contact.delta_v_2_mps)):
+        if number in bodies and bodies[number].is_figure:
+            risks.append(struck_persons_risk(contact.closing_speed_mps))
+        elif number in bodies:
+            risks.append(occupants_risk(math.hypot(*delta_v_mps)))
+    return max(risks)
+
+
+def _logistic(log_odds: float) -> float:
+    return 1 / (1 + math.exp(-log_odds))
