@@ -33,10 +33,10 @@ WITHIN_RAD: Final = math.radians(45)
 
 @dataclass(frozen=True)
 class DirectionRow:
-    """One crash. ``fits``: whether the reported directions go with the manner of collision. The rest is of the estimate
-    that is not told them, and of the one that is (``told_``): whether the best hypothesis has every vehicle headed as
-    reported, before its turn and as the report may mean it (after its turn, where it does not say); whether any kept
-    one has; and how likely the estimate takes all but the best to be. None where there is no estimate."""
+    """One crash. ``fits``: whether the reported directions go with the manner of collision. The other fields are of the
+    estimate without the directions, and of that with them (``told_``): whether every vehicle of the best hypothesis is
+    headed as reported before its turn, or after it if the report may mean that; the same for any kept hypothesis; and
+    the likelihood of all hypotheses but the best. None without an estimate."""
 
     key: str
     manner: str

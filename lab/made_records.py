@@ -3,10 +3,10 @@ to fit.
 
 Nobody has a national release here with events, vehicles and maps all in one. The data at hand are the events and
 persons of every fatal crash of 2016 without its accident and vehicle rows, the accident rows of 2015, and full
-records of a few hundred crashes. So each crash of 2016 keeps its events, persons, damage and manoeuvres; it gets
-time, place, light and kind of road from a crash of 2015 with the same first event, number of vehicles, manner of
-collision and kind of area; and its vehicles from a fully recorded crash of the same shape, turned to the areas of
-impact and the body types that the events tell of. Nothing looks at whether the program can do anything with it."""
+records of a few hundred crashes. So each crash of 2016 keeps its events, persons, damage and manoeuvres. Its time,
+place, light and kind of road come from a crash of 2015 with the same first event, number of vehicles, manner of
+collision and kind of area. Its vehicles come from a fully recorded crash of the same shape, with the areas of impact
+and body types of the events. The choice does not depend on whether the program can reconstruct it."""
 
 from __future__ import annotations
 

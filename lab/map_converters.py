@@ -2,10 +2,10 @@
 
     TRACE_DAG_JUDGES=.venv-judges python -m lab map_converters ../shared/data/osm [--radius 400]
 
-Around the middle of the roads of each extract every converter gets the same data. Printed is one table: how many maps
-were made, how far the ways lie from the axes of their roads outside junctions, roads with the lanes that are tagged,
-errors that ASAM's checker finds at version 1.7, how many maps CARLA's library and netconvert read, and the CPU time of
-a map with its process. CommonRoad's designer makes lanelets: its ways are measured to the nearest border or middle of
+Around the middle of the roads of each extract every converter gets the same data. Prints one table: the number of maps,
+the distance of ways from the axes of their roads outside junctions, roads with the tagged lanes, and errors of ASAM's
+checker at version 1.7. It also has the number of maps that CARLA's library and netconvert read, and the CPU time of a
+map with its process. CommonRoad's designer makes lanelets: its ways are measured to the nearest border or middle of
 one, a way farther than 5 m from all counts as missing, and OpenDRIVE's checker and readers do not apply.
 """
 

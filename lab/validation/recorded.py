@@ -333,8 +333,8 @@ def _speed_at_impact_mps(samples: object) -> float | None:
 
     Recorders of one maker sample every half or whole second whatever happens, and count the last sample as a whole
     interval before the impact: it is anything between that and none (Wilkinson et al., SAE 2006-01-1397), half of it
-    on average. Going on so errs, over the 180 recorders of the public cases that have the impact itself, by 0 km/h
-    on average where they slow down, the last sample by +6 (every second) and +4 (every half), going on for the whole
+    on average. In the 180 recorders of the public cases with a sample at the impact, this errs by 0 km/h on average for
+    vehicles that slow down. The last sample errs by +6 (every second) and +4 (every half), and slowing for the whole
     interval by -4 and -3."""
     known = _before_impact(samples, high=_FASTEST_KMH)
     if not known:

@@ -192,10 +192,9 @@ def body_bearing_rad(pose: Pose, length_m: float, width_m: float, point_xy_m: Fl
 
     Radians CCW from its front.
 
-    Both axes are scaled by the body's half dimensions, so that the front face of a motorcycle and of a 20 m truck
-    alike spans -pi/4 to pi/4 (clock positions 10:30 to 1:30) and the corners lie between front and side, which is
-    how clock positions are coded: by face, not by angle. Feed the result to
-    :func:`trace_dag.common.units.bearing_to_clock_h`.
+    Both axes are scaled by the body's half dimensions, because clock positions are coded by face, not by angle. So the
+    front face of a motorcycle and of a 20 m truck alike spans -pi/4 to pi/4 (clock positions 10:30 to 1:30), and the
+    corners lie between front and side. Feed the result to :func:`trace_dag.common.units.bearing_to_clock_h`.
 
     >>> math.degrees(body_bearing_rad(Pose(0.0, 0.0, 0.0), 4.0, 2.0, np.array([2.0, 1.0])))  # the front left corner
     45.0

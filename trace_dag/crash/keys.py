@@ -1,8 +1,9 @@
 """The key of a crash: made and read in one place, so that no text of a report can become a path.
 
 FARS' keys are ``<caseYear>-<stateCase>``: a ``stateCase`` is unique only within its year. Those of other registers are
-``<register>-<id>``. A register's name begins with a letter, so that the two cannot be mixed up; an id holds letters,
-digits, ``-`` and ``_`` alone, others encoded, so that a key is safe as the name of a file, as a partition and in a URL.
+``<register>-<id>``. A register's name begins with a letter, so that the two cannot be confused. Characters of an id
+other than letters, digits, ``-`` and ``_`` are encoded, so that a key is safe as the name of a file, as a partition and
+in a URL.
 """
 
 from __future__ import annotations

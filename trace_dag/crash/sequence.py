@@ -134,10 +134,10 @@ def _event_rows(
 def _with_pushed(events: Sequence[EventRecord], set_in_motion: Collection[int]) -> tuple[EventRecord, ...]:
     """Return the events with the pushed vehicle in place of the vehicle that pushed it.
 
-    A standing vehicle has no events of its own. If it was pushed into another vehicle or an object, that is coded as an
-    event of the vehicle that struck it, with an area of impact for "set in motion" (190 of 440 contacts with a second
-    standing vehicle of 2016, 22 of 98 objects after a contact with one). The pushed vehicle is the one struck just
-    before; if that was an object, the event stays as it is.
+    A standing vehicle has no events of its own. A contact into which it was pushed is coded as an event of the vehicle
+    that struck it, with an area of impact for "set in motion" (190 of 440 contacts with a second standing vehicle of
+    2016, 22 of 98 objects after a contact with one). The pushed vehicle is the one struck just before; if that was an
+    object, the event stays as it is.
     """
     found: list[EventRecord] = []
     last: dict[int | None, EventRecord] = {}  # harmful event of each vehicle, as coded

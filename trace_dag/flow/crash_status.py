@@ -57,11 +57,9 @@ class CrashStatus:
 
 
 def valid_records(records: Records) -> Records:
-    """Return the records that still count.
+    """Return the valid records: those up to the first that did not accept, each made from the outputs before it.
 
-    These are the records up to the first that did not accept, each built on the outputs of those before it.
-
-    A later stage's record from before an earlier stage was run again no longer counts.
+    A record is invalid if an earlier stage has been run again since.
     """
     valid: Records = {}
     made: dict[str, str] = {}  # digests of the artefacts so far, as the inputs of a record name them

@@ -118,7 +118,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     conflict with the agent (``traffic="persistent"``).
 
     Args: home: a storage root, a package or a release, or what ``trace_dag.open`` gave; by default as it does. key: one
-    crash or several; all in which somebody met somebody by default. ego: whose place, as ``trace-dag evaluate --ego``
+    crash or several; all crashes between parties by default. ego: the place of the agent, as ``trace-dag evaluate --ego``
     has it, or a vehicle's number. variations: with the stored variations of the crashes. courses: the likely courses of
     each crash in its place, drawn by their weights. actions: ``continuous`` or ``discrete``; see
     :mod:`trace_dag.gym.acting`. rate_hz: steps per second, 1 to 100. sensing: how well it sees. traffic: how everybody
@@ -127,10 +127,11 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
 
     ``reset(seed=..., options={"key": ..., "case_id": ...})`` chooses a crash, or one variation or course; of what they
     leave the seed draws one, every crash and variation as often, a course by its weight. The same seed, options and
-    actions give the same bits. An episode is terminated by the first contact of anybody with anybody, and truncated
-    when the agent has arrived 50 m beyond the conflict or at the end of its recorded way, not before five seconds after
-    the recorded impact, or has taken twice the recorded time. ``info`` has what :func:`about` says, and in the
-    end ``outcome`` and ``metrics``. Raises :class:`trace_dag.common.errors.UserError` for what is not there.
+    actions give the same bits. An episode is terminated by the first contact between any parties. It is truncated when
+    the agent has arrived 50 m beyond the conflict or at the end of its recorded way (but not before five seconds after
+    the recorded impact), or has taken twice the recorded time. ``info`` has the values of :func:`about`, and in the end
+    ``outcome`` and ``metrics``. Raises :class:`trace_dag.common.errors.UserError` for a crash, case or place that is
+    missing.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012 - as its base

@@ -6,10 +6,10 @@ plan, so that only a vehicle's touch releases the figure.
 
 Contact with vehicles is MuJoCo's own, springs and dampers with friction in an elliptic cone, at every segment; the
 friction's reference is slower than the normal one, so that MuJoCo's convex relaxation does not push sliding bodies
-apart. The road carries every segment without friction; its friction acts on the person as a whole, as it was measured
-on whole people and dummies that slide, roll and tumble: mu times the road's normal force against the velocity of the
-centre of mass, which is Searle's law (SAE 831622) through landing, bouncing and sliding alike. The same friction slows
-down rotation about the vertical and the limbs.
+apart. The road carries every segment without friction. Its friction acts on the person as a whole, because it was
+measured on whole people and dummies that slide, roll and tumble. The force is mu times the road's normal force against
+the velocity of the centre of mass: Searle's law (SAE 831622) for landing, bouncing and sliding alike. The same friction
+slows down rotation about the vertical and the limbs.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 The estimator chooses the course that fits the report best, so the agreement of a single field is weak evidence; one
 course that fits all fields is strong evidence.
 
-The facts of strikes on people and of departures from the road are those of two vehicles under names of their own, since
-the weight of a fact is fitted to crashes of its kind: that a car went straight tells less where nearly all who strike
-people do. Objects are placed by the program, so that their facts tell less than those of the place.
+Strikes on people and departures from the road have the facts of two vehicles under other names, since the weight of a
+fact is fitted to crashes of its kind: going straight is weak evidence if nearly all vehicles that strike people do so.
+Objects are placed by the program, so that their facts are weaker evidence than those of the place.
 """
 
 from __future__ import annotations

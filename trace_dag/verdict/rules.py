@@ -1,10 +1,10 @@
 """The rules of a verdict: a table of criteria with their events, measures, limits and reasons.
 
-Three rule sets. "trace-dag": the paper's three criteria (first contact near the reported location, each impact within
-two clock positions, each direction as reported), with the impact measured where the bodies touch, and thresholds from
-settings. "strict": those, and every reported travel speed kept and every later object and overturn, which the paper
-does not require. "published": the published pipeline's unchanged procedure, contact within 10 m and the impact as the
-direction to the other body's centre, for comparison.
+There are three rule sets. "trace-dag" has the paper's three criteria: first contact near the reported location, each
+impact within two clock positions, each direction as reported. The impact is measured where the bodies touch, and
+thresholds come from settings. "strict" also requires every reported travel speed, later object and overturn.
+"published" is the unchanged procedure of the paper, for comparison: contact within 10 m, and the impact as the
+direction to the other body's centre.
 
 A crash is accepted if no criterion that can reject it fails, and if each reason required by its first event was
 evaluated at least once. Unreported facts are "not evaluated", and without any evaluation there is no evidence for the

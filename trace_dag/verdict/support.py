@@ -1,10 +1,11 @@
 """Support of an accepted crash: each independent fact of its report for or against it, their sum, and a grade.
 
 The three criteria test whether the simulated contact fits the report, but the estimator chooses hypotheses that do.
-Support tests the other reported facts of the place and the course. The weight of a fact is the logarithm of how many
-times likelier it is to agree (or differ) in a true report at its true place than in a control, by the counts in
-``support_weights.csv``, measured on FARS reports of Virginia 2023 and of Arizona, California, Ohio and South Dakota
-2012 to 2016 (``lab/fit_support.py``). The facts' weights add up, in the manner of naive Bayes.
+Support tests the other reported facts of the place and the course. The weight of a fact is the logarithm of a
+likelihood ratio: the probability that it agrees (or differs) in a true report at its true place, over that in a
+control. The probabilities follow from the counts in ``support_weights.csv``, measured on FARS reports of Virginia 2023
+and of Arizona, California, Ohio and South Dakota 2012 to 2016 (``lab/fit_support.py``). The facts' weights add up, in
+the manner of naive Bayes.
 """
 
 from __future__ import annotations

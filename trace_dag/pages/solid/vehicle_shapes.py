@@ -214,7 +214,7 @@ def _ring(half: float, low: float, top: float) -> FloatArray:
 
 
 def _cabin(rear: float, roof_from: float, roof_to: float, front: float, belt: float, roof: float, half: float) -> Mesh:
-    """Return the glass from the belt up, narrower at the roof."""
+    """Return the windows, from the belt line up to the narrower roof."""
     roof_from = min(roof_from, roof_to - 0.2)
     stations = np.unique(np.concatenate([np.linspace(rear, front, 12), [roof_from, roof_to]]).clip(rear, front))
     xs, zs = [rear, roof_from, roof_to, front], [belt, roof, roof, belt]

@@ -11,9 +11,9 @@ A vehicle out of control skids: it goes on along its course and turns about itse
 the object. Angles of departure follow from the lateral acceleration, of which each manner has several; measured angles
 (Mak, Sicking and Coon, NCHRP Report 665, 2010) say which is likely.
 
-After another event an object is put where the vehicle's way has come as far beyond the edge as such objects usually
-stand, or as far as the vehicle gets, outside the spot of the area of impact, or of the part that goes first where none
-is reported. Frame: the local frame.
+After another event an object is put on the vehicle's way at the usual distance of such objects from the edge, or where
+the vehicle stops if that is nearer. It is put outside the reported area of impact, or outside the leading part of the
+vehicle if no area is reported. Frame: the local frame.
 """
 
 from __future__ import annotations

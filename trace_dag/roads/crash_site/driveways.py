@@ -2,9 +2,9 @@
 
 A vehicle must have used a driveway if it is reported to have come out of one, from the side, or to have turned off the
 street between intersections. If no road of the map passes the crash on that side, a way is added to a copy of the
-extract, as a mapper would have drawn it: at right angles to the street, through the crash's place, on both sides if the
-report does not say which. Its tag ``trace_dag:inferred`` has the reason. On a divided street it crosses the median if
-the reported course does.
+extract. It is drawn at right angles to the street, through the crash's place, and on both sides if the report has no
+side. Its tag ``trace_dag:inferred`` has the reason. On a divided street it crosses the median if the reported course
+does.
 """
 
 from __future__ import annotations

@@ -257,7 +257,7 @@ def _build(stretch: Stretch, start: _Boundary | None, end: _Boundary | None) -> 
 
 
 def _state(specs: Sequence[LaneSpec], side: _Side | None, *, second: bool) -> tuple[list[float], dict[int, int]]:
-    """Return widths at a boundary, and the other stretch's index of each continuing lane."""
+    """Return lane widths at a boundary of stretches, and each continuing lane's index beyond the boundary."""
     if side is None:
         return [spec.width_m for spec in specs], {}
     state = [0.0] * len(specs)

@@ -1,9 +1,8 @@
 """Positions beside the road: a point's road, its distance from the edge of the carriageway, and its zone.
 
 OpenStreetMap seldom has shoulders and never has rights-of-way. Without a shoulder lane on the map, the usual width of
-the road's class is used (:func:`trace_dag.osm.road_classes.usual_shoulder_m`), and the trafficway is assumed to end 15
-m beyond the edge of a freeway and 9 m beyond that of other roads (the clear zone of AASHTO's Roadside Design Guide,
-2011, which agencies seek to own).
+the road's class is used (:func:`trace_dag.osm.road_classes.usual_shoulder_m`). The trafficway is assumed to end 15 m
+beyond the edge of a freeway and 9 m beyond that of other roads: the clear zone of AASHTO's Roadside Design Guide, 2011.
 """
 
 from __future__ import annotations
