@@ -117,21 +117,22 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     The others follow the recording until they are hit, keep their distance (``traffic="reactive"``), or keep the
     conflict with the agent (``traffic="persistent"``).
 
-    Args: home: a storage root, a package or a release, or what ``trace_dag.open`` gave; by default as it does. key: one
-    crash or several; all crashes between parties by default. ego: the place of the agent, as ``trace-dag evaluate --ego``
-    has it, or a vehicle's number. variations: with the stored variations of the crashes. courses: the likely courses of
-    each crash in its place, drawn by their weights. actions: ``continuous`` or ``discrete``; see
-    :mod:`trace_dag.gym.acting`. rate_hz: steps per second, 1 to 100. sensing: how well it sees. traffic: how everybody
-    else moves, as ``trace-dag evaluate --traffic`` has it. reward: weights; see :class:`trace_dag.gym.rewards.Reward`.
-    render_mode: ``rgb_array``, or ``human``: the replay of each episode as a page in the browser.
+    Args: home: a storage root, a package or a release, or what ``trace_dag.open`` gave; the default of
+    ``trace_dag.open`` if left out. key: one crash or several; all crashes between parties by default. ego: the place
+    that the agent takes, a value of ``trace-dag evaluate --ego`` or a vehicle's number. variations: include the stored
+    variations of the crashes. courses: use the likely courses of each crash in its place, drawn by their weights.
+    actions: ``continuous`` or ``discrete``; see :mod:`trace_dag.gym.acting`. rate_hz: steps per second, 1 to 100.
+    sensing: range, noise and occlusion of its sight. traffic: motion of the others, a value of ``trace-dag evaluate
+    --traffic``. reward: weights; see :class:`trace_dag.gym.rewards.Reward`. render_mode: ``rgb_array``, or ``human``:
+    the replay of each episode as a page in the browser.
 
-    ``reset(seed=..., options={"key": ..., "case_id": ...})`` chooses a crash, or one variation or course; of what they
-    leave the seed draws one, every crash and variation as often, a course by its weight. The same seed, options and
-    actions give the same bits. An episode is terminated by the first contact between any parties. It is truncated when
-    the agent has arrived 50 m beyond the conflict or at the end of its recorded way (but not before five seconds after
-    the recorded impact), or has taken twice the recorded time. ``info`` has the values of :func:`about`, and in the end
-    ``outcome`` and ``metrics``. Raises :class:`trace_dag.common.errors.UserError` for a crash, case or place that is
-    missing.
+    ``reset(seed=..., options={"key": ..., "case_id": ...})`` chooses a crash, or one variation or course. The seed
+    draws one of the remaining ones: crashes and variations with equal probability, courses by their weights. The same
+    seed, options and actions give the same bits. An episode is terminated by the first contact between any parties. It
+    is truncated when the agent has arrived 50 m beyond the conflict or at the end of its recorded way (but not before
+    five seconds after the recorded impact), or has taken twice the recorded time. ``info`` has the values of
+    :func:`about`, and in the end ``outcome`` and ``metrics``. Raises :class:`trace_dag.common.errors.UserError` for a
+    crash, case or place that is missing.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012 - as its base
