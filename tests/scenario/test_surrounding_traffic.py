@@ -20,9 +20,10 @@ from trace_dag.crash.parties import party_label
 from trace_dag.export.formats.sumo import floating_car_data
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.scenario.lights import Party
 from trace_dag.scenario.openscenario import OpenScenarios
 from trace_dag.scenario.traffic.demand import Streets
-from trace_dag.scenario.traffic.simulation import Party, TrafficRequest, surround
+from trace_dag.scenario.traffic.simulation import TrafficRequest, surround
 from trace_dag.scenario.traffic.sumo_network import network_xml
 from trace_dag.scenario.traffic.surrounding import SurroundingTraffic, add_traffic, take_traffic
 from trace_dag.scenario.traffic.volumes import Hour, TrafficClass, hourly_volume, vehicle_mix

@@ -161,9 +161,7 @@ class Case:
 
     def light_ahead(self, number: int, state: BodyState, time_s: float) -> tuple[str, float] | tuple[None, None]:
         """Return the colour of the next light ahead of a participant, and the way to its stop line (m)."""
-        ahead_m, heading = self.bodies[number].length_m / 2, state.heading_rad
-        x_m, y_m = state.x_m + ahead_m * math.cos(heading), state.y_m + ahead_m * math.sin(heading)
-        return light_ahead(self._lit_lines, Pose(x_m, y_m, heading, state.z_m), time_s)
+        return light_ahead(self._lit_lines, state, self.bodies[number].length_m, time_s)
 
     @cached_property
     def _ways(self) -> dict[int, tuple[Route, Path]]:

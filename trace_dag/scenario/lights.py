@@ -21,13 +21,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.common.geometry import FloatArray, Pose
+from trace_dag.common.geometry import FloatArray, Poses
 from trace_dag.crash.codes.vehicle import FLASHING, SIGNALS
 from trace_dag.crash.parties import SURROUNDING, party_label
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.roads.map.model import Controller, Road, Signal
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.simulation.types import BodyKind, SimulationLog
+from trace_dag.simulation.driving import BodyState
+from trace_dag.simulation.types import Body, BodyKind, SimulationLog, VehicleLog
 
 _TENTHS: Final = 10  # of a second, in which programs are made
 _CYCLE_S, _CLEARANCE_S, _YELLOW_S = 90.0, 1.0, (3.0, 6.0)
@@ -109,6 +110,29 @@ class Lights:
             f"{party_label(each.party)} {'stood before' if each.stood else 'crossed'} its stop line on {each.shown}"
             for each in self.met
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Party:
+    """A body of the crash in motion; just before the crash it moves straight at its first speed."""
+
+    body: Body
+    log: VehicleLog
+
+    def poses_at(self, times_s: FloatArray) -> Poses:
+        """Return x, y and heading at times of the crash's clock, each shape (n,)."""
+        log, before_s = self.log, np.minimum(times_s, 0.0)
+        x, y, heading = (
+            np.interp(times_s, log.time_s, values) for values in (log.x_m, log.y_m, np.unwrap(log.heading_rad))
+        )
+        return x + before_s * log.velocity_x_mps[0], y + before_s * log.velocity_y_mps[0], heading
+
+    def front_at(self, times_s: FloatArray) -> FloatArray:
+        """Return x, y of the middle of its front and degrees clockwise from north at times, shape (n, 3)."""
+        x, y, heading = self.poses_at(times_s)
+        ahead_m = self.body.length_m / 2
+        angle_deg = np.remainder(90.0 - np.degrees(heading), 360.0)
+        return np.column_stack([x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), angle_deg])
 
 
 def crash_lights(record: CrashRecord, network: RoadNetwork, log: SimulationLog) -> tuple[Lights, ...]:
@@ -262,11 +286,8 @@ def _met_lights(network: RoadNetwork, log: SimulationLog) -> Iterator[MetLight]:
         touched = [contact.time_s for contact in log.contacts if each.number in (contact.number_1, contact.number_2)]
         until_s = min(touched, default=log.duration_s)
         times = np.arange(-_BEFORE_S, until_s + _STEP_S / 2, _STEP_S)
-        columns = (each.x_m, each.y_m, each.z_m, np.unwrap(each.heading_rad), np.abs(each.speed_mps))
-        x, y, z, heading, speed = (np.interp(times, each.time_s, values) for values in columns)
-        before_s, ahead_m = np.minimum(times, 0.0), body.length_m / 2
-        x = x + before_s * each.velocity_x_mps[0] + ahead_m * np.cos(heading)
-        y = y + before_s * each.velocity_y_mps[0] + ahead_m * np.sin(heading)
+        x, y, _ = Party(body, each).front_at(times).T
+        z, speed = (np.interp(times, each.time_s, values) for values in (each.z_m, np.abs(each.speed_mps)))
         waits = []
         for line in lines:
             beyond_m, within = line.seen(x, y, z)
@@ -329,14 +350,16 @@ def lit_lines(network: RoadNetwork, lights: Lights | None) -> list[tuple[StopLin
 
 
 def light_ahead(
-    lines: Sequence[tuple[StopLine, LightCycle]], front: Pose, time_s: float
+    lines: Sequence[tuple[StopLine, LightCycle]], state: BodyState, length_m: float, time_s: float
 ) -> tuple[Colour, float] | tuple[None, None]:
-    """Return the colour of the next light straight ahead, and how far its stop line is (m); None without one."""
-    x, y, z = (np.array([value]) for value in (front.x_m, front.y_m, front.z_m))
-    found = []
-    for line, cycle in lines:
-        beyond_m, within = line.seen(x, y, z)
-        if within[0] and -_AHEAD_M < beyond_m[0] < 0.0 and line.faces(front.heading_rad):
-            found.append((-float(beyond_m[0]), cycle.at(time_s)))
-    to_go_m, colour = min(found, default=(None, None))
-    return (None, None) if to_go_m is None or colour is None else (colour, to_go_m)
+    """Return the colour of the next light straight ahead of a body, and the way to its stop line (m), or None."""
+    heading, ahead_m = state.heading_rad, length_m / 2
+    x_m, y_m = state.x_m + ahead_m * math.cos(heading), state.y_m + ahead_m * math.sin(heading)
+    ahead = (
+        (-float(beyond_m[0]), cycle.at(time_s))
+        for line, cycle in lines
+        for beyond_m, within in [line.seen(np.array([x_m]), np.array([y_m]), np.array([state.z_m]))]
+        if within[0] and -_AHEAD_M < beyond_m[0] < 0.0 and line.faces(heading)
+    )
+    to_go_m, colour = min(ahead, default=(0.0, None))
+    return (None, None) if colour is None else (colour, to_go_m)

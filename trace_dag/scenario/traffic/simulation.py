@@ -26,11 +26,11 @@ import numpy as np
 from lxml import etree
 
 from trace_dag.common.errors import Failure, UserError
-from trace_dag.common.geometry import FloatArray, Poses
+from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import mps_to_kmh
 from trace_dag.crash.record import VehicleClass
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.lights import Lights
+from trace_dag.scenario.lights import Lights, Party
 from trace_dag.scenario.traffic.demand import Streets, Trip, routes_xml, types_xml
 from trace_dag.scenario.traffic.sumo_network import SUMO_PARSER, network_xml, programs_xml, sumo_homes, sumo_program
 from trace_dag.scenario.traffic.surrounding import (
@@ -43,7 +43,7 @@ from trace_dag.scenario.traffic.surrounding import (
 )
 from trace_dag.scenario.traffic.volumes import Hour, TrafficClass, hourly_volume
 from trace_dag.simulation.states import Trajectory
-from trace_dag.simulation.types import Body, SimulationLog, VehicleLog
+from trace_dag.simulation.types import SimulationLog
 
 _FILLING_S: Final = 240.0  # before the crash begins
 _MEASURED_S: Final = 60.0  # the last of them
@@ -65,29 +65,6 @@ class TrafficRequest:
 
     factor: float = 1.0
     seed: int = 1
-
-
-@dataclass(frozen=True, eq=False)
-class Party:
-    """A body of the crash in motion; just before the crash it moves straight at its first speed."""
-
-    body: Body
-    log: VehicleLog
-
-    def poses_at(self, times_s: FloatArray) -> Poses:
-        """Return x, y and heading at times of the crash's clock, each shape (n,)."""
-        log, before_s = self.log, np.minimum(times_s, 0.0)
-        x, y, heading = (
-            np.interp(times_s, log.time_s, values) for values in (log.x_m, log.y_m, np.unwrap(log.heading_rad))
-        )
-        return x + before_s * log.velocity_x_mps[0], y + before_s * log.velocity_y_mps[0], heading
-
-    def front_at(self, times_s: FloatArray) -> FloatArray:
-        """Return x, y of the middle of its front and degrees clockwise from north at times, shape (n, 3)."""
-        x, y, heading = self.poses_at(times_s)
-        ahead_m = self.body.length_m / 2
-        angle_deg = np.remainder(90.0 - np.degrees(heading), 360.0)
-        return np.column_stack([x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), angle_deg])
 
 
 def surround(
