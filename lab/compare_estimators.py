@@ -17,9 +17,8 @@ from lab.truth.vehicles import SampleTruth, load_truth
 from trace_dag.cli.demo import COHORT, sample_folder
 from trace_dag.cli.options import examples, execution_overrides, executor_options, pass_root
 from trace_dag.cli.printing import print_table, write_json
-from trace_dag.cli.problems import Problems
 from trace_dag.cli.progress import progress_bar
-from trace_dag.cli.study import into_warehouse
+from trace_dag.cli.study import Problems, into_warehouse
 from trace_dag.common.errors import Failure, UserError
 from trace_dag.common.messages.wording import percent
 from trace_dag.flow.workspace import Workspace

@@ -16,7 +16,7 @@ from lab.truth.vehicles import score_truth as score
 from trace_dag.cli.demo import sample_folder
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say, write_json
-from trace_dag.cli.problems import Problems
+from trace_dag.cli.study import Problems
 from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.stage import Stage
 from trace_dag.flow.contract import read_artefact

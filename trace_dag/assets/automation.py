@@ -33,10 +33,9 @@ from dagster import (
 )
 
 from trace_dag.assets.batch import SUMMARY_TAG
-from trace_dag.assets.checks import STAGES, SUMMARY_JOB
 from trace_dag.assets.run_requests import PROCESS_TAG, UNFINISHED, add_partitions, keys_of, run_requests
 from trace_dag.assets.studies import STUDIES
-from trace_dag.assets.summaries import benchmark, warehouse
+from trace_dag.assets.summaries import STAGES, SUMMARY_JOB, benchmark, warehouse
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.network.alerts import Alert, AlertKind, alerts_go_out, send

@@ -7,7 +7,7 @@ rejected crash is data: it is materialized at every stage, with the outcome in i
 The check ``verified`` of single crashes, by which the UI filters them by outcome, has one evaluation per partition. It
 is evaluated for every finished crash. A crash rejected at an earlier stage fails the check with that reason, because
 Dagster shows a check without an evaluation as skipped. A failed check is a warning, since a rejection is data. Gates of
-maps and criteria are checked over all crashes (:mod:`trace_dag.assets.checks`).
+maps and criteria are checked over all crashes (:mod:`trace_dag.assets.summaries`).
 """
 
 import warnings

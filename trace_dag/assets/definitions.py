@@ -18,9 +18,8 @@ from dagster import (
 
 from trace_dag.assets.automation import SENSORS, schedules
 from trace_dag.assets.batch import crashes
-from trace_dag.assets.checks import CHECKS, SUMMARY_JOB
 from trace_dag.assets.studies import STUDIES
-from trace_dag.assets.summaries import benchmark, warehouse
+from trace_dag.assets.summaries import CHECKS, SUMMARY_JOB, benchmark, warehouse
 from trace_dag.common.settings import AutomationSettings
 from trace_dag.flow.workspace import Workspace, storage_root, stored_settings
 

@@ -56,7 +56,7 @@ def controls(
     from dataclasses import asdict
 
     from trace_dag.agents.summaries import controls_table
-    from trace_dag.cli.problems import Problems
+    from trace_dag.cli.study import Problems
     from trace_dag.flow.controls import negative_controls
     from trace_dag.flow.workspace import Workspace
 

@@ -161,7 +161,7 @@ def evaluate(
     from trace_dag.agents.evaluations import evaluate_agents, remove_agent, try_agents
     from trace_dag.agents.stored_cases import AgentRole, likely_courses, stored_variations, verified_cases
     from trace_dag.agents.submissions import results_file
-    from trace_dag.cli.problems import Problems
+    from trace_dag.cli.study import Problems
     from trace_dag.common.errors import UserError
     from trace_dag.export.build import publish_leaderboard
     from trace_dag.flow.workspace import Workspace

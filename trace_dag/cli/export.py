@@ -51,7 +51,7 @@ def export(
 
     A repeated export writes only the files that have changed.
     """
-    from trace_dag.cli.problems import Problems
+    from trace_dag.cli.study import Problems
     from trace_dag.export.export import accepted_keys
     from trace_dag.export.export import export as write
     from trace_dag.flow.workspace import Workspace

@@ -55,7 +55,7 @@ def add(root: str, file: Path) -> None:
     """
     from trace_dag.agents.evaluations import store_rows
     from trace_dag.agents.submissions import check
-    from trace_dag.cli.problems import Problems
+    from trace_dag.cli.study import Problems
     from trace_dag.common.errors import UserError
     from trace_dag.export.build import publish_leaderboard
     from trace_dag.flow.workspace import Workspace

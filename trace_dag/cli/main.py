@@ -12,21 +12,18 @@ from trace_dag.cli.controls import controls
 from trace_dag.cli.demo import demo
 from trace_dag.cli.evaluate import evaluate
 from trace_dag.cli.export import export
-from trace_dag.cli.find import find
 from trace_dag.cli.ingest import ingest
 from trace_dag.cli.leaderboard import leaderboard
 from trace_dag.cli.map import map_command
 from trace_dag.cli.national_coverage import national_coverage
-from trace_dag.cli.open import open_page
 from trace_dag.cli.options import GroupedCommands, examples
-from trace_dag.cli.plugins import plugins
 from trace_dag.cli.registers import registers
 from trace_dag.cli.release import release
 from trace_dag.cli.replay import replay
 from trace_dag.cli.run import rerun, run
-from trace_dag.cli.settings import settings
-from trace_dag.cli.show import show
-from trace_dag.cli.sql import sql, tables
+from trace_dag.cli.settings import plugins, settings
+from trace_dag.cli.show import open_page, show
+from trace_dag.cli.sql import find, sql, tables
 from trace_dag.cli.status import status
 from trace_dag.cli.traffic import traffic
 from trace_dag.cli.ui import ui

@@ -61,7 +61,7 @@ def release(
 
     An interrupted release resumes. A finished one is never changed: other content needs another version.
     """
-    from trace_dag.cli.problems import Problems
+    from trace_dag.cli.study import Problems
     from trace_dag.export.export import accepted_keys
     from trace_dag.export.release import build_release, check_version
     from trace_dag.flow.workspace import Workspace

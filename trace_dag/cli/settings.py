@@ -1,4 +1,4 @@
-"""Every setting as it stands: ``settings``."""
+"""Every setting as it stands, and plug-ins of installed packages: ``settings`` and ``plugins``."""
 
 from __future__ import annotations
 
@@ -47,3 +47,24 @@ def _default(setting: DescribedSetting) -> str:
 
 def _said(value: object) -> str:
     return "null" if value is None else str(value)
+
+
+@click.command(epilog=examples("trace-dag plugins"))
+@click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
+def plugins(as_json: bool) -> None:
+    """List the back-ends, converters, estimators, agents and sources that can be chosen by name.
+
+    Any installed package can add some as entry points; see the documentation.
+    """
+    from trace_dag.common.plugins import PluginKind, list_plugins
+
+    rows = [
+        (kind.value.replace("_", " "), each.name, each.package, each.version, each.reference)
+        for kind in PluginKind
+        for each in list_plugins(kind).values()
+    ]
+    names = ["kind", "name", "package", "version", "what it is"]
+    if as_json:
+        write_json([dict(zip(("kind", "name", "package", "version", "reference"), row, strict=True)) for row in rows])
+    else:
+        print_table(names, rows)

@@ -1,4 +1,4 @@
-"""Questions to the warehouse and its tables: ``sql`` and ``tables``, with rows as files for Excel, maps and Parquet."""
+"""Questions to the warehouse: ``sql``, ``tables`` and ``find``, with rows as files for Excel, maps and Parquet."""
 
 from __future__ import annotations
 
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 _LOOKED_AT, _WIDEST = 1000, 60  # rows that tell how wide a column is, and the most characters it gets
 _LATITUDE, _LONGITUDE = "latitude_deg", "longitude_deg"
+_SHOWN = 20
+_COLUMNS = ("key", "final_state", "pre_crash_scenario", "light", "place", "kind", "euro_ncap", "odd")
+_PRINTED = 5  # of the columns
 
 
 def write_rows(path: Path, output: str, names: Sequence[str], rows: Sequence[Sequence[Any]] | pa.Table) -> None:
@@ -188,3 +191,35 @@ def tables(root: str, words: str | None) -> None:
             f"tables {words}: no table has this name and no column this meaning; trace-dag tables lists all"
         )
     print_table(["table", "column", "type", "what it means"], found)
+
+
+@click.command(epilog=examples('trace-dag find "night pedestrian signalised"', "trace-dag find motorcycle T-junction"))
+@click.argument("words", nargs=-1, required=True)
+@click.option("--json", "as_json", is_flag=True, help="All that are found, as JSON.")
+@pass_root
+def find(root: str, words: tuple[str, ...], as_json: bool) -> None:
+    """Find crashes that match all given words in kind, conditions, road, place, parties, domain or summary.
+
+    A word matches the beginnings of words. Verified crashes come first. The words are those of the warehouse's table
+    catalogue; sql can search further.
+    """
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.warehouse.asking import ask
+    from trace_dag.warehouse.query import query
+
+    sought = [word.lower().replace("'", "''") for word in " ".join(words).split()]
+    where = " AND ".join(f"contains(' ' || words, ' {word}')" for word in sought)
+    workspace = Workspace.open(root, to_read=True)
+    sql = (
+        f"SELECT {', '.join(_COLUMNS)} FROM catalogue JOIN crashes USING (key) WHERE {where} "  # noqa: S608 - read-only
+        "ORDER BY final_state <> 'verified', key"
+    )
+    names, rows = ask(workspace.warehouse, sql, workspace.settings.warehouse, query)
+    if as_json:
+        write_json([dict(zip(names, row, strict=True)) for row in rows])
+        return
+    if not rows:
+        raise UserError(f"find {' '.join(words)}: no crash has all of these words; leave one out")
+    print_table(names[:_PRINTED], [row[:_PRINTED] for row in rows[:_SHOWN]], fit=True)
+    more = f"; --json lists all, {_SHOWN} are shown" if len(rows) > _SHOWN else ""
+    say(f"{count_of(len(rows), 'crash', 'crashes')}{more}")

@@ -1,4 +1,7 @@
-"""Shared by the commands that run studies: choosing cohorts and rules, and storing the results."""
+"""Shared by the commands that run studies: choosing cohorts and rules, storing the results.
+
+Damaged crashes and files that a command left out are listed once at its end, each with its remedy.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,14 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from trace_dag.cli.printing import one_line
+from trace_dag.common.errors import Failure
+from trace_dag.common.messages.logs import print_problem
+
 if TYPE_CHECKING:
-    from trace_dag.cli.problems import Problems
     from trace_dag.common.settings import RuleSetName
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.build import BuildReport
-
 
 Found = TypeVar("Found")
 rules_option = click.option(
@@ -20,6 +25,8 @@ rules_option = click.option(
     type=click.Choice(["trace-dag", "strict", "published"]),
     help="Rules to judge by; default those of the settings.",
 )
+_SHOWN = 20
+_LINE = 500
 
 
 def apply_rules(workspace: Workspace, rules: RuleSetName | None) -> Workspace:
@@ -49,3 +56,23 @@ def into_warehouse(workspace: Workspace, problems: Problems) -> BuildReport:
     from trace_dag.warehouse.build import build_warehouse
 
     return build_warehouse(workspace.storage, workspace.local_folder, on_problem=problems.add)
+
+
+# --- problems --------------------------------------------------------------------------------------------------------
+class Problems:
+    """Collects damaged crashes and files while a command does the rest."""
+
+    def __init__(self) -> None:
+        self._said: dict[str, None] = {}
+
+    def add(self, failure: Failure) -> None:
+        """Remember a complaint, each only once."""
+        self._said[str(failure)] = None
+
+    def print_all(self) -> int:
+        """Print the collected problems; return the exit code, 1 if there are any."""
+        for said in list(self._said)[:_SHOWN]:
+            print_problem(f"failed: {one_line(said, _LINE)}")
+        if len(self._said) > _SHOWN:
+            print_problem(f"failed: {len(self._said) - _SHOWN} more; trace-dag verify --contents lists them")
+        return 1 if self._said else 0

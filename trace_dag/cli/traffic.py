@@ -32,7 +32,7 @@ def traffic(
     from trace_dag.agents.stored_cases import verified_cases
     from trace_dag.agents.stored_traffic import make_traffic
     from trace_dag.agents.summaries import traffic_table
-    from trace_dag.cli.problems import Problems
+    from trace_dag.cli.study import Problems
     from trace_dag.common.errors import Failure
     from trace_dag.flow.workspace import Workspace
     from trace_dag.scenario.traffic.simulation import TrafficRequest

@@ -79,7 +79,7 @@ def vary(
     from trace_dag.agents.stored_variations import FamilyRequest
     from trace_dag.agents.summaries import families_table
     from trace_dag.agents.variations.family import Bounds, Criteria
-    from trace_dag.cli.problems import Problems
+    from trace_dag.cli.study import Problems
     from trace_dag.common.errors import Failure
     from trace_dag.export.package import zip_files
     from trace_dag.export.packaging import package_of_variation
