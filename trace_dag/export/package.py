@@ -3,8 +3,6 @@
 A package is a set of named files; :func:`package_files` makes them, :func:`zip_files` puts them into an archive: the
 same content gives the same bytes. Nothing in it refers to the machine it was made on. :func:`package_files` takes a
 crash on its road as simulated and judged: a verified crash or a variation of one.
-
-Its text documents are templates, filled in. Values are escaped for Markdown; ``| code`` makes a value inline code.
 """
 
 from __future__ import annotations
@@ -13,17 +11,15 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from trace_dag.agents.stored_traffic import StoredTraffic, traffic_to_json
-from trace_dag.common.messages.markdown import code_span, escape
-from trace_dag.common.messages.wording import count_of
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
+from trace_dag.export.documents import render_document
 from trace_dag.osm.types import OsmFeature, Rights
 from trace_dag.pages.canvas import as_png, pixels_of
 from trace_dag.pages.pictures import WIDTH_PX, draw_crash
@@ -49,7 +45,7 @@ from trace_dag.verdict.types import Verdict, verdict_to_json
 from trace_dag.version import __version__
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
+    pass
 
 MANIFEST = "manifest.json"
 
@@ -323,40 +319,3 @@ def _readme(crash: PackageInput, files: list[_File]) -> bytes:
 
 def _json(value: object) -> bytes:
     return (json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
-
-
-# --- documents -------------------------------------------------------------------------------------------------------
-class _Markdown(str):
-    """Text that is Markdown already."""
-
-    __slots__ = ()
-
-
-def render_document(template: str, **values: Any) -> bytes:
-    """Return a template of this package, filled in, as UTF-8.
-
-    A missing value is an error.
-    """
-    markdown = template.endswith(".md.jinja")
-    return _templates(markdown=markdown).get_template(template).render(**values).encode()
-
-
-def _shown(value: object) -> object:
-    return escape(value) if isinstance(value, str) and not isinstance(value, _Markdown) else value
-
-
-@cache
-def _templates(*, markdown: bool) -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("trace_dag.export", "templates"),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-        autoescape=False,  # noqa: S701 - no HTML
-        finalize=_shown if markdown else None,
-    )
-    environment.filters["code"] = lambda value: _Markdown(code_span(str(value)))
-    environment.filters["counted"] = count_of
-    environment.filters["words"] = lambda value: str(value).replace("_", " ")
-    return environment

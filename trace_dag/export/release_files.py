@@ -26,8 +26,8 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType, TableSchema
 from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory
 from trace_dag.crash.keys import FARS
+from trace_dag.export.documents import render_document
 from trace_dag.export.geoparquet import geoparquet
-from trace_dag.export.package import render_document
 from trace_dag.export.release_metadata import croissant, datacite, licences
 from trace_dag.osm.types import Rights
 from trace_dag.verdict.types import Grade

@@ -4,12 +4,7 @@ Belongs here: a module per form, which turns one crash into files. Does not belo
 where (:mod:`trace_dag.export.export`); what a scenario package looks like (:mod:`trace_dag.scenario`).
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Final, Protocol
-
-from trace_dag.agents.stored_cases import case_of
-from trace_dag.flow.contract import CrashFiles
-from trace_dag.scenario.cases import Case
+from typing import Final
 
 MAP_FORMS: Final = ("geojson", "geoparquet", "commonroad", "lanelet2", "scenarionet", "sumo", "glb")
 """Forms that a road map by itself is written in; here, so that a command names them without what writes them."""
@@ -31,29 +26,3 @@ FORM_OF_READER: Final = {
     "trimesh": "glb",
 }
 """The form that each tool reads best, of those that it reads (``python -m lab formats`` tries those on PyPI)."""
-
-
-class Exporter(Protocol):
-    """Writes crashes in one form (entry points of the group ``trace_dag.exporters``, usually a class)."""
-
-    def __init__(self, keys: Sequence[str]) -> None:
-        """Prepare for the crashes ``keys``."""
-
-    def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """Return the files of one verified crash, by path below the folder of the export.
-
-        Raises :class:`trace_dag.common.errors.UserError` for a crash that the form has no words for: it is left out and
-        named.
-        """
-
-    def beside(self) -> Mapping[str, bytes]:
-        """Return the files of one verified crash, by path below the folder of the export.
-
-        Raises :class:`trace_dag.common.errors.UserError` for a crash that the form cannot express; it is left out and
-        named.
-        """
-
-
-def as_driven(crash: CrashFiles) -> Case:
-    """Return the files about all crashes, after every crash has been written."""
-    return case_of(crash, crash.settings.sim)

@@ -31,7 +31,7 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_of_body
 from trace_dag.crash.record import CrashRecord, VehicleClass
-from trace_dag.export.formats import as_driven
+from trace_dag.export.formats.exporter import as_driven
 from trace_dag.export.formats.lane_rules import LIGHT, LIMIT, STOP, LaneRules, place_of, turn_of
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
@@ -81,7 +81,7 @@ class CommonRoad:
         """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.Exporter`."""
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         case, record = as_driven(crash), crash.load(RECORD)
         drives = drives_of(case)
         tested, drivers = {}, [each for each in drives if each.is_driven]

@@ -15,7 +15,7 @@ class Glb:
         """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.Exporter`."""
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         return {f"{crash.key}.glb": replay(crash, "glb")}
 
     def beside(self) -> Mapping[str, bytes]:

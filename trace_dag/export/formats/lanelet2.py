@@ -41,7 +41,7 @@ class Lanelet2:
         """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.Exporter`."""
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         return {f"{crash.key}.osm": lanelets(crash.load(ROAD_MAP))}
 
     def beside(self) -> Mapping[str, bytes]:

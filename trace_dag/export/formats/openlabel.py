@@ -59,7 +59,7 @@ class OpenLabel:
         """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.Exporter`."""
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         record, network = crash.load(RECORD), crash.load(ROAD_MAP)
         parties = crash.load(ESTIMATE).hypotheses[crash.load(VERDICT).hypothesis].participants
         about = {

@@ -103,7 +103,7 @@ class Osi:
             raise UserError("OSI traces need osi-python: pip install 'trace-dag[osi]'") from error
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.Exporter`."""
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         log = crash.shown_log()
         assert log is not None, "a verified crash was simulated"
         surrounded = add_traffic(log, traffic_of(crash))

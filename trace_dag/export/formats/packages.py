@@ -16,7 +16,7 @@ class Packages:
         """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.Exporter`."""
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         files = package_of(crash, traffic=read_traffic(crash))
         return {f"{crash.key}/{name}": data for name, data in files.items()}
 

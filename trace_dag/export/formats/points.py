@@ -49,7 +49,7 @@ class CrashPoints:
         return {}
 
     def beside(self) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.Exporter`."""
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         rows = sorted(self._rows, key=lambda row: str(row["key"]))
         return {"crashes.parquet": _geoparquet(rows), "crashes.gpx": _gpx(rows)} if rows else {}
 

@@ -26,7 +26,7 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import mps_to_kmh
 from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.crash.record import VehicleClass
-from trace_dag.export.formats import as_driven
+from trace_dag.export.formats.exporter import as_driven
 from trace_dag.export.formats.lane_rules import LaneRules
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.osm.road_classes import road_class
@@ -65,7 +65,7 @@ class ScenarioNet:
         self._summaries: dict[str, dict[str, Any]] = {}
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.Exporter`."""
+        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         case = as_driven(crash)
         drives = drives_of(case)
         if not any(each.is_driven for each in drives):
