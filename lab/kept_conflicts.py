@@ -89,7 +89,7 @@ def play(crash: Crash, work: Path) -> Iterator[Played]:
 
 
 def faults_of(moved: FloatArray, recorded: VehicleLog, contact_s: float) -> set[str]:
-    """Return what nobody drives like in a motion, rows of time, x, y, heading: by second differences over 0.2 s."""
+    """Return the impossible parts of a motion, rows of time, x, y, heading: by second differences over 0.2 s."""
     every = moved[:: round(OVER_S / STEP_S)]
     if len(moved) < 3 or len(every) < 3:
         return set()

@@ -297,7 +297,7 @@ def _half_turns(angle_rad: float) -> float:
 
 
 def _beside_path(path_xy_m: FloatArray, pose: Pose) -> tuple[float, float]:
-    """Return how far left of a path, shape (n, 2), a pose lies, and the course of the path there.
+    """Return the distance of a pose to the left of a path, shape (n, 2), and the course of the path there.
 
     Beyond its ends the path goes on straight.
     """

@@ -93,10 +93,10 @@ def release(
     state = f"{count_of(made.written, 'file')} written" if made.written else "up to date"
     say(f"{made.folder}  {count_of(made.packages, 'package')}, {state}")
     say("Where to look:")
-    say(f"  {made.folder}/README.md  what it is")
-    say(f"  {made.folder}/DATASHEET.md  where it comes from, with counts, and its limits")
-    say(f"  {made.folder}/trace-bench.json  what it is made of, for others to make it again: release --bench")
+    say(f"  {made.folder}/README.md  summary")
+    say(f"  {made.folder}/DATASHEET.md  its sources, with counts, and its limits")
+    say(f"  {made.folder}/trace-bench.json  its definition: release --bench makes it again")
     say(f"  {made.folder}/index.parquet  a row per package; index.json the same")
     if made.archive:
-        say(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, all of it in one file")
+        say(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, the whole release in one file")
     sys.exit(problems.print_all())

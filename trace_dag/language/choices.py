@@ -26,7 +26,7 @@ class OfferedApproach:
 
     @property
     def length_m(self) -> float:
-        """Return how far upstream of the crash the map contains the approach, m."""
+        """Return the length (m) of the approach that the map contains upstream of the crash."""
         begin = self.approach.mapped_from_m
         return self.approach.station_m - begin
 

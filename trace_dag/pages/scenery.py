@@ -144,7 +144,7 @@ def corners_of(window: Window) -> FloatArray:
 
 
 def map_reach_m(network: RoadNetwork) -> float:
-    """Return how far the map reaches to each side of its origin: extracts are squares around the reported point (m)."""
+    """Return the distance (m) from the map's origin to each side: extracts are squares around the reported point."""
     ends = [
         network.road_geometry(road.id).line.sample(np.array([0.0, road.length_m]))[:, :2]
         for road in network.roads

@@ -193,7 +193,7 @@ class _Junction:
             self._shown[k, k * share : turns], self._shown[k, turns:ends] = Colour.GREEN, Colour.YELLOW
 
     def readings(self, log: SimulationLog) -> Iterator[Lights]:
-        """Yield what the lights can have shown: as reported or, where the report leaves it open, each possibility."""
+        """Yield the possible programs: the reported one, or each possibility if the report leaves it open."""
         controls = {
             self._vehicles[each.party].traffic_control_code for each in self._met if each.party in self._vehicles
         }
@@ -258,9 +258,9 @@ class _Junction:
         return middle, bool(agreeing[middle] == wished)
 
     def _walked_across(self, log: SimulationLog) -> tuple[int, ...]:
-        """Return who can have run the light where a person walked across the way of a driver straight on.
+        """Return the parties that can have run the light if a person walked across the way of a driver straight on.
 
-        It is the person alone where the report notes it.
+        It is only the person if the report notes that.
         """
         contact = log.first_contact
         if contact is None or not log.is_figure(contact.number_2) or contact.number_1 not in self._last:
@@ -335,7 +335,7 @@ class StopLine:
         return self._at[2] * math.cos(heading_rad) + self._at[3] * math.sin(heading_rad) > _ALONG
 
     def seen(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Return how far beyond the line places are, and whether they are in its lanes."""
+        """Return the distances of places beyond the line, and whether they are in its lanes."""
         x, y, c, s = self._at
         aside_m = (y_m - y) * c - (x_m - x) * s
         within = (aside_m < max(self._aside_m) + _ASIDE_M) & (aside_m > min(self._aside_m) - _ASIDE_M)

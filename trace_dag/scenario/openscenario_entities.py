@@ -62,7 +62,7 @@ _CYCLIST_SPEED_MPS, _MAX_ACCELERATION_MPS2, _CYCLIST_DECELERATION_MPS2 = 15.0, 2
 
 
 def rear_axle_ahead_m(body: Body, trailer: Trailer | None = None) -> float:
-    """Return how far the rear axle is ahead of the body's centre (negative).
+    """Return the distance of the rear axle ahead of the body's centre (negative).
 
     ``trailer`` is given if the body is a trailer.
     """
@@ -175,7 +175,7 @@ def standing_at(item: FixedObject) -> Element:
 
 # --- people and animals ----------------------------------------------------------------------------------------------
 def person_reference_ahead_m(body: Body) -> float:
-    """Return how far the reference point of OpenSCENARIO 1.2 is ahead of the body's middle; negative for a bicycle.
+    """Return the distance of OpenSCENARIO 1.2's reference point ahead of the body's middle; negative for a bicycle.
 
     >>> from trace_dag.crash.record import VehicleClass
     >>> person_reference_ahead_m(Body(BodyKind.CYCLIST, VehicleClass.OTHER, 1.75, 0.6, 1.75, 90.0))  # the rear hub

@@ -131,7 +131,7 @@ class Struck:
 
     @property
     def moved_m(self) -> float:
-        """Return how far the object was moved."""
+        """Return the distance by which the object was moved."""
         return self._moved_m
 
     def force(self, now_s: float, part_s: float) -> tuple[float, float, float]:

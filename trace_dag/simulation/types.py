@@ -229,7 +229,7 @@ class Contact:
         return one, two
 
     def along_m(self, course_rad: float) -> float:
-        """Return how far the contact is ahead of the frame's origin along a course."""
+        """Return the distance of the contact ahead of the frame's origin along a course."""
         return self.x_m * math.cos(course_rad) + self.y_m * math.sin(course_rad)
 
 

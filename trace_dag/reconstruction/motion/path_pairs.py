@@ -88,7 +88,7 @@ def apart(one: Approach, two: Approach) -> float:
 
 
 def gap_between(one: Approach, two: Approach) -> float:
-    """Return how far the path of ``two`` is left of ``one`` at the crash (metres).
+    """Return the distance (m) of the path of ``two`` to the left of ``one`` at the crash.
 
     >>> abs(round(gap_between(scene.through[0], scene.through[0]), 6))
     0.0
@@ -98,7 +98,7 @@ def gap_between(one: Approach, two: Approach) -> float:
 
 
 def measure_left_of(one: Approach, two: Approach, side: Side) -> float:
-    """Return how far ``one`` is to the given side of ``two`` at the crash (metres).
+    """Return the distance (m) of ``one`` to the given side of ``two`` at the crash.
 
     >>> one, two = (next(each for each in scene.through if each.name == name) for name in ("7:2>6:2", "7:1>6:1"))
     >>> round(measure_left_of(one, two, Side.RIGHT), 1)  # the next lane to the right

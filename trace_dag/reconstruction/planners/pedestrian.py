@@ -173,7 +173,7 @@ def _walks(hypothesis: Hypothesis, strike: CrashEvent) -> Manoeuvre:
 
 
 def crossing_lead_s(network: RoadNetwork, hypothesis: Hypothesis) -> float:
-    """Return how long before the strike (s) the reconstruction has to begin; 0 without a crossing person.
+    """Return the time (s) by which the reconstruction has to begin before the strike; 0 without a crossing person.
 
     The time suffices for a crossing person to begin outside the lanes.
     """

@@ -199,9 +199,9 @@ def _straight_m(path: Path, pose: Pose) -> float:
 
 # --- where a departure leads to its first object ---------------------------------------------------------------------
 def point_off_road_m(scene: Scene) -> float:
-    """Return how far beyond the carriageway's edge the reported point is (m), less the error of police and geocoding.
+    """Return the distance (m) of the reported point beyond the carriageway's edge, 0 for a point on it.
 
-    0 for one on it.
+    The error of police and geocoding is subtracted.
     """
     if scene.carriageway.has(0.0, 0.0):
         return 0.0
@@ -290,7 +290,7 @@ def straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, 
 
 
 def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int, point_off_m: float | None) -> float:
-    """Return how far beyond the edge the object stands (metres), within the reported zone.
+    """Return the distance (m) of the object beyond the edge, within the reported zone.
 
     It is the distance of the reported point if that is off the road. Otherwise it is the usual distance for its kind,
     behind a shoulder, or less if another road is in the way.

@@ -48,7 +48,7 @@ class Scene:
 
     @property
     def on_road_m(self) -> float:
-        """Return how far the centre of the crash's lane may be from the reported point (m).
+        """Return the greatest distance (m) of the crash's lane centre from the reported point.
 
         It includes the possible error of the point.
         """

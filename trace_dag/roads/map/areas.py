@@ -94,7 +94,7 @@ class Area:
         return np.asarray(shapely.contains_xy(self._piece(x_m, y_m), x_m, y_m))
 
     def beyond_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Return how far points are beyond the edge (m), negative within the area.
+        """Return the distances (m) of points beyond the edge, negative within the area.
 
         Not a number if there is no area.
         """
