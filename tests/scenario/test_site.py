@@ -36,7 +36,15 @@ def index(crashes: list[dict[str, Any]]) -> bytes:
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An index of 2,000 crashes, one of them with hostile text, and the page of that one."""
     folder = tmp_path_factory.mktemp("site")
-    crashes = [crash(number) for number in range(2000)]
+    crashes = [
+        crash(number)
+        | {
+            "signalised": number % 11 == 4,
+            "surface": "wet" if number % 2 else "dry",
+            "pre_crash_scenario": "turning at non-signalised junctions",
+        }
+        for number in range(2000)
+    ]
     crashes[0] |= {"place": EVIL, "cohort": EVIL}
     (folder / "index.html").write_bytes(index(crashes))
     (folder / "crashes").mkdir()
@@ -183,6 +191,8 @@ def test_in_a_browser_filters_choose_and_nothing_leaves_the_page(site, tmp_path,
         assert page.run(count) == "2,000 of 2,000 crashes"
         page.run(choose.format("search", "town 3"))
         assert page.run(count) == f"{sum(n % 7 == 3 for n in range(2000))} of 2,000 crashes"
+        page.run(choose.format("search", "wet signalised"))
+        assert page.run(count) == f"{sum(n % 11 == 4 and n % 2 for n in range(2000))} of 2,000 crashes"
         page.open((site / "crashes/2023-510001.html").as_uri())
         assert page.run("document.querySelector('dl').textContent.includes('alert(')")
         assert page.run("document.documentElement.scrollWidth") <= width_px

@@ -331,6 +331,8 @@ def _write_index(
     names = ("funnel", "coverage", "failure_reasons", "evaluations")
     ranked = ("leaderboard", "leaderboard_by_class", "agent_probabilities")
     funnel, coverage, reasons, driven, *of_agents = query.rows_of(warehouse, (*names, *ranked))
+    searched = {row["key"]: row for row in query.rows_of(warehouse, ("catalogue",))[0]}
+    table = [searched.get(row["key"], {}) | dict(row) for row in table]
     moving = [row for row in table if thumbnail_name(row["key"]) in files]
     shown = IndexRows(table, moving, funnel, coverage, reasons, any(of_agents))
     runs = [row for row in driven if row["case_id"] == row["key"]]

@@ -102,6 +102,7 @@ _FILTERS = {
     "vehicle_trajectory": "Vehicle trajectory",
     "vehicle_classes": "Vehicle class",
     "month": "Month",
+    "pre_crash_scenario": "Pre-crash scenario",
     "light": "Light",
     "weather": "Weather",
     "speed_limit_mph": "Speed limit (mph)",
@@ -127,6 +128,7 @@ _TABLE_COLUMNS = (
         "sorted": False,
     },
 )
+_SEARCHED = ("place", "trafficway_1", "trafficway_2", "surface", "signalised", "person_types", "euro_ncap", "odd")
 # Decimals: 5 of a degree are a metre.
 _NUMBERS = {"latitude_deg": 5, "longitude_deg": 5, "contact_distance_m": 2}
 
@@ -138,13 +140,15 @@ def _text_of(crash: Row, name: str) -> str | None:
         return None
     if name == "month":
         return f"{crash['year']}-{value:02d}"
+    if name == "signalised":
+        return name if value else None
     return f"{value:.0f}" if name == "speed_limit_mph" else str(value)
 
 
 def _columns_of(crashes: Sequence[Row]) -> dict[str, Any]:
     """Return the crashes by column, with each text once, which is much smaller than one object per crash."""
     coded = {}
-    for name in (*_FILTERS, "place", "trafficway_1", "trafficway_2"):
+    for name in (*_FILTERS, *_SEARCHED):
         numbers: dict[Any, int] = {}
         codes = [numbers.setdefault(_text_of(crash, name), len(numbers)) for crash in crashes]
         coded[name] = {"values": list(numbers), "codes": codes}

@@ -5,7 +5,7 @@
   const PAGE = 25;
   const STATES = ["verified", "first_event_only", "rejected", "failed", "pending"];
   const words = (value) => (value ? data.words[value] || String(value).replaceAll("_", " ") : "–");
-  const plain = (text) => ` ${text.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, " ")} `;
+  const plain = (text) => ` ${text.toLowerCase().replaceAll("non-", "non").replace(/[^\p{L}\p{N}]+/gu, " ")} `;
   const crashes = data.key.map((key, i) => {
     const crash = { key };
     for (const [name, column] of Object.entries(data.coded)) crash[name] = column.values[column.codes[i]];
