@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.agents.cases import BACKEND, crossing, rear_end
-from trace_dag.agents.variations.family import (
+from trace_dag.agents.variations import (
     Bounds,
     Criteria,
     Perturbation,

@@ -17,12 +17,13 @@ from trace_dag.agents.evaluation.table import rows_to_parquet
 from trace_dag.agents.stored_cases import StoredCase, load_case, report_each
 from trace_dag.agents.stored_variations import (
     FOLDER,
+    VARIATIONS,
     AboutVariation,
     FamilyRequest,
     family_name,
+    row,
 )
-from trace_dag.agents.variations.family import Variation, VariationKind, family
-from trace_dag.agents.variations.table import VARIATIONS, row
+from trace_dag.agents.variations import Variation, VariationKind, family
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import Pose
 from trace_dag.common.json_adapters import json_adapter

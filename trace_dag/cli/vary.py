@@ -78,7 +78,7 @@ def vary(
     from trace_dag.agents.stored_cases import stored_variations, verified_cases
     from trace_dag.agents.stored_variations import FamilyRequest
     from trace_dag.agents.summaries import families_table
-    from trace_dag.agents.variations.family import Bounds, Criteria
+    from trace_dag.agents.variations import Bounds, Criteria
     from trace_dag.cli.study import Problems
     from trace_dag.common.errors import Failure
     from trace_dag.export.package import zip_files

@@ -24,7 +24,7 @@ from tenacity import Retrying, retry_if_exception_type, stop_after_attempt
 from trace_dag.agents import evaluations, stored_traffic, stored_variations
 from trace_dag.agents.evaluation.table import EVALUATIONS
 from trace_dag.agents.stored_traffic import TRAFFIC
-from trace_dag.agents.variations.table import VARIATIONS
+from trace_dag.agents.stored_variations import VARIATIONS
 from trace_dag.common.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.common.processes import temporary_prefix
 from trace_dag.common.provenance import crash_of
