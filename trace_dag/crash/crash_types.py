@@ -1,9 +1,9 @@
 """FARS crash types read for one vehicle: encounter, manoeuvre and side struck.
 
 ``ACC_TYPE`` (1-99) is coded per vehicle from the crash type diagrams of the FARS/CRSS Coding and Validation Manual.
-Read by number, never by label (the labels of 68-85 changed in 2023). If ``ACC_TYPE`` says nothing (98, 99, single
-driver types), the critical event ``P_CRASH2`` often does: where the other vehicle came from and which of the two
-left its lane (:func:`critical_event`)."""
+Read by number, never by label (the labels of 68-85 changed in 2023). If ``ACC_TYPE`` is no help (98, 99, single driver
+types), the critical event ``P_CRASH2`` often does: where the other vehicle came from and which of the two left its lane
+(:func:`critical_event`)."""
 
 from __future__ import annotations
 

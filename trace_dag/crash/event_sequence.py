@@ -4,8 +4,8 @@ Estimators plan them, simulations show them and verdicts judge them.
 
 It begins with the first harmful event (``HARM_EV``). Events that follow at once between the same two parties belong to
 the one before: the two are still in contact, or the vehicle runs over the person it has struck. Tables before 2016
-often list no events and no persons; then the first harmful event says what the only vehicle struck. Nothing is guessed
-for several vehicles or persons: an open question is a :class:`Missing` with a sentence.
+often list no events and no persons; then the object that the only vehicle struck follows from the first harmful event.
+Nothing is guessed for several vehicles or persons: an open question is a :class:`Missing` with a sentence.
 """
 
 from __future__ import annotations

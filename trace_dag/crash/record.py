@@ -251,8 +251,8 @@ class VehicleRecord:
 class EventRecord:
     """One event of the crash's sequence (``CEvent``), with its parties and their areas of impact.
 
-    Parties are numbered as :mod:`trace_dag.crash.parties` says. ``party_2`` is None for events without a second party,
-    and if it is unknown.
+    Parties are numbered by :mod:`trace_dag.crash.parties`. ``party_2`` is None for events without a second party, and
+    if it is unknown.
     """
 
     number: int  # EVENTNUM

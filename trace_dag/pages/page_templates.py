@@ -115,7 +115,7 @@ def read(name: str) -> str:
 def vehicle_name(label: str) -> str:
     """Return the name in a label of make and model (``MAK_MODNAME``), without notes and marks of footnotes.
 
-    Empty if the label says that neither is known.
+    Empty if the label is that of unknown values.
 
     >>> vehicle_name("Mercury Marquis/Monterey (car version; for van version 2004 on see code 444) /Grand Marquis")
     'Mercury Marquis/Monterey/Grand Marquis'

@@ -138,7 +138,7 @@ class Party:
 def crash_lights(record: CrashRecord, network: RoadNetwork, log: SimulationLog) -> tuple[Lights, ...]:
     """Return the readings of the lights on a crash's map; none without lights.
 
-    There are several where parties crossed each other and the report has nobody who ran the light. A junction whose
+    There are several if parties crossed each other and the report names neither as running the light. A junction whose
     lights flashed has no program, nor one whose crossing parties had no signal by the report.
 
     >>> crash_lights(record, network, log)[0].in_words  # a left turn across a motorcycle that came the other way

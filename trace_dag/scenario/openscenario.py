@@ -71,7 +71,7 @@ _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 class Flavour:
     """The form of OpenSCENARIO: 1.2 or that of CARLA's ScenarioRunner, and which vehicle (``VEH_NO``) is free.
 
-    ``keeps_conflict``, of 1.2 with a free vehicle: whom it met comes when it comes, however slow it is
+    ``keeps_conflict``, of 1.2 with a free vehicle: the party that it met arrives together with it
     (:mod:`trace_dag.scenario.openscenario_conflict`). ``lights``: which reading of :func:`crash_lights` it has, of 1.2.
     """
 

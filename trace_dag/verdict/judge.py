@@ -1,8 +1,8 @@
 """The verdict of a crash over all its hypotheses: the first one that satisfies the rules, in the estimate's order.
 
-A verdict shows measures beside its criteria, which judge nothing. ``J_KNIFE`` says whether a combination jackknifed, in
-the first or a later event; the angle at which one counts as such is nowhere defined, so that the largest angle between
-both is shown with the report's word.
+A verdict shows measures beside its criteria, which judge nothing. ``J_KNIFE`` records whether a combination jackknifed,
+in the first or a later event; the angle at which one counts as such is nowhere defined, so that the largest angle
+between both is shown with the report's word.
 """
 
 from __future__ import annotations

@@ -43,8 +43,8 @@ def relation_error(
 ) -> float | None:
     """Return the difference of the angle between two approaches from the reported one (degrees).
 
-    Crossing or joining streets imply a right angle, unless the report says that they meet at other angles. Within the
-    corner of an L, vehicles that meet head-on or follow each other may have any angle between them: None.
+    Crossing or joining streets imply a right angle, unless other angles are reported. Within the corner of an L,
+    vehicles that meet head-on or follow each other may have any angle between them: None.
 
     >>> one, two = first_contact.vehicles.values()
     >>> relation_error(one, two, *record.vehicles, record) < 20.0  # one turned left across the other's way
@@ -82,7 +82,7 @@ def heading_error(seen: ObservedVehicle, reported: VehicleRecord) -> float | Non
 
     None without a report, and for a vehicle that backed.
 
-    For a vehicle that turned, the direction may be that before or after the turn, unless the report says which.
+    For a vehicle that turned, the direction may be that before or after the turn, unless the report distinguishes them.
 
     >>> heading_error(first_contact.vehicles[1], record.vehicles[0]) is None  # FARS gives none
     True

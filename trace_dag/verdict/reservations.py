@@ -3,10 +3,10 @@
 A reported fact that the simulation lacks prevents verification; doubts about street, course or areas also prevent
 corroboration.
 
-A simulation may require what no report says: missing streets, spins, walks out of lanes. The criteria test the reported
-contact, :mod:`trace_dag.verdict.course_events` the reported course. A hypothesis can satisfy both on an implausible
-path: into a leg that the map lacks, turned around so that a side is struck, or over fields. Each such requirement is a
-named doubt.
+A simulation may require facts that no report has: missing streets, spins, walks out of lanes. The criteria test the
+reported contact, :mod:`trace_dag.verdict.course_events` the reported course. A hypothesis can satisfy both on an
+implausible path: into a leg that the map lacks, turned around so that a side is struck, or over fields. Each such
+requirement is a named doubt.
 """
 
 from __future__ import annotations

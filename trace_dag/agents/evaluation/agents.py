@@ -101,4 +101,4 @@ class Agent(Protocol):
 
 
 class AgentFault(Exception):  # noqa: N818 - a finding about an agent, counted, not an error of ours
-    """The agent broke its side of the interface; the message says how. It scores as faulty for the scenario."""
+    """An agent that violated the interface, as the message describes. It scores as faulty for the scenario."""

@@ -51,7 +51,7 @@ def share_avoided(runs: Iterable[Mapping[str, Any]]) -> ClusteredShare:
     """Return the share of runs (rows of the table of evaluations) that avoided the crash, with crashes as units.
 
     >>> share = share_avoided([{"key": "2023-1", "outcome": "conflict_avoided"}] * 2)
-    >>> share.part, share.of, share.crashes, round(share.low, 2)  # one crash says as much as one, whoever drove in it
+    >>> share.part, share.of, share.crashes, round(share.low, 2)  # one crash counts as one, for every driver
     (2.0, 2.0, 1, 0.21)
     """
     return clustered_share((run["key"], run["outcome"] in AVOIDED) for run in runs)

@@ -253,7 +253,7 @@ def angle_log_likelihood(angle_rad: float) -> float:
 def _slip(departure: Departure) -> float:
     """Return the slip angle at the impact, with which the area of impact faces ahead.
 
-    It is 0 unless the report says that the vehicle skidded sideways, or the area is not struck in forward motion.
+    It is 0 unless a sideways skid is reported, or the area is not struck in forward motion.
     """
     first, vehicle = departure.objects[0], departure.vehicle
     sideways = vehicle.stability_code in (_CLOCKWISE, _COUNTER_CLOCKWISE, 5)

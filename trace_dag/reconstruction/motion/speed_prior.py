@@ -220,8 +220,8 @@ def travel_speed_distribution(party: Party, rule: TravelSpeed) -> Distribution:
 def speed_kept_distribution(party: Party) -> Distribution:
     """Return the distribution of the speed at the impact as a share of the travel speed.
 
-    It is 1 if the report says that no avoidance or one other than braking was tried, and for vehicles that turn or
-    stand. If somebody died, faster impacts count more.
+    It is 1 if the report has no avoidance or one other than braking, and for vehicles that turn or stand. If somebody
+    died, faster impacts count more.
     """
     whole = Distribution((1.0,) * len(LEVELS))
     if party.turn is not None or party.stationary or party.vehicle.avoidance_code in NO_BRAKING:
@@ -231,10 +231,10 @@ def speed_kept_distribution(party: Party) -> Distribution:
 
 
 def speed_profile(party: Party, initial_mps: float, *, most_g: float = math.inf) -> SpeedProfile:
-    """Return the speed of a vehicle up to the impact, with a start from rest if the record says so.
+    """Return the speed of a vehicle up to the impact, with a start from rest if that is reported.
 
     Otherwise the loss of speed is drawn from :func:`speed_kept_distribution` for its role, and the deceleration from
-    those of recorders. If the report says that it braked, the draw is limited to losses above 0.
+    those of recorders. If braking is reported, the draw is limited to losses above 0.
 
     A crash always has the same draw. ``most_g`` is the limit of the ground (g).
 

@@ -114,7 +114,7 @@ def brakes(vehicle: VehicleRecord) -> bool:
 
 
 def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
-    """Return whether the vehicle starts from rest: the record says so and its initial speed is zero."""
+    """Return whether the vehicle starts from rest: the movement is a start and its initial speed is zero."""
     return speed_mps == 0.0 and vehicle.movement in _STARTING
 
 

@@ -282,7 +282,7 @@ class Gait(StrEnum):
 
 
 def gait_of(person: NonMotorist) -> Gait:
-    """Return the gait: running if the report says so, riding if the person rode something, else walking.
+    """Return the gait: running if that is reported, riding if the person rode something, else walking.
 
     >>> gait_of(pedestrian_record.non_motorists[0]).value  # PEDCTYPE 760: failed to yield, no dash
     'walking'
