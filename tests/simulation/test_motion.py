@@ -257,5 +257,5 @@ def test_plans_nobody_can_drive_are_refused_by_name(broken: Participant, says: s
 
 
 def test_participants_need_numbers_of_their_own() -> None:
-    with pytest.raises(Failure, match=r"\[1, 1\]: every number once"):
+    with pytest.raises(Failure, match=r"different numbers; found \[1, 1\]"):
         run(participant(1, PLAN), participant(1, straight(100.0, 0.0, math.pi, 10.0)))

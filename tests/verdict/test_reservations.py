@@ -78,6 +78,22 @@ def test_a_rider_who_is_struck_falls_at_the_speed_ridden():
     assert Doubt.HARMLESS in doubts(log=replace(LOG, contacts=slow))
 
 
+@pytest.mark.parametrize(
+    ("closing_kmh", "reported_kmh", "harmless"), [(15.9, 60.0, True), (16.1, 60.0, False), (5.0, 8.0, False)]
+)
+def test_a_person_touched_slowly_is_not_killed_unless_that_is_reported(
+    closing_kmh: float, reported_kmh: float, harmless: bool
+):
+    made, report = example_objects.made_of("pedestrian_record"), example_objects.record_of("pedestrian_record")
+    log = made.logs[0]
+    slowed = tuple(replace(each, closing_speed_mps=kmh_to_mps(closing_kmh)) for each in log.contacts)
+    seen = observe_crash(made.network, made.state_estimate.hypotheses[0], replace(log, contacts=slowed))
+    vehicles = tuple(replace(each, travel_speed_mps=kmh_to_mps(reported_kmh)) for each in report.vehicles)
+    record = replace(report, vehicles=vehicles)
+    beside = Comparison.of(record, sequence_of(record), seen, example_objects.SETTINGS.verdict)
+    assert (Doubt.HARMLESS in {each.doubt for each in simulation_doubts(beside, ())}) is harmless
+
+
 def cars() -> Hypothesis:
     best = MADE.state_estimate.hypotheses[0]
     return replace(best, participants=tuple(replace(s, vehicle_class=VehicleClass.CAR) for s in best.participants))

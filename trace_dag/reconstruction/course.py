@@ -76,6 +76,11 @@ class Course:
         needed = zip(self.matching.matched, expect_events(self.events), strict=True)
         return not self.matching.strange and all(seen is not None or not each.required for seen, each in needed)
 
+    def release(self) -> None:
+        """Release the run of a course that is not gone on with."""
+        if self.run is not None:
+            self.run.release()
+
     def state_of(self, number: int) -> ParticipantState:
         """Return the state of a party that takes part."""
         return next(each for each in self.states if each.vehicle_number == number)
@@ -128,10 +133,13 @@ class Search:
             tuple(map(participant, plan.states)), time_limit_s=DEFAULTS.time_limit_s, objects=plan.objects
         )
         log = run.log(as_long_as=comes_right)
+        ended = comes_right(log.contacts)
+        if ended:
+            run.release()
         return Course(
             plan.states,
             plan.objects,
-            run,
+            None if ended else run,
             log,
             tuple(events),
             self.matching(log, events),
@@ -163,7 +171,8 @@ class Search:
         if course.run is None:
             return course
         log = course.run.log()
-        return replace(course, log=log, matching=self.matching(log, course.events))
+        course.run.release()
+        return replace(course, run=None, log=log, matching=self.matching(log, course.events))
 
     def matching(self, log: SimulationLog, events: Sequence[CrashEvent]) -> Matching:
         """Return the events in a simulation."""

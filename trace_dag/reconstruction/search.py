@@ -211,12 +211,14 @@ def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[
             good.append(tried[-1])
         if len(good) == _FOLLOWED or len(tried) == most:
             break
-    if good:
-        return good
     if not tried and not stuck:
         who = " and ".join(map(party_in_words, newcomers))
         stuck.append(f"event {event.number}: no way past the crash brings {who} to it")
-    return [search.to_the_end(each) for each in sorted(tried, key=lambda each: each.rank)[:1]]
+    kept = good or sorted(tried, key=lambda each: each.rank)[:1]
+    for each in tried:
+        if each not in kept:
+            each.release()
+    return good or [search.to_the_end(each) for each in kept]
 
 
 def _is_struck_so(course: Course, event: CrashEvent) -> bool:
@@ -370,6 +372,7 @@ def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tupl
             detail = f"vehicle {number} {plan.detail} at {seen.time_s:.2f} s"
             return tried, EstimateCheck(event.name, True, detail)
         why_not = _why(tried, as_it_is, event, place)
+        tried.release()
     return as_it_is, EstimateCheck(event.name, False, why_not or f"vehicle {number} stays on its wheels")
 
 

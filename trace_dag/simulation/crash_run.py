@@ -156,8 +156,9 @@ class CrashRun:
         )
 
     def release(self) -> None:
-        """Release the bodies for another run."""
+        """Release the bodies for another run, and the memory of this one, which cannot go on."""
         self.bodies.release()
+        self.thrown = self.roadside = None  # both know this run, and memory in a circle waits for a collection
 
     def _contacts(self) -> list[Contact]:
         """Return every contact so far."""

@@ -168,15 +168,19 @@ def _no_areas(record: CrashRecord) -> Reservation | None:
 def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | None:
     """Return the doubt that no event of the simulation can have caused the reported harm.
 
-    No vehicle changes its velocity enough, none overturns, and no person outside a vehicle is struck. Whoever rides a
-    motorcycle that another vehicle strikes falls: the change is at least the speed ridden.
+    No vehicle overturns or changes its velocity enough, and no person outside a vehicle is struck that fast, or by a
+    vehicle whose reported speed is lower. Whoever rides a motorcycle that another vehicle strikes falls: the change is
+    at least the speed ridden.
     """
     least_mps = _LEAST_HARM_MPS.get(record.severity) if record.severity else None
-    if least_mps is None or not observed.events or any(event.overturn or event.person for event in observed.events):
+    if least_mps is None or not observed.events or any(event.overturn for event in observed.events):
         return None
+    slow = {each.number for each in record.vehicles if (each.travel_speed_mps or math.inf) < least_mps}
     classes = {state.vehicle_number: state.vehicle_class for state in observed.hypothesis.participants}
     change_mps = 0.0
     for event in observed.events:
+        if event.person is not None:
+            change_mps = max(change_mps, math.inf if event.pair[0] in slow else event.contact.closing_speed_mps)
         for number, side in event.sides.items():
             falls = classes.get(number) is VehicleClass.MOTORCYCLE and classes.keys() >= set(event.pair)
             change_mps = max(change_mps, side.delta_v_mps, abs(side.impact_speed_mps) if falls else 0.0)
@@ -184,7 +188,7 @@ def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | Non
         return None
     harm = "a death" if record.severity is Severity.KILLED else "a serious injury"
     detail = (
-        f"no vehicle changes its velocity by more than {mps_to_mph(change_mps):.0f} mph, which does not explain {harm} "
+        f"no velocity changes by more than {mps_to_mph(change_mps):.0f} mph, which does not explain {harm} "
         f"(at least {mps_to_mph(least_mps):.0f} mph)"
     )
     return Reservation(Doubt.HARMLESS, detail)
