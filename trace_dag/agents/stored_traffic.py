@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     pass
 
 FOLDER = "traffic"
-VERSION = "2"
+VERSION = "3"
 """Number of the code that makes traffic; see :data:`trace_dag.flow.stages.VERSIONS`."""
 
 _TEXT, _INT, _REAL, _BOOL = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.REAL, ColumnType.BOOLEAN
