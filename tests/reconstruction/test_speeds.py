@@ -14,7 +14,7 @@ from trace_dag.common.units import mph_to_mps
 from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, Turn
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleClass, VehicleRecord
 from trace_dag.reconstruction.motion.speed_coefficients import BRAKING, LEVELS
-from trace_dag.reconstruction.motion.speed_prior import speed_profile
+from trace_dag.reconstruction.motion.speed_prior import speed_kept_distribution, speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, travel_speed
 from trace_dag.reconstruction.pre_crash_scenarios import party
 from trace_dag.roads.map.model import Road
@@ -99,6 +99,14 @@ def test_a_death_counts_faster_impacts_more():
     )
     assert all(one <= other for one, other in zip(lived, died, strict=True))
     assert np.mean(np.array(died) <= 20.0 * 0.859) == pytest.approx(0.35, abs=0.07)
+
+
+def test_a_death_says_nothing_of_the_speed_of_a_vehicle_struck_from_behind():
+    """ACC_TYPE 23, struck while slower: the slower it is, the harder it is struck."""
+    vehicle = car(crash_type_code=23)
+    crash = record(vehicle, car(number=2))
+    lived = speed_kept_distribution(party(survived(crash, crash.key), vehicle))
+    assert speed_kept_distribution(party(crash, vehicle)) == lived
 
 
 def survived(crash: CrashRecord, key: str) -> CrashRecord:

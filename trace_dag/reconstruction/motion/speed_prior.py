@@ -226,8 +226,8 @@ def speed_kept_distribution(party: Party) -> Distribution:
     whole = Distribution((1.0,) * len(LEVELS))
     if party.turn is not None or party.stationary or party.vehicle.avoidance_code in NO_BRAKING:
         return whole
-    kept = Distribution(BRAKING[role(party)])
-    return kept.weighted(_DEATH_POWER) if party.record.severity is Severity.KILLED else kept
+    kept, died = Distribution(BRAKING[role(party)]), party.record.severity is Severity.KILLED
+    return kept.weighted(_DEATH_POWER) if died and role(party) is not Role.AHEAD else kept
 
 
 def speed_profile(party: Party, initial_mps: float, *, most_g: float = math.inf) -> SpeedProfile:
