@@ -26,7 +26,7 @@ def test_an_installation_older_than_a_kind_of_plugins_asks_to_install_again(monk
     list_plugins.cache_clear()
     monkeypatch.setattr("trace_dag.common.plugins.metadata.entry_points", lambda group: ())
     try:
-        with pytest.raises(UserError, match=r"knows no estimator.*pip install -e \."):
+        with pytest.raises(UserError, match=r"has no estimator.*pip install -e \."):
             load(PluginKind.ESTIMATOR, "analytic")
     finally:
         list_plugins.cache_clear()
