@@ -42,9 +42,9 @@ class LocalFrame:
         }  # fmt: skip
 
 
-HARMLESS = frozenset({319005, 319037, 319038, 319039, 319043, 319045, 319046, 319047})
-"""Cases whose two vehicles graze each other or back together: lane changes, a merge, backing, two glancing turns. A
-change of velocity below 16 km/h does not explain the death that every report of the sample has."""
+HARMLESS = frozenset({319037, 319039, 319046, 319047})
+"""Cases whose two vehicles graze each other or back together: lane changes, a merge, backing. A change of velocity
+below 16 km/h does not explain the death that every report of the sample has; the fall of a clipped rider does."""
 
 
 def truth_of(crash: Crash, report: Report, collision: Collision) -> dict[str, Any]:
