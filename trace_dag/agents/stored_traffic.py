@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,9 +36,6 @@ from trace_dag.scenario.traffic.sumo_network import sumo_program
 from trace_dag.scenario.traffic.surrounding import STEP_S, SurroundingTraffic, overlapping
 from trace_dag.scenario.traffic.volumes import Hour, hour_of
 from trace_dag.simulation.run import backend
-
-if TYPE_CHECKING:
-    pass
 
 FOLDER = "traffic"
 VERSION = "3"

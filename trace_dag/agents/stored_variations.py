@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trace_dag.agents.evaluation.table import Row, rows_from_parquet
 from trace_dag.agents.variations import Bounds, Criteria, Perturbation, Variation, VariationKind
@@ -23,9 +23,6 @@ from trace_dag.flow.records import OnProblem, raise_problem
 from trace_dag.simulation.log_io import logs_from_files
 from trace_dag.simulation.states import Hypothesis, StateEstimate, estimate_from_json
 from trace_dag.simulation.types import SimulationLog
-
-if TYPE_CHECKING:
-    pass
 
 FOLDER = "variations"
 _TEXT, _INT, _REAL = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.REAL

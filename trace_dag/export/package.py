@@ -12,7 +12,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from trace_dag.agents.stored_traffic import StoredTraffic, traffic_to_json
@@ -43,9 +43,6 @@ from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.in_words import label_in_words
 from trace_dag.verdict.types import Verdict, verdict_to_json
 from trace_dag.version import __version__
-
-if TYPE_CHECKING:
-    pass
 
 MANIFEST = "manifest.json"
 

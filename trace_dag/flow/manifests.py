@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from trace_dag.common.errors import DamagedFile
 from trace_dag.common.json_adapters import json_adapter
@@ -21,9 +21,6 @@ from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.file_locks import lock_file
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.cohorts.registry import Registry
-
-if TYPE_CHECKING:
-    pass
 
 FOLDERS = ("comparisons", "evaluations", "traffic", "variations")
 """Folders all of whose files are listed in their manifest, beside the benchmark's."""
