@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import example_objects
 import numpy as np
 import pytest
 from PIL import Image
@@ -18,7 +19,7 @@ from tests.scenario.replay_data import data_of
 from tests.scenario.test_people import simulated
 from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.pages.animation import write_animation
-from trace_dag.pages.pictures import draw_crash
+from trace_dag.pages.pictures import draw_crash, vehicle_entries
 from trace_dag.pages.replay import write_html_player
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
@@ -41,6 +42,17 @@ def town() -> RoadNetwork:
     made.street([(-100, 0), (0, 0), (100, 0)], highway="secondary", cycleway="lane", sidewalk="both")
     made.sign(0, 0, highway="crossing")
     return made.network()
+
+
+def test_the_legend_has_the_speed_at_which_a_person_walks() -> None:
+    """Who waits at the edge walks at 4.3 ft/s and a fifth more: 3.5 mph."""
+    hypothesis = example_objects.made_of("pedestrian_record").state_estimate.hypotheses[0]
+    (label,) = [
+        sign.label
+        for sign in vehicle_entries(example_objects.record_of("pedestrian_record"), hypothesis)
+        if sign.label.startswith("P1")
+    ]
+    assert label.endswith("4 mph inferred")
 
 
 # --- shapes --------------------------------------------------------------------------------------------------------

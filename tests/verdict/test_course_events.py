@@ -122,6 +122,23 @@ def test_a_vehicle_on_neither_of_the_named_streets_is_on_another_one() -> None:
     assert detail == "vehicle 1 comes along Oak Street; the report names MAIN ST and PINE RD"
 
 
+@pytest.mark.parametrize(
+    ("term", "value", "doubted"),
+    [
+        ("alignment", -1.5, True),  # a curve to the left, reported to the right
+        ("alignment", -0.75, False),  # a straight road, reported as a curve
+        ("turn from this lane", -3.0, True),  # straight on in a centre turn lane
+        ("turn from this lane", -1.0, False),  # a turn out of the second lane
+        ("speed for this road", -1.5, False),
+    ],
+)
+def test_evidence_against_a_vehicles_lane_is_a_doubt(term: str, value: float, doubted: bool) -> None:
+    made = beside(ANGLE, ANGLE_RECORD)
+    hypothesis = replace(made.observed.hypothesis, evidence={f"{term} (vehicle 2)": value})
+    found = simulation_doubts(replace(made, observed=replace(made.observed, hypothesis=hypothesis)), ())
+    assert any(each.detail.startswith("vehicle 2: ") for each in found) is doubted
+
+
 @pytest.mark.parametrize(("manner", "accepted"), [(CollisionType.FRONT_TO_FRONT, True), (CollisionType.ANGLE, False)])
 def test_two_fronts_that_meet_head_on_are_no_angle_crash(manner: CollisionType, accepted: bool) -> None:
     report = replace(HEAD_ON_RECORD, collision_type=manner)

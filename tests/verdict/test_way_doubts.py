@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.motions import straight
-from tests.verdict.crashes import CROSSROADS, FRAME, STREET, area, simulated, two_way
+from tests.verdict.crashes import CROSSROADS, FRAME, STREET, area, record, simulated, two_way, vehicle
 from tests.verdict.test_course_events import RIGHT, beside, with_events_before
 from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HALF, HEAD_ON, HEAD_ON_RECORD
 from trace_dag.common.geometry import Pose
@@ -150,6 +150,15 @@ def with_junction(kind: str) -> RoadNetwork:
 def test_a_contact_where_streets_cross_is_in_an_intersection(relation: int, kind: str, doubted: bool):
     report = replace(ANGLE_RECORD, junction_relation_code=relation)
     assert (Doubt.OTHER_JUNCTION in doubts(beside(ANGLE, report, with_junction(kind)))) is doubted
+
+
+@pytest.mark.parametrize(("ahead_m", "doubted"), [(0.0, True), (-8.0, False)])
+def test_a_vehicle_that_waits_for_a_junction_does_not_stand_in_it(ahead_m: float, doubted: bool):
+    """The crossing street is 7 m wide. Both are struck west of it; one of them stands with its middle in it."""
+    at_m = ahead_m - 2.0
+    comes, stands = (straight(x_m, -1.75, 0.0, mps, until_s=8.0) for x_m, mps in ((at_m - 70.0, 20.0), (at_m, 0.0)))
+    report = replace(record(vehicle(1, 12, 20), vehicle(2, 6, 21)), junction_relation_code=3)
+    assert (Doubt.OTHER_JUNCTION in doubts(beside((comes, stands), report, with_junction("four_way")))) is doubted
 
 
 @pytest.mark.parametrize(("relation", "doubted"), [(2, True), (3, False), (1, False)])

@@ -251,7 +251,8 @@ def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[
     entries = []
     for index, each in enumerate(planned):
         source = "inferred" if reported.get(each.vehicle_number) is None else "as reported"
-        speed = f"{mps_to_mph(each.initial_speed_mps):.0f} mph {source}"
+        speed_mps = each.impact_speed_mps if each.is_figure else each.initial_speed_mps  # people may wait at the edge
+        speed = f"{mps_to_mph(speed_mps):.0f} mph {source}"
         what = each.kind if each.is_figure else each.vehicle_class
         words = [what.replace("_", " "), each.manoeuvre.replace("_", " "), speed]
         if each.vehicle_number in parked:

@@ -49,6 +49,8 @@ _OTHER_ROAD: Final[Mapping[str, tuple[float, str]]] = {
     "not on the street named first": (-1.0, "it is not on the street named first"),
     "street not named": (-1.0, "the report does not name that street"),
     "not on the map": (-1.0, "it comes out of a driveway that neither the map nor the report has"),
+    "alignment": (-1.5, "it is reported in a curve to the other side"),
+    "turn from this lane": (-2.0, "nobody goes where it goes from its lane"),
     "driveway reported": (-1.0, "it comes along a street, and a driveway is reported"),
 }
 """Evidence terms of a hypothesis by which a vehicle is on another road than its form says: from which log-likelihood
@@ -312,9 +314,12 @@ def _other_junction(beside: Comparison) -> Iterator[Reservation]:
         return
     relation = record.junction_relation_code
     away = relation == codes.AWAY_FROM_JUNCTION and record.road_topology is RoadTopology.NOT_AN_INTERSECTION
-    if (away or relation == codes.INTERSECTION_RELATED) and _streets_cross(network, *first.xy_m):
+    stand = [state.impact_pose for state in beside.observed.hypothesis.participants if not state.impact_speed_mps]
+    places = [first.xy_m, *((pose.x_m, pose.y_m) for pose in stand)]
+    if (away or relation == codes.INTERSECTION_RELATED) and any(_streets_cross(network, *xy_m) for xy_m in places):
         said = codes.RELJCT2.meaning(relation)
-        yield Reservation(Doubt.OTHER_JUNCTION, f"the first contact is where streets cross, reported is {said}")
+        detail = f"the first contact, or a vehicle that stands, is where streets cross, reported is {said}"
+        yield Reservation(Doubt.OTHER_JUNCTION, detail)
     elif record.road_topology is RoadTopology.L or relation != codes.IN_INTERSECTION:  # a map has an L for a bend
         return
     elif _junction_at(network, *first.xy_m) is None:

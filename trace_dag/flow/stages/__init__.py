@@ -15,9 +15,9 @@ VERSIONS = {
     Stage.CRASH_RECORD: 9,
     Stage.OSM_EXTRACT: 3,
     Stage.ROAD_MAP: 7,
-    Stage.STATE_ESTIMATE: 13,
+    Stage.STATE_ESTIMATE: 14,
     Stage.SIMULATION_LOG: 4,
-    Stage.VERDICT: 13,
+    Stage.VERDICT: 14,
 }
 """Numbers of the stages' code. Raise one when other results come of the same input: a test compares the
 sample's outputs (``tests/sample/test_stage_outputs.py``)."""

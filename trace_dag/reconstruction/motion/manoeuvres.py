@@ -8,7 +8,7 @@ junction costs likelihood.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from trace_dag.common.geometry import Pose
 from trace_dag.common.paths import LateralShift, Path, TurnShape, shifted, turn_start_to_meet, turned
@@ -150,6 +150,17 @@ def lateral_shift(
     ramp_m = min(ramp_m, abs(total_m + beyond_m) / slope)
     short_of_m = min(_OVERLAP_M, abs(total_m) / 3)
     return LateralShift(total_m + beyond_m, math.copysign(abs(total_m) - short_of_m, total_m), slope, ramp_m)
+
+
+def drift(total_m: float, speed_mps: float, lateral_g: float) -> LateralShift:
+    """Return a shift that has reached ``total_m`` at its anchor, within a lateral acceleration (g).
+
+    >>> drift(3.0, 20.0, 0.2).at_anchor_m
+    3.0
+    """
+    shape_speed_mps, lateral = max(speed_mps, _LEAST_SHAPE_SPEED_MPS), lateral_g * GRAVITY_MPS2
+    slope = steepest_slope(total_m, shape_speed_mps, lateral)
+    return replace(lateral_shift(total_m, shape_speed_mps, slope, lateral), at_anchor_m=total_m)
 
 
 def move_sideways(

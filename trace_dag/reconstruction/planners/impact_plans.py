@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.common.geometry import FloatArray, Pose, body_bearing_rad
-from trace_dag.common.paths import LateralShift, Path, shifted, straight
-from trace_dag.common.units import GRAVITY_MPS2
+from trace_dag.common.paths import Path, shifted, straight
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.departure_side import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent
@@ -24,10 +23,7 @@ from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.reconstruction import evidence
 from trace_dag.reconstruction.assemble import Drive
 from trace_dag.reconstruction.motion.contact import ContactPoint
-from trace_dag.reconstruction.motion.manoeuvres import (
-    Option,
-    steepest_slope,
-)
+from trace_dag.reconstruction.motion.manoeuvres import Option, drift
 from trace_dag.reconstruction.motion.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import TravelSpeed
@@ -61,7 +57,7 @@ _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
 """Distances of a person beyond the carriageway's edge: the middle of a narrow shoulder, of a sidewalk
 behind its curb, beside both."""
 _OUTWARD: Final = (Zone.BESIDE, Zone.WALKED, Zone.OUTSIDE)
-_DRIFT_G: Final = 0.08  # of a driver who drifts off the road
+DRIFT_G: Final = 0.08  # of a driver who drifts off the lane
 _DASH_BEYOND_M: Final = 0.8  # who crosses starts this far beyond the edge
 _AS_THEY_ARE: Final = frozenset({PartyKind.CYCLIST, PartyKind.CONVEYANCE, PartyKind.ANIMAL})
 MANOEUVRES: Final = {
@@ -198,10 +194,7 @@ def _onto_person(scene: Scene, strike: CrashEvent, option: Option, point: Contac
     off_m = person_m - point.left_m
     if off_m * side <= 0:
         return option, option.path()
-    slope = steepest_slope(off_m, max(option.speed_mps, 7.0), _DRIFT_G * GRAVITY_MPS2)
-    ramp_m = min(max(1.5 * slope * option.speed_mps**2 / (_DRIFT_G * GRAVITY_MPS2), 4.0), abs(off_m) / slope)
-    shift = LateralShift(off_m, off_m, slope, ramp_m)
-    moved = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=shift)
+    moved = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=drift(off_m, option.speed_mps, DRIFT_G))
     return moved, moved.path()
 
 

@@ -23,7 +23,6 @@ from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.geometry import FloatArray, Pose
 from trace_dag.common.paths import Path
 from trace_dag.common.settings import StateSettings
-from trace_dag.common.units import GRAVITY_MPS2
 from trace_dag.crash.codes.events import RAN_OFF_LEFT, RAN_OFF_RIGHT
 from trace_dag.crash.crash_types import Side
 from trace_dag.crash.event_sequence import CrashEvent
@@ -39,10 +38,11 @@ from trace_dag.reconstruction.assemble import (
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood, place_log_likelihood
 from trace_dag.reconstruction.motion.contact import Contacts, Mover, contact_points_of, first_contacts
-from trace_dag.reconstruction.motion.manoeuvres import Option, keep_lane, lateral_shift, steepest_slope
+from trace_dag.reconstruction.motion.manoeuvres import Option, drift, keep_lane
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile, TravelSpeed
-from trace_dag.reconstruction.planners.pedestrian import standing_person
+from trace_dag.reconstruction.planners.impact_plans import DRIFT_G
+from trace_dag.reconstruction.planners.pedestrian import person_met
 from trace_dag.reconstruction.planners.way_after import Way, ways_on
 from trace_dag.reconstruction.pre_crash_scenarios import Party, party
 from trace_dag.reconstruction.ranking import Scored, leaders_first
@@ -61,7 +61,7 @@ from trace_dag.simulation.states import (
 _FROM_KERB_M: Final = 0.3
 _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.3, Zone.WALKED: 0.6, Zone.OUTSIDE: 3.0}
 """Distances beyond the carriageway's edge of the side towards it."""
-_DRIFT_G, _SWERVE_G = 0.08, 0.2
+_SWERVE_G: Final = 0.2
 _OVERLAPS: Final = (0.0, 0.45, -0.45, 0.8, -0.8)
 """Offsets of the two from each other, as shares of half their widths together."""
 _OTHER_SIDE: Final = -3.0  # log-likelihood of leaving to the side that the report does not say
@@ -70,7 +70,6 @@ _IN_THE_LANE: Final = -1.0  # of standing in the middle of a lane, not at its ed
 _ABRUPT: Final = -0.5
 _ACROSS_SAYS: Final = 0.25
 _LEAST_DRIFT_M: Final = 0.3
-_SHAPE_MPS: Final = 7.0
 _LONGEST_AFTER_S: Final = 8.0
 _SLIDES: Final = 3
 _DECIMALS: Final = 6
@@ -234,12 +233,10 @@ def _towards(
     if abs(off_m) <= _LEAST_DRIFT_M:
         yield option
         return
-    speed_mps = max(option.speed_mps, _SHAPE_MPS)
-    for lateral_g, cost in ((_DRIFT_G, 0.0), (_SWERVE_G, _ABRUPT)):
-        lateral = lateral_g * GRAVITY_MPS2
-        shift = lateral_shift(off_m, speed_mps, steepest_slope(off_m, speed_mps, lateral), lateral)
+    for lateral_g, cost in ((DRIFT_G, 0.0), (_SWERVE_G, _ABRUPT)):
+        shift = drift(off_m, option.speed_mps, lateral_g)
         costs = option.costs | ({"abruptness": cost} if cost else {}) | _departure(who, option.approach, off_m)
-        yield replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=replace(shift, at_anchor_m=off_m), costs=costs)
+        yield replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=shift, costs=costs)
 
 
 def _nearest_m(path: Path, scene: Scene) -> float:
@@ -367,7 +364,9 @@ def _stood(search: Search, way: Way, event: CrashEvent) -> Iterator[ParticipantS
         touched = at.to_world(np.array([point.ahead_m, point.left_m]))
         outward_rad = at.heading_rad + math.atan2(point.normal[1], point.normal[0])
         if isinstance(event.partner, NonMotorist):
-            yield standing_person(search.scene, event.partner, touched, outward_rad, at.z_m)
+            along = replace(at, heading_rad=way.runs_rad(k))
+            at_s = float(way.driven.time_s[way.steps[k]])
+            yield person_met(search.scene, event.partner, touched, outward_rad, along, at_s)
             continue
         other = event.partner if own is not None else event.vehicle
         assert isinstance(other, VehicleRecord)

@@ -36,12 +36,21 @@ from trace_dag.reconstruction.assemble import (
 )
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.motion.contact import Shape, shape_gaps_m, shapes
-from trace_dag.reconstruction.motion.manoeuvres import steepest_slope
+from trace_dag.reconstruction.motion.manoeuvres import drift, steepest_slope
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile
-from trace_dag.reconstruction.motion.walking import CROSSING, CourseReading, Gait
+from trace_dag.reconstruction.motion.walking import (
+    CROSSING,
+    RELATIVE_DEG,
+    CourseReading,
+    Gait,
+    gait_of,
+    reported_directions,
+    usual_speed_mps,
+)
 from trace_dag.reconstruction.motion.walking import Course as Walking
 from trace_dag.reconstruction.planners.impact_plans import (
+    DRIFT_G,
     MANOEUVRES,
     ImpactPlan,
     Walk,
@@ -68,11 +77,14 @@ LONGEST_CHAIN_S: Final = 12.0
 _SETTLES_S: Final = 1.0  # after a thrown person has come to rest
 _RESTS_M: Final = 0.05  # nearer to where it ends up, a person is at rest
 _FAR: Final = 50.0  # of log-likelihoods
+_ALONG: Final = frozenset({Walking.ALONG, Walking.TOWARDS})
+_MET_M: Final = 60.0  # before and behind the place where a person is met
 _CROSSES: Final = frozenset({Manoeuvre.CROSS_FROM_LEFT, Manoeuvre.CROSS_FROM_RIGHT})
 _AT_THE_EDGE_S: Final = 1.0
 _LONGEST_LEAD_S: Final = 12.0
 _LATER_S: Final = (0.0, 2.0, 4.0, 6.0, 8.0)  # a slower vehicle comes so much later, else it would be in the way
-_OFF_LANE_M: Final = 2.2  # farthest off its lane's centre that a vehicle strikes a person who lies there
+_OFF_LANE_M: Final = 2.2  # farthest that a vehicle drifts off its lane's centre to a person who lies there
+_OVERLAP_M: Final = 0.3  # of a vehicle's front over a person who lies beside its way
 _OFF_SIGMA_M: Final = 1.0
 _OTHER_WAY: Final = -1.5  # log-likelihood that the next vehicle comes from another direction than the one before
 _PULL_OVER_M: Final = 3.2
@@ -284,18 +296,30 @@ def _walked(scene: Scene, walk: Walk, lead_s: float) -> ParticipantState:
     )
 
 
-def standing_person(
-    scene: Scene, person: NonMotorist, touched_xy_m: FloatArray, outward_rad: float, z_m: float
+def person_met(
+    scene: Scene, person: NonMotorist, touched_xy_m: FloatArray, outward_rad: float, along: Pose, at_s: float
 ) -> ParticipantState:
-    """Return a standing person or animal, touched by a vehicle at a point with a given outward normal."""
+    """Return a person or animal that a vehicle touches at a point with a given outward normal, at a time (s).
+
+    If the report has the person move along the road, it moves in the direction of ``along`` or against it; else it
+    stands, and faces across the way of the vehicle.
+    """
     kind = person_kind_of(person)
     size = size_of(person, kind)
-    heading = math.remainder(outward_rad + math.pi / 2, math.tau)  # faces across the way of who comes
-    x, y = touched_xy_m + size.width_m / 2 * np.array([math.cos(outward_rad), math.sin(outward_rad)])
-    pose = Pose(float(x), float(y), heading, z_m)
-    reading = CourseReading(Walking.STANDING, 0.0, told=False)
-    path = straight(pose, back_m=1.0, ahead_m=1.0)
-    return _walked(scene, Walk(person, kind, size, reading, Gait.STANDING, path, 1.0, pose, 0.0), AFTER_IMPACT_S)
+    course = next(iter(sorted(reported_directions(person, None) & _ALONG)), Walking.STANDING)
+    heading = outward_rad + math.pi / 2
+    gait = Gait.STANDING
+    if course in _ALONG:
+        heading = along.heading_rad + math.radians(RELATIVE_DEG[course])
+        gait = gait_of(person)
+    angle = outward_rad - heading
+    reach_m = abs(math.cos(angle)) * size.length_m / 2 + abs(math.sin(angle)) * size.width_m / 2
+    x, y = touched_xy_m + reach_m * np.array([math.cos(outward_rad), math.sin(outward_rad)])
+    pose = Pose(float(x), float(y), math.remainder(heading, math.tau), along.z_m)
+    path = straight(pose, back_m=_MET_M, ahead_m=_MET_M)
+    reading = CourseReading(course, 0.0, told=course in _ALONG)
+    walk = Walk(person, kind, size, reading, gait, path, _MET_M, pose, usual_speed_mps(person, gait))
+    return _walked(scene, walk, at_s)
 
 
 def _pulling_over(drive: Drive) -> Path:
@@ -373,15 +397,18 @@ def next_way(scene: Scene, strike: CrashEvent, lies_at: FloatArray, course_rad: 
             continue
         path = option.path()
         station, off = path.project(float(lies_at[0]), float(lies_at[1]))
+        half_m = strike.vehicle.width_m / 2
         if strike.vehicle.vehicle_class in _HIGH:
-            off -= math.copysign(strike.vehicle.width_m / 2 - _TYRE_M, off)
+            off -= math.copysign(half_m - _TYRE_M, off)
+        else:  # it stays in its lane as far as it can
+            off = math.copysign(max(abs(off) - half_m + _OVERLAP_M, 0.0), off)
         if abs(off) > _OFF_LANE_M:
             continue
         heading = path.pose(station).heading_rad
         other_way = abs(math.remainder(heading - course_rad, math.tau)) > math.radians(60)
         score = math.fsum(terms.values()) - 0.5 * (off / _OFF_SIGMA_M) ** 2 + (_OTHER_WAY if other_way else 0.0)
         if best is None or round(score, 6) > round(best[1], 6):
-            over = shifted(path, None, anchor_s_m=station, constant_m=off)
+            over = shifted(path, drift(off, profile.impact_mps, DRIFT_G), anchor_s_m=station) if off else path
             station = over.project(float(lies_at[0]), float(lies_at[1]))[0] - who.vehicle.length_m / 2
             best = Drive(who, option, over, station, speed, profile), score
     return best
