@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from trace_dag.agents.stored_traffic import StoredTraffic
 
 FOLDER = "benchmark"
-VERSION = "10"
+VERSION = "11"
 """Number of the code that makes pages, packages and replays; see :data:`trace_dag.flow.stages.VERSIONS`."""
 REPLAYS = "replays"
 FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))

@@ -88,11 +88,15 @@ class Surfaces:
         rings: list[FloatArray] = []
         colours: list[str] = []
         lanes = [lane for section in sections for lane in section.lanes]
+        # Cycle lanes of a junction lie below its pavement: others cross them there, so that they would show in pieces.
+        across = [lane for lane in lanes if _is_crossed(lane)]
+        rings += [lane.outline_m for lane in across]
+        colours += [SURFACES[LaneType.BIKING]] * len(across)
         for ring, colour in _gaps(scene, lanes, shade):
             rings.append(ring)
             colours.append(colour)
         self._first_lane = len(rings)
-        for lane in sorted(lanes, key=lambda lane: _order(scene, lane)):
+        for lane in sorted((each for each in lanes if not _is_crossed(each)), key=lambda lane: _order(scene, lane)):
             lane_type = lane.geometry.lane.type
             if lane_type is LaneType.NONE:
                 continue
@@ -115,6 +119,10 @@ class Surfaces:
         # Neighbours of one colour are one path; edges in the colour of the face close the hairlines between others.
         for colour, numbers in groupby(shown, key=lambda number: self.colours[number]):
             canvas.polygons([self._shapes.points_m[number] for number in numbers], Ink(colour, colour, 0.6), z + 0.1)
+
+
+def _is_crossed(lane: SeenLane) -> bool:
+    return lane.geometry.lane.type is LaneType.BIKING and lane.road.junction_id is not None
 
 
 def _order(scene: MapScene, lane: SeenLane) -> tuple[bool, bool, bool]:
