@@ -70,12 +70,13 @@ def test_a_run_of_many_crashes_leaves_pages_to_open(monkeypatch, tmp_path):
     done = trace_dag(root, "run")
     assert done.returncode == 0, done.stderr
     assert "trace-dag open and trace-dag release make them" in done.stdout
-    assert not list((root / "benchmark").rglob("*"))
+    assert not [*(root / "benchmark").rglob("*"), *(root / "pictures").rglob("*")]
     assert "Nothing to run" in trace_dag(root, "run").stdout
     done = trace_dag(root, "open", key)
     assert done.stdout.strip() == opened[-1] == str(root / "benchmark" / "crashes" / f"{key}.html")
     made, without = ({path.name for path in (of / "benchmark").rglob("*.*")} for of in (root, finished((key,))))
     assert made == without, "the same pages and packages as a run makes"
+    assert f'src="{key}.svg"' in (root / "benchmark" / "crashes" / f"{key}.html").read_text()
 
 
 def test_settings_say_where_each_value_comes_from(tmp_path):

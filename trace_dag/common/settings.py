@@ -286,12 +286,12 @@ class ExecutionSettings(_Section):
     )
     transient_retries: int = Field(2, ge=0, description="Times a stage is tried again after a transient failure.")
     retry_wait_s: float = Field(1.0, ge=0, description="Pause before the first of those; doubles each time.")
-    pictures: bool = Field(True, description="Draw a picture of each crash.")
+    pictures: bool = Field(True, description="Draw a picture of each crash, up to pages_up_to crashes.")
     pages_up_to: int = Field(
-        2000,
+        250,
         ge=0,
-        description="Crashes of a root up to which a run makes packages and pages. Of more, trace-dag open, trace-dag "
-        "release and the asset benchmark in the UI make them.",
+        description="Crashes of a root up to which a run makes pictures, packages and pages. Of more, trace-dag open, "
+        "trace-dag release and the asset benchmark in the UI make them.",
     )
 
 

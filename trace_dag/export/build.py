@@ -76,8 +76,9 @@ _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
 PAGES_LATER = (
-    "No packages and pages were made: there are more crashes than execution.pages_up_to says. trace-dag open and "
-    "trace-dag release make them all; trace-dag replay and trace-dag export --only make those of single crashes."
+    "No pictures, packages and pages were made: there are more crashes than execution.pages_up_to says. "
+    "trace-dag open and trace-dag release make them all; trace-dag replay and trace-dag export --only make those of "
+    "single crashes."
 )
 # Of a crash without a package, as its page calls them.
 _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDICT}
@@ -86,6 +87,11 @@ _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDI
 def page_name(key: str) -> str:
     """Return the path of a crash's page below the root."""
     return f"{FOLDER}/crashes/{key}.html"
+
+
+def sketch_name(key: str) -> str:
+    """Return the path below the root of the picture on a crash's page where the run has drawn none."""
+    return f"{FOLDER}/crashes/{key}.svg"
 
 
 @dataclass(frozen=True)
@@ -267,6 +273,7 @@ def _make(task: _Task) -> _Made:
 
 @gc_paused()
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
+    from trace_dag.flow.crash_picture import draw_sketch
     from trace_dag.pages.crash_page import CrashPage, Download, write_crash_page
     from trace_dag.pages.replay import PAGE
 
@@ -281,7 +288,11 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     else:
         stored = {label: files.stored(artefact) for label, artefact in _OFFERED.items()}
         downloads = [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]
-    picture = files.picture("png")
+    drawn = files.picture("png")
+    picture = f"../../{drawn.name}" if drawn else None
+    if drawn is None and (sketch := draw_sketch(files)):
+        made = (*made, storage.write(sketch_name(key), sketch.encode()))
+        picture = f"{key}.svg"
     page = CrashPage(
         crash.row,
         crash.outcomes,
@@ -292,7 +303,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         estimate=files.load(ESTIMATE) if files.has(ESTIMATE) else None,
         verdict=files.load(VERDICT) if files.has(VERDICT) else None,
         sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
-        picture=f"../../{picture.name}" if picture else None,
+        picture=picture,
         replay=f"../{PAGE}?{key}" if replay_name(key) in sizes else None,
         downloads=downloads,
     )
@@ -333,7 +344,9 @@ def _write_index(
     funnel, coverage, reasons, driven, *of_agents = query.rows_of(warehouse, (*names, *ranked))
     searched = {row["key"]: row for row in query.rows_of(warehouse, ("catalogue",))[0]}
     table = [searched.get(row["key"], {}) | dict(row) for row in table]
-    moving = [row for row in table if thumbnail_name(row["key"]) in files]
+    moving = [
+        row | {"sketched": sketch_name(row["key"]) in files} for row in table if thumbnail_name(row["key"]) in files
+    ]
     shown = IndexRows(table, moving, funnel, coverage, reasons, any(of_agents))
     runs = [row for row in driven if row["case_id"] == row["key"]]
     of_all = Rights.of(attribution for each in rights.values() for attribution in each.attributions)

@@ -50,6 +50,8 @@ def work_of(
 ) -> Work:
     """Return the shared facts for the workers of a run."""
     flow, settings = workspace.flow, workspace.settings
+    if not workspace.pages_in_runs:
+        settings = settings.model_copy(update={"execution": settings.execution.model_copy(update={"pictures": False})})
     return Work(workspace.storage, settings, flow, run_id, installed_versions(), frozenset(force), afterwards)
 
 

@@ -84,7 +84,7 @@ class Workspace:
 
     @property
     def pages_in_runs(self) -> bool:
-        """Return whether runs make packages and pages, which they do not for many crashes."""
+        """Return whether runs make pictures, packages and pages, which they do not for many crashes."""
         return len(self.registry.keys()) <= self.settings.execution.pages_up_to
 
     @property
