@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import example_objects
 import pytest
 
 from tests.simulation.motions import straight
@@ -13,6 +14,7 @@ from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HALF, HEAD_ON, HEAD_ON
 from trace_dag.common.errors import Reason
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.classes import CollisionType, RoadTopology
+from trace_dag.crash.departure_side import SIDE_OF_EVENT
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.roads.crash_site.agreement import compare
@@ -120,6 +122,20 @@ def test_a_vehicle_on_neither_of_the_named_streets_is_on_another_one() -> None:
     assert other_streets("SR-17") == []  # a number cannot be compared with a name
     (detail,) = other_streets("PINE RD")
     assert detail == "vehicle 1 comes along Oak Street; the report names MAIN ST and PINE RD"
+
+
+@pytest.mark.parametrize(
+    ("location", "departs", "doubted"), [(1, False, True), (1, True, False), (4, False, False), (None, False, False)]
+)
+def test_a_departure_that_no_event_reports_is_a_doubt(location: int | None, departs: bool, doubted: bool) -> None:
+    """A car leaves the road into a tree; ``PCRASH5`` 1: it stayed in its lane, 4: it left the roadway."""
+    tree = example_objects.record_of("tree_record")
+    events = tuple(event for event in tree.events if departs or event.code not in SIDE_OF_EVENT)
+    report = replace(tree, vehicles=(replace(tree.vehicles[0], location_code=location),), events=events)
+    made = example_objects.made_of("tree_record")
+    seen = observe_crash(made.network, made.state_estimate.hypotheses[0], made.logs[0])
+    found = course_doubts(Comparison.of(report, sequence_of(report), seen, VerdictSettings()))
+    assert (Doubt.UNREPORTED_DEPARTURE in {each.doubt for each in found}) is doubted
 
 
 @pytest.mark.parametrize(

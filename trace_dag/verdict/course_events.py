@@ -1,8 +1,8 @@
 """Comparison of the reported events that are not harmful with the simulated course.
 
 FARS lists what a vehicle did between harmful events: it ran off the road, came back, crossed the centreline or the
-median, left the ground. A reported event that the course lacks, and an overturn that the report lacks, are doubts. A
-criterion of :mod:`trace_dag.verdict.rules` judges the departure before the first event; here are all others.
+median, left the ground. A reported event that the course lacks is a doubt, as is an overturn or a departure that the
+report lacks. A criterion of :mod:`trace_dag.verdict.rules` judges the departure before the first event.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ _OPPOSED: Final = -math.cos(math.radians(50))
 """Cosine of the angle between a vehicle's course and a lane from which on the lane is one of oncoming traffic."""
 _BETWEEN_ROADS: Final = frozenset({RoadZone.MEDIAN, RoadZone.GORE})
 _DEPARTURES: Final = frozenset({*SIDE_OF_EVENT, codes.RAN_OFF})
+_ON_ROADWAY: Final = frozenset({1, 2, 3})  # PCRASH5
 _CROSSED: Final = {
     codes.CROSSED_CENTRELINE: ("centreline", Doubt.CENTRELINE_NOT_CROSSED),
     codes.CROSSED_MEDIAN: ("median", Doubt.MEDIAN_NOT_CROSSED),
@@ -50,7 +51,7 @@ class Excursion:
 
 
 def course_doubts(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt for each reported event of the course that does not happen, and for each unreported overturn.
+    """Yield a doubt for each reported event of the course that does not happen, and each unreported one.
 
     >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.common.settings import VerdictSettings
@@ -66,6 +67,7 @@ def course_doubts(beside: Comparison) -> Iterator[Reservation]:
             yield _doubt(Doubt.DEPARTURE_MISSED, events[0], f"vehicle {vehicle.number} is not simulated")
     yield from _other_zone(beside)
     yield from _overturns(beside)
+    yield from _departure(beside)
 
 
 def _missed_events(beside: Comparison, number: int, events: list[EventRecord]) -> Iterator[Reservation]:
@@ -206,6 +208,20 @@ def _overturns(beside: Comparison) -> Iterator[Reservation]:
             yield Reservation(Doubt.EVENT_MISSED, f"vehicle {number} rolled over (ROLLOVER), and stays on its wheels")
         else:
             yield Reservation(Doubt.UNREPORTED_OVERTURN, f"vehicle {number} overturns, which no event reports")
+
+
+def _departure(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt if a vehicle leaves the carriageway before the first event, and is reported to have stayed on it.
+
+    The report has no departure, and ``PCRASH5`` places the vehicle on the roadway before the impact.
+    """
+    first = beside.observed.first
+    if first is None or first.departure is None or first.departure.left_s is None:
+        return
+    number = first.pair[0]
+    stayed = any(each.number == number and each.location_code in _ON_ROADWAY for each in beside.record.vehicles)
+    if stayed and not any(each.party_1 == number and each.code in _DEPARTURES for each in beside.record.events):
+        yield Reservation(Doubt.UNREPORTED_DEPARTURE, f"vehicle {number} leaves the road, which no event reports")
 
 
 def _doubt(doubt: Doubt, event: EventRecord, found: str) -> Reservation:

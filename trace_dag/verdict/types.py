@@ -141,6 +141,7 @@ class Doubt(StrEnum):
     NOT_AIRBORNE = "not_airborne"
     OTHER_ZONE = "other_zone"
     UNREPORTED_OVERTURN = "unreported_overturn"
+    UNREPORTED_DEPARTURE = "unreported_departure"
     NO_STREET = "no_street"  # where a vehicle was going to drive
     FAR_OFF_ROAD = "far_off_road"
     OTHER_CARRIAGEWAY = "other_carriageway"
