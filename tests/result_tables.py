@@ -8,7 +8,7 @@ from pathlib import Path
 
 import duckdb
 
-from trace_dag.warehouse.tables import TABLES
+from trace_dag.warehouse.updating import TABLES
 
 ABOUT_RUNS = frozenset({"run_summary", "stage_history", "verdict_changes"})
 WHEN_AND_WHERE = {

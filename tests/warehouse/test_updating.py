@@ -21,7 +21,7 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.flow.cohorts.registry import Registry, ReportSource
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import check_warehouse, note_built, open_warehouse, rows
-from trace_dag.warehouse.tables import TABLES, Rows
+from trace_dag.warehouse.updating import TABLES, Rows
 
 KEYS = [f"2023-51{number:04d}" for number in range(1, 61)]
 WAREHOUSE = "warehouse.duckdb"

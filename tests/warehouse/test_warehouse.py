@@ -23,7 +23,7 @@ from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.documents import DocumentTables
 from trace_dag.warehouse.outcomes import CrashSnapshot
 from trace_dag.warehouse.query import open_warehouse, rows
-from trace_dag.warehouse.tables import TABLES
+from trace_dag.warehouse.updating import TABLES
 
 UNKNOWN = {"MAN_COLL": {98, 99}, "TYP_INT": {98, 99}, "HARM_EV": {98, 99}, "REL_ROAD": {98, 99}}
 CONTRACT = {

@@ -20,7 +20,7 @@ from trace_dag.agents.stored_cases import StoredCase, load_case, report_each
 from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.provenance import crash_of
-from trace_dag.common.schemas import Column, ColumnType, TableSchema
+from trace_dag.common.schemas import TableSchema
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP, XODR, CrashArtefacts
@@ -41,29 +41,10 @@ FOLDER = "traffic"
 VERSION = "3"
 """Number of the code that makes traffic; see :data:`trace_dag.flow.stages.VERSIONS`."""
 
-_TEXT, _INT, _REAL, _BOOL = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.REAL, ColumnType.BOOLEAN
-TRAFFIC = TableSchema(
+TRAFFIC = TableSchema.of_csv(
+    "trace_dag.agents",
     "traffic",
     "Traffic around verified crashes by class of road, measured in the minute before they begin",
-    (
-        Column("key", _TEXT, "Key of the crash", required=True),
-        Column("traffic_class", _TEXT, "interstate, arterial, collector or local", required=True),
-        Column("rural", _BOOL, "Whether the area is rural", required=True),
-        Column("weekend", _BOOL, "Whether it was on a Saturday or Sunday", required=True),
-        Column("hour", _INT, "Hour of the day", required=True),
-        Column("factor", _REAL, "Multiple of the tables' volumes that was asked for", required=True),
-        Column("seed", _INT, "Seed of the arrivals and routes", required=True),
-        Column("lane_km", _REAL, "Length of the class's lanes on the map, km", required=True),
-        Column("table_volume", _REAL, "Vehicles an hour and lane by the tables, with the factor", required=True),
-        Column("limit_mps", _REAL, "Mean speed limit of its lanes", unit="mps", required=True),
-        Column("volume", _REAL, "Vehicles an hour and lane as simulated", required=True),
-        Column("speed_mps", _REAL, "Mean speed as simulated, over vehicles and moments", unit="mps"),
-        Column("density_per_km", _REAL, "Vehicles a km of lane as simulated", required=True),
-        Column("vehicles", _INT, "Vehicles on the whole map while the crash goes on", required=True),
-        Column("left_out", _INT, "Vehicles left out so that the crash stays as it is", required=True),
-        Column("code_version", _TEXT, "Code that made it", required=True),
-        Column("verdict_fingerprint", _TEXT, "Of the crash it was made for", required=True),
-    ),
 )
 
 

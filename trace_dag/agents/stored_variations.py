@@ -16,7 +16,7 @@ from trace_dag.agents.variations import Bounds, Criteria, Perturbation, Variatio
 from trace_dag.common.errors import DamagedFile
 from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.provenance import crash_of
-from trace_dag.common.schemas import Column, ColumnType, TableSchema
+from trace_dag.common.schemas import TableSchema
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.manifests import read_listed, sound_manifest
 from trace_dag.flow.records import OnProblem, raise_problem
@@ -25,35 +25,8 @@ from trace_dag.simulation.states import Hypothesis, StateEstimate, estimate_from
 from trace_dag.simulation.types import SimulationLog
 
 FOLDER = "variations"
-_TEXT, _INT, _REAL = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.REAL
-
-VARIATIONS = TableSchema(
-    "variations",
-    "Perturbed crashes that were kept as scenarios for tests",
-    (
-        Column("variation_id", _TEXT, "Key of the crash and number of the variation", required=True),
-        Column("key", _TEXT, "Key of the crash", required=True),
-        Column("number", _INT, "Number in the crash's family, from 1", required=True),
-        Column("seed", _INT, "Seed of the family", required=True),
-        Column("kind", _TEXT, "collision or near_miss", required=True),
-        Column("gap_m", _REAL, "Least distance between the two bodies; 0 for a collision", unit="m", required=True),
-        Column("impact_time_s", _REAL, "When the crash would have been", unit="s", required=True),
-        Column("contact_shift_m", _REAL, "First contact from the crash's", unit="m"),
-        Column("closing_speed_mps", _REAL, "Closing speed at the first contact", unit="mps"),
-        Column("friction", _REAL, "Friction of tyres on the road", required=True),
-        *(
-            Column(f"{name}_{number}{unit and '_' + unit}", _REAL, f"{meaning} of the {place} vehicle", unit=unit)
-            for number, place in ((1, "first"), (2, "second"))
-            for name, unit, meaning in (
-                ("speed_factor", "", "Speeds as a multiple of the recorded ones,"),
-                ("delay", "s", "How much later it comes,"),
-                ("offset_left", "m", "How far left of its recorded way it drives,"),
-                ("reaction", "s", "Time before the recorded impact at which it brakes (0: never),"),
-            )
-        ),
-        Column("code_version", _TEXT, "Code that made it", required=True),
-        Column("verdict_fingerprint", _TEXT, "Of the crash it was made from", required=True),
-    ),
+VARIATIONS = TableSchema.of_csv(
+    "trace_dag.agents", "variations", "Perturbed crashes that were kept as scenarios for tests"
 )
 
 

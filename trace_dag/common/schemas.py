@@ -1,14 +1,17 @@
 """Columns declared once: name with its unit, type, meaning and source; Arrow schemas and data dictionaries follow.
 
-Belongs here: the machinery. Does not belong here: any table; each package declares its own beside what fills it.
+Belongs here: the machinery. Does not belong here: any table; each package declares its own, as CSV, beside what fills
+it.
 """
 
 from __future__ import annotations
 
+import csv
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from importlib import resources
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,6 +25,9 @@ class ColumnType(StrEnum):
     INTEGER = "INTEGER"
     REAL = "DOUBLE"
     BOOLEAN = "BOOLEAN"
+
+
+_STRUCT = "STRUCT"  # the type, by DuckDB, of a column with fields
 
 
 @dataclass(frozen=True)
@@ -88,6 +94,30 @@ class TableSchema:
     meaning: str
     columns: tuple[Column, ...]
 
+    @classmethod
+    def of_csv(cls, package: str, name: str, meaning: str) -> TableSchema:
+        """Return the table whose columns a package declares in ``<name>.csv``, nested ones by dotted path."""
+        text = resources.files(package).joinpath(f"{name}.csv").read_text(encoding="utf-8")
+        within: dict[str, tuple[Column, ...]] = {"": ()}
+        for row in reversed([*csv.DictReader(text.splitlines())]):  # nested columns before the one that has them
+            parent, _, own = row["column"].rpartition(".")
+            column = Column(
+                own,
+                None if row["type"] == _STRUCT else ColumnType(row["type"]),
+                row["meaning"],
+                row["unit"],
+                row["source"],
+                required=row["required"] == "yes",
+                repeated=row["repeated"] == "yes",
+                fields=within.pop(row["column"], ()),
+            )
+            within[parent] = (column, *within.get(parent, ()))
+        return cls(name, meaning, within[""])
+
+    def __getitem__(self, name: str) -> Column:
+        """Return a column by its name."""
+        return next(column for column in self.columns if column.name == name)
+
     def arrow(self) -> pa.Schema:
         """Return the Arrow schema, with every column's unit, meaning and source in its metadata."""
         import pyarrow as pa
@@ -99,7 +129,7 @@ class TableSchema:
         return [
             {
                 "column": path,
-                "type": column.type.value if column.type else "STRUCT",
+                "type": column.type.value if column.type else _STRUCT,
                 "unit": column.unit,
                 "meaning": column.meaning,
                 "source": column.source,

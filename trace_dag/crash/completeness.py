@@ -25,7 +25,7 @@ from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, Missing, ev
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.road_departure import overturns_on_road, side_of_first
-from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
+from trace_dag.crash.tables import CRASH_RECORD
 
 US_LATITUDE_DEG: Final = (17.5, 71.6)
 US_LONGITUDE_DEG: Final = (-180.0, -64.4)
@@ -101,7 +101,7 @@ def _element_among(element: str, codes: Collection[int]) -> Rule:
     The element is that of the crash or of every vehicle in transport. The rule leaves out a crash that does not report
     it. Raises :class:`UserError` for an element that records do not have.
     """
-    of_crash, of_vehicle = _coded_columns(CRASH_RECORD.columns), _coded_columns(VEHICLE_COLUMNS)
+    of_crash, of_vehicle = _coded_columns(CRASH_RECORD.columns), _coded_columns(CRASH_RECORD["vehicles"].fields)
     if element not in of_crash and element not in of_vehicle:
         known = ", ".join(sorted({*of_crash, *of_vehicle}))
         raise UserError(f"setting crash.filters: {element} is not an element of a record; filters can be on {known}")

@@ -23,7 +23,7 @@ from typing import Any, Literal
 from trace_dag.agents.evaluation.splits import SITE_M, Split
 from trace_dag.common.errors import Reason
 from trace_dag.common.messages.wording import count_of
-from trace_dag.common.schemas import Column, ColumnType, TableSchema
+from trace_dag.common.schemas import TableSchema
 from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory
 from trace_dag.crash.keys import FARS
 from trace_dag.export.documents import render_document
@@ -39,86 +39,7 @@ CHECKSUMS = "SHA256SUMS"
 ArchiveFormat = Literal["tar", "zip"]
 Row = Mapping[str, Any]
 
-_T = ColumnType
-RELEASE_INDEX = TableSchema(
-    "release_index",
-    "One row per scenario package of a release",
-    (
-        Column("key", _T.TEXT, "Key of the crash, <caseYear>-<stateCase> or <register>-<id>", required=True),
-        Column("split", _T.TEXT, "Part it belongs to: train, validation or test; no site is in two", required=True),
-        Column("weight", _T.REAL, "Weight to stand for a country's crashes, 1 in the mean; null without tables"),
-        Column("package", _T.TEXT, "Its package, a path in the release", required=True),
-        Column("package_bytes", _T.INTEGER, "Size of the package", required=True),
-        Column("package_sha256", _T.TEXT, "SHA-256 of the package, hexadecimal", required=True),
-        Column("cohort", _T.TEXT, "Cohort it was run in"),
-        Column("register", _T.TEXT, "Register that the report is of: fars, or the name of another"),
-        Column("case_year", _T.INTEGER, "Year of the case file", source="CaseYear"),
-        Column("state_case", _T.INTEGER, "Case number, unique in its year", source="ST_CASE"),
-        Column("state_name", _T.TEXT, "State"),
-        Column("place", _T.TEXT, "City, county and state as labelled"),
-        Column("latitude_deg", _T.REAL, "Reported latitude, WGS84", unit="deg", source="LATITUDE"),
-        Column("longitude_deg", _T.REAL, "Reported longitude, WGS84", unit="deg", source="LONGITUD"),
-        Column("month", _T.INTEGER, "Month of the crash"),
-        Column("hour", _T.INTEGER, "Hour of the crash, local time"),
-        Column("kind", _T.TEXT, "Kind of crash", source="HARM_EV, VE_FORMS, SOE"),
-        Column("collision_type", _T.TEXT, "Coverage class of the manner of collision", source="MAN_COLL"),
-        Column("road_topology", _T.TEXT, "Coverage class of the intersection", source="TYP_INT"),
-        Column("vehicle_trajectory", _T.TEXT, "Coverage class of the courses of the pair", source="ACC_TYPE"),
-        Column("vehicles", _T.INTEGER, "Vehicles in the report"),
-        Column("vehicle_classes", _T.TEXT, "Bodies of the vehicles in transport, by their numbers"),
-        Column("speeds_reported", _T.INTEGER, "Vehicles in transport with a reported speed", source="TRAV_SP"),
-        Column("fatalities", _T.INTEGER, "People who died", source="FATALS"),
-        Column("severity", _T.TEXT, "How badly anybody was hurt: K, A, B, C or O", source="INJ_SEV, FATALS"),
-        Column("light", _T.TEXT, "Light, in words", source="LGT_COND"),
-        Column("weather", _T.TEXT, "Weather, in words", source="WEATHER"),
-        Column("surface", _T.TEXT, "Condition of the road surface, in words", source="VSURCOND"),
-        Column("speed_limit_mph", _T.REAL, "Speed limit, the highest of the vehicles", unit="mph", source="VSPD_LIM"),
-        Column("function_class", _T.TEXT, "Class of the road, in words", source="FUNC_SYS"),
-        Column("lanes", _T.INTEGER, "Lanes of the widest roadway", source="VNUM_LAN"),
-        Column("signalised", _T.BOOLEAN, "A vehicle had a traffic signal", source="VTRAFCON"),
-        Column("rural_urban", _T.TEXT, "Area: rural or urban", source="RUR_URB"),
-        Column("people", _T.INTEGER, "People outside motor vehicles"),
-        Column("pre_crash_scenario", _T.TEXT, "Scenario of NHTSA's typology of 37", source="P_CRASH2, ACC_TYPE"),
-        Column("euro_ncap", _T.TEXT, "Name of Euro NCAP's test of cars that it is like"),
-        Column("odd", _T.TEXT, "Operational design domain in terms of ISO 34503"),
-        Column("words", _T.TEXT, "All of it in lower case, to search in"),
-        Column("attribution", _T.TEXT, "Whom the report is to be attributed to; null of FARS, public domain"),
-        Column("trafficway_1", _T.TEXT, "Road of the crash", source="TWAY_ID"),
-        Column("trafficway_2", _T.TEXT, "Crossing road", source="TWAY_ID2"),
-        Column("map_attribution", _T.TEXT, "Whom the map is to be attributed to, and its licence"),
-        Column("estimator", _T.TEXT, "What estimated the states, such as analytic or llm"),
-        Column("asked_estimator", _T.TEXT, "What was asked for the states; it made none where it is another"),
-        Column("fallback_reason", _T.TEXT, "Why it made none"),
-        Column("ambiguity", _T.REAL, "Posterior share of the sides that the best one does not come from, 0 to 1"),
-        Column("backend", _T.TEXT, "Simulator and its version"),
-        Column("rule_set", _T.TEXT, "Rules it was verified by"),
-        Column("label", _T.TEXT, "What happens: verified (all reported that can be modelled) or first_event_only"),
-        Column("grade", _T.TEXT, "How well it is supported: corroborated or consistent"),
-        Column("support", _T.REAL, "Sum of the weights of all facts of the report, natural logarithm"),
-        Column("independent_facts", _T.INTEGER, "Different facts of the report that agree with map or course"),
-        Column("contact_distance_m", _T.REAL, "First contact, or overturn, from the reported point", unit="m"),
-        Column("judged_distance_m", _T.REAL, "The same along the road, for what stands beside it", unit="m"),
-        Column("moved_m", _T.REAL, "How far the reported point was moved onto a road", unit="m"),
-        Column("events_reported", _T.INTEGER, "Harmful events of the report", source="SOE"),
-        Column("events_happened", _T.INTEGER, "Harmful events that happen in the simulation"),
-        Column("events_not_modelled", _T.INTEGER, "Harmful events that no simulation can have"),
-        Column("alternatives", _T.TEXT, "What else is likely beside the course in the package, in words"),
-        Column(
-            "clock_error_max_positions",
-            _T.REAL,
-            "Impact against the reported clock position, the worse vehicle",
-            unit="h",
-        ),
-        Column(
-            "speed_error_initial_max_rel",
-            _T.REAL,
-            "Initial speed against the reported one, the worse vehicle, relative",
-        ),
-        Column("closing_speed_mps", _T.REAL, "Speed at which the vehicles closed", unit="mps"),
-        Column("approach_angle_deg", _T.REAL, "Angle between their headings at contact", unit="deg"),
-        Column("delta_v_max_mps", _T.REAL, "Change of velocity, the larger of the two", unit="mps"),
-    ),
-)
+RELEASE_INDEX = TableSchema.of_csv("trace_dag.export", "release_index", "One row per scenario package of a release")
 
 _CLASSES: Mapping[str, type[StrEnum]] = {
     "collision_type": CollisionType,

@@ -16,6 +16,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from importlib import resources
 from typing import Any, Final
 
 from trace_dag.agents.evaluation.evaluate import Conditions
@@ -37,46 +38,9 @@ _TYPES: Final = {
     ColumnType.REAL: "sc:Float",
     ColumnType.BOOLEAN: "sc:Boolean",
 }
-_KEYWORDS: Final = ("crash reconstruction", "FARS", "OpenSCENARIO", "OpenDRIVE", "automated driving")
-_CONTEXT: Final[dict[str, Any]] = {
-    "@language": "en",
-    "@vocab": "https://schema.org/",
-    "citeAs": "cr:citeAs",
-    "column": "cr:column",
-    "conformsTo": "dct:conformsTo",
-    "cr": "http://mlcommons.org/croissant/",
-    "rai": "http://mlcommons.org/croissant/RAI/",
-    "data": {"@id": "cr:data", "@type": "@json"},
-    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-    "dct": "http://purl.org/dc/terms/",
-    "equivalentProperty": "cr:equivalentProperty",
-    "examples": {"@id": "cr:examples", "@type": "@json"},
-    "extract": "cr:extract",
-    "field": "cr:field",
-    "fileProperty": "cr:fileProperty",
-    "fileObject": "cr:fileObject",
-    "fileSet": "cr:fileSet",
-    "format": "cr:format",
-    "includes": "cr:includes",
-    "isLiveDataset": "cr:isLiveDataset",
-    "jsonPath": "cr:jsonPath",
-    "key": "cr:key",
-    "md5": "cr:md5",
-    "parentField": "cr:parentField",
-    "path": "cr:path",
-    "recordSet": "cr:recordSet",
-    "references": "cr:references",
-    "regex": "cr:regex",
-    "repeated": "cr:repeated",
-    "replace": "cr:replace",
-    "samplingRate": "cr:samplingRate",
-    "sc": "https://schema.org/",
-    "separator": "cr:separator",
-    "source": "cr:source",
-    "subField": "cr:subField",
-    "transform": "cr:transform",
-}
+_CONTEXT: Final = resources.files("trace_dag.export").joinpath("templates", "croissant_context.json")
 """Context of the specification of Croissant 1.0."""
+_KEYWORDS: Final = ("crash reconstruction", "FARS", "OpenSCENARIO", "OpenDRIVE", "automated driving")
 FILE: Final = "trace-bench.json"
 NAME: Final = "trace-bench 1"
 _SHOWN: Final = 5
@@ -110,7 +74,7 @@ def croissant(
     ]
     return _json(
         {
-            "@context": _CONTEXT,
+            "@context": json.loads(_CONTEXT.read_text(encoding="utf-8")),
             "@type": "sc:Dataset",
             "conformsTo": "http://mlcommons.org/croissant/1.0",
             "name": name,

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
 from trace_dag.common.errors import Failure
-from trace_dag.common.schemas import Column, ColumnType, TableSchema, table_from_parquet
+from trace_dag.common.schemas import TableSchema, table_from_parquet
 from trace_dag.crash.trailer import Trailer
 from trace_dag.simulation.objects import FixedObject
 from trace_dag.simulation.types import Body, Contact, SimulationLog, Termination, VehicleLog
@@ -23,46 +23,10 @@ from trace_dag.simulation.types import Body, Contact, SimulationLog, Termination
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SIMULATION_STEPS = TableSchema(
+SIMULATION_STEPS = TableSchema.of_csv(
+    "trace_dag.simulation",
     "simulation_steps",
     "States of every participant, per logged step and hypothesis; local frame of the crash",
-    (
-        Column("hypothesis", ColumnType.INTEGER, "Index of the hypothesis in the state estimate", required=True),
-        Column(
-            "vehicle_number",
-            ColumnType.INTEGER,
-            "Number of the party in the report, of a trailer 3000 + its vehicle's",
-            source="VEH_NO",
-            required=True,
-        ),
-        Column("time_s", ColumnType.REAL, "Time since the start of the reconstruction", unit="s", required=True),
-        Column("x_m", ColumnType.REAL, "East of the reported point, of the body's centre", unit="m", required=True),
-        Column("y_m", ColumnType.REAL, "North of the reported point, of the body's centre", unit="m", required=True),
-        Column("z_m", ColumnType.REAL, "Height of the road under the body", unit="m", required=True),
-        Column("heading_rad", ColumnType.REAL, "Heading, counter-clockwise from east", unit="rad", required=True),
-        Column("speed_mps", ColumnType.REAL, "Speed along the body, negative backward", unit="mps", required=True),
-        Column("velocity_x_mps", ColumnType.REAL, "Velocity toward east", unit="mps", required=True),
-        Column("velocity_y_mps", ColumnType.REAL, "Velocity toward north", unit="mps", required=True),
-        Column("yaw_rate_rps", ColumnType.REAL, "Yaw rate, counter-clockwise", unit="rps", required=True),
-        Column("acceleration_mps2", ColumnType.REAL, "Acceleration along the body", unit="mps2", required=True),
-        Column(
-            "steer_rad", ColumnType.REAL, "Angle of the front wheels, positive to the left", unit="rad", required=True
-        ),
-        Column("throttle", ColumnType.REAL, "Throttle, 0 to 1", required=True),
-        Column("brake", ColumnType.REAL, "Brake, 0 to 1", required=True),
-        Column("above_road_m", ColumnType.REAL, "Height of the body's centre above the road", unit="m", required=True),
-        Column("pitch_rad", ColumnType.REAL, "Pitch of the body, positive front down", unit="rad", required=True),
-        Column("roll_rad", ColumnType.REAL, "Roll of the body, positive to the right", unit="rad", required=True),
-        Column(
-            "landmarks_m",
-            ColumnType.REAL,
-            "Points of a person's body east, north and up of its place: pelvis, neck, head, both hands, left "
-            "knee and foot, right knee and foot; then front, rear and top of what it rides; empty for vehicles",
-            unit="m",
-            required=True,
-            repeated=True,
-        ),
-    ),
 )
 _SCALAR_NAMES = [field.name for field in fields(VehicleLog) if field.name not in ("number", "landmarks_m")]
 

@@ -46,8 +46,7 @@ from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
 from trace_dag.warehouse.outcomes import OutcomeTables, read_snapshots
 from trace_dag.warehouse.query import stray_log
-from trace_dag.warehouse.tables import TABLES
-from trace_dag.warehouse.updating import changed_since_built, list_for_build, note_crashes, update_tables
+from trace_dag.warehouse.updating import TABLES, changed_since_built, list_for_build, note_crashes, update_tables
 
 if TYPE_CHECKING:
     import duckdb

@@ -9,11 +9,14 @@ everything is read.
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
+from enum import StrEnum
+from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.gc_pause import gc_paused
@@ -24,11 +27,22 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.flow.cohorts.registry import Cohort
 from trace_dag.warehouse.documents import DOCUMENTS
 from trace_dag.warehouse.query import check_warehouse
-from trace_dag.warehouse.tables import TABLES, Rows
 
 if TYPE_CHECKING:
     import duckdb
 
+
+class Rows(StrEnum):
+    """Subjects of the rows of a table."""
+
+    OF_ONE = "of one crash"
+    """Each belongs to one crash and says nothing of others: a changed crash changes its own rows alone."""
+    OF_ALL = "of all crashes"
+
+
+_TABLES = resources.files("trace_dag.warehouse").joinpath("sql", "tables.csv").read_text()
+TABLES: Final = {row["table"]: Rows(row["rows"]) for row in csv.DictReader(_TABLES.splitlines())}
+"""All tables and views of a warehouse by name, in the order in which they are made, each by its ``.sql`` file."""
 _NOTE = "cache/warehouse.json"
 _MOST = 0.1  # of the crashes; where more have changed, building anew takes hardly longer and leaves no gaps
 _READ = {stage: (".outcome.json", *(f".{ext}" for of, ext in DOCUMENTS if of is stage)) for stage in Stage}

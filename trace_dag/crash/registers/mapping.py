@@ -27,7 +27,7 @@ from trace_dag.crash.codes.persons import HIGHEST_AGE
 from trace_dag.crash.codes.table import code_table, has_codes, ranges
 from trace_dag.crash.keys import FARS, REGISTER_NAME
 from trace_dag.crash.record import LARGEST_ACCURACY_M, Moment, Octant
-from trace_dag.crash.tables import CRASH_RECORD, NON_MOTORIST_COLUMNS, VEHICLE_COLUMNS
+from trace_dag.crash.tables import CRASH_RECORD
 
 PARKED: Final = "parked"
 """Values of ``P_CRASH1`` beside its codes: the unit was parked, not in transport."""
@@ -395,8 +395,8 @@ def _of_elements(columns: Iterable[Column]) -> dict[str, Column]:
 
 
 CRASH_FIELDS: Final[Mapping[str, Column]] = _of_elements(CRASH_RECORD.columns)
-VEHICLE_FIELDS: Final[Mapping[str, Column]] = _of_elements(VEHICLE_COLUMNS)
-PERSON_FIELDS: Final[Mapping[str, Column]] = _of_elements(NON_MOTORIST_COLUMNS)
+VEHICLE_FIELDS: Final[Mapping[str, Column]] = _of_elements(CRASH_RECORD["vehicles"].fields)
+PERSON_FIELDS: Final[Mapping[str, Column]] = _of_elements(CRASH_RECORD["non_motorists"].fields)
 """Fields that a mapping can have of a crash, a vehicle and a person outside vehicles: columns of their records by
 element."""
 OCCUPANT_FIELDS: Final = {"INJ_SEV": "injury_code", "AGE": "age_years", "REST_USE": "restraint_code"}

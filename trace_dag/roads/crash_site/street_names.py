@@ -8,11 +8,13 @@ Service's Publication 28 (appendices B and C1), as far as FARS and OSM use them,
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from enum import StrEnum
 from functools import lru_cache
+from importlib import resources
 from typing import Final
 
 
@@ -59,122 +61,24 @@ SAME_STREET: Final = 0.8
 OTHER_STREET: Final = 0.4
 """Similarity below which two names are those of two streets: judgement."""
 
-_SYSTEMS: Final[dict[str, RouteSystem]] = {
-    **dict.fromkeys(("I", "IR", "IH", "INTERSTATE", "INTERSTATE HIGHWAY"), RouteSystem.INTERSTATE),
-    **dict.fromkeys(("US", "USH", "UH", "US HIGHWAY", "US HWY", "US ROUTE", "US RT"), RouteSystem.US),
-    **dict.fromkeys(("SR", "SH", "STH", "ST RT", "ST RD", "ST HWY", "STATE ROUTE", "STATE ROAD"), RouteSystem.STATE),
-    **dict.fromkeys(("STATE HIGHWAY", "STATE HWY", "STATE RT", "STATE RD", "FM", "RM", "SS", "SL"), RouteSystem.STATE),
-    **dict.fromkeys(("STATE TRUNK HIGHWAY", "LOOP", "SPUR", "STATE LOOP"), RouteSystem.STATE),
-    **dict.fromkeys(("CR", "CO", "CH", "CTH", "CSAH", "CO RD", "CO RT", "CO HWY", "COUNTY ROAD"), RouteSystem.COUNTY),
-    **dict.fromkeys(("COUNTY ROUTE", "COUNTY RD", "COUNTY RT", "COUNTY HIGHWAY", "COUNTY HWY"), RouteSystem.COUNTY),
-    **dict.fromkeys(("TR", "TWP", "TWP RD", "TOWNSHIP ROAD", "MU", "LS", "FR", "FS", "BIA", "BLM"), RouteSystem.OTHER),
-    **dict.fromkeys(("RT", "RTE", "ROUTE", "HWY", "HIGHWAY"), RouteSystem.UNKNOWN),
-}
+
+def _spelled_out(section: str) -> dict[str, str]:
+    """Return what is written out by each of its abbreviations, in a section of ``street_words.toml``."""
+    return {short: full for full, abbreviations in _WORDS_OF[section].items() for short in abbreviations}
+
+
+_WORDS_OF: Final[dict[str, dict[str, list[str]]]] = tomllib.loads(
+    resources.files("trace_dag.roads.crash_site").joinpath("street_words.toml").read_text(encoding="utf-8")
+)
+_SYSTEMS: Final = {short: RouteSystem(system) for short, system in _spelled_out("systems").items()}
 _STATES: Final = (
     "AL AK AZ AR CA CO CT DE DC FL GA HI IA ID IL IN KS KY LA MA MD ME MI MN MO MS MT NC ND NE NH NJ NM NV NY OH OK OR "
     "PA PR RI SC SD TN TX UT VA VT WA WI WV WY"
 )
-_VARIANTS: Final = {
-    **dict.fromkeys(("BUS", "BUSINESS", "BR", "BL"), "business"),
-    **dict.fromkeys(("ALT", "ALTERNATE"), "alternate"),
-    **dict.fromkeys(("BYP", "BYPASS"), "bypass"),
-    **dict.fromkeys(("SPUR", "SPR"), "spur"),
-    **dict.fromkeys(("TRUCK", "TRK"), "truck"),
-    **dict.fromkeys(("HISTORIC", "OLD"), "old"),
-}
-_TYPES: Final[dict[str, str]] = {
-    abbreviation: full
-    for full, abbreviations in {
-        "ALLEY": "ALY ALLY",
-        "AVENUE": "AV AVE AVEN AVENU AVN",
-        "BOULEVARD": "BL BLV BLVD BOUL BVD",
-        "BRIDGE": "BRG BR",
-        "BYPASS": "BYP BYPA",
-        "CAUSEWAY": "CSWY CWY",
-        "CIRCLE": "CI CIR CIRC CRCL",
-        "CONNECTOR": "CONN CONNECTION",
-        "COURT": "CT CRT",
-        "COVE": "CV",
-        "CRESCENT": "CRES",
-        "CROSSING": "XING CRSSNG",
-        "DRIVE": "DR DRV",
-        "EXPRESSWAY": "EXP EXPR EXPW EXPY EXWY",
-        "EXTENSION": "EXT EXTN",
-        "FREEWAY": "FRWY FWY FRY",
-        "HIGHWAY": "HGWY HWY HIWAY HWAY HY",
-        "LANE": "LN LA",
-        "LOOP": "LP",
-        "PARKWAY": "PKWY PKY PARKWY PWY PY",
-        "PASS": "",
-        "PATH": "",
-        "PIKE": "PK",
-        "PLACE": "PL",
-        "PLAZA": "PLZ",
-        "POINT": "PT",
-        "RIDGE": "RDG",
-        "ROAD": "RD",
-        "ROUTE": "RTE RT",
-        "ROW": "",
-        "RUN": "",
-        "SQUARE": "SQ",
-        "STREET": "ST STR STRT",
-        "TERRACE": "TER TERR TE",
-        "THROUGHWAY": "THRUWAY TRWY",
-        "TRACE": "TRCE",
-        "TRAIL": "TRL TR",
-        "TURNPIKE": "TNPK TPK TPKE TRNPK TRPK TURNPK",
-        "VIADUCT": "VIA VDCT",
-        "WAY": "WY",
-    }.items()
-    for abbreviation in (full, *abbreviations.split())
-}
-_DIRECTIONS: Final[dict[str, str]] = {
-    abbreviation: full
-    for full, abbreviations in {
-        "NORTH": "N NO NB NORTHBOUND",
-        "SOUTH": "S SO SB SOUTHBOUND",
-        "EAST": "E EB EASTBOUND",
-        "WEST": "W WB WESTBOUND",
-        "NORTHEAST": "NE",
-        "NORTHWEST": "NW",
-        "SOUTHEAST": "SE",
-        "SOUTHWEST": "SW",
-    }.items()
-    for abbreviation in (full, *abbreviations.split())
-}
-_WORDS: Final = {
-    "MT": "MOUNT",
-    "FT": "FORT",
-    "MTN": "MOUNTAIN",
-    "VLY": "VALLEY",
-    "HTS": "HEIGHTS",
-    "JCT": "JUNCTION",
-    "SPGS": "SPRINGS",
-    "CTR": "CENTER",
-    "CNTR": "CENTER",
-    "CENTRE": "CENTER",
-    "MEM": "MEMORIAL",
-    "CO": "COUNTY",
-    "MLK": "MARTIN LUTHER KING",
-    "JR": "",
-    "THE": "",
-    "AND": "",
-    "CK": "CREEK",
-    "CRK": "CREEK",
-    "FRNTG": "FRONTAGE",
-    "FIRST": "1",
-    "SECOND": "2",
-    "THIRD": "3",
-    "FOURTH": "4",
-    "FIFTH": "5",
-    "SIXTH": "6",
-    "SEVENTH": "7",
-    "EIGHTH": "8",
-    "NINTH": "9",
-    "TENTH": "10",
-    "ELEVENTH": "11",
-    "TWELFTH": "12",
-}
+_VARIANTS: Final = _spelled_out("variants")
+_TYPES: Final = {full: full for full in _WORDS_OF["types"]} | _spelled_out("types")
+_DIRECTIONS: Final = {full: full for full in _WORDS_OF["directions"]} | _spelled_out("directions")
+_WORDS: Final = _spelled_out("words")
 _PLACEHOLDERS: Final = frozenset({"UNNAMED", "UNAMED", "UNKNOWN", "PRIVATE", "NONE"})
 _BLOCK: Final = frozenset({"BLK", "BLOCK", "OF"})
 _LEAST_ADDRESS: Final = 100
