@@ -9,8 +9,7 @@ import click
 from lab.commands import run_study
 from lab.compare_estimators import only_cohort
 from trace_dag.cli.options import examples, execution_overrides, executor_options, pass_root
-from trace_dag.cli.printing import print_table, say, write_json
-from trace_dag.cli.progress import progress_bar
+from trace_dag.cli.printing import print_table, progress_bar, say, write_json
 
 
 @click.command(epilog=examples("python -m lab compare_directions --cohort tempe --sample 1500 --seed 1"))

@@ -16,8 +16,7 @@ from lab.estimators import estimators_compared, usual_estimators
 from lab.truth.vehicles import SampleTruth, load_truth
 from trace_dag.cli.demo import COHORT, sample_folder
 from trace_dag.cli.options import examples, execution_overrides, executor_options, pass_root
-from trace_dag.cli.printing import print_table, write_json
-from trace_dag.cli.progress import progress_bar
+from trace_dag.cli.printing import print_table, progress_bar, write_json
 from trace_dag.cli.study import Problems, into_warehouse
 from trace_dag.common.errors import Failure, UserError
 from trace_dag.common.messages.wording import percent

@@ -34,7 +34,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.flow.artefacts import EXTRACT, MAP_REPORT
 from trace_dag.flow.stored_crashes import StoredCrash, judged_crashes
 from trace_dag.flow.workspace import Workspace
-from trace_dag.osm.road_users import PUBLIC_HIGHWAYS
+from trace_dag.osm.road_classes import PUBLIC_HIGHWAYS
 from trace_dag.osm.types import OsmExtract
 from trace_dag.reconstruction.estimate import estimate
 from trace_dag.roads.build import build_road_map

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 import trace_dag
-from trace_dag.crash.codes.vehicle import VTRAFCON
+from trace_dag.crash.codes.elements import VTRAFCON
 from trace_dag.crash.parties import party_label
 from trace_dag.flow.artefacts import ROAD_MAP
 from trace_dag.reading.crash import Crash

@@ -14,8 +14,7 @@ from lab.changed_reports.rows import PerturbedRow
 from lab.changed_reports.study import MOST, Request, perturbed_controls
 from lab.commands import run_study
 from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options, pass_root
-from trace_dag.cli.printing import print_table, say, write_json
-from trace_dag.cli.progress import progress_bar
+from trace_dag.cli.printing import print_table, progress_bar, say, write_json
 from trace_dag.cli.study import Problems, apply_rules, into_warehouse, rules_option, run_for_cohorts
 from trace_dag.flow.workspace import Workspace
 from trace_dag.verdict.types import Grade

@@ -14,8 +14,7 @@ from lab.validation.recorded import read_recorded_crashes
 from lab.validation.rows import Compared
 from lab.validation.staged import staged_results
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import print_table, say, write_json
-from trace_dag.cli.progress import progress_of
+from trace_dag.cli.printing import print_table, progress_of, say, write_json
 from trace_dag.common.messages.wording import percent
 from trace_dag.flow.workspace import stored_settings
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from trace_dag.crash.codes import events as event_codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.record import (
     CrashRecord,
@@ -30,7 +30,7 @@ _MOVEMENTS = {
     PreCrashMovement.TURNING_RIGHT: PreCrashMovement.TURNING_LEFT,
 }
 _CRITICAL = _pairs((10, 11), (12, 13), (15, 16), (60, 61), (65, 67), (70, 72))  # P_CRASH2
-_EVENTS = _pairs((event_codes.RAN_OFF_RIGHT, event_codes.RAN_OFF_LEFT))
+_EVENTS = _pairs((codes.RAN_OFF_RIGHT, codes.RAN_OFF_LEFT))
 _CLOCK = _pairs((1, 11), (2, 10), (3, 9), (4, 8), (5, 7), (61, 81), (62, 82), (63, 83))
 _COMPASS = _pairs((2, 4))  # east, west
 _CURVES = _pairs((2, 3))  # VALIGN

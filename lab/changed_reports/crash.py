@@ -13,8 +13,7 @@ from lab.changed_reports.report import ChangedReport, code_in, keep, put
 from lab.changed_reports.scene import PerturbedScene
 from trace_dag.common.geometry import LocalFrame
 from trace_dag.common.messages.wording import count_of
-from trace_dag.crash.codes.crash import TYP_INT
-from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, NO_SECOND_VEHICLE
+from trace_dag.crash.codes.elements import MOTOR_VEHICLE_IN_TRANSPORT, NO_SECOND_VEHICLE, TYP_INT
 from trace_dag.crash.fields import Row
 
 TREE: Final = 42

@@ -9,7 +9,7 @@ from typing import Final
 
 from lab.changed_reports.report import ChangedReport, code_in, put, remove
 from lab.changed_reports.scene import PerturbedScene
-from trace_dag.crash.codes.events import CYCLIST, PEDESTRIAN, PERSON_ON_CONVEYANCE
+from trace_dag.crash.codes.elements import CYCLIST, PEDESTRIAN, PERSON_ON_CONVEYANCE
 
 _OTHER_SIDE: Final = {"a": "b", "b": "a"}  # PEDSNR
 _OPPOSITE: Final = {1: 3, 3: 1, 2: 4, 4: 2}  # PEDDIR

@@ -11,7 +11,7 @@ import numpy as np
 
 from lab.changed_reports.scene import Point
 from trace_dag.common.geometry import LocalFrame
-from trace_dag.osm.road_users import PUBLIC_HIGHWAYS
+from trace_dag.osm.road_classes import PUBLIC_HIGHWAYS
 from trace_dag.osm.types import OsmExtract, OsmWay
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 

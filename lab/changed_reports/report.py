@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from copy import deepcopy
 from typing import Final
 
-from trace_dag.crash.codes.events import VEHICLE_EVENTS
+from trace_dag.crash.codes.elements import VEHICLE_EVENTS
 from trace_dag.crash.fars.rows import FarsRows
 from trace_dag.crash.fields import Fields, Row, malformed
 from trace_dag.crash.parse import open_report

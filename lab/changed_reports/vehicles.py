@@ -11,8 +11,7 @@ from typing import Final
 from lab.changed_reports.report import ChangedReport, code_in, exchange, put, remove
 from lab.changed_reports.scene import PerturbedScene
 from trace_dag.crash.codes.bodies import BODY_TYP
-from trace_dag.crash.codes.events import IMPACT1
-from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH1, P_CRASH2
+from trace_dag.crash.codes.elements import ACC_TYPE, IMPACT1, P_CRASH1, P_CRASH2
 from trace_dag.crash.fields import Row
 from trace_dag.crash.record import PreCrashMovement
 

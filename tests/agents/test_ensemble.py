@@ -18,7 +18,7 @@ from trace_dag.scenario.driving_files import draw_course, ensemble_to_json, like
 from trace_dag.simulation.embedded import EmbeddedBackend
 from trace_dag.simulation.run import simulate
 from trace_dag.simulation.states import StateEstimate
-from trace_dag.warehouse.documents import execute_sql
+from trace_dag.warehouse.outcomes import execute_sql
 
 
 def weighed(*weights: float) -> SampledRuns:

@@ -13,8 +13,8 @@ from dagster import AssetKey, DagsterRunStatus
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
 from trace_dag.assets.launch import open_instance
-from trace_dag.assets.metadata import event_metadata
 from trace_dag.assets.run_requests import PROCESS_TAG
+from trace_dag.assets.specs import event_metadata
 from trace_dag.common.errors import Reason
 from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import run_stages

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from trace_dag.cli import run_selection
 from trace_dag.cli.main import cli
 from trace_dag.flow.workspace import Workspace
 
@@ -16,7 +15,7 @@ CROSSING_IN_A_CROSSWALK, HEAD_ON = "2023-319091", "2023-319001"
 
 @pytest.mark.parametrize("options", [[], ["--people"]], ids=["vehicles", "people too"])
 def test_people_are_run_when_asked_for(options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run_selection, "run_selection", lambda *_: 0)  # registered, not run
+    monkeypatch.setattr("trace_dag.cli.run.run_selection", lambda *_: 0)  # registered, not run
     result = CliRunner().invoke(cli, ["--root", str(tmp_path / "root"), "demo", *options])
     assert result.exit_code == 0, result.output
     keys = Workspace.open(str(tmp_path / "root")).registry.keys("sample")

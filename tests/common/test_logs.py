@@ -63,7 +63,7 @@ def test_impossible_requests_are_refused_with_a_reason(variable):
 
 LIBRARIES = """
 import logging, warnings
-from trace_dag.cli.progress import progress_of
+from trace_dag.cli.printing import progress_of
 from trace_dag.common.messages.logs import configure_logging, print_problem
 configure_logging()
 logging.getLogger("alembic.runtime.migration").info("Context impl SQLiteImpl.")

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from fars_tables import Table, write
 
-from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.elements import STATES
 
 YEAR_CRASHES = 40_000
 CRASHES = int(os.environ.get("TRACE_DAG_SCALE_CRASHES", YEAR_CRASHES // 20))

@@ -12,8 +12,7 @@ import trace_dag.warehouse.query as warehouse_query
 from trace_dag.cli.printing import print_table, write_csv
 from trace_dag.common.errors import UserError
 from trace_dag.common.settings import WarehouseSettings
-from trace_dag.warehouse.asking import ask
-from trace_dag.warehouse.query import open_warehouse, query, stray_log
+from trace_dag.warehouse.query import ask, open_warehouse, query, stray_log
 
 
 @pytest.fixture

@@ -41,7 +41,7 @@ def test_no_xml_is_read_by_a_parser_of_its_own():
                 assert given, f"{path.name}:{node.lineno} reads XML without saying with which parser"
 
 
-FROM_OUR_OWN_SIDE = {"agents/evaluation/agent_main.py", "warehouse/asking.py"}
+FROM_OUR_OWN_SIDE = {"agents/evaluation/agent_main.py", "warehouse/query.py"}
 """An agent's process unpickles what the process that measures sends it, never the other way round. The process of a
 question runs our own code alone, and DuckDB there opens no file but the warehouse."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import fake_flow
 import pytest
 
-from trace_dag.assets.metadata import event_metadata
+from trace_dag.assets.specs import event_metadata
 from trace_dag.common.provenance import Outcome, OutcomeRecord, artefact_name
 from trace_dag.common.stage import Stage
 from trace_dag.flow.batch import first_stale, run_stages

@@ -17,9 +17,9 @@ import sample_runs
 
 from tests.browser import CHROMIUM, Page
 from trace_dag.agents.evaluation.traffic import Traffic
-from trace_dag.agents.leaderboard import OUTCOMES, write_leaderboard
 from trace_dag.agents.replays import replay_with
 from trace_dag.agents.stored_cases import AgentRole
+from trace_dag.agents.summaries import OUTCOMES, write_leaderboard
 from trace_dag.flow.workspace import Workspace
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")

@@ -12,7 +12,7 @@ from tests.roads.towns import FRAME, Town
 from tests.scenario.pixels import drawn as as_pixels
 from tests.scenario.pixels import rgb
 from tests.verdict.crashes import record, vehicle
-from trace_dag.crash.conditions import conditions_in_words, is_dark
+from trace_dag.crash.summary import conditions_in_words, is_dark
 from trace_dag.osm.types import OsmFeature
 from trace_dag.pages.canvas import Canvas
 from trace_dag.pages.map_ground import ASPHALT

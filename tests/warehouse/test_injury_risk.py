@@ -6,7 +6,7 @@ import duckdb
 import pytest
 
 from trace_dag.common.units import mph_to_mps
-from trace_dag.warehouse.documents import execute_sql
+from trace_dag.warehouse.outcomes import execute_sql
 
 
 def risks(

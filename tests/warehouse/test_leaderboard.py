@@ -5,7 +5,7 @@ from __future__ import annotations
 import duckdb
 import pytest
 
-from trace_dag.warehouse.documents import execute_sql
+from trace_dag.warehouse.outcomes import execute_sql
 
 OUTCOMES = {
     "careful": "conflict_avoided collision_avoided unchanged unchanged",

@@ -20,8 +20,7 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.flow.cohorts.registry import Registry, ReportSource
 from trace_dag.warehouse.build import build_warehouse, table_documentation
-from trace_dag.warehouse.documents import DocumentTables
-from trace_dag.warehouse.outcomes import CrashSnapshot
+from trace_dag.warehouse.outcomes import CrashSnapshot, DocumentTables
 from trace_dag.warehouse.query import open_warehouse, rows
 from trace_dag.warehouse.updating import TABLES
 

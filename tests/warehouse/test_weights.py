@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trace_dag.agents.evaluation.shares import effective_number
-from trace_dag.warehouse.weights import CrashClasses, national_margins, rake
+from trace_dag.warehouse.national import CrashClasses, national_margins, rake
 
 
 def crash(kind: str, light: str | None) -> CrashClasses:

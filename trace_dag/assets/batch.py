@@ -30,9 +30,8 @@ from dagster import (
 )
 from pydantic import Field
 
-from trace_dag.assets.metadata import HOW_TO_FORCE, materialization
 from trace_dag.assets.run_requests import CRASHES, PLANNED_TAG, fingerprint
-from trace_dag.assets.specs import STAGES
+from trace_dag.assets.specs import HOW_TO_FORCE, STAGES, materialization
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages import markdown
 from trace_dag.common.messages.wording import count_of

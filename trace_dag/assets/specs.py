@@ -1,19 +1,130 @@
-"""Asset specifications of the stages: group, owner, kinds, description, columns.
+"""Assets of the stages in the UI: their specifications, and the metadata of each crash in them, outcome first.
 
 Their materialization is :mod:`trace_dag.assets.batch`.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+import base64
+import shlex
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dagster import AssetSpec, TableColumn, TableSchema
+from dagster import AssetMaterialization, AssetSpec, MetadataValue, TableColumn, TableSchema
 
 from trace_dag.assets.run_requests import CRASHES
 from trace_dag.common import schemas
-from trace_dag.common.errors import Reason
+from trace_dag.common.errors import DamagedFile, Reason
+from trace_dag.common.provenance import Outcome, OutcomeRecord
 from trace_dag.common.stage import Stage
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.tables import CRASH_RECORD
+from trace_dag.export.build import page_name
+from trace_dag.flow.tasks import Action, StageEvent
+from trace_dag.pages.canvas import reduce_picture
 from trace_dag.simulation.log_io import SIMULATION_STEPS
+
+DATA_VERSION = "dagster/data_version"
+_SMALL_PX = 320
+HOW_TO_FORCE = (
+    "To compute again all the same, give the run the configuration `ops: {crashes: {config: {force: [all]}}}` (or "
+    "names of stages in place of `all`); in a terminal, `trace-dag run --only KEY --from STAGE`."
+)
+_SITE = "/site"  # where trace-dag ui serves the root: a browser completes the link with the server's own name
+
+
+def data_version(record: OutcomeRecord) -> str:
+    """Return the version of a result for Dagster: the first characters of its record's fingerprint."""
+    return record.fingerprint[:16]
+
+
+def materialization(event: StageEvent, storage: Storage, site_url: str | None = None) -> AssetMaterialization:
+    """Return the materialization of a stage and crash."""
+    if event.record is None:
+        raise ValueError(f"{event.key} {event.stage}: no metadata, because the stage did not run")
+    return AssetMaterialization(
+        event.stage.value,
+        partition=event.key,
+        metadata=event_metadata(event, storage, site_url),
+        tags={DATA_VERSION: data_version(event.record)},
+    )
+
+
+def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = None) -> Mapping[str, Any]:
+    """Return the metadata of a materialization.
+
+    ``outcome``, ``reason`` and ``stage_reached`` are always present.
+
+    ``site_url`` is the address of the root's pages and pictures, if another server serves them.
+    """
+    record = event.record
+    if record is None:
+        raise ValueError(f"{event.key} {event.stage}: no picture, because the stage did not run")
+    metadata: dict[str, Any] = {
+        "outcome": record.outcome.value,
+        "stage_reached": record.stage.value,
+        "reason": record.reason.value if record.reason else "",
+    }
+    if record.outcome is Outcome.REJECTED:
+        metadata["detail"] = record.detail
+        metadata["published_category"] = record.reason.published_category.value if record.reason else ""
+        if record.measured is not None:
+            metadata["measured"] = round(record.measured, 6)
+        if record.threshold is not None:
+            metadata["threshold"] = record.threshold
+    if event.no_picture:
+        metadata["picture"] = f"could not be drawn: {event.no_picture}"
+    if event.stage is Stage.VERDICT:
+        metadata.update(picture_metadata(record, storage, site_url))
+        # Of every crash, rejected or not; made or brought up to date when the runs are done.
+        metadata[_linked("page", site_url)] = MetadataValue.url(f"{site_url or _SITE}/{page_name(event.key)}")
+        metadata["page file"] = MetadataValue.path(storage.path(page_name(event.key)))
+    if event.action is Action.NOT_REACHED:
+        return metadata
+    if event.stage is Stage.STATE_ESTIMATE:
+        metadata |= {"model": "none", "cost_usd": 0.0, "fallback": fallback_in_words(record)}
+    metadata.update({name: value for name, value in record.figures.items() if value is not None})
+    for file in record.artefacts:
+        metadata[f"artefact .{file.name.partition('.')[2]}"] = MetadataValue.path(storage.path(file.name))
+    if event.stage in (Stage.SIMULATION_LOG, Stage.VERDICT):
+        metadata["replay"] = f"trace-dag --root {shlex.quote(storage.root)} replay {event.key}"
+    metadata["computed"] = event.action is Action.COMPUTED
+    if event.action is Action.UNCHANGED:
+        metadata["nothing to do"] = MetadataValue.md(f"It was up to date, so nothing was computed. {HOW_TO_FORCE}")
+    metadata["duration_s"] = record.duration_s
+    return metadata
+
+
+def fallback_in_words(record: OutcomeRecord) -> str:
+    """Return a text with the fallback estimator, the one it replaced and the reason; "none" without a fallback."""
+    asked, why = record.figures.get("fallback_from"), record.figures.get("fallback_reason")
+    return f"{record.figures.get('estimator')} in place of {asked}: {why}" if asked else "none"
+
+
+def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | None = None) -> dict[str, Any]:
+    """Return the crash's picture: a small one in place, a link to the whole one, and the path of the file.
+
+    Empty if the picture is missing or damaged. The whole picture is only linked, since the event log would store it two
+    more times.
+    """
+    picture = record.picture("png")
+    if picture is None:
+        return {}
+    try:
+        small = base64.b64encode(reduce_picture(storage.read_whole(picture), _SMALL_PX)).decode()
+    except DamagedFile as damaged:
+        return {"picture": str(damaged)}
+    return {
+        "sketch": MetadataValue.md(f"![{record.key} from above](data:image/png;base64,{small})"),
+        _linked("picture", site_url): MetadataValue.url(f"{site_url or _SITE}/{picture.name}"),
+        "picture file": MetadataValue.path(storage.path(picture.name)),
+    }
+
+
+def _linked(what: str, site_url: str | None) -> str:
+    """Return the name of a link, with a note if this server does not serve the site."""
+    return what if site_url else f"{what}, served by trace-dag ui"
+
 
 OWNERS = ["team:crash-reconstruction"]
 

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from dagster import AssetKey, AssetMaterialization, DagsterEventType, DagsterInstance
 
-from trace_dag.assets.metadata import DATA_VERSION, data_version, materialization
 from trace_dag.assets.run_requests import CRASHES, add_partitions, remove_partitions
+from trace_dag.assets.specs import DATA_VERSION, data_version, materialization
 from trace_dag.common.messages.progress import OnProgress, silent
 from trace_dag.common.provenance import Outcome, OutcomeRecord
 from trace_dag.common.stage import Stage

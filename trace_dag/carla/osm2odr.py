@@ -22,7 +22,7 @@ import shapely
 
 from trace_dag.common.errors import Failure, Reason, Rejection, UserError
 from trace_dag.common.settings import RoadSettings
-from trace_dag.osm.road_users import is_drivable
+from trace_dag.osm.road_classes import is_drivable
 from trace_dag.osm.xml import write_osm
 from trace_dag.roads.from_osm.converter import MapLimits, WayHints
 from trace_dag.roads.from_osm.lanes import YELLOW_BROKEN, YELLOW_DOUBLE

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from trace_dag.carla.actors import CarlaActor
+from trace_dag.carla.actors import CarlaActor, CarlaWalker
 from trace_dag.carla.frame import location_to_carla
-from trace_dag.carla.walkers import CarlaWalker
 from trace_dag.common.errors import TransientFailure, UserError
 from trace_dag.common.geometry import Pose
 from trace_dag.common.settings import SimSettings

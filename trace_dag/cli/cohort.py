@@ -161,7 +161,7 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
     from trace_dag.crash.parse import reported_position
     from trace_dag.flow.cohorts.listings import listings_of
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.osm.osmium_config import osmium_config
+    from trace_dag.osm.catalog import osmium_config
     from trace_dag.osm.types import Site
 
     workspace = Workspace.open(root, to_read=True)

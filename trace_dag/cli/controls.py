@@ -11,8 +11,7 @@ from trace_dag.cli.options import (
     examples,
     pass_root,
 )
-from trace_dag.cli.printing import print_table, write_json
-from trace_dag.cli.progress import progress_bar
+from trace_dag.cli.printing import print_table, progress_bar, write_json
 from trace_dag.cli.study import apply_rules, into_warehouse, rules_option, run_for_cohorts
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ def demo(context: click.Context, people: bool, executor: str | None, workers: in
     commands.
     """
     from trace_dag.cli.ingest import ingest
-    from trace_dag.cli.run_selection import run_selection
+    from trace_dag.cli.run import run_selection
     from trace_dag.export.build import INDEX
     from trace_dag.flow.selection import select_stale
     from trace_dag.flow.workspace import Workspace

@@ -19,8 +19,7 @@ from trace_dag.cli.options import (
     pass_root,
     traffic_option,
 )
-from trace_dag.cli.printing import print_table, say, write_json
-from trace_dag.cli.progress import progress_of
+from trace_dag.cli.printing import print_table, progress_of, say, write_json
 from trace_dag.cli.study import into_warehouse
 from trace_dag.common.messages.logs import print_problem
 from trace_dag.common.storage.disk_errors import name_file_in_errors

@@ -8,8 +8,7 @@ from pathlib import Path
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples, pass_root
-from trace_dag.cli.printing import say
-from trace_dag.cli.progress import progress_of
+from trace_dag.cli.printing import progress_of, say
 from trace_dag.common.messages.wording import count_of
 from trace_dag.export.formats import FORM_OF_READER
 

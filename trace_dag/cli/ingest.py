@@ -13,8 +13,7 @@ import click
 
 from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
-from trace_dag.cli.printing import say
-from trace_dag.cli.progress import progress_bar
+from trace_dag.cli.printing import progress_bar, say
 from trace_dag.common.errors import Failure, UserError, UserErrors
 from trace_dag.common.messages.wording import count_of
 

@@ -120,7 +120,7 @@ def _range(text: str) -> tuple[int, int | None]:
 
 
 def _road_class(text: str) -> int:
-    from trace_dag.crash.codes.crash import FUNC_SYS
+    from trace_dag.crash.codes.elements import FUNC_SYS
 
     named = {meaning: code for code, meaning in FUNC_SYS.meanings.items() if FUNC_SYS.known(code) is not None}
     wanted = " ".join(text.replace("-", " ").replace("_", " ").split()).casefold()

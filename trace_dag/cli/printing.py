@@ -1,4 +1,4 @@
-"""Output of the commands: funnels, reasons, tables."""
+"""Output of the commands: funnels, reasons, tables, and progress bars on the error stream."""
 
 from __future__ import annotations
 
@@ -6,14 +6,19 @@ import csv
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from trace_dag.common.messages.logs import own_stderr, writes_json
 from trace_dag.common.messages.wording import printable
 
 if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+    from trace_dag.common.messages.progress import OnProgress
     from trace_dag.common.stage import Stage
     from trace_dag.flow.batch import StaleResult
     from trace_dag.flow.crash_status import CrashStatus
@@ -163,3 +168,38 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     return printable(str(value))
+
+
+# --- progress --------------------------------------------------------------------------------------------------------
+@contextmanager
+def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """Show a bar over a known number of items; yield a function to call with the name of each finished item."""
+    with _bar() as progress:
+        task = progress.add_task(what, total=total)
+        yield lambda name: progress.update(task, advance=1, description=name)
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[OnProgress]:
+    """Show a bar from the first call on; yield a function to call with the numbers done and in total."""
+    progress = _bar()
+    tasks: list[TaskID] = []
+
+    def on_progress(done: int, total: int) -> None:
+        progress.start()
+        tasks[:] = tasks or [progress.add_task(what, total=None)]
+        progress.update(tasks[0], completed=done, total=total)
+
+    try:
+        yield on_progress
+    finally:
+        if progress.live.is_started:
+            progress.stop()
+
+
+def _bar() -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(file=own_stderr()), disable=writes_json())

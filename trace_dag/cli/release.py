@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import examples, pass_root
-from trace_dag.cli.printing import say
-from trace_dag.cli.progress import progress_bar
+from trace_dag.cli.printing import progress_bar, say
 from trace_dag.cli.study import into_warehouse
 from trace_dag.common.messages.wording import count_of
 

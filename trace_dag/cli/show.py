@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trace_dag.cli.options import examples, pass_root
-from trace_dag.cli.printing import print_table, say, write_json
-from trace_dag.cli.progress import progress_bar
+from trace_dag.cli.printing import print_table, progress_bar, say, write_json
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.logs import print_problem
 

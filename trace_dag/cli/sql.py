@@ -143,9 +143,8 @@ def sql(root: str, query: str, output: str | None, path: Path | None) -> None:
     block each.
     """
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.warehouse.asking import ask
+    from trace_dag.warehouse.query import ask, query_typed
     from trace_dag.warehouse.query import query as rows_of
-    from trace_dag.warehouse.query import query_typed
 
     output = kind_of_file("sql", path, output, FORMATS)
     if (path is not None and output not in FORMATS) or (path is None and output in FORMATS and output not in PRINTED):
@@ -204,8 +203,7 @@ def find(root: str, words: tuple[str, ...], as_json: bool) -> None:
     catalogue; sql can search further.
     """
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.warehouse.asking import ask
-    from trace_dag.warehouse.query import query
+    from trace_dag.warehouse.query import ask, query
 
     sought = [word.lower().replace("'", "''") for word in " ".join(words).split()]
     where = " AND ".join(f"contains(' ' || words, ' {word}')" for word in sought)

@@ -8,8 +8,7 @@ from dataclasses import asdict
 import click
 
 from trace_dag.cli.options import Within, examples, pass_root
-from trace_dag.cli.printing import print_table, write_json
-from trace_dag.cli.progress import progress_of
+from trace_dag.cli.printing import print_table, progress_of, write_json
 from trace_dag.cli.study import into_warehouse
 
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, Within, examples, pass_root
-from trace_dag.cli.printing import print_table, write_json
-from trace_dag.cli.progress import progress_of
+from trace_dag.cli.printing import print_table, progress_of, write_json
 from trace_dag.cli.study import into_warehouse
 from trace_dag.common.storage.disk_errors import name_file_in_errors
 

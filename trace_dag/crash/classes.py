@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Final
 
-from trace_dag.crash.codes import events as codes
-from trace_dag.crash.codes.crash import NON_JUNCTION, TYP_INT
+from trace_dag.crash.codes import elements as codes
+from trace_dag.crash.codes.elements import NON_JUNCTION, TYP_INT
 
 
 class CollisionType(StrEnum):

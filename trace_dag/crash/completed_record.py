@@ -17,7 +17,7 @@ from typing import Final
 from trace_dag.common.frozen import replace
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology, collision_type, road_topology
-from trace_dag.crash.codes.crash import TYP_INT
+from trace_dag.crash.codes.elements import TYP_INT
 from trace_dag.crash.contradictions import contradictions_of
 from trace_dag.crash.crash_types import Turn, turn_of, vehicle_trajectory
 from trace_dag.crash.derive import (

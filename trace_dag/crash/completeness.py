@@ -17,8 +17,7 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.classes import CrashKind
-from trace_dag.crash.codes.crash import REL_ROAD, TYP_INT
-from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.codes.elements import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT, REL_ROAD, TYP_INT
 from trace_dag.crash.crash_types import crash_type_of
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
 from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, Missing, event_sequence

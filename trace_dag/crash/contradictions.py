@@ -8,10 +8,22 @@ from typing import Final
 
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.units import mps_to_mph
-from trace_dag.crash.codes.crash import AT_INTERSECTION, AWAY_FROM_JUNCTION, FUNC_SYS, MAN_COLL, RELJCT2, ROUTE, TYP_INT
-from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
-from trace_dag.crash.codes.persons import BIKEPOS, LOCATION, PEDPOS
-from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH1
+from trace_dag.crash.codes.elements import (
+    ACC_TYPE,
+    AT_INTERSECTION,
+    AWAY_FROM_JUNCTION,
+    BIKEPOS,
+    FUNC_SYS,
+    HARM_EV,
+    LOCATION,
+    MAN_COLL,
+    MOTOR_VEHICLE_IN_TRANSPORT,
+    P_CRASH1,
+    PEDPOS,
+    RELJCT2,
+    ROUTE,
+    TYP_INT,
+)
 from trace_dag.crash.crash_types import Side, crash_type, crash_type_of, trajectories_disagree
 from trace_dag.crash.derive import (
     CORNER_H,

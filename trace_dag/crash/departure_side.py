@@ -11,7 +11,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Final
 
-from trace_dag.crash.codes import events as codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.crash_types import Side, crash_type_of
 from trace_dag.crash.record import VehicleRecord
 

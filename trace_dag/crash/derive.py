@@ -14,8 +14,7 @@ from typing import Final
 from trace_dag.common.frozen import replace
 from trace_dag.common.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, mph_to_mps, wrap_angle
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.crash.codes.events import CROSSED_CENTRELINE, HARM_EV, PERSON_EVENTS, VEHICLE_EVENTS
-from trace_dag.crash.codes.vehicle import CURVED
+from trace_dag.crash.codes.elements import CROSSED_CENTRELINE, CURVED, HARM_EV, PERSON_EVENTS, VEHICLE_EVENTS
 from trace_dag.crash.crash_types import crash_type, crash_type_of
 from trace_dag.crash.record import (
     CrashRecord,

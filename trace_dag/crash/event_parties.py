@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from trace_dag.crash.codes import events as codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, PartyKind, thing_party, thing_struck
 from trace_dag.crash.record import EventRecord, NonMotorist
 

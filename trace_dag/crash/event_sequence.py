@@ -17,7 +17,7 @@ from typing import Final, TypeAlias
 from trace_dag.common.errors import Reason
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.classes import CrashKind
-from trace_dag.crash.codes import events as codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.departure_side import SIDE_AFTER_EVENT, DepartureSide, side_after
 from trace_dag.crash.event_parties import ORDER_OF_IMPACTS
 from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party

@@ -13,8 +13,7 @@ from trace_dag.crash.classes import (
     kind_of_codes,
     road_topology,
 )
-from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
-from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.codes.elements import FUNC_SYS_OF_ROAD_FNC, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.fars.rows import FarsRows

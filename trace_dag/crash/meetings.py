@@ -16,7 +16,7 @@ from functools import cache
 from itertools import combinations
 from typing import Final, TypeAlias
 
-from trace_dag.crash.codes.events import STRUCK_STANDING, VEHICLE_EVENTS
+from trace_dag.crash.codes.elements import STRUCK_STANDING, VEHICLE_EVENTS
 from trace_dag.crash.derive import agrees_with_manner, in_one_configuration
 from trace_dag.crash.record import EventRecord, ImpactArea, VehicleRecord
 

@@ -15,8 +15,7 @@ from lxml import etree
 
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.settings import CrashSettings
-from trace_dag.crash.codes import crash as crash_codes
-from trace_dag.crash.codes import events as event_codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.table import FIRST_YEAR, UnknownCodeError
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.event_parties import add_event_parties
@@ -141,7 +140,7 @@ def _read_crash(fields: Fields) -> CrashRecord:
         vehicles=vehicles,
         events=struck.events,
         state_code=state_of(state_case),
-        state_name=crash_codes.STATES.get(state_of(state_case), ""),
+        state_name=codes.STATES.get(state_of(state_case), ""),
         county_name=_place_name(fields.text("COUNTYNAME")),
         city_name=_place_name(fields.text("CITYNAME")),
         year=fields.integer("YEAR", "CASEYEAR"),
@@ -151,15 +150,15 @@ def _read_crash(fields: Fields) -> CrashRecord:
         minute=_within(fields.integer("MINUTE"), 0, 59),
         trafficway_1=fields.text("TWAY_ID"),
         trafficway_2=fields.text("TWAY_ID2"),
-        route_code=fields.known_code(crash_codes.ROUTE),
+        route_code=fields.known_code(codes.ROUTE),
         function_class_code=function_class,
         rural_urban_code=land_use,
-        manner_of_collision_code=fields.code(crash_codes.MAN_COLL),
-        first_harmful_event_code=fields.known_code(event_codes.HARM_EV),
-        intersection_type_code=fields.code(crash_codes.TYP_INT),
-        junction_relation_code=fields.known_code(crash_codes.RELJCT2),
-        road_relation_code=fields.known_code(crash_codes.REL_ROAD),
-        light_code=fields.known_code(crash_codes.LGT_COND),
+        manner_of_collision_code=fields.code(codes.MAN_COLL),
+        first_harmful_event_code=fields.known_code(codes.HARM_EV),
+        intersection_type_code=fields.code(codes.TYP_INT),
+        junction_relation_code=fields.known_code(codes.RELJCT2),
+        road_relation_code=fields.known_code(codes.REL_ROAD),
+        light_code=fields.known_code(codes.LGT_COND),
         weather_code=_weather(fields),
         fatalities=fields.integer("FATALS", low=0),
         vehicles_in_transport=fields.integer("VE_FORMS", low=0),
@@ -274,20 +273,20 @@ def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterat
     The crash counts one vehicle more (``VE_TOTAL``) than it has in transport (``VE_FORMS``).
     """
     counted = crash.integer("VE_FORMS") == 1 and crash.integer("VE_TOTAL") == 2 and len(listed) == 1
-    if counted and crash.known_code(event_codes.HARM_EV) in event_codes.STRUCK_STANDING:
+    if counted and crash.known_code(codes.HARM_EV) in codes.STRUCK_STANDING:
         row = {"VEH_NO": str(next(n for n in (1, 2) if n != listed[0].number))}
         yield read_parked_vehicle(Fields(row, crash.where, crash.year))
 
 
 def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
     """Return ``FUNC_SYS`` and ``RUR_URB``, from ``ROAD_FNC`` in a report of an older year."""
-    function_class, land_use = fields.known_code(crash_codes.FUNC_SYS), fields.known_code(crash_codes.RUR_URB)
-    older = fields.known_code(crash_codes.ROAD_FNC)
+    function_class, land_use = fields.known_code(codes.FUNC_SYS), fields.known_code(codes.RUR_URB)
+    older = fields.known_code(codes.ROAD_FNC)
     if older is None or (function_class is not None and land_use is not None):
         return function_class, land_use, False
     rural, urban = 1, 2
     return (
-        crash_codes.FUNC_SYS_OF_ROAD_FNC.get(older) if function_class is None else function_class,
+        codes.FUNC_SYS_OF_ROAD_FNC.get(older) if function_class is None else function_class,
         (rural if older < 10 else urban) if land_use is None else land_use,
         True,
     )
@@ -295,8 +294,8 @@ def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
 
 def _weather(fields: Fields) -> int | None:
     """Return the first known weather code: the crash's own, else one of the list."""
-    listed = (row.known_code(crash_codes.WEATHER) for row in fields.rows("weather"))
-    own = (fields.known_code(crash_codes.WEATHER, name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
+    listed = (row.known_code(codes.WEATHER) for row in fields.rows("weather"))
+    own = (fields.known_code(codes.WEATHER, name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
     return next((code for code in (*own, *listed) if code), None)
 
 

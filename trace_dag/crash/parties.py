@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
-from trace_dag.crash.codes import events as codes
+from trace_dag.crash.codes import elements as codes
 
 HIGHEST_NUMBER: Final = 999
 """Limit for a vehicle, and for a person before :data:`_PERSONS` is added."""

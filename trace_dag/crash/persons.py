@@ -10,8 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from trace_dag.crash.codes import crash as crash_codes
-from trace_dag.crash.codes import persons as codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
 from trace_dag.crash.fields import Fields
 from trace_dag.crash.parties import HIGHEST_NUMBER, UNKNOWN_NON_MOTORIST
@@ -56,7 +55,7 @@ def read_non_motorists(crash: Fields, vehicles: Sequence[VehicleRecord]) -> Read
     for name, table in _LISTS.items():
         for row in crash.rows(table, name):
             vehicle, kind = row.integer("VEH_NO"), row.integer("PER_TYP")
-            if kind in crash_codes.VEHICLE_OCCUPANTS or (table == "person" and vehicle and kind is None):
+            if kind in codes.VEHICLE_OCCUPANTS or (table == "person" and vehicle and kind is None):
                 continue
             number = row.integer("PER_NO", low=0, high=HIGHEST_NUMBER)
             if number is None or vehicle not in _NO_VEHICLE:
@@ -131,9 +130,9 @@ def _aged(of_person: dict[str, list[Fields]]) -> list[Fields]:
 def _person(number: int, rows: dict[str, list[Fields]]) -> NonMotorist:
     person, typing = rows["NPersons"][:1], rows["PbTypes"][:1]
     equipment = rows["SafetyEQs"]
-    kind = _first(person, crash_codes.PER_TYP)
+    kind = _first(person, codes.PER_TYP)
     if kind is None:
-        kind = _first(typing, crash_codes.PER_TYP, "PBPTYPE")
+        kind = _first(typing, codes.PER_TYP, "PBPTYPE")
     helmet, pads, other_protection, reflective, lights, other_prevention = (
         _first(equipment, table) for table in codes.EQUIPMENT
     )
@@ -141,7 +140,7 @@ def _person(number: int, rows: dict[str, list[Fields]]) -> NonMotorist:
         number=number,
         person_type_code=UNKNOWN_NON_MOTORIST if kind is None else kind,
         striking_vehicle=next((row.integer("STR_VEH") for row in person), None) or None,
-        injury_code=next((crash_codes.INJ_SEV.known(row.integer("INJ_SEV")) for row in person), None),
+        injury_code=next((codes.INJ_SEV.known(row.integer("INJ_SEV")) for row in person), None),
         age_years=_age([*person, *typing]),
         sex_code=_either(_first(person, codes.SEX), _first(typing, codes.SEX, "PBSEX")),
         location_code=_first(person, codes.LOCATION),

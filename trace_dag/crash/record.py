@@ -17,8 +17,7 @@ from pydantic import Field
 
 from trace_dag.common.geometry import Pose
 from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory, kind_of_codes
-from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
-from trace_dag.crash.codes.persons import HIGHEST_AGE
+from trace_dag.crash.codes.elements import HARM_EV, HIGHEST_AGE, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import (
     EventKind,
@@ -299,7 +298,7 @@ _NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR, without its letter
 class NonMotorist:
     """A person outside motor vehicles: pedestrian, cyclist, ... ``None`` means that the report does not say.
 
-    Codes are those of :mod:`trace_dag.crash.codes.persons`. Fields coded at or near intersections only (directions,
+    Codes are those of :mod:`trace_dag.crash.codes.elements`. Fields coded at or near intersections only (directions,
     manoeuvre of the motorist, leg, scenario) are None elsewhere."""
 
     number: int  # PER_NO

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 from trace_dag.common.errors import UserError
-from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.elements import STATES
 from trace_dag.crash.record import Octant
 
 _ABBREVIATIONS: Final = (

@@ -7,7 +7,7 @@ from enum import StrEnum
 from itertools import takewhile
 from typing import Final
 
-from trace_dag.crash.codes import events as codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.departure_side import DepartureSide, departure_side
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.crash.parties import EventKind

@@ -17,8 +17,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from trace_dag.crash.codes import events as codes
-from trace_dag.crash.codes.crash import MAN_COLL
+from trace_dag.crash.codes import elements as codes
+from trace_dag.crash.codes.elements import MAN_COLL
 from trace_dag.crash.crash_types import Side, crash_type
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields

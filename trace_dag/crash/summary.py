@@ -8,20 +8,21 @@ from __future__ import annotations
 
 from calendar import month_name
 from collections.abc import Set
+from typing import Final
 
 from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory
-from trace_dag.crash.codes import crash as crash_codes
-from trace_dag.crash.codes import persons as person_codes
-from trace_dag.crash.codes import vehicle as codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.bodies import BODY_TYP
-from trace_dag.crash.codes.events import (
+from trace_dag.crash.codes.elements import (
     HARM_EV,
     IMPACT1,
+    LGT_COND,
     SET_IN_MOTION_BY_VEHICLE,
     SOE,
     VEHICLE_CONTACTS,
     VEHICLE_EVENTS,
+    WEATHER,
 )
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import (
@@ -149,10 +150,10 @@ def _others_involved(record: CrashRecord, event: EventRecord, involved: Set[int]
 def _scene(record: CrashRecord) -> str:
     when = _when(record)
     where = _where(record)
-    conditions = ", ".join(part for part in (crash_codes.LGT_COND.meaning(record.light_code), _weather(record)) if part)
-    junction = crash_codes.TYP_INT.meaning(record.intersection_type_code)
-    relation = crash_codes.RELJCT2.meaning(record.junction_relation_code)
-    manner = crash_codes.MAN_COLL.meaning(record.manner_of_collision_code)
+    conditions = ", ".join(part for part in (codes.LGT_COND.meaning(record.light_code), _weather(record)) if part)
+    junction = codes.TYP_INT.meaning(record.intersection_type_code)
+    relation = codes.RELJCT2.meaning(record.junction_relation_code)
+    manner = codes.MAN_COLL.meaning(record.manner_of_collision_code)
     sentences = [
         f"Crash {record.key}: {_count(record.moving_vehicles, 'motor vehicle')} in transport{when}{where}"
         + (f", {conditions}." if conditions else "."),
@@ -180,9 +181,9 @@ def _when(record: CrashRecord) -> str:
 
 def _where(record: CrashRecord) -> str:
     streets = " and ".join(name for name in (record.trafficway_1, record.trafficway_2) if name)
-    route = crash_codes.ROUTE.meaning(record.route_code)
+    route = codes.ROUTE.meaning(record.route_code)
     land_use = {1: "rural ", 2: "urban "}.get(record.rural_urban_code or 0, "")
-    road_class = crash_codes.FUNC_SYS.meaning(record.function_class_code)
+    road_class = codes.FUNC_SYS.meaning(record.function_class_code)
     kind = f"{route}, {land_use}{road_class}" if route and road_class else route or f"{land_use}{road_class}".strip()
     place = f", on {streets}" if streets else ""
     if kind:
@@ -191,7 +192,7 @@ def _where(record: CrashRecord) -> str:
 
 
 def _weather(record: CrashRecord) -> str:
-    weather = crash_codes.WEATHER.meaning(record.weather_code)
+    weather = codes.WEATHER.meaning(record.weather_code)
     return f"in {weather}" if weather else ""
 
 
@@ -328,16 +329,16 @@ def place_in_words(person: NonMotorist) -> str:
     >>> place_in_words(pedestrian_record.non_motorists[0])  # PEDPOS 3
     'in a travel lane'
     """
-    position = person_codes.PEDPOS.meaning(person.pedestrian_position_code) or person_codes.BIKEPOS.meaning(
+    position = codes.PEDPOS.meaning(person.pedestrian_position_code) or codes.BIKEPOS.meaning(
         person.cyclist_position_code
     )
-    return position or person_codes.LOCATION.meaning(person.location_code)
+    return position or codes.LOCATION.meaning(person.location_code)
 
 
 def _person(person: NonMotorist) -> tuple[str, ...]:
     return (
-        crash_codes.PER_TYP.meaning(person.person_type_code) or "non-motorist",
-        *(person_codes.NMACTION.meaning(code) for code in person.actions),
+        codes.PER_TYP.meaning(person.person_type_code) or "non-motorist",
+        *(codes.NMACTION.meaning(code) for code in person.actions),
         place_in_words(person),
         f"struck by vehicle {person.striking_vehicle}" if person.striking_vehicle else "",
     )
@@ -361,3 +362,29 @@ def _remarks(record: CrashRecord) -> str:
 def _count(number: int, noun: str) -> str:
     word = _COUNTS[number] if number < len(_COUNTS) else str(number)
     return f"{word} {noun}" + ("" if number == 1 else "s")
+
+
+# --- light and weather -----------------------------------------------------------------------------------------------
+_DARK: Final = frozenset({2, 3, 6})  # LGT_COND: not lit, lit, dark without more
+
+
+def is_dark(record: CrashRecord) -> bool:
+    """Return whether it was dark, lit or not (``LGT_COND``).
+
+    >>> is_dark(record), is_dark(pedestrian_record)  # LGT_COND 3, dark and lighted; 1, daylight
+    (True, False)
+    """
+    return record.light_code in _DARK
+
+
+def conditions_in_words(record: CrashRecord) -> str:
+    """Return the reported light and weather, such as "in daylight, rain"; empty if neither is reported.
+
+    >>> conditions_in_words(record)
+    'in the dark on a lit road, clear weather'
+    """
+    said = []
+    for table, code in ((LGT_COND, record.light_code), (WEATHER, record.weather_code)):
+        if code is not None and code not in table.unknown and table.meaning(code):
+            said.append(table.meaning(code))
+    return ", ".join(said)

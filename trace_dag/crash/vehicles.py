@@ -19,9 +19,7 @@ from dataclasses import replace
 from typing import Final
 
 from trace_dag.common.units import KG_PER_LB, mph_to_mps
-from trace_dag.crash.codes import crash as crash_codes
-from trace_dag.crash.codes import events as event_codes
-from trace_dag.crash.codes import vehicle as codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.bodies import (
     BODY_TYP,
     GVWR_LIMIT_LB,
@@ -31,9 +29,8 @@ from trace_dag.crash.codes.bodies import (
     ReportedBody,
     body_of,
 )
-from trace_dag.crash.codes.persons import HIGHEST_AGE
+from trace_dag.crash.codes.elements import HIGHEST_AGE, TOWED_VEHICLES, TRAILERS_OF_TOW_VEH
 from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
-from trace_dag.crash.codes.vehicle import TOWED_VEHICLES, TRAILERS_OF_TOW_VEH
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields, malformed
 from trace_dag.crash.record import Occupant, PreCrashMovement, VehicleClass, VehicleRecord
@@ -132,8 +129,8 @@ def read_vehicle(fields: Fields) -> VehicleRecord:
         stability_code=_stability(fields),
         location_code=fields.known_code(codes.PCRASH5),
         crash_type_code=fields.code(codes.ACC_TYPE),
-        initial_impact_code=fields.code(event_codes.IMPACT1),
-        damaged_areas=_listed(fields, "damage", event_codes.DAMAGE, "DAMAGE", "MDAREAS"),
+        initial_impact_code=fields.code(codes.IMPACT1),
+        damaged_areas=_listed(fields, "damage", codes.DAMAGE, "DAMAGE", "MDAREAS"),
         avoidance_manoeuvres=_listed(fields, "maneuver", codes.MANEUVER, "MANEUVER", "MDRMANAV"),
         rollover_code=fields.code(codes.ROLLOVER),
         hit_and_run=None if hit_and_run is None else hit_and_run != 0,
@@ -164,7 +161,7 @@ def read_parked_vehicle(fields: Fields) -> VehicleRecord:
             trailers=trailers or 0,
         )
     )
-    initial = fields.code(event_codes.IMPACT1, "PIMPACT1")
+    initial = fields.code(codes.IMPACT1, "PIMPACT1")
     stands = fields.code(codes.UNITTYPE, "PTYPE") != _WORKING
     implied = (("vehicle_class",) if body_implied else ()) + (("travel_speed_mps",) if stands else ())
     return VehicleRecord(
@@ -203,13 +200,13 @@ def _occupants(fields: Fields) -> tuple[Occupant, ...]:
     found = {}
     for person in fields.own_rows("person"):
         number, role = person.integer("PER_NO"), person.integer("PER_TYP")
-        if number is None or role not in crash_codes.VEHICLE_OCCUPANTS:
+        if number is None or role not in codes.VEHICLE_OCCUPANTS:
             continue
         restraint = person.integer("REST_USE")
         found[number] = Occupant(
             number,
             role,
-            injury_code=crash_codes.INJ_SEV.known(person.integer("INJ_SEV")),
+            injury_code=codes.INJ_SEV.known(person.integer("INJ_SEV")),
             age_years=_within(person.integer("AGE"), HIGHEST_AGE),
             restraint_code=None if restraint in _RESTRAINT_UNKNOWN else restraint,
         )

@@ -22,8 +22,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from trace_dag.agents.leaderboard import write_leaderboard
 from trace_dag.agents.stored_traffic import read_traffic, traffic_files
+from trace_dag.agents.summaries import write_leaderboard
 from trace_dag.common.errors import DamagedFile, Failure
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.provenance import crash_of

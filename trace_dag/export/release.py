@@ -41,7 +41,7 @@ from trace_dag.flow.manifests import read_manifest
 from trace_dag.flow.records import OnProblem, raise_problem, read_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.warehouse import query
-from trace_dag.warehouse.weights import classes_of, national_margins, rake
+from trace_dag.warehouse.national import classes_of, national_margins, rake
 
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+){0,2}([.-]?(a|b|rc|dev)[0-9]+)?")
 # Everything the index says of a package but where it is.

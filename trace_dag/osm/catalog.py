@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shlex
 from collections import Counter
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 import numpy as np
+import shapely
 
 from trace_dag.common.errors import Failure, Reason, Rejection, UserError, UserErrors
 from trace_dag.common.geometry import FloatArray
@@ -24,6 +26,8 @@ from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, Site
 OSM_SUFFIXES: Final = (".osm", ".osm.gz", ".osm.bz2", ".pbf")
 
 _EARTH_RADIUS_M: Final = 6_371_008.8  # mean radius, IUGG; good to 0.3 %, for boxes and sentences only
+_MARGIN_M: Final = 500.0
+"""Beyond the box of each crash: osmium keeps a way by its nodes, and most roads have one within that distance."""
 _BORDER_DEG: Final = 5e-5  # a few metres
 _MIN_COS_LATITUDE: Final = 1e-3  # nearer the poles a box around a point spans all longitudes anyway
 
@@ -265,6 +269,22 @@ def box_around(site: Site, radius_m: float) -> BoundingBox:
         north_deg=min(site.latitude_deg + lat_deg, 90.0),
         east_deg=min(site.longitude_deg + lon_deg, 180.0),
     )
+
+
+def osmium_config(sites: Iterable[Site], radius_m: float, output: str) -> str:
+    """Return, as JSON, a configuration that cuts one file, ``output``, around sites by ``radius_m`` and a margin.
+
+    >>> config = json.loads(osmium_config([Site("2023-319003", 41.8, -101.5)], 300.0, "crashes.osm.pbf"))
+    >>> (area,) = config["extracts"]
+    >>> area["output"], [len(ring) for polygon in area["multipolygon"] for ring in polygon]
+    ('crashes.osm.pbf', [5])
+    """
+    boxes = [box_around(site, radius_m + _MARGIN_M) for site in sites]
+    areas = shapely.union_all([shapely.box(box.west_deg, box.south_deg, box.east_deg, box.north_deg) for box in boxes])
+    polygons = [
+        [list(ring.coords) for ring in (polygon.exterior, *polygon.interiors)] for polygon in shapely.get_parts(areas)
+    ]
+    return json.dumps({"extracts": [{"output": output, "multipolygon": polygons}]})
 
 
 def sides_m(box: BoundingBox) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.common.geometry import FloatArray
-from trace_dag.osm.road_users import is_walkway
+from trace_dag.osm.road_classes import is_walkway
 from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay, RawWay
 
 _ID: Final = attrgetter("id")

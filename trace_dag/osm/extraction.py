@@ -34,7 +34,7 @@ from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.messages.logs import print_problem
 from trace_dag.common.settings import OsmSettings
 from trace_dag.osm.plausibility import UnreadableMapError, xml_opener
-from trace_dag.osm.road_users import DRIVABLE_HIGHWAYS, is_drivable, is_walkway
+from trace_dag.osm.road_classes import DRIVABLE_HIGHWAYS, is_drivable, is_walkway
 from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, features_of_ways, is_thing
 from trace_dag.osm.types import (
     OSM_ATTRIBUTION,

@@ -21,7 +21,7 @@ from trace_dag.common.settings import OsmSettings, ServiceSettings
 from trace_dag.osm.catalog import box_around, is_on_earth
 from trace_dag.osm.clip import clip_roads
 from trace_dag.osm.extraction import RESTRICTION_KEYS
-from trace_dag.osm.road_users import DRIVABLE_HIGHWAYS, WALKWAY_TAGS, is_drivable, is_walkway
+from trace_dag.osm.road_classes import DRIVABLE_HIGHWAYS, WALKWAY_TAGS, is_drivable, is_walkway
 from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, features_of_ways, is_thing
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmWay, RawWay, Site
 from trace_dag.osm.xml import read_osm

@@ -23,7 +23,7 @@ from shapely.geometry import shape
 
 from trace_dag.common.errors import UserError
 from trace_dag.osm.extraction import relation_of
-from trace_dag.osm.road_users import is_walkway
+from trace_dag.osm.road_classes import is_walkway
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmNode, OsmRelation, OsmWay
 
 CLIPPED: Final = "trace_dag:clipped"

@@ -29,7 +29,7 @@ from lxml import etree
 
 from trace_dag.common.errors import UserError
 from trace_dag.osm.plausibility import xml_opener
-from trace_dag.osm.road_users import is_walkway
+from trace_dag.osm.road_classes import is_walkway
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay, read_attribution
 
 _GENERATOR: Final = "trace-dag"

@@ -14,9 +14,9 @@ import numpy as np
 
 from trace_dag.common.geometry import Pose
 from trace_dag.common.units import mps_to_mph
-from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.summary import is_dark
 from trace_dag.pages.canvas import Canvas, Ink, pixels_of
 from trace_dag.pages.drive import AgentDrive
 from trace_dag.pages.map_scene import Window

@@ -16,7 +16,7 @@ from typing import Any
 
 from trace_dag.common.messages.wording import beside_limit
 from trace_dag.common.units import mps_to_mph
-from trace_dag.crash.codes.vehicle import ACC_TYPE
+from trace_dag.crash.codes.elements import ACC_TYPE
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord

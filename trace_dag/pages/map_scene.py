@@ -17,7 +17,7 @@ import shapely
 
 from trace_dag.roads.map.lane_geometry import sample_lanes
 from trace_dag.roads.map.model import LaneRef, LaneType
-from trace_dag.roads.map.sampling import Stations, sample_reference_lines
+from trace_dag.roads.map.reference_line import Stations, sample_reference_lines
 
 if TYPE_CHECKING:
     from trace_dag.common.geometry import FloatArray

@@ -13,7 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Final
 
 from trace_dag.common.units import mps_to_mph
-from trace_dag.crash.codes.events import SOE
+from trace_dag.crash.codes.elements import SOE
 from trace_dag.crash.parties import party_in_words, party_label, thing_party
 from trace_dag.crash.summary import TOPOLOGIES, place_in_words
 

@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.common.units import mps_to_mph
-from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.crash.parties import is_vehicle, party_label
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.summary import classes_in_words
-from trace_dag.osm.road_users import is_drivable
+from trace_dag.crash.summary import classes_in_words, conditions_in_words, is_dark
+from trace_dag.osm.road_classes import is_drivable
 from trace_dag.osm.types import OsmExtract, OsmFeature
 from trace_dag.pages.canvas import Canvas, Ink
 from trace_dag.pages.map_ground import MINOR_SURFACE

@@ -14,10 +14,9 @@ import numpy as np
 
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import mps_to_mph
-from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.summary import classes_in_words, event_named
+from trace_dag.crash.summary import classes_in_words, conditions_in_words, event_named, is_dark
 from trace_dag.pages.canvas import Canvas
 from trace_dag.pages.drive import AgentDrive
 from trace_dag.pages.map_scene import Window

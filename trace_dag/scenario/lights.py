@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trace_dag.common.geometry import FloatArray, Poses
-from trace_dag.crash.codes.vehicle import FLASHING, SIGNALS
+from trace_dag.crash.codes.elements import FLASHING, SIGNALS
 from trace_dag.crash.parties import SURROUNDING, party_label
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.roads.map.model import Controller, Road, Signal

@@ -17,9 +17,7 @@ from typing import Final
 
 from trace_dag.common.units import clock_difference_h, wrap_angle
 from trace_dag.crash.classes import CollisionType, RoadTopology
-from trace_dag.crash.codes.events import HARM_EV
-from trace_dag.crash.codes.persons import MOTDIR, PBCWALK, PEDDIR
-from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH2
+from trace_dag.crash.codes.elements import ACC_TYPE, HARM_EV, MOTDIR, P_CRASH2, PBCWALK, PEDDIR
 from trace_dag.crash.crash_types import CrashType, EncounterRole, Relation, Side, crash_type_of, critical_event, turn_of
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.parties import EventKind, party_in_words

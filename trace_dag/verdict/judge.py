@@ -17,7 +17,7 @@ from trace_dag.common.errors import Failure, Reason
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.common.units import wrap_angle
-from trace_dag.crash.codes.vehicle import J_KNIFE
+from trace_dag.crash.codes.elements import J_KNIFE
 from trace_dag.crash.completed_record import drop_headings
 from trace_dag.crash.event_sequence import MODELLED, OFF_THE_ROAD, CrashEvent, EventSequence, sequence_of
 from trace_dag.crash.parties import EventKind

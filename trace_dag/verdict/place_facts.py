@@ -12,7 +12,7 @@ from typing import Final
 
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.crash.codes.crash import FUNC_SYS, RUR_URB
+from trace_dag.crash.codes.elements import FUNC_SYS, RUR_URB
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.crash_site.agreement import (
     AGREES,

@@ -31,8 +31,8 @@ from trace_dag.common.provenance import crash_of
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.classes import JUDGED_KINDS, CrashKind
-from trace_dag.crash.codes import crash, events, persons, vehicle
-from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes import elements as codes
+from trace_dag.crash.codes.elements import STATES
 from trace_dag.crash.codes.odd import ODD
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
@@ -43,8 +43,14 @@ from trace_dag.flow.records import OnProblem, log_problem
 from trace_dag.flow.study_tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, is_comparison_whole
 from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
 from trace_dag.warehouse import query
-from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
-from trace_dag.warehouse.outcomes import OutcomeTables, read_snapshots
+from trace_dag.warehouse.outcomes import (
+    DOCUMENTS,
+    DocumentTables,
+    OutcomeTables,
+    execute_sql,
+    local_files,
+    read_snapshots,
+)
 from trace_dag.warehouse.query import stray_log
 from trace_dag.warehouse.updating import TABLES, changed_since_built, list_for_build, note_crashes, update_tables
 
@@ -68,13 +74,13 @@ _MEMORY_LIMIT = "1GB"
 # crashes is empty: 20 kB per crash in place of 6; of 36,000 it saves nothing and costs 2 s.
 _BLOCK_BYTES = 32_768
 _CODES = (
-    *(crash.FUNC_SYS, crash.LGT_COND, crash.MAN_COLL, crash.REL_ROAD, crash.RELJCT2, crash.RUR_URB, crash.TYP_INT),
-    *(crash.WEATHER, events.HARM_EV, events.IMPACT1, events.SOE, persons.PEDCGP, persons.BIKECGP),
-    *(vehicle.ACC_TYPE, vehicle.P_CRASH1, vehicle.P_CRASH2, vehicle.VALIGN, vehicle.VPROFILE, vehicle.VSURCOND),
-    *(vehicle.J_KNIFE, vehicle.VTRAFCON, vehicle.VTRAFWAY),
-    *(persons.SEX, persons.LOCATION, persons.NMACTION, persons.NMCC, persons.MSAFEQMT, *persons.EQUIPMENT),
-    *(persons.PBCWALK, persons.PBSWALK, persons.PBSZONE, persons.PEDLOC, persons.PEDPOS, persons.BIKEPOS),
-    *(persons.PEDDIR, persons.BIKEDIR, persons.MOTDIR, persons.MOTMAN, persons.PEDLEG, crash.PER_TYP),
+    *(codes.FUNC_SYS, codes.LGT_COND, codes.MAN_COLL, codes.REL_ROAD, codes.RELJCT2, codes.RUR_URB, codes.TYP_INT),
+    *(codes.WEATHER, codes.HARM_EV, codes.IMPACT1, codes.SOE, codes.PEDCGP, codes.BIKECGP),
+    *(codes.ACC_TYPE, codes.P_CRASH1, codes.P_CRASH2, codes.VALIGN, codes.VPROFILE, codes.VSURCOND),
+    *(codes.J_KNIFE, codes.VTRAFCON, codes.VTRAFWAY),
+    *(codes.SEX, codes.LOCATION, codes.NMACTION, codes.NMCC, codes.MSAFEQMT, *codes.EQUIPMENT),
+    *(codes.PBCWALK, codes.PBSWALK, codes.PBSZONE, codes.PEDLOC, codes.PEDPOS, codes.BIKEPOS),
+    *(codes.PEDDIR, codes.BIKEDIR, codes.MOTDIR, codes.MOTMAN, codes.PEDLEG, codes.PER_TYP),
 )
 _POSITION = ("latitude_deg", "longitude_deg")
 

@@ -25,7 +25,7 @@ from trace_dag.common.stage import Stage
 from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.cohorts.registry import Cohort
-from trace_dag.warehouse.documents import DOCUMENTS
+from trace_dag.warehouse.outcomes import DOCUMENTS
 from trace_dag.warehouse.query import check_warehouse
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import pytest
 from lxml import etree
 from roads.towns import Town
 
-from trace_dag.osm.road_users import is_drivable
+from trace_dag.osm.road_classes import is_drivable
 from trace_dag.osm.types import OsmRelation
 from trace_dag.reading.road_map import make_map
 from trace_dag.roads.from_osm.way_direction import restrictions_at

@@ -1,4 +1,4 @@
-"""Progress of long work, as calls; :mod:`trace_dag.cli.progress` shows it."""
+"""Progress of long work, as calls; :mod:`trace_dag.cli.printing` shows it."""
 
 from __future__ import annotations
 

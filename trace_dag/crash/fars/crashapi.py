@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from trace_dag.common.errors import Failure, Rejection, UserError
 from trace_dag.common.network.http import HttpClient
-from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.elements import STATES
 from trace_dag.crash.folder import identify
 from trace_dag.crash.keys import crash_key, fars_case, state_of
 from trace_dag.crash.listing import CrashListing

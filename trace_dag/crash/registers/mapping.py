@@ -22,8 +22,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from trace_dag.common.errors import UserError
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.common.units import KG_PER_LB, METRES_PER_FOOT, MPS_PER_KMH, MPS_PER_MPH
-from trace_dag.crash.codes.crash import STATES
-from trace_dag.crash.codes.persons import HIGHEST_AGE
+from trace_dag.crash.codes.elements import HIGHEST_AGE, STATES
 from trace_dag.crash.codes.table import code_table, has_codes, ranges
 from trace_dag.crash.keys import FARS, REGISTER_NAME
 from trace_dag.crash.record import LARGEST_ACCURACY_M, Moment, Octant

@@ -18,9 +18,9 @@ from trace_dag.common.errors import Rejection, UserError
 from trace_dag.common.frozen import replace
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType
-from trace_dag.crash.codes import events as event_codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.bodies import BodyEvidence, body_of
-from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.elements import STATES
 from trace_dag.crash.codes.table import code_table, has_codes
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.derive import impact_area
@@ -60,7 +60,7 @@ from trace_dag.crash.table_reports import report_to_json
 from trace_dag.crash.traffic_side import LEFT_HAND_STATES, keeps_left_at
 
 _OF_TWO_VEHICLES: Final = frozenset({1, 2, 6, 7, 8, 9, 10})  # MAN_COLL
-_STRUCK: Final = {5: event_codes.PEDESTRIAN, 6: event_codes.CYCLIST, 7: event_codes.CYCLIST}
+_STRUCK: Final = {5: codes.PEDESTRIAN, 6: codes.CYCLIST, 7: codes.CYCLIST}
 _CROSSING: Final = 3  # NMACTION
 _ON_ROADWAY: Final = 1  # REL_ROAD
 _DRIVER: Final = 1  # PER_TYP
@@ -488,10 +488,10 @@ def _with_first_event(record: CrashRecord) -> CrashRecord:
         code = code or _STRUCK.get(record.non_motorists[0].person_type_code)
         second = record.non_motorists[0].party if len(record.non_motorists) == 1 else None
     elif len(moving) > 1 or (of_two and not standing):
-        code = code or event_codes.MOTOR_VEHICLE_IN_TRANSPORT
+        code = code or codes.MOTOR_VEHICLE_IN_TRANSPORT
         second = moving[1] if len(moving) == 2 else None
     elif moving and standing:
-        code = code or event_codes.PARKED_MOTOR_VEHICLE
+        code = code or codes.PARKED_MOTOR_VEHICLE
         second = standing[0] if len(standing) == 1 else None
     if code is None:
         return record

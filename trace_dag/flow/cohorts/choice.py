@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.wording import count_of
-from trace_dag.crash.codes.crash import FUNC_SYS
+from trace_dag.crash.codes.elements import FUNC_SYS
 from trace_dag.crash.cohorts import CohortFilter, sample, select, stratified_sample
 from trace_dag.crash.keys import parse_key
 from trace_dag.crash.listing import CrashListing

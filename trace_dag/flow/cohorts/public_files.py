@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from trace_dag.common.errors import UserError
-from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.elements import STATES
 from trace_dag.crash.keys import fars_case, state_of
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass, fields, replace
 from typing import Final, TypeVar
 
-from trace_dag.crash.codes import events as codes
+from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.parties import party_in_words, thing_party, thing_struck
 from trace_dag.crash.record import (

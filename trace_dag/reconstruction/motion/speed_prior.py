@@ -23,10 +23,10 @@ import numpy as np
 
 from trace_dag.common.units import GRAVITY_MPS2, mph_to_mps
 from trace_dag.crash.classes import CrashKind
-from trace_dag.crash.codes.events import OVERTURN, RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
-from trace_dag.crash.conditions import is_dark
+from trace_dag.crash.codes.elements import OVERTURN, RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
 from trace_dag.crash.crash_types import EncounterRole, Relation
 from trace_dag.crash.record import HEAVY_VEHICLES, PreCrashMovement, Severity, VehicleClass
+from trace_dag.crash.summary import is_dark
 from trace_dag.reconstruction.motion.speed_coefficients import BRAKING, BRAKING_G, LEVELS, SHIFTS_MPH, SPREAD_MPH
 from trace_dag.reconstruction.motion.speeds import (
     BRAKING_AVOIDANCE,

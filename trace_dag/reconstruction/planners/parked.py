@@ -23,7 +23,7 @@ from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.geometry import FloatArray, Pose
 from trace_dag.common.paths import Path
 from trace_dag.common.settings import StateSettings
-from trace_dag.crash.codes.events import RAN_OFF_LEFT, RAN_OFF_RIGHT
+from trace_dag.crash.codes.elements import RAN_OFF_LEFT, RAN_OFF_RIGHT
 from trace_dag.crash.crash_types import Side
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import NonMotorist, VehicleRecord

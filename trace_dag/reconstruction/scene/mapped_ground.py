@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.geometry import FloatArray
-from trace_dag.crash.codes.events import CROSSED_MEDIAN, RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
+from trace_dag.crash.codes.elements import CROSSED_MEDIAN, RAN_OFF, RAN_OFF_AT_END, RAN_OFF_LEFT, RAN_OFF_RIGHT
 from trace_dag.crash.parties import PartyKind, party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import ON_ROADWAY

@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 from trace_dag.common.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.common.paths import Path
 from trace_dag.common.settings import VerdictSettings
-from trace_dag.crash.codes.events import LYING_OBJECTS
+from trace_dag.crash.codes.elements import LYING_OBJECTS
 from trace_dag.crash.road_departure import ON_ROADWAY, ON_SHOULDER
 from trace_dag.reconstruction.scene.scene import Scene
 from trace_dag.roads.map.network import RoadNetwork

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trace_dag.common.units import wrap_angle
-from trace_dag.osm.road_users import SERVICE_HIGHWAYS
+from trace_dag.osm.road_classes import SERVICE_HIGHWAYS
 from trace_dag.roads.from_osm.tags import LEFT_TURNS, RIGHT_TURNS
 from trace_dag.roads.map.model import Lane, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork

@@ -15,7 +15,7 @@ from typing import Final
 
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.osm.road_users import SERVICE_HIGHWAYS
+from trace_dag.osm.road_classes import SERVICE_HIGHWAYS
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.model import ContactPoint, Junction, Road

@@ -22,8 +22,7 @@ from trace_dag.common.geometry import FloatArray, arc_lengths
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Relation, Side, Turn, crash_type_of, critical_event, opposite_side, turn_of
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
-from trace_dag.osm.road_classes import road_class
-from trace_dag.osm.road_users import is_drivable
+from trace_dag.osm.road_classes import is_drivable, road_class
 from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.crash_site.reported_road import pair_of

@@ -20,7 +20,7 @@ from trace_dag.common.geometry import FloatArray, LocalFrame
 from trace_dag.crash.reported_place import FromCrossing, Place
 from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.extraction import reading
-from trace_dag.osm.road_users import DRIVABLE_HIGHWAYS
+from trace_dag.osm.road_classes import DRIVABLE_HIGHWAYS
 from trace_dag.osm.types import Site
 from trace_dag.roads.crash_site.street_names import StreetIndex
 

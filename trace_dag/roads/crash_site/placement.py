@@ -27,8 +27,7 @@ from trace_dag.common.messages.wording import beside_limit
 from trace_dag.common.settings import RoadSettings
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
-from trace_dag.osm.road_classes import road_class
-from trace_dag.osm.road_users import SERVICE_HIGHWAYS
+from trace_dag.osm.road_classes import SERVICE_HIGHWAYS, road_class
 from trace_dag.roads.crash_site.carriageways import carriageway_at
 from trace_dag.roads.crash_site.crossings import Crossing, find_crossings
 from trace_dag.roads.crash_site.near_streets import joined_by, roads_near

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from trace_dag.common.geometry import arc_lengths
-from trace_dag.osm.road_users import is_crossing
+from trace_dag.osm.road_classes import is_crossing
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads

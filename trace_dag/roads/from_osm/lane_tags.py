@@ -18,8 +18,7 @@ from itertools import compress
 from typing import Final, NamedTuple
 
 from trace_dag.common.messages.wording import count_of
-from trace_dag.osm.road_classes import road_class
-from trace_dag.osm.road_users import CAR_POOLS
+from trace_dag.osm.road_classes import CAR_POOLS, road_class
 from trace_dag.roads.from_osm.tag_values import (
     MOST_LANES,
     parse_entries,

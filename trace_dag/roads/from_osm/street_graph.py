@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.common.geometry import LocalFrame
-from trace_dag.osm.road_users import blocks_cars, is_drivable
+from trace_dag.osm.road_classes import blocks_cars, is_drivable
 from trace_dag.osm.types import OsmExtract, OsmWay
 from trace_dag.roads.from_osm.tags import WayProfile
 from trace_dag.roads.map.curves import Point

@@ -21,8 +21,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trace_dag.common.geometry import FloatArray, arc_lengths
-from trace_dag.osm.road_classes import is_high_speed, usual_shoulder_m
-from trace_dag.osm.road_users import is_crossing
+from trace_dag.osm.road_classes import is_crossing, is_high_speed, usual_shoulder_m
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads

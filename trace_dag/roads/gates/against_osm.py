@@ -18,7 +18,7 @@ import shapely
 
 from trace_dag.common.geometry import arc_lengths
 from trace_dag.common.messages.wording import count_of
-from trace_dag.osm.road_users import is_drivable
+from trace_dag.osm.road_classes import is_drivable
 from trace_dag.roads.from_osm.street_graph import STUB_M
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, read_profile
 from trace_dag.roads.gates.measures import SAMPLE_M, distances_to_axes

@@ -17,7 +17,7 @@ from trace_dag.common.units import wrap_angle
 from trace_dag.roads.map.lane_geometry import lane_ends, sample_at, sample_lanes
 from trace_dag.roads.map.lane_index import polygon
 from trace_dag.roads.map.model import LaneRef, LaneType
-from trace_dag.roads.map.sampling import Stations, sample_reference_lines, stations_between
+from trace_dag.roads.map.reference_line import Stations, sample_reference_lines, stations_between
 from trace_dag.roads.map.separations import find_separations
 
 if TYPE_CHECKING:

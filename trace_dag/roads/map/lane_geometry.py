@@ -14,8 +14,13 @@ import numpy as np
 
 from trace_dag.common.geometry import Pose
 from trace_dag.roads.map.cubic_profile import CubicProfile
-from trace_dag.roads.map.reference_line import ReferenceLine
-from trace_dag.roads.map.sampling import Stations, sample_profiles, sample_reference_lines, stations_between
+from trace_dag.roads.map.reference_line import (
+    ReferenceLine,
+    Stations,
+    sample_profiles,
+    sample_reference_lines,
+    stations_between,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
