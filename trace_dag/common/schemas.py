@@ -6,13 +6,13 @@ it.
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from importlib import resources
 from typing import TYPE_CHECKING
+
+from trace_dag.common.data_files import read_csv
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -97,9 +97,8 @@ class TableSchema:
     @classmethod
     def of_csv(cls, package: str, name: str, meaning: str) -> TableSchema:
         """Return the table whose columns a package declares in ``<name>.csv``, nested ones by dotted path."""
-        text = resources.files(package).joinpath(f"{name}.csv").read_text(encoding="utf-8")
         within: dict[str, tuple[Column, ...]] = {"": ()}
-        for row in reversed([*csv.DictReader(text.splitlines())]):  # nested columns before the one that has them
+        for row in reversed(read_csv(package, f"{name}.csv")):  # nested columns before the one that has them
             parent, _, own = row["column"].rpartition(".")
             column = Column(
                 own,

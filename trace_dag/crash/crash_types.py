@@ -7,12 +7,12 @@ types), the critical event ``P_CRASH2`` often does: where the other vehicle came
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import partial
-from typing import Final
+from typing import Any, Final
 
+from trace_dag.common.data_files import read_csv
 from trace_dag.crash.classes import VehicleTrajectory
 from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 
@@ -53,7 +53,7 @@ class Side(StrEnum):
 
 @dataclass(frozen=True)
 class CrashType:
-    """One row of the table. ``None`` where the diagram does not say.
+    """One row of the table, ``crash_types.csv``. ``None`` where the diagram does not say.
 
     ``turn``: the turn of this vehicle; ``other_from``: the side the other vehicle comes from (crossing) or travels on
     (same direction); ``stopped``, ``backing``: this vehicle's motion. ``trajectory``: the manual's category of the
@@ -93,135 +93,36 @@ class CrashType:
         return self.turn if self.role is EncounterRole.ENCROACHING else None
 
 
-_FRONT, _RIGHT_SIDE, _REAR, _LEFT_SIDE = 12, 3, 6, 9
-_STRAIGHT: Final = PreCrashMovement.GOING_STRAIGHT
 _MOVEMENT_OF_TURN: Final = {
     Turn.LEFT: PreCrashMovement.TURNING_LEFT,
     Turn.RIGHT: PreCrashMovement.TURNING_RIGHT,
     Turn.U_TURN: PreCrashMovement.U_TURN,
 }
 _TURN_OF_MOVEMENT: Final = {movement: turn for turn, movement in _MOVEMENT_OF_TURN.items()}
+_FIELDS: Final[Mapping[str, Callable[[str], object]]] = {
+    "relation": Relation,
+    "role": EncounterRole,
+    "turn": Turn,
+    "other_from": Side,
+    "stopped": bool,
+    "backing": bool,
+    "trajectory": VehicleTrajectory,
+    "single_driver": bool,
+    "departure": Side,
+    "shows": Side,
+    "movement": lambda name: PreCrashMovement[name.upper()],
+    "impact_code": int,
+    "counterpart": int,
+}
 
 
-def _table() -> dict[int, CrashType]:
-    """Return the table by ``ACC_TYPE``; letters in comments are the manual's configurations."""
-    table = {code: CrashType() for code in (0, 98, 99)}
-    for code in range(1, 17):  # A to C, single driver
-        departure = Side.RIGHT if code <= 5 else Side.LEFT if code <= 10 else None
-        table[code] = CrashType(single_driver=True, departure=departure, movement=_STRAIGHT)
-    table |= {**_same_direction(), **_opposite_direction(), **_turning(), **_intersecting()}
-    table[92] = CrashType(  # M
-        role=EncounterRole.ENCROACHING,
-        backing=True,
-        movement=PreCrashMovement.BACKING,
-        impact_code=_REAR,
-        counterpart=93,
-    )
-    table[93] = CrashType(role=EncounterRole.STEADY, counterpart=92)
-    return table
-
-
-def _same_direction() -> dict[int, CrashType]:
-    row = partial(CrashType, trajectory=VehicleTrajectory.SAME_DIRECTION)
-    table: dict[int, CrashType] = {}
-    for code, struck_while in (  # D, rear end
-        (20, PreCrashMovement.STOPPED),
-        (24, _STRAIGHT),
-        (28, PreCrashMovement.DECELERATING),
-    ):
-        lane, striking, struck = Relation.SAME_LANE, EncounterRole.STRIKING, EncounterRole.STRUCK
-        table[code] = row(lane, striking, movement=_STRAIGHT, impact_code=_FRONT, counterpart=code + 1)
-        for step, turn in ((1, None), (2, Turn.LEFT), (3, Turn.RIGHT)):
-            stopped = struck_while is PreCrashMovement.STOPPED
-            movement = struck_while if turn is None or stopped else _MOVEMENT_OF_TURN[turn]
-            table[code + step] = row(
-                lane, struck, turn, stopped=stopped, movement=movement, impact_code=_REAR, counterpart=code
-            )
-    table |= {code: row(Relation.SAME_LANE, counterpart=code) for code in (32, 33)}
-    table |= _forward_impacts(34, partial(row, Relation.SAME_DIRECTION))  # E
-    same, steady, encroaching = Relation.SAME_DIRECTION, EncounterRole.STEADY, EncounterRole.ENCROACHING
-    table[44] = row(same, steady, other_from=Side.RIGHT, movement=_STRAIGHT)  # F, angle and sideswipe
-    table[45] = row(same, steady, movement=_STRAIGHT)
-    for code, side in ((46, Side.RIGHT), (47, Side.LEFT)):
-        table[code] = row(same, encroaching, other_from=side, movement=PreCrashMovement.CHANGING_LANES)
-    table |= {code: row(same, counterpart=code) for code in (48, 49)}
-    return table
-
-
-def _opposite_direction() -> dict[int, CrashType]:
-    row = partial(
-        CrashType, Relation.OPPOSITE_DIRECTION, trajectory=VehicleTrajectory.OPPOSITE_DIRECTION, movement=_STRAIGHT
-    )
-    table = _forward_impacts(54, row)  # H
-    for first, impact in ((50, _FRONT), (64, None)):  # G, head-on; I, angle and sideswipe
-        table[first] = row(EncounterRole.ENCROACHING, impact_code=impact, counterpart=first + 1)
-        table[first + 1] = row(EncounterRole.STEADY, impact_code=impact, counterpart=first)
-        table |= {code: row(impact_code=impact, counterpart=code) for code in (first + 2, first + 3)}
-    return table
-
-
-def _forward_impacts(first: int, row: Callable[..., CrashType]) -> dict[int, CrashType]:
-    """Return configurations E and H: out of control or avoiding something, into the other's path.
-
-    The other vehicle's type is not coded.
-    """
-    table: dict[int, CrashType] = {}
-    for code in range(first, first + 8, 2):
-        table[code] = row(role=EncounterRole.ENCROACHING, movement=_STRAIGHT)
-        table[code + 1] = row(role=EncounterRole.STEADY, movement=_STRAIGHT)
-    return table | {code: row(movement=_STRAIGHT, counterpart=code) for code in (first + 8, first + 9)}
-
-
-def _turning() -> dict[int, CrashType]:
-    opposite, same, crossing = Relation.OPPOSITE_DIRECTION, Relation.SAME_DIRECTION, Relation.CROSSING
-    left, right = Side.LEFT, Side.RIGHT
-    row = partial(CrashType, trajectory=VehicleTrajectory.TURNING)
-    table: dict[int, CrashType] = {}
-    # The code of who turns; the turn; where each of the two sees the other; the side each shows the other. Who turns
-    # left across the path of oncoming traffic (68) shows it its right side and comes from its left (69); who turns left
-    # into the path of traffic from its right (76) comes from that one's left (77), who turns right (78) from its right
-    # (79), left into the opposite direction (82) too (83), being met from the left.
-    for code, relation, turn, turner_sees, other_sees, turner_shows, other_shows in (
-        (68, opposite, Turn.LEFT, None, None, right, left),  # J, turn across path
-        (70, same, Turn.RIGHT, right, left, None, None),
-        (72, same, Turn.LEFT, left, right, None, None),
-        (76, crossing, Turn.LEFT, right, left, right, left),  # K, turn into path
-        (78, crossing, Turn.RIGHT, left, right, left, right),
-        (80, crossing, Turn.RIGHT, right, left, None, None),
-        (82, crossing, Turn.LEFT, left, right, left, right),
-    ):
-        table[code] = row(
-            relation,
-            EncounterRole.ENCROACHING,
-            turn,
-            turner_sees,
-            movement=_MOVEMENT_OF_TURN[turn],
-            shows=turner_shows,
-            counterpart=code + 1,
-        )
-        table[code + 1] = row(
-            relation,
-            EncounterRole.STEADY,
-            other_from=other_sees,
-            movement=_STRAIGHT,
-            shows=other_shows,
-            counterpart=code,
-        )
-    table |= {code: row(counterpart=code) for code in (74, 75)}
-    return table | {code: row(crossing, counterpart=code) for code in (84, 85)}
-
-
-def _intersecting() -> dict[int, CrashType]:
-    row = partial(CrashType, Relation.CROSSING, trajectory=VehicleTrajectory.INTERSECTING, movement=_STRAIGHT)
-    striking, struck = EncounterRole.STRIKING, EncounterRole.STRUCK
-    return {  # L, straight paths; 86 strikes from the right of 87
-        86: row(striking, other_from=Side.LEFT, impact_code=_FRONT, counterpart=87),
-        87: row(struck, other_from=Side.RIGHT, impact_code=_RIGHT_SIDE, counterpart=86),
-        88: row(striking, other_from=Side.RIGHT, impact_code=_FRONT, counterpart=89),
-        89: row(struck, other_from=Side.LEFT, impact_code=_LEFT_SIDE, counterpart=88),
-        90: row(counterpart=90),
-        91: row(counterpart=91),
-    }
+def _read_types() -> dict[int, CrashType]:
+    """Return the rows of ``crash_types.csv``, where an empty cell is a default, by ``ACC_TYPE``."""
+    types: dict[int, CrashType] = {}
+    for row in read_csv("trace_dag.crash", "crash_types.csv"):
+        said: dict[str, Any] = {name: read(row[name]) for name, read in _FIELDS.items() if row[name]}
+        types[int(row["acc_type"])] = CrashType(**said)
+    return types
 
 
 _ACROSS: Final = frozenset({68, 69})  # the two types of which the side that traffic keeps tells the turn
@@ -234,7 +135,7 @@ def _across_from_the_left(kind: CrashType) -> CrashType:
     return replace(kind, turn=turn, shows=shows, movement=kind.movement if turn is None else _MOVEMENT_OF_TURN[turn])
 
 
-CRASH_TYPES: dict[int, CrashType] = _table()
+CRASH_TYPES: dict[int, CrashType] = _read_types()
 _UNKNOWN: Final = CrashType()
 
 

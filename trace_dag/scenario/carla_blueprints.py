@@ -10,11 +10,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from trace_dag.common.data_files import read_csv
 from trace_dag.common.errors import Failure
 from trace_dag.crash.record import VehicleClass
 from trace_dag.simulation.types import Body
-
-_C = VehicleClass
 
 
 @dataclass(frozen=True)
@@ -27,32 +26,11 @@ class Blueprint:
     width_m: float
 
 
-BLUEPRINTS = (
-    Blueprint("vehicle.audi.a2", (_C.CAR,), 3.71, 1.79),
-    Blueprint("vehicle.nissan.micra", (_C.CAR,), 3.63, 1.85),
-    Blueprint("vehicle.mini.cooper_s_2021", (_C.CAR,), 4.55, 2.10),
-    Blueprint("vehicle.seat.leon", (_C.CAR,), 4.19, 1.82),
-    Blueprint("vehicle.toyota.prius", (_C.CAR,), 4.51, 2.01),
-    Blueprint("vehicle.mercedes.coupe_2020", (_C.CAR,), 4.67, 1.81),
-    Blueprint("vehicle.tesla.model3", (_C.CAR, _C.OTHER), 4.79, 2.16),
-    Blueprint("vehicle.lincoln.mkz_2020", (_C.CAR,), 4.89, 1.84),
-    Blueprint("vehicle.dodge.charger_2020", (_C.CAR,), 5.01, 1.88),
-    Blueprint("vehicle.chevrolet.impala", (_C.CAR,), 5.36, 2.03),
-    Blueprint("vehicle.jeep.wrangler_rubicon", (_C.SUV,), 3.87, 1.91),
-    Blueprint("vehicle.nissan.patrol_2021", (_C.SUV, _C.PICKUP), 5.57, 2.15),
-    Blueprint("vehicle.audi.etron", (_C.SUV,), 4.86, 2.03),
-    Blueprint("vehicle.tesla.cybertruck", (_C.PICKUP, _C.LIGHT_TRUCK), 6.27, 2.39),
-    Blueprint("vehicle.volkswagen.t2_2021", (_C.VAN,), 4.44, 1.77),
-    Blueprint("vehicle.mercedes.sprinter", (_C.VAN, _C.LIGHT_TRUCK), 5.92, 1.99),
-    Blueprint("vehicle.ford.ambulance", (_C.LIGHT_TRUCK, _C.VAN), 6.37, 2.35),
-    Blueprint("vehicle.carlamotors.carlacola", (_C.TRUCK, _C.LIGHT_TRUCK), 5.20, 2.61),
-    Blueprint("vehicle.carlamotors.firetruck", (_C.TRUCK, _C.TRACTOR_TRAILER), 8.47, 2.89),
-    Blueprint("vehicle.carlamotors.european_hgv", (_C.TRACTOR_TRAILER, _C.TRUCK), 7.94, 2.89),
-    Blueprint("vehicle.mitsubishi.fusorosa", (_C.BUS,), 10.27, 3.94),
-    Blueprint("vehicle.vespa.zx125", (_C.MOTORCYCLE,), 1.81, 0.87),
-    Blueprint("vehicle.kawasaki.ninja", (_C.MOTORCYCLE,), 2.03, 0.80),
-    Blueprint("vehicle.yamaha.yzf", (_C.MOTORCYCLE,), 2.19, 0.87),
-    Blueprint("vehicle.harley-davidson.low_rider", (_C.MOTORCYCLE,), 2.35, 0.76),
+BLUEPRINTS = tuple(
+    Blueprint(
+        row["id"], tuple(map(VehicleClass, row["classes"].split())), float(row["length_m"]), float(row["width_m"])
+    )
+    for row in read_csv("trace_dag.scenario", "carla_blueprints.csv")
 )
 WALKERS = ("walker.pedestrian.0001", "walker.pedestrian.0004", "walker.pedestrian.0015")
 CHILD_WALKERS = ("walker.pedestrian.0011", "walker.pedestrian.0014", "walker.pedestrian.0048")

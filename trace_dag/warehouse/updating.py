@@ -9,15 +9,14 @@ everything is read.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
 from enum import StrEnum
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from trace_dag.common.data_files import read_csv
 from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.provenance import crash_of
@@ -40,8 +39,7 @@ class Rows(StrEnum):
     OF_ALL = "of all crashes"
 
 
-_TABLES = resources.files("trace_dag.warehouse").joinpath("sql", "tables.csv").read_text()
-TABLES: Final = {row["table"]: Rows(row["rows"]) for row in csv.DictReader(_TABLES.splitlines())}
+TABLES: Final = {row["table"]: Rows(row["rows"]) for row in read_csv("trace_dag.warehouse", "sql/tables.csv")}
 """All tables and views of a warehouse by name, in the order in which they are made, each by its ``.sql`` file."""
 _NOTE = "cache/warehouse.json"
 _MOST = 0.1  # of the crashes; where more have changed, building anew takes hardly longer and leaves no gaps

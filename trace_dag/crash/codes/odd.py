@@ -6,10 +6,10 @@ Terms are those of ISO 34503:2023, clauses 9 (scenery) and 10 (environmental con
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator, Mapping
-from importlib import resources
 from typing import Final, NamedTuple
+
+from trace_dag.common.data_files import read_csv
 
 
 class OddTerm(NamedTuple):
@@ -22,8 +22,7 @@ class OddTerm(NamedTuple):
 def _read_terms() -> dict[str, dict[int | str, OddTerm]]:
     """Return the terms in ``odd.csv`` by element and code."""
     terms: dict[str, dict[int | str, OddTerm]] = {}
-    text = resources.files("trace_dag.crash.codes").joinpath("odd.csv").read_text(encoding="utf-8")
-    for row in csv.DictReader(text.splitlines()):
+    for row in read_csv("trace_dag.crash.codes", "odd.csv"):
         code = int(row["code"]) if row["code"].isdecimal() else row["code"]
         terms.setdefault(row["element"], {})[code] = OddTerm(row["term"], tuple(row["tags"].split()))
     return terms

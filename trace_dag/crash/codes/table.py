@@ -6,11 +6,11 @@ case year if it was added or dropped (``since``, ``until``), and whether it mean
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib import resources
+
+from trace_dag.common.data_files import read_csv
 
 FIRST_YEAR = 2010
 """The first case year the tables speak of; FARS was restructured with it."""
@@ -98,8 +98,7 @@ def has_codes(element: str) -> bool:
 @cache
 def _rows() -> dict[str, list[dict[str, str]]]:
     rows: dict[str, list[dict[str, str]]] = {}
-    text = resources.files("trace_dag.crash.codes").joinpath("codes.csv").read_text(encoding="utf-8")
-    for row in csv.DictReader(text.splitlines()):
+    for row in read_csv("trace_dag.crash.codes", "codes.csv"):
         rows.setdefault(row["variable"], []).append(row)
     return rows
 

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
+from trace_dag.common.data_files import read_toml
 from trace_dag.common.errors import Rejection, UserError
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.completed_record import complete_record
@@ -22,45 +23,9 @@ from trace_dag.crash.registers.rows import first_rows
 
 _LOOKED_AT: Final = 2_000
 _MOST_VALUES: Final = 60
-_NAMES: Final[Mapping[str, str]] = {
-    "id": r"^(id|crn|.*(crash|collision|report|case|incident|accident|acc)[ _]?(id|no|nbr|num|number|index|key)?)$",
-    "latitude_deg": r"^(dec_?)?(lat|latitude|y)(_?deg)?$",
-    "longitude_deg": r"^(dec_?)?(lon|long|lng|longitude|x)(_?deg)?$",
-    "trafficway_1": r"^(on[ _])?(street|road|main ?road)([ _]?name)?$",
-    "trafficway_2": r"^(cross|second|intersecting|reference).*",
-    "MAN_COLL": r"manner|collision[ _]?type|crash[ _]?type",
-    "RELJCT2": r"junction|intersection",
-    "LGT_COND": r"light|lighting|illumination",
-    "WEATHER": r"weather",
-    "heading": r"direction|heading|going",
-    "P_CRASH1": r"move|movement|maneuver|manoeuvre|action|pre.?crash",
-    "IMPACT1": r"impact|contact[ _]?point",
-    "INJ_SEV": r"injur|severity|hurt",
-    "BODY_TYP": r"body|vehicle[ _]?type",
-    "VSURCOND": r"surface",
-    "VSPD_LIM": r"speed[ _]?limit|posted",
-    "MOD_YEAR": r"(vehicle|model|veh)[ _]?year",
-}
-"""Patterns of column names, by field of the mapping."""
-_VALUES: Final[Mapping[str, Mapping[str, int | str]]] = {
-    "MAN_COLL": {"rear.?end|front.to.rear": 1, "head.?on|front.to.front": 2, "side.?swipe.*opp|opp.*side": 8}
-    | {"side.?swipe": 7, "angle|turn": 6, "single": 0, "rear.to.rear": 10},
-    "RELJCT2": {"^(no|non|not)\\b|non.?inter": 1, "related": 3, "intersection|^y(es)?$": 2, "driveway": 4},
-    "LGT_COND": {"day": 1, "dark.*(not|no|un)": 2, "dark.*(light|lit)": 3, "dawn": 4, "dusk": 5, "dark": 6},
-    "WEATHER": {"clear|fine": 1, "rain": 2, "sleet|hail": 3, "snow": 4, "fog": 5, "wind": 6, "cloud|overcast": 10},
-    "heading": {"^n(orth)?(bound)?$": "north", "^n.*e": "north_east", "^e(ast)?(bound)?$": "east"}
-    | {"^s.*e(ast)?$": "south_east", "^s(outh)?(bound)?$": "south", "^s.*w": "south_west"}
-    | {"^w(est)?(bound)?$": "west", "^n.*w": "north_west"},
-    "P_CRASH1": {"straight|constant": 1, "slow": 2, "stopped|^stop": 5, "pass|overtak": 6, "right": 10, "u.?turn": 12}
-    | {"left": 11, "back|revers": 13, "curve": 14, "chang": 15, "merg": 16, "^parked": "parked"},
-    "INJ_SEV": {"none|^no\\b|not injured": 0, "possible": 1, "minor|slight|non.?incap": 2, "serious|incap": 3}
-    | {"fatal|killed": 4},
-    "BODY_TYP": {"suv|utility": 19, "pick": 39, "van": 29, "bus": 59, "motorcycle": 80, "tractor": 66, "truck": 79}
-    | {"car|sedan|passenger": 9},
-    "VSURCOND": {"dry": 1, "wet": 2, "snow": 3, "ice": 4},
-    "IMPACT1": {"front": 12, "rear|back": 6, "left": 61, "right": 81},
-}
-"""Patterns of values, the first that fits, by field."""
+_GUESSES: Final = read_toml("trace_dag.crash", "mapping_guesses.toml")
+_NAMES: Final[Mapping[str, str]] = _GUESSES["columns"]
+_VALUES: Final[Mapping[str, Mapping[str, int | str]]] = _GUESSES["values"]
 _OF_CRASH: Final = ("MAN_COLL", "RELJCT2", "LGT_COND", "WEATHER")
 _DATES: Final = ("%Y-%m-%d", "%m/%d/%Y", "%d/%m/%Y", "%Y/%m/%d", "%m/%d/%y", "%d.%m.%Y", "%Y%m%d")
 _CLOCKS: Final = ("%H:%M", "%H:%M:%S", "%I:%M %p", "%I:%M:%S %p", "%H%M")

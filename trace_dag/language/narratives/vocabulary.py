@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib import resources
 from typing import Any, Final
 
+from trace_dag.common.data_files import read_toml
 from trace_dag.crash.registers.mapping import (
     CRASH_FIELDS,
     OCCUPANT_FIELDS,
@@ -169,7 +168,5 @@ def vocabulary() -> Vocabulary:
     >>> vocabulary().of_unit["movement"].values[:2]
     ('going straight', 'slowing down')
     """
-    said = tomllib.loads(
-        resources.files("trace_dag.language.narratives").joinpath("words.toml").read_text(encoding="utf-8")
-    )
+    said = read_toml("trace_dag.language.narratives", "words.toml")
     return Vocabulary(events=said.pop("events"), mapping=RegisterMapping.model_validate(said))

@@ -8,14 +8,14 @@ Service's Publication 28 (appendices B and C1), as far as FARS and OSM use them,
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from enum import StrEnum
 from functools import lru_cache
-from importlib import resources
 from typing import Final
+
+from trace_dag.common.data_files import read_toml
 
 
 class RouteSystem(StrEnum):
@@ -62,14 +62,14 @@ OTHER_STREET: Final = 0.4
 """Similarity below which two names are those of two streets: judgement."""
 
 
+_WORDS_OF: Final[dict[str, dict[str, list[str]]]] = read_toml("trace_dag.roads.crash_site", "street_words.toml")
+
+
 def _spelled_out(section: str) -> dict[str, str]:
     """Return what is written out by each of its abbreviations, in a section of ``street_words.toml``."""
     return {short: full for full, abbreviations in _WORDS_OF[section].items() for short in abbreviations}
 
 
-_WORDS_OF: Final[dict[str, dict[str, list[str]]]] = tomllib.loads(
-    resources.files("trace_dag.roads.crash_site").joinpath("street_words.toml").read_text(encoding="utf-8")
-)
 _SYSTEMS: Final = {short: RouteSystem(system) for short, system in _spelled_out("systems").items()}
 _STATES: Final = (
     "AL AK AZ AR CA CO CT DE DC FL GA HI IA ID IL IN KS KY LA MA MD ME MI MN MO MS MT NC ND NE NH NJ NM NV NY OH OK OR "

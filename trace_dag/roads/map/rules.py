@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -19,6 +19,7 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.common.data_files import read_toml
 from trace_dag.roads.map.curves import along_arc
 from trace_dag.roads.map.link_rules import broken_links
 from trace_dag.roads.map.reader import parse_opendrive
@@ -28,80 +29,15 @@ _HEADING_TOLERANCE_RAD: Final = 1e-3
 _S_TOLERANCE_M: Final = 1e-4
 _ROAD: Final = re.compile(r"\(road ([^,)]+)")
 
-_Order = tuple[str, ...]
-_TAIL: Final[_Order] = ("userData", "include", "dataQuality")
-_CHILDREN: Final[dict[str, _Order]] = {
-    "OpenDRIVE": ("header", "road", "controller", "junction", "junctionGroup", "station", *_TAIL),
-    "header": ("geoReference", "offset", *_TAIL),
-    "road": (
-        *("link", "type", "planView", "elevationProfile", "lateralProfile", "lanes", "objects", "signals", "surface"),
-        *("railroad", *_TAIL),
-    ),
-    "lanes": ("laneOffset", "laneSection", *_TAIL),
-    "laneSection": ("left", "center", "right", *_TAIL),
-    "lane": ("link", "border", "width", "roadMark", "material", "speed", "access", "height", "rule", *_TAIL),
-    "objects": ("object", "objectReference", "tunnel", "bridge", *_TAIL),
-    "object": (
-        *("repeat", "outline", "outlines", "material", "validity", "parkingSpace", "markings", "borders", *_TAIL),
-        "surface",
-    ),
-    "signal": ("validity", "dependency", "reference", "positionRoad", "positionInertial", *_TAIL),
-    "junction": ("connection", "priority", "controller", "surface", "planView", *_TAIL),
-    "connection": ("predecessor", "successor", "laneLink", *_TAIL),
-    "controller": ("control", *_TAIL),
-}
-_REQUIRED: Final[dict[str, _Order]] = {
-    "header": ("revMajor", "revMinor"),
-    "road": ("id", "length", "junction"),
-    "geometry": ("s", "x", "y", "hdg", "length"),
-    "elevation": ("s", "a", "b", "c", "d"),
-    "laneOffset": ("s", "a", "b", "c", "d"),
-    "laneSection": ("s",),
-    "lane": ("id", "type"),
-    "width": ("sOffset", "a", "b", "c", "d"),
-    "roadMark": ("sOffset", "type", "color"),
-    "signal": ("id", "s", "t", "dynamic", "orientation", "type", "subtype", "zOffset"),
-    "validity": ("fromLane", "toLane"),
-    "object": ("id", "s", "t", "zOffset"),
-    "cornerLocal": ("u", "v", "z", "height"),
-    "junction": ("id",),
-    "connection": ("id",),
-    "controller": ("id",),
-    "control": ("signalId",),
-    "laneLink": ("from", "to"),
-    "userData": ("code",),
-}
-_LANE_TYPES: Final = frozenset(
-    {
-        *("shoulder", "border", "driving", "stop", "none", "restricted", "parking", "median", "biking", "sidewalk"),
-        *("curb", "exit", "entry", "onRamp", "offRamp", "connectingRamp", "slipLane", "walking", "bidirectional"),
-        *("special1", "special2", "special3", "roadWorks", "tram", "rail", "bus", "taxi", "HOV", "mwyEntry", "mwyExit"),
-    }
-)
 _SIDES: Final = ("left", "center", "right")
-_MARK_TYPES: Final = frozenset(
-    {
-        *("none", "solid", "broken", "solid solid", "solid broken", "broken solid", "broken broken", "botts dots"),
-        *("grass", "curb", "custom", "edge"),
-    }
-)
-_MARK_COLOURS: Final = frozenset({"standard", "blue", "green", "red", "white", "yellow", "orange", "violet", "black"})
-_ENUMERATED: Final[dict[tuple[str, str], frozenset[str]]] = {
-    ("lane", "type"): _LANE_TYPES,
-    ("lane", "level"): frozenset({"true", "false"}),
-    ("roadMark", "type"): _MARK_TYPES,
-    ("roadMark", "color"): _MARK_COLOURS,
-    ("roadMark", "weight"): frozenset({"standard", "bold"}),
-    ("roadMark", "laneChange"): frozenset({"increase", "decrease", "both", "none"}),
-    ("road", "rule"): frozenset({"RHT", "LHT"}),
-    ("signal", "orientation"): frozenset({"+", "-", "none"}),
-    ("object", "orientation"): frozenset({"+", "-", "none"}),
-    ("signal", "dynamic"): frozenset({"yes", "no"}),
-    ("connection", "contactPoint"): frozenset({"start", "end"}),
-    ("predecessor", "contactPoint"): frozenset({"start", "end"}),
-    ("successor", "contactPoint"): frozenset({"start", "end"}),
-    ("predecessor", "elementType"): frozenset({"road", "junction"}),
-    ("successor", "elementType"): frozenset({"road", "junction"}),
+_ANYWHERE: Final = ("userData", "include", "dataQuality")  # children that any element may have
+_SCHEMA: Final = read_toml("trace_dag.roads.map", "opendrive_schema.toml")
+_CHILDREN: Final[Mapping[str, Sequence[str]]] = _SCHEMA["children"]
+_REQUIRED: Final[Mapping[str, Sequence[str]]] = _SCHEMA["required"]
+_ENUMERATED: Final = {
+    (element, attribute): frozenset(values)
+    for element, attributes in _SCHEMA["values"].items()
+    for attribute, values in attributes.items()
 }
 
 
@@ -159,7 +95,7 @@ def _schema(root: etree._Element) -> Iterator[str]:
 
 
 @lru_cache(maxsize=4096)  # most elements of a map repeat
-def _faults(tag: str, attributes: tuple[tuple[str, str], ...], children: _Order) -> _Order:
+def _faults(tag: str, attributes: tuple[tuple[str, str], ...], children: tuple[str, ...]) -> tuple[str, ...]:
     """Return the faults of an element with these attributes and children."""
     rules, found = _RULES_OF_TAG[tag], []
     places = [rules.order.get(child, -1) for child in children]
@@ -183,7 +119,7 @@ def _faults(tag: str, attributes: tuple[tuple[str, str], ...], children: _Order)
     return tuple(found)
 
 
-_NUMBERS: Final[dict[str, _Order]] = {
+_NUMBERS: Final[dict[str, tuple[str, ...]]] = {
     tag: tuple(key for key in keys if key not in ("type", "color", "dynamic", "orientation", "subtype", "code"))
     for tag, keys in _REQUIRED.items()
     if tag not in ("road", "signal", "object", "junction", "connection", "controller", "control")
@@ -265,7 +201,7 @@ def _problems_of_plan(pieces: list[etree._Element], length: float) -> Iterator[s
     yield from _ascending(pieces, "s", "geometry")
     if abs(_float(pieces[-1], "s") + _float(pieces[-1], "length") - length) > _S_TOLERANCE_M:
         yield f"plan view ends at another length than {length:g}"
-    shapes = [[child for child in piece if child.tag not in _TAIL] for piece in pieces]
+    shapes = [[child for child in piece if child.tag not in _ANYWHERE] for piece in pieces]
     for (piece, following), own in zip(pairwise(pieces), shapes, strict=False):
         yield from _joint(piece, own, following)
     for piece, own in zip(pieces, shapes, strict=True):
