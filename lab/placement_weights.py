@@ -18,7 +18,6 @@ from pathlib import Path
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.tables import record_from_parquet
-from trace_dag.roads.crash_site.carriageways import carriageway_at
 from trace_dag.roads.crash_site.placement import class_steps
 from trace_dag.roads.crash_site.reported_road import (
     is_numbered_as_reported,
@@ -28,6 +27,7 @@ from trace_dag.roads.crash_site.reported_road import (
     trafficway_on_map,
 )
 from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, similarity
+from trace_dag.roads.crash_site.streets import carriageway_at
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive

@@ -44,7 +44,7 @@ from trace_dag.roads.gates.against_osm import MapComparison
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.rules import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 
 Result = TypeVar("Result")

@@ -12,8 +12,7 @@ from typing import Final
 from trace_dag.crash.codes.elements import VEHICLE_EVENTS
 from trace_dag.crash.fars.rows import FarsRows
 from trace_dag.crash.fields import Fields, Row, malformed
-from trace_dag.crash.parse import open_report
-from trace_dag.crash.table_reports import report_to_json
+from trace_dag.crash.parse import open_report, report_to_json
 
 _AREAS_OF_PARTIES: Final = (("VNUMBER1", "AOI1"), ("VNUMBER2", "AOI2"))
 

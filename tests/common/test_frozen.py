@@ -7,7 +7,7 @@ from functools import cached_property
 
 import pytest
 
-from trace_dag.common.frozen import replace
+from trace_dag.common.dataclass_tools import replace
 
 
 @dataclasses.dataclass(frozen=True)

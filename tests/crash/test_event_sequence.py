@@ -10,7 +10,7 @@ from crash_reports import Children, read, rejection, report
 
 from trace_dag.common.errors import Reason
 from trace_dag.common.settings import CrashSettings
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence, Missing, event_sequence, sequence_of
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord

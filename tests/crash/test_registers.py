@@ -15,12 +15,11 @@ from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.completed_record import complete_record
 from trace_dag.crash.completeness import RULES, check
 from trace_dag.crash.keys import parse_key, register_key
-from trace_dag.crash.parse import read_report
+from trace_dag.crash.parse import read_report, report_from_json, report_to_json
 from trace_dag.crash.record import Heading, Moment, Octant, Origin, PreCrashMovement, Severity, origins
 from trace_dag.crash.registers.mapping import list_shipped_mappings, read_mapping
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import FromCrossing, Place
-from trace_dag.crash.table_reports import report_from_json, report_to_json
 
 TEMPE = {
     "Incidentid": "1001", "DateTime": "3/4/15 17:05 ", "Year": "2015", "StreetName": "First St",

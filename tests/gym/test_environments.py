@@ -21,9 +21,9 @@ from trace_dag.agents.evaluation.evaluate import Conditions, evaluate, run
 from trace_dag.agents.evaluation.observation import Sensing
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.common.errors import UserError
-from trace_dag.gym.acting import MANOEUVRES, Hands
 from trace_dag.gym.parallel import ParallelCrashEnv
 from trace_dag.gym.single import chosen
+from trace_dag.gym.spaces import MANOEUVRES, Hands
 
 KEY = "2023-319003"
 RECORDED, BRAKE_HARD = (

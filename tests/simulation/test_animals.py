@@ -11,7 +11,7 @@ import pytest
 from tests.simulation.motions import CAR, crossing, log_of
 from trace_dag.common.errors import Failure
 from trace_dag.common.units import GRAVITY_MPS2
-from trace_dag.crash.animals import Pace, Species
+from trace_dag.crash.event_parties import Pace, Species
 from trace_dag.crash.record import VehicleClass
 from trace_dag.simulation.body_sizes import SIZES, animal_speed_mps
 from trace_dag.simulation.quadrupeds import LANDMARKS

@@ -24,9 +24,9 @@ from trace_dag.agents.stored_variations import (
     row,
 )
 from trace_dag.agents.variations import Variation, VariationKind, family
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import Pose
-from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.artefacts import ESTIMATE, VERDICT
 from trace_dag.flow.manifests import list_files, sound_manifest

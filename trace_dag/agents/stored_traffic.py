@@ -17,8 +17,8 @@ import numpy as np
 from trace_dag.agents.evaluation.table import Row, rows_from_parquet, rows_to_parquet
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.agents.stored_cases import StoredCase, load_case, report_each
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import DamagedFile, UserError
-from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.schemas import TableSchema
 from trace_dag.common.stage import Stage

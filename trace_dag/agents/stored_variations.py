@@ -13,8 +13,8 @@ from typing import Any
 
 from trace_dag.agents.evaluation.table import Row, rows_from_parquet
 from trace_dag.agents.variations import Bounds, Criteria, Perturbation, Variation, VariationKind
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import DamagedFile
-from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.schemas import TableSchema
 from trace_dag.common.storage.files import Storage

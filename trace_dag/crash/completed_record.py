@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from trace_dag.common.frozen import replace
+from trace_dag.common.dataclass_tools import replace
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology, collision_type, road_topology
 from trace_dag.crash.codes.elements import TYP_INT

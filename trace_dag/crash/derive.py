@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from trace_dag.common.frozen import replace
+from trace_dag.common.dataclass_tools import replace
 from trace_dag.common.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, mph_to_mps, wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes.elements import CROSSED_CENTRELINE, CURVED, HARM_EV, PERSON_EVENTS, VEHICLE_EVENTS

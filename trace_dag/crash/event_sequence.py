@@ -15,11 +15,10 @@ from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 from trace_dag.common.errors import Reason
-from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.codes import elements as codes
-from trace_dag.crash.departure_side import SIDE_AFTER_EVENT, DepartureSide, side_after
-from trace_dag.crash.event_parties import ORDER_OF_IMPACTS
+from trace_dag.crash.crash_types import SIDE_AFTER_EVENT, DepartureSide, side_after
+from trace_dag.crash.event_parties import ORDER_OF_IMPACTS, StruckAnimal
 from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
 from trace_dag.crash.summary import event_in_words

@@ -6,13 +6,16 @@ marked. Fields that disagree are listed. The completeness of the record is decid
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
 from lxml import etree
+from pydantic import ValidationError
 
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.codes import elements as codes
@@ -25,9 +28,8 @@ from trace_dag.crash.keys import crash_key, state_of
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.persons import read_non_motorists
 from trace_dag.crash.record import LATEST_YEAR, CrashRecord, EventRecord, VehicleRecord
+from trace_dag.crash.reported_place import LEFT_HAND_STATES
 from trace_dag.crash.sequence import has_struck_standing_only, known_by_events_alone, read_sequence
-from trace_dag.crash.table_reports import is_json, report_from_json
-from trace_dag.crash.traffic_side import LEFT_HAND_STATES
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import local_name, parse_untrusted, values_of
 
@@ -43,7 +45,7 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
 
     Args: data: the report as its source serves it: a CrashAPI ``GetCaseDetails`` response (XML), the rows of FARS
     tables (:class:`~trace_dag.crash.fars.rows.FarsRows`) or a record of a register's table
-    (:mod:`trace_dag.crash.table_reports`), both as JSON. name: a file name or URL for messages. settings:
+    (:mod:`trace_dag.crash.parse`), both as JSON. name: a file name or URL for messages. settings:
     ``repair_malformed`` allows badly escaped characters to be repaired; the record is then marked. expected_key: the
     key of the requested crash, if any; the report of another crash is malformed.
 
@@ -311,3 +313,38 @@ def _hour(value: int | None) -> int | None:
 def _place_name(label: str) -> str:
     name = _COUNTY_CODE.sub("", label)
     return "" if name.upper() in _NO_NAME else name
+
+
+# --- reports from tables, as JSON ------------------------------------------------------------------------------------
+def is_json(data: bytes) -> bool:
+    """Return whether a report is such a JSON document rather than XML.
+
+    >>> is_json(report_xml), is_json(b'{"key": "tempe-1"}')
+    (False, True)
+    """
+    return data.lstrip()[:1] == b"{"
+
+
+def report_to_json(report: FarsRows | CrashRecord) -> bytes:
+    """Return the document of a table's report."""
+    kind: type[FarsRows | CrashRecord] = type(report)
+    return json_adapter(kind).dump_json(report, exclude_defaults=True, indent=1) + b"\n"
+
+
+def report_from_json(data: bytes, *, name: str) -> FarsRows | CrashRecord:
+    """Return the rows or the record in a document.
+
+    Raises :class:`trace_dag.common.errors.Rejection` (``malformed_report``) for any other document.
+
+    >>> report_from_json(report_to_json(record), name="a report").key
+    '2023-319003'
+    """
+    try:
+        kind: type[FarsRows | CrashRecord] = FarsRows if "tables" in json.loads(data) else CrashRecord
+        found = json_adapter(kind).validate_json(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        raise malformed(f"{name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    except (ValueError, RecursionError) as error:
+        raise malformed(f"{name} is not JSON: {error}") from error
+    return found

@@ -8,7 +8,7 @@ from itertools import takewhile
 from typing import Final
 
 from trace_dag.crash.codes import elements as codes
-from trace_dag.crash.departure_side import DepartureSide, departure_side
+from trace_dag.crash.crash_types import DepartureSide, departure_side
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord, VehicleRecord

@@ -11,8 +11,8 @@ import io
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final
 
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import Failure
-from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.schemas import TableSchema, table_from_parquet
 from trace_dag.crash.record import CrashRecord
 

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from trace_dag.agents.stored_variations import AboutVariation
-from trace_dag.common.json_adapters import json_adapter
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.stage import Stage
 from trace_dag.flow.artefacts import (
     ESTIMATE,

@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import DamagedFile
-from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.schemas import table_from_parquet
 from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.file_locks import lock_file

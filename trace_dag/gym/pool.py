@@ -20,7 +20,7 @@ from trace_dag.agents.stored_traffic import load_driven
 from trace_dag.common.errors import UserError
 from trace_dag.common.settings import SimSettings
 from trace_dag.flow.artefacts import CrashArtefacts
-from trace_dag.gym.observing import LanePoints
+from trace_dag.gym.spaces import LanePoints
 from trace_dag.reading.crashes import Crashes, Home
 from trace_dag.reading.opening import open_place
 from trace_dag.scenario.cases import Case

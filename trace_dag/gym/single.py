@@ -14,12 +14,11 @@ from trace_dag.agents.evaluation.observation import Sensing
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.agents.stored_cases import AgentRole, number_of
 from trace_dag.common.errors import UserError
-from trace_dag.gym.acting import ActionKind, Hands, action_space
 from trace_dag.gym.drawing import Camera, show_page
 from trace_dag.gym.episode import Episode
-from trace_dag.gym.observing import Eyes, LanePoints, Seen, observation_space
 from trace_dag.gym.pool import Place, Track, tracks
 from trace_dag.gym.rewards import Reward
+from trace_dag.gym.spaces import ActionKind, Eyes, Hands, LanePoints, Seen, action_space, observation_space
 from trace_dag.scenario.cases import Case
 from trace_dag.scenario.progress import RecordedWay
 
@@ -121,7 +120,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     ``trace_dag.open`` if left out. key: one crash or several; all crashes between parties by default. ego: the place
     that the agent takes, a value of ``trace-dag evaluate --ego`` or a vehicle's number. variations: include the stored
     variations of the crashes. courses: use the likely courses of each crash in its place, drawn by their weights.
-    actions: ``continuous`` or ``discrete``; see :mod:`trace_dag.gym.acting`. rate_hz: steps per second, 1 to 100.
+    actions: ``continuous`` or ``discrete``; see :mod:`trace_dag.gym.spaces`. rate_hz: steps per second, 1 to 100.
     sensing: range, noise and occlusion of its sight. traffic: motion of the others, a value of ``trace-dag evaluate
     --traffic``. reward: weights; see :class:`trace_dag.gym.rewards.Reward`. render_mode: ``rgb_array``, or ``human``:
     the replay of each episode as a page in the browser.

@@ -13,10 +13,9 @@ from trace_dag.common.settings import StateSettings
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
 from trace_dag.language.answer import Decision, WrongAnswer, decide, form, parse, schema_of, text_of
-from trace_dag.language.choices import Choices
 from trace_dag.language.client import LlmClient
 from trace_dag.language.ledger import SharedFiles, SpendingLedger
-from trace_dag.language.prompt import Prompt, ask_again
+from trace_dag.language.prompt import Choices, Prompt, ask_again
 from trace_dag.language.store import AnswerFiles, AnswerStore, StoredAnswer
 from trace_dag.reconstruction.analytic_hypotheses import NAME as ANALYTIC
 from trace_dag.reconstruction.analytic_hypotheses import VERSION as ANALYTIC_VERSION

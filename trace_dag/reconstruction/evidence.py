@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import mps_to_mph, wrap_angle
 from trace_dag.crash.classes import CollisionType
-from trace_dag.crash.crash_types import Relation, Turn
-from trace_dag.crash.departure_side import departs_at_end
+from trace_dag.crash.crash_types import Relation, Turn, departs_at_end
 from trace_dag.crash.record import CrashRecord, Heading, Moment, PreCrashMovement, VehicleRecord
 from trace_dag.osm.road_classes import road_class
 from trace_dag.reconstruction.motion.speeds import STOP_CONTROLS, class_speed_mps

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from trace_dag.common.settings import StateSettings
-from trace_dag.crash.departure_side import SIDE_OF_EVENT
+from trace_dag.crash.crash_types import SIDE_OF_EVENT
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.reconstruction.alternatives import ambiguity_of

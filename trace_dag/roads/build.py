@@ -25,8 +25,8 @@ from trace_dag.osm.types import OsmExtract, OsmFeature
 from trace_dag.roads.crash_site.agreement import NOT_COMPARABLE, compare
 from trace_dag.roads.crash_site.crossings import add_kinds
 from trace_dag.roads.crash_site.gap_filling import fill_gaps
-from trace_dag.roads.crash_site.near_streets import near_streets
 from trace_dag.roads.crash_site.placement import place_crash
+from trace_dag.roads.crash_site.streets import near_streets
 from trace_dag.roads.from_osm.converter import Converter, WayHints
 from trace_dag.roads.from_osm.left_hand import mirror_extract, mirror_network
 from trace_dag.roads.from_osm.tags import read_profile
@@ -35,7 +35,7 @@ from trace_dag.roads.from_osm.way_direction import along_traffic
 from trace_dag.roads.gates.gates import check_map, require
 from trace_dag.roads.gates.scope import check_in_scope, data_ends
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.rules import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import (
     STRUCTURES_WITHIN_M,

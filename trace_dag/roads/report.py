@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from trace_dag.common.json_adapters import json_adapter
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.roads.map.model import LaneMatch
 
 STRUCTURES_WITHIN_M: Final = 100.0

@@ -27,7 +27,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.common.units import GRAVITY_MPS2
-from trace_dag.crash.animals import Pace, Species
+from trace_dag.crash.event_parties import Pace, Species
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import VehicleClass
 from trace_dag.simulation.types import Body, BodyKind

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.common.geometry import FloatArray, Pose, rectangle_corners
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.types import Body, SimulationLog, VehicleLog
 

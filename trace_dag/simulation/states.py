@@ -13,9 +13,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PlainSerializer, PlainValidator, ValidationError
 
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import FloatArray, Pose
-from trace_dag.common.json_adapters import json_adapter
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import VehicleClass
 from trace_dag.crash.trailer import Trailer

@@ -16,8 +16,7 @@ import numpy as np
 
 from trace_dag.common.geometry import Pose, rectangle_corners
 from trace_dag.common.settings import VerdictSettings
-from trace_dag.crash.crash_types import turn_of
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide, turn_of
 from trace_dag.crash.event_sequence import OFF_THE_ROAD
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.road_departure import Departure, departure_of

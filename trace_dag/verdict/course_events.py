@@ -17,7 +17,7 @@ import numpy as np
 from trace_dag.common.geometry import Pose, rectangle_corners
 from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.elements import NO_ROLLOVER
-from trace_dag.crash.departure_side import SIDE_OF_EVENT, DepartureSide
+from trace_dag.crash.crash_types import SIDE_OF_EVENT, DepartureSide
 from trace_dag.crash.record import EventRecord, VehicleClass
 from trace_dag.crash.summary import event_in_words
 from trace_dag.roads.map.network import RoadNetwork

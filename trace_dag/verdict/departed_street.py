@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.crash_site.near_streets import joined_by, roads_near
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.streets import joined_by, roads_near
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.types import VehicleLog
 

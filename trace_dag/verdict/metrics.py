@@ -7,8 +7,7 @@ from typing import Final
 
 from trace_dag.common.units import clock_difference_h, wrap_angle
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.crash.crash_types import Turn
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide, Turn
 from trace_dag.crash.record import CrashRecord, ImpactArea, Moment, NonMotorist, PreCrashMovement, VehicleRecord
 from trace_dag.crash.zones import Zone
 from trace_dag.reconstruction.motion.walking import COMPASS_DEG, RELATIVE_DEG, Course, reported_directions

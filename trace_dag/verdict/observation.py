@@ -17,7 +17,7 @@ import numpy as np
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import Pose, contact_clock_h
 from trace_dag.common.units import bearing_to_clock_h, kmh_to_mps
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide
 from trace_dag.crash.parties import is_vehicle
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadsidePlace, RoadZone, roadside_at

@@ -23,7 +23,7 @@ from trace_dag.common.geometry import FloatArray, rectangle_corners
 from trace_dag.common.units import clock_difference_h, kmh_to_mps, mps_to_kmh, mps_to_mph
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes import elements as codes
-from trace_dag.crash.departure_side import SIDE_OF_EVENT
+from trace_dag.crash.crash_types import SIDE_OF_EVENT
 from trace_dag.crash.keys import FARS
 from trace_dag.crash.parties import EventKind, is_vehicle, party_in_words
 from trace_dag.crash.record import CrashRecord, Severity, VehicleClass

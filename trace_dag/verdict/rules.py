@@ -23,8 +23,7 @@ from trace_dag.common.messages.wording import beside_limit
 from trace_dag.common.settings import RuleSetName, VerdictSettings
 from trace_dag.common.units import clock_difference_h, wrap_angle
 from trace_dag.crash.classes import CollisionType
-from trace_dag.crash.crash_types import turn_of
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide, turn_of
 from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, EventSequence
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord

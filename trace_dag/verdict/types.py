@@ -8,8 +8,8 @@ from typing import Annotated
 
 from pydantic import Field, ValidationError
 
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import Failure, Reason
-from trace_dag.common.json_adapters import json_adapter
 from trace_dag.reconstruction.alternatives import Approached
 
 

@@ -23,7 +23,7 @@ from trace_dag.roads.map.model import Crosswalk, LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.people import crosswalks, crosswalks_near, lanes_beside
 from trace_dag.roads.map.reader import read_opendrive
-from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.rules import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 
 _LANE_M = 3.35  # of a residential street

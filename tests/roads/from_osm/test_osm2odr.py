@@ -19,7 +19,7 @@ from trace_dag.roads.build import build_road_map
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
-from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.rules import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 
 _TOWN = Path(__file__).resolve().parents[3] / "data" / "sample" / "osm" / "merrow.osm"

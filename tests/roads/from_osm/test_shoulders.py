@@ -11,7 +11,7 @@ from tests.roads.towns import Town, straight_street
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.rules import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 
 

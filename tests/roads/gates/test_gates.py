@@ -21,8 +21,7 @@ from trace_dag.roads.gates.gates import measures as map_measures
 from trace_dag.roads.map.model import Cubic, Lane, LaneRef, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
-from trace_dag.roads.map.rules import find_violations
-from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.rules import StoredMap, find_violations
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import CrashPlacement, MapGate
 

@@ -17,7 +17,7 @@ from trace_dag.crash.fars.rows import FarsRows
 from trace_dag.crash.fields import Row
 from trace_dag.crash.keys import crash_key, fars_case
 from trace_dag.crash.listing import CrashListing, list_rows
-from trace_dag.crash.table_reports import report_to_json
+from trace_dag.crash.parse import report_to_json
 
 if TYPE_CHECKING:
     import pyarrow as pa

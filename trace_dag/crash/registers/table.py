@@ -14,8 +14,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
+from trace_dag.common.dataclass_tools import replace
 from trace_dag.common.errors import Rejection, UserError
-from trace_dag.common.frozen import replace
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.crash.codes import elements as codes
@@ -26,7 +26,7 @@ from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.keys import register_key
 from trace_dag.crash.listing import CrashListing, list_record
-from trace_dag.crash.parse import reported_position
+from trace_dag.crash.parse import report_to_json, reported_position
 from trace_dag.crash.record import (
     FIRST_YEAR,
     LATEST_YEAR,
@@ -55,9 +55,7 @@ from trace_dag.crash.registers.mapping import (
     read_mapping,
 )
 from trace_dag.crash.registers.rows import KIND, TIME, RegisterRows, Row
-from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
-from trace_dag.crash.table_reports import report_to_json
-from trace_dag.crash.traffic_side import LEFT_HAND_STATES, keeps_left_at
+from trace_dag.crash.reported_place import LEFT_HAND_STATES, FromCrossing, Place, PlaceFinder, keeps_left_at, look_up
 
 _OF_TWO_VEHICLES: Final = frozenset({1, 2, 6, 7, 8, 9, 10})  # MAN_COLL
 _STRUCK: Final = {5: codes.PEDESTRIAN, 6: codes.CYCLIST, 7: codes.CYCLIST}

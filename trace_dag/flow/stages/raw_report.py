@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import Failure, Reason, Rejection
 from trace_dag.crash.folder import identify
-from trace_dag.crash.table_reports import is_json
+from trace_dag.crash.parse import is_json
 from trace_dag.flow.cohorts.kept_files import read_kept
 from trace_dag.flow.contract import StageProduct
 

@@ -24,10 +24,10 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.messages.progress import OnProgress, silent
 from trace_dag.common.messages.wording import count_of
 from trace_dag.crash.listing import CrashListing, list_record
+from trace_dag.crash.parse import report_to_json
 from trace_dag.crash.record import CrashRecord, Octant
 from trace_dag.crash.registers.table import RegisterTable
 from trace_dag.crash.reported_place import FromCrossing, Place, PlaceFinder, look_up
-from trace_dag.crash.table_reports import report_to_json
 from trace_dag.language.answer import WrongAnswer, parse, text_of
 from trace_dag.language.narratives.reading import (
     Answer,

@@ -18,7 +18,7 @@ import numpy as np
 from trace_dag.common.geometry import Pose
 from trace_dag.common.paths import LateralShift, Path, shifted
 from trace_dag.common.units import GRAVITY_MPS2
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
 from trace_dag.crash.road_departure import Departure, DepartureManner

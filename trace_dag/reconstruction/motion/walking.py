@@ -29,8 +29,8 @@ from enum import StrEnum
 from typing import Final
 
 from trace_dag.common.units import METRES_PER_FOOT, kmh_to_mps
-from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.crash_types import Side, Turn
+from trace_dag.crash.event_parties import StruckAnimal
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import ImpactArea, NonMotorist
 from trace_dag.crash.zones import is_in_crosswalk

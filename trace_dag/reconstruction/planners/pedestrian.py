@@ -21,7 +21,7 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.common.paths import LateralShift, Path, shifted, straight
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.units import GRAVITY_MPS2, bearing_to_clock_h
-from trace_dag.crash.animals import Pace, Species, StruckAnimal
+from trace_dag.crash.event_parties import Pace, Species, StruckAnimal
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.crash.record import NonMotorist, VehicleClass
 from trace_dag.reconstruction.assemble import (

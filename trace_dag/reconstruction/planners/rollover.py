@@ -20,7 +20,7 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.common.paths import Path
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.units import GRAVITY_MPS2
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import VehicleClass
 from trace_dag.crash.road_departure import Departure, departure_of

@@ -32,7 +32,7 @@ from trace_dag.common.geometry import body_bearing_rad
 from trace_dag.common.paths import Path
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.units import bearing_to_clock_h
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.road_departure import Departure, DepartureManner, departure_of
 from trace_dag.reconstruction import evidence

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from trace_dag.common.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.common.units import bearing_to_clock_h, kmh_to_mps
-from trace_dag.crash.departure_side import DepartureSide
+from trace_dag.crash.crash_types import DepartureSide
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.record import ImpactArea, VehicleClass
 from trace_dag.reconstruction.course import Course, Search

@@ -17,9 +17,9 @@ from typing import Final
 import numpy as np
 from pydantic import ValidationError
 
+from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import Failure
 from trace_dag.common.geometry import Pose, body_bearing_rad
-from trace_dag.common.json_adapters import json_adapter
 from trace_dag.common.settings import SimSettings
 from trace_dag.crash.record import CrashRecord
 from trace_dag.reconstruction.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood

@@ -19,7 +19,6 @@ from trace_dag.common.units import mps_to_mph, wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.osm.road_classes import road_class
-from trace_dag.roads.crash_site.carriageways import Carriageway, carriageway_at
 from trace_dag.roads.crash_site.crossings import Crossing, find_crossings
 from trace_dag.roads.crash_site.placement import is_at_intersection, is_named
 from trace_dag.roads.crash_site.reported_road import (
@@ -31,6 +30,7 @@ from trace_dag.roads.crash_site.reported_road import (
     trafficway_of,
     trafficway_on_map,
 )
+from trace_dag.roads.crash_site.streets import Carriageway, carriageway_at
 from trace_dag.roads.map.model import ContactPoint, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement

@@ -28,9 +28,7 @@ from trace_dag.common.settings import RoadSettings
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.road_classes import SERVICE_HIGHWAYS, road_class
-from trace_dag.roads.crash_site.carriageways import carriageway_at
 from trace_dag.roads.crash_site.crossings import Crossing, find_crossings
-from trace_dag.roads.crash_site.near_streets import joined_by, roads_near
 from trace_dag.roads.crash_site.reported_road import (
     contradiction,
     has_name_of_another,
@@ -43,6 +41,7 @@ from trace_dag.roads.crash_site.reported_road import (
     trafficway_on_map,
 )
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.streets import carriageway_at, joined_by, roads_near
 from trace_dag.roads.map.model import LaneMatch, LaneRef, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement

@@ -14,8 +14,8 @@ from typing import Final
 
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.osm.road_classes import road_class
-from trace_dag.roads.crash_site.carriageways import Carriageway
 from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, RouteSystem, parse_street, similarity
+from trace_dag.roads.crash_site.streets import Carriageway
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -96,7 +96,7 @@ def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> fro
     There are several values if lanes begin, end or only turn near the place, or if the two directions differ. If the
     report does not say whether the trafficway is divided, both counts of a divided one are included.
 
-    >>> from trace_dag.roads.crash_site.carriageways import carriageway_at
+    >>> from trace_dag.roads.crash_site.streets import carriageway_at
     >>> main_street = carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)  # two lanes each way
     >>> lanes_as_reported(main_street, Trafficway.UNDIVIDED), lanes_as_reported(main_street, Trafficway.DIVIDED)
     (frozenset({4}), frozenset({2}))
@@ -119,7 +119,7 @@ def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> fro
 def trafficway_on_map(street: Carriageway) -> Trafficway:
     """Return the ``VTRAFWAY`` of a street of the map.
 
-    >>> from trace_dag.roads.crash_site.carriageways import carriageway_at
+    >>> from trace_dag.roads.crash_site.streets import carriageway_at
     >>> trafficway_on_map(carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)).value
     'undivided'
     """

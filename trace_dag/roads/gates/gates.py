@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from trace_dag.common.geometry import FloatArray
     from trace_dag.osm.types import OsmExtract
     from trace_dag.roads.map.network import RoadNetwork
-    from trace_dag.roads.map.stored_map import StoredMap
+    from trace_dag.roads.map.rules import StoredMap
 
 _SHOWN: Final = 3  # examples named in a gate's detail
 _ANCHORS: Final = 8

@@ -19,7 +19,7 @@ from trace_dag.common.settings import RoadSettings
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.model import ContactPoint, Road, RoadLink
-from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.rules import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import CrashPlacement, DataEnd, LeftOutRoad, MapGate
 

@@ -13,16 +13,21 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from lxml import etree
 
 from trace_dag.common.data_files import read_toml
 from trace_dag.roads.map.curves import along_arc
 from trace_dag.roads.map.link_rules import broken_links
-from trace_dag.roads.map.reader import parse_opendrive
+from trace_dag.roads.map.reader import network_of, parse_opendrive
+
+if TYPE_CHECKING:
+    from lxml import etree
+
+    from trace_dag.roads.map.network import RoadNetwork
 
 _POSITION_TOLERANCE_M: Final = 1e-3
 _HEADING_TOLERANCE_RAD: Final = 1e-3
@@ -344,3 +349,28 @@ _RULES: Final[tuple[Callable[[etree._Element], Iterator[str]], ...]] = (
     _objects,
     _controllers,
 )
+
+
+class StoredMap:
+    """An OpenDRIVE file, ``xodr``, parsed when first needed; ``name`` is for messages.
+
+    A file that is not OpenDRIVE raises :class:`~trace_dag.common.errors.UserError` then.
+    """
+
+    def __init__(self, xodr: bytes, *, name: str = "map") -> None:
+        self.xodr = xodr
+        self.name = name
+
+    @cached_property
+    def _root(self) -> etree._Element:
+        return parse_opendrive(self.xodr, self.name)
+
+    @cached_property
+    def violations(self) -> list[str]:
+        """Return every broken rule with its place (:func:`~trace_dag.roads.map.rules.find_violations`)."""
+        return violations_of(self._root)
+
+    @cached_property
+    def network(self) -> RoadNetwork:
+        """Return the network read back from the file."""
+        return network_of(self._root, name=self.name)
