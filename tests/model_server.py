@@ -11,7 +11,7 @@ from loopback import Answer, Request
 from lab.narratives import StandIn
 from trace_dag.common.settings import StateSettings
 from trace_dag.crash.event_sequence import sequence_of
-from trace_dag.language.prompt import Choices
+from trace_dag.language.choices import Choices
 from trace_dag.reconstruction.analytic_hypotheses import build_scene, parties, solve_all
 from trace_dag.reconstruction.candidates import candidates
 from trace_dag.reconstruction.pre_crash_scenarios import pre_crash_scenarios

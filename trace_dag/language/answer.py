@@ -14,7 +14,7 @@ from typing import Any, Final, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from trace_dag.crash.record import CrashRecord, VehicleRecord
-from trace_dag.language.prompt import Choices, OfferedApproach
+from trace_dag.language.choices import Choices, OfferedApproach
 from trace_dag.language.store import REFUSED, TOO_LONG, StoredAnswer
 from trace_dag.reconstruction.motion.speeds import brakes, starts
 

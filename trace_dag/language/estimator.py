@@ -8,9 +8,10 @@ from typing import Final
 
 from trace_dag.common.errors import Failure, UserError
 from trace_dag.common.settings import StateSettings
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord
-from trace_dag.language.hypotheses import NAME, LlmFiles, estimate_llm, llm_client
+from trace_dag.language.hypotheses import NAME, estimate_llm, llm_client
 from trace_dag.language.prompt import Prompt
 from trace_dag.reconstruction.course import Search
 from trace_dag.reconstruction.first_event import FirstEvent, plan_first_event
@@ -27,7 +28,7 @@ class LlmEstimator:
 
     paid = True
 
-    def __init__(self, settings: StateSettings, files: LlmFiles | None = None, ledger: str = "run") -> None:
+    def __init__(self, settings: StateSettings, files: Storage | None = None, ledger: str = "run") -> None:
         self._settings = settings
         self._client = llm_client(settings, files=files, ledger=ledger)
 

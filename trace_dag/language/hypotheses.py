@@ -6,17 +6,18 @@ It checks the answer, asks again with a list of faults, and has the solver turn 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import StateSettings
+from trace_dag.common.storage.files import Storage
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.record import CrashRecord
 from trace_dag.language.answer import Decision, WrongAnswer, decide, form, parse, schema_of, text_of
+from trace_dag.language.choices import Choices
 from trace_dag.language.client import LlmClient
-from trace_dag.language.ledger import SharedFiles, SpendingLedger
-from trace_dag.language.prompt import Choices, Prompt, ask_again
-from trace_dag.language.store import AnswerFiles, AnswerStore, StoredAnswer
+from trace_dag.language.ledger import SpendingLedger
+from trace_dag.language.prompt import Prompt, ask_again
+from trace_dag.language.store import AnswerStore, StoredAnswer
 from trace_dag.reconstruction.analytic_hypotheses import NAME as ANALYTIC
 from trace_dag.reconstruction.analytic_hypotheses import VERSION as ANALYTIC_VERSION
 from trace_dag.reconstruction.analytic_hypotheses import first_contact, parties, rank_hypotheses, solve_all
@@ -31,11 +32,7 @@ VERSION = "1"
 _MOST_CHECKS = 4
 
 
-class LlmFiles(AnswerFiles, SharedFiles, Protocol):
-    """The store of answers and ledgers; :class:`trace_dag.common.storage.files.Storage` is one."""
-
-
-def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger: str = "run") -> LlmClient:
+def llm_client(settings: StateSettings, *, files: Storage | None = None, ledger: str = "run") -> LlmClient:
     """Return a client by the settings, with answers, budget and rate in ``files`` (a storage root) or in memory.
 
     Clients with the same ``files`` and ``ledger`` share budget and rate, over all processes and machines.

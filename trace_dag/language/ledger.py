@@ -15,32 +15,19 @@ import math
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.common.errors import BudgetSpent, DamagedFile, TransientFailure
 from trace_dag.common.storage.checksums import add_checksum, check_document
+from trace_dag.common.storage.files import Storage
 
 FOLDER = "llm_ledgers"
 MOST_UNANSWERED = 3
 PAUSE_S = 60.0
 _LONGEST_RESERVING_S = 10.0  # a process that has waited longer is taken for dead
-
-
-class SharedFiles(Protocol):
-    """Named files that several processes see; :class:`trace_dag.common.storage.files.Storage` is one."""
-
-    def write(self, name: str, data: bytes) -> object:
-        """Write the whole file in one step."""
-
-    def list(self, folder: str) -> Mapping[str, object]:
-        """Return the files of a folder, by name."""
-
-    def read_many(self, names: Iterable[str]) -> Mapping[str, bytes]:
-        """Return contents of those files that exist."""
 
 
 @dataclass
@@ -68,7 +55,7 @@ class SpendingLedger:
 
     budget_usd: float | None = None
     requests_per_minute: float = 60.0
-    files: SharedFiles | None = None
+    files: Storage | None = None
     name: str = "run"
     sleep: Callable[[float], None] = time.sleep
     clock: Callable[[], float] = time.time

@@ -8,30 +8,17 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
-from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.common.errors import DamagedFile
 from trace_dag.common.storage.checksums import add_checksum, check_document
+from trace_dag.common.storage.files import Storage
 
 FOLDER = "llm_answers"
 REFUSED = "refused"
 TOO_LONG = "too long"
 """Finish reasons of ours: the model refused, and its context does not hold the question."""
-
-
-class AnswerFiles(Protocol):
-    """Named files; :class:`trace_dag.common.storage.files.Storage` is one."""
-
-    def read(self, name: str) -> bytes:
-        """Return the content of a file.
-
-        Raises ``FileNotFoundError`` if it is missing.
-        """
-
-    def write(self, name: str, data: bytes) -> object:
-        """Write the whole file in one step."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +40,7 @@ _answers = TypeAdapter(StoredAnswer)
 class AnswerStore:
     """Answers below one storage root; if none is given, in memory for this process alone."""
 
-    def __init__(self, files: AnswerFiles | None = None) -> None:
+    def __init__(self, files: Storage | None = None) -> None:
         self._files = files
         self._memory: dict[str, StoredAnswer] = {}
 

@@ -9,9 +9,9 @@ the states and use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pa
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final, Protocol, TypeAlias
 
 import numpy as np
 
@@ -137,8 +137,8 @@ def osm_api_source(settings: ServiceSettings, http: HttpClient) -> OsmApiSource:
     return OsmApiSource(http, (settings.osm_api_url or OSM_API).rstrip("/"))
 
 
-class _Download(Protocol):
-    def __call__(self, box: BoundingBox, nearer: BoundingBox) -> bytes: ...
+_Download: TypeAlias = Callable[[BoundingBox, BoundingBox], bytes]
+"""Fetches the roads of a box, and the features of a nearer one."""
 
 
 def _overpass_query(box: BoundingBox, nearer: BoundingBox) -> str:

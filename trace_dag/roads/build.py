@@ -6,11 +6,9 @@ buildings. Areas farther off (water, woods, parking) are only drawn in pictures.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -242,9 +240,8 @@ def _reject_vertical_geometry(extract: OsmExtract, frame: LocalFrame, settings: 
         raised = [key for key in ("bridge", "tunnel", "layer") if way.tags.get(key, "no") not in ("no", "0")]
         if not raised:
             continue
-        points = [(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in way.node_ids]
-        local = [frame.to_local(latitude, longitude) for latitude, longitude in points]
-        distance_m = min(_distance_from_origin_m(a.tolist(), b.tolist()) for a, b in pairwise(local))
+        degrees = np.array([(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in way.node_ids])
+        distance_m = float(shapely.LineString(frame.to_local(*degrees.T)).distance(shapely.Point(0.0, 0.0)))
         if distance_m <= limit_m:
             raise Rejection(
                 Reason.VERTICAL_GEOMETRY,
@@ -253,14 +250,6 @@ def _reject_vertical_geometry(extract: OsmExtract, frame: LocalFrame, settings: 
                 measured=distance_m,
                 threshold=limit_m,
             )
-
-
-def _distance_from_origin_m(a: list[float], b: list[float]) -> float:
-    """Return the distance of the segment a-b from the origin of the local frame."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    length_2 = dx * dx + dy * dy
-    share = min(max(-(a[0] * dx + a[1] * dy) / length_2, 0.0), 1.0) if length_2 else 0.0
-    return math.hypot(a[0] + share * dx, a[1] + share * dy)
 
 
 # --- things beside the road ------------------------------------------------------------------------------------------

@@ -13,13 +13,10 @@ import hashlib
 import io
 import json
 import math
-import os
 import socket
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
@@ -40,6 +37,7 @@ from tenacity import (
 from trace_dag.common.errors import Failure, TransientFailure
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.network.rate_limit import take_turn
+from trace_dag.common.storage.files import Storage
 
 if TYPE_CHECKING:
     import httpx
@@ -380,20 +378,11 @@ def _kept(path: Path) -> bytes | None:
 
 
 def _store(path: Path, body: bytes, request: dict[str, object]) -> None:
-    """Write the answer and its request atomically."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write the answer and its request, each at once."""
     said = {"fetched": datetime.now(UTC).isoformat(timespec="seconds"), "sha256": hashlib.sha256(body).hexdigest()}
-    about = json.dumps({**request, **said}, indent=1)
-    for target, content in ((path.with_suffix(".json"), about.encode()), (path, body)):
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-            Path(name).replace(target)
-        except BaseException:
-            with suppress(OSError):
-                Path(name).unlink()
-            raise
+    cache = Storage(path.parent)
+    cache.write(path.with_suffix(".json").name, json.dumps({**request, **said}, indent=1).encode())
+    cache.write(path.name, body)
 
 
 def _no_way_to(error: BaseException | None) -> str | None:
