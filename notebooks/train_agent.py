@@ -30,8 +30,8 @@ from trace_dag.agents.evaluation.registry import BASELINES, make_agent, resolve
 from trace_dag.agents.evaluation.shares import share_avoided
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.gym import ENVIRONMENT
-from trace_dag.gym.observing import MANOEUVRES
 from trace_dag.gym.single import ego_of
+from trace_dag.gym.spaces import MANOEUVRES
 
 OUTCOMES = ("conflict_avoided", "collision_avoided", "stopped", "mitigated", "unchanged", "worse")
 BRAKE_HARD = next(number for number, (name, _, _) in enumerate(MANOEUVRES) if name == "brake_hard")

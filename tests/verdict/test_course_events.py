@@ -14,7 +14,7 @@ from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HALF, HEAD_ON, HEAD_ON
 from trace_dag.common.errors import Reason
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.classes import CollisionType, RoadTopology
-from trace_dag.crash.departure_side import SIDE_OF_EVENT
+from trace_dag.crash.crash_types import SIDE_OF_EVENT
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.roads.crash_site.agreement import compare

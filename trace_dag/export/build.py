@@ -345,7 +345,7 @@ def _write_index(
     searched = {row["key"]: row for row in query.rows_of(warehouse, ("catalogue",))[0]}
     table = [searched.get(row["key"], {}) | dict(row) for row in table]
     moving = [
-        row | {"sketched": sketch_name(row["key"]) in files} for row in table if thumbnail_name(row["key"]) in files
+        {**row, "sketched": sketch_name(row["key"]) in files} for row in table if thumbnail_name(row["key"]) in files
     ]
     shown = IndexRows(table, moving, funnel, coverage, reasons, any(of_agents))
     runs = [row for row in driven if row["case_id"] == row["key"]]

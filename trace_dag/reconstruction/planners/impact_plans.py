@@ -14,8 +14,8 @@ import numpy as np
 
 from trace_dag.common.geometry import FloatArray, Pose, body_bearing_rad
 from trace_dag.common.paths import Path, shifted, straight
-from trace_dag.crash.event_parties import StruckAnimal
 from trace_dag.crash.crash_types import DepartureSide
+from trace_dag.crash.event_parties import StruckAnimal
 from trace_dag.crash.event_sequence import CrashEvent
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import NonMotorist
