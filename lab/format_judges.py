@@ -9,12 +9,26 @@ trace-dag is imported: what these say rests on the files alone.
 from __future__ import annotations
 
 import json
+import os
+import re
+import shutil
 import subprocess
 import sys
+import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
+
+_CAR_M = (4.5, 1.8)
+_VALIDATOR = "gltf-validator@2.0.0-dev.3.10"
+_VALIDATE = """
+import { readFileSync } from "node:fs";
+import validator from "gltf-validator";
+const files = process.argv.slice(2).map((name) => new Uint8Array(readFileSync(name)));
+console.log(JSON.stringify(await Promise.all(files.map((each) => validator.validateBytes(each)))));
+"""
 
 
 class Verdict(NamedTuple):
@@ -108,7 +122,7 @@ def scenarionet(folder: Path) -> Iterator[Verdict]:
     import metadrive
 
     # The engine fetches its pictures and shapes at its first start. Without a window it shows none: an empty folder
-    # with the version it looks for stands in for them, and vehicles are boxes of the size that a track has.
+    # with the version it looks for stands in for them.
     assets = Path(metadrive.__file__).parent / "assets"
     if not assets.exists():
         (assets / "textures" / "grass1").mkdir(parents=True)
@@ -133,28 +147,32 @@ def scenarionet(folder: Path) -> Iterator[Verdict]:
             "log_level": logging.ERROR,
             "store_map": False,
             "store_data": False,
+            "crash_vehicle_done": False,
+            "use_bounding_box": True,  # otherwise vehicles have the size of one of its models
+            "force_destroy": True,  # a box that another scenario left behind has no lane
         }
     )
-    ended = steps = 0
+    ended = steps = contacts = 0
     farthest_m = 0.0
     for number in range(len(names)):
         env.reset(seed=number)
         scenario = env.engine.data_manager.current_scenario  # the engine moves it to where the ego starts
         track = scenario["tracks"][scenario["metadata"]["sdc_id"]]["state"]["position"]
-        over, step = False, 0
+        over, step, met = False, 0, False
         while not over and step < scenario["length"]:
-            _, _, terminated, truncated, _ = env.step([0, 0])
+            _, _, terminated, truncated, said = env.step([0, 0])
+            met |= said["crash"]
             over, step = terminated or truncated, step + 1
             x_m, y_m = env.agent.position
             near = track[max(step - 1, 0) : step + 2, :2] - (x_m, y_m)
             farthest_m = max(farthest_m, float((near**2).sum(axis=1).min() ** 0.5))
-        ended, steps = ended + 1, steps + step
+        ended, steps, contacts = ended + 1, steps + step, contacts + met
     env.close()
     yield Verdict(
         f"{who}, engine, all replayed",
         len(names),
         ended,
-        f"{steps} steps; ego at most {farthest_m:.2f} m off its track",
+        f"{steps} steps; ego at most {farthest_m:.2f} m off its track; contact reported in {contacts}",
     )
 
 
@@ -258,6 +276,110 @@ def designer(folder: Path) -> Iterator[Verdict]:
     yield Verdict(who, len(files), made, f"{lanelets} lanelets")
 
 
+def drivability(folder: Path) -> Iterator[Verdict]:
+    """Yield the drivability checker: each driver begins within its road boundary, and free of the obstacles."""
+    import logging
+
+    from commonroad.common.file_reader import CommonRoadFileReader
+    from commonroad_dc import pycrcc
+    from commonroad_dc.boundary.boundary import create_road_boundary_obstacle
+    from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_checker
+
+    logging.disable(logging.CRITICAL)
+    files = sorted(folder.glob("*_V*.xml"))
+    free = segments = 0
+    for file in files:
+        scenario, planning = CommonRoadFileReader(str(file)).open()
+        boundary = create_road_boundary_obstacle(scenario, return_scenario_obstacle=False)
+        (problem,) = planning.planning_problem_dict.values()
+        begin = problem.initial_state
+        body = pycrcc.TimeVariantCollisionObject(0)
+        body.append_obstacle(pycrcc.RectOBB(_CAR_M[0] / 2, _CAR_M[1] / 2, begin.orientation, *begin.position))
+        on_boundary = pycrcc.CollisionChecker()
+        on_boundary.add_collision_object(boundary)
+        free += not create_collision_checker(scenario).collide(body) and not on_boundary.collide(body)
+        segments += len(boundary.unpack())
+    who = f"commonroad-drivability-checker {version('commonroad-drivability-checker')}"
+    says = f"{segments} segments of road boundary; drivers begin free of it and of the obstacles"
+    yield Verdict(who, len(files), free, says)
+
+
+def crime(folder: Path) -> Iterator[Verdict]:
+    """Yield commonroad-crime: measures of all parties in pairs, each computed at the first step."""
+    import logging
+    import warnings
+    from itertools import permutations
+
+    from commonroad.common.file_reader import CommonRoadFileReader
+    from commonroad_crime import measure
+    from commonroad_crime.data_structure.configuration import CriMeConfiguration
+
+    warnings.simplefilter("ignore")
+    logging.disable(logging.CRITICAL)
+    files = sorted(folder.glob("*_all.xml"))
+    names = ("DCE", "TTCE", "WTTC", "HW", "TTC", "PET")
+    failed: Counter[str] = Counter()
+    pairs = taken = 0
+    for file in files:
+        scenario, _ = CommonRoadFileReader(str(file)).open(lanelet_assignment=True)
+        before = failed.total()
+        for ego, other in permutations([each.obstacle_id for each in scenario.dynamic_obstacles], 2):
+            configuration = CriMeConfiguration()
+            configuration.update(ego_id=ego, sce=scenario)
+            pairs += 1
+            for name in names:
+                try:
+                    getattr(measure, name)(configuration).compute(vehicle_id=other, time_step=0, verbose=False)
+                except Exception as error:
+                    print(f"{file.name}: {name}: {type(error).__name__}: {error}", file=sys.stderr)
+                    failed[name] += 1
+        taken += failed.total() == before
+    says = f"{', '.join(names)} of {pairs} pairs"
+    if failed:
+        says += f"; an exception in {', '.join(f'{name} of {count}' for name, count in failed.items())}"
+    yield Verdict(f"commonroad-crime {version('commonroad-crime')}", len(files), taken, says)
+
+
+def esmini(folder: Path) -> Iterator[Verdict]:
+    """Yield esmini, which is on no registry: that of ``ESMINI``, or the one on the path."""
+    program = os.environ.get("ESMINI") or shutil.which("esmini")
+    if program is None:
+        yield Verdict("esmini", 0, 0, "not here: set ESMINI to the program")
+        return
+    said = subprocess.run([program, "--version"], capture_output=True, text=True, check=False).stdout
+    number = re.search(r"\d+\.\d+\.\d+", said)
+    files = sorted(folder.resolve().rglob("scenario.xosc"))
+    ended = collided = wrong = 0
+    for file in files:
+        command = [program, "--osc", str(file), "--headless", "--collision", "--fixed_timestep", "0.01"]
+        with tempfile.TemporaryDirectory() as temporary:  # it writes its log where it runs
+            done = subprocess.run(command, cwd=temporary, capture_output=True, text=True, check=False)
+        ended += done.returncode == 0
+        collided += "Collision between" in done.stdout
+        wrong += "[error]" in done.stdout
+    says = f"{collided} with a collision of parties; {wrong} with an error"
+    yield Verdict(f"esmini {number.group() if number else 'without a version number'}", len(files), ended, says)
+
+
+def gltf(folder: Path) -> Iterator[Verdict]:
+    """Yield the Khronos validator, which needs node and npm."""
+    if shutil.which("npm") is None:
+        yield Verdict(_VALIDATOR.replace("@", " "), 0, 0, "not here: needs npm")
+        return
+    files = sorted(folder.glob("*.glb"))
+    with tempfile.TemporaryDirectory() as temporary:
+        script = Path(temporary) / "validate.mjs"
+        script.write_text(_VALIDATE)
+        subprocess.run(["npm", "install", "--silent", "--no-audit", _VALIDATOR], cwd=temporary, check=True)
+        command = ["node", str(script), *map(str, files)]
+        reports = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    clean = sum(not each["issues"]["numErrors"] + each["issues"]["numWarnings"] for each in reports)
+    moving = sum(each["info"]["animationCount"] for each in reports)
+    triangles = sum(each["info"]["totalTriangleCount"] for each in reports)
+    says = f"{triangles} triangles, {moving} animations, no error or warning in {clean}"
+    yield Verdict(_VALIDATOR.replace("@", " "), len(files), clean, says)
+
+
 def openlabel(folder: Path) -> Iterator[Verdict]:
     """Yield ASAM's schema and the checks of openlabel-checker."""
     files = sorted(folder.glob("*.json"))
@@ -273,21 +395,37 @@ def openlabel(folder: Path) -> Iterator[Verdict]:
 
 
 def points(folder: Path) -> Iterator[Verdict]:
-    """Yield geopandas and gpxpy."""
+    """Yield geopandas, DuckDB, GDAL by way of GeoPackage, and gpxpy."""
+    import duckdb
     import geopandas
     import gpxpy
+    import pyogrio
 
     frame = geopandas.read_parquet(folder / "crashes.parquet")
     in_place = (frame.geometry.x == frame.longitude_deg) & (frame.geometry.y == frame.latitude_deg)
     says = f"{frame.crs.name}, geometry {frame.geometry.geom_type.unique()[0]}, at the reported places"
     yield Verdict(f"geopandas {version('geopandas')}", len(frame), int(in_place.sum()), says)
+    table = duckdb.connect().read_parquet(str(folder / "crashes.parquet"))
+    kind = str(table.types[table.columns.index("geometry")])
+    says = f"geometry is {kind}; functions of places need its extension spatial"
+    yield Verdict(f"duckdb {version('duckdb')}", len(frame), len(table), says)
+    with tempfile.TemporaryDirectory() as temporary:
+        frame.to_file(Path(temporary) / "crashes.gpkg", driver="GPKG")
+        again = pyogrio.read_dataframe(Path(temporary) / "crashes.gpkg")
+    same = int((again == frame).all(axis=1).sum())
+    gdal = ".".join(map(str, pyogrio.__gdal_version__))
+    says = "GeoPackage written by geopandas, the same rows and types"
+    yield Verdict(f"pyogrio {version('pyogrio')} with GDAL {gdal}", len(frame), same, says)
     waypoints = gpxpy.parse((folder / "crashes.gpx").read_text()).waypoints
     yield Verdict(f"gpxpy {version('gpxpy')}", len(frame), sum(point.name in set(frame.key) for point in waypoints))
 
 
 def main() -> None:
     """Print what the judges of one form say of a folder."""
-    all_judges = (commonroad, lanelet2, scenarionet, sumo, osi, omega, openlabel, points, designer)
+    all_judges = (
+        *(commonroad, drivability, crime, lanelet2, scenarionet, sumo, osi, omega, openlabel, points),
+        *(designer, esmini, gltf),
+    )
     judges: dict[str, Any] = {each.__name__: each for each in all_judges}
     for verdict in judges[sys.argv[1]](Path(sys.argv[2])):
         print(json.dumps(verdict._asdict()), flush=True)

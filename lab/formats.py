@@ -7,7 +7,8 @@
     python -m lab formats ROOT --page PAGE.md  writes the tables into a page
 
 Each reader runs in an environment of its own, which uv makes (``uv run --with``): they need libraries that do not go
-together, and none of them is a dependency of trace-dag. ``sumo`` needs SUMO's netconvert (the extra ``sumo``).
+together, and none of them is a dependency of trace-dag. ``sumo`` needs SUMO's netconvert (the extra ``sumo``), the
+validator of glTF needs npm, and esmini, which is on no registry, is the program that ``ESMINI`` names.
 """
 
 from __future__ import annotations
@@ -24,7 +25,11 @@ from typing import Any
 import trace_dag
 
 READERS: dict[str, dict[str, tuple[str, ...]]] = {
-    "commonroad": {"commonroad": ("commonroad-io==2026.1",)},
+    "commonroad": {
+        "commonroad": ("commonroad-io==2026.1",),
+        "drivability": ("commonroad-drivability-checker==2025.4.0", "commonroad-io==2024.3"),
+        "crime": ("commonroad-crime==0.4.5", "commonroad-io==2024.3"),
+    },
     "lanelet2": {"lanelet2": ("lanelet2==1.2.3",)},
     "scenarionet": {"scenarionet": ("metadrive-simulator==0.4.3",)},
     "sumo": {"sumo": ("eclipse-sumo==1.28.0", "sumolib==1.28.0", "xmlschema==4.3.2")},
@@ -33,8 +38,9 @@ READERS: dict[str, dict[str, tuple[str, ...]]] = {
         "omega": ("omega-prime==0.3.7",),
     },
     "openlabel": {"openlabel": ("openlabel-checker==0.1.0",)},
-    "points": {"points": ("geopandas==1.2.0", "gpxpy==1.6.2", "pyarrow==26.0.1")},
-    "packages": {"designer": ("commonroad-scenario-designer==0.8.5",)},
+    "glb": {"gltf": ()},
+    "points": {"points": ("duckdb==2.0.1", "geopandas==1.2.0", "gpxpy==1.6.2", "pyarrow==26.0.1", "pyogrio==0.13.0")},
+    "packages": {"designer": ("commonroad-scenario-designer==0.8.5",), "esmini": ()},
 }
 """By form the functions of ``format_judges.py`` that judge it, with the packages that each needs."""
 MAP_READERS = {
@@ -48,8 +54,10 @@ MAP_READERS = {
 """By reader of ``map_judges.py`` the packages that it needs."""
 _PAGE = """# Readers of the files
 
-Each form of `trace-dag export`, and the OpenDRIVE maps, before the tools that read them. Made on {date} with
-commit {commit}, of {crashes} accepted crashes, by `python -m lab formats ROOT --sample {sample} --page PAGE`.
+Each form of `trace-dag export`, and the OpenDRIVE maps, before the tools that read them. Made on {date} with commit
+{commit}, of {crashes} accepted crashes of ROOT, by `python -m lab formats ROOT --sample {sample} --page PAGE`.
+[Crashes in other tools](../../how-to/formats.md#losses-by-reader) says what each reader loses or changes, and
+what to do about it.
 
 ## Forms
 
@@ -57,13 +65,11 @@ commit {commit}, of {crashes} accepted crashes, by `python -m lab formats ROOT -
 
 ## Maps
 
-The OpenDRIVE maps of these crashes: the share that each reader has of the amounts in the files. Empty: its
-interface does not offer them. More than 100 %: it counts what is not in the files, such as assumed limits
-or a sign for each road where it holds. *Heights* is the range of each map's.
+The OpenDRIVE maps of these crashes: how much each reader finds of what is in the files. An empty cell means that its
+interface does not offer the value. More than 100 % means that it adds something, such as assumed limits, or the same
+sign again for each road. *Heights* compares the range of heights.
 
 {maps}
-
-[Crashes in other tools](../../how-to/formats.md#our-maps-in-other-readers) says what to do about the losses.
 """
 _JUDGES = Path(__file__).with_name("format_judges.py")
 _MAP_JUDGES = Path(__file__).with_name("map_judges.py")

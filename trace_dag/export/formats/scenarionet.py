@@ -12,6 +12,8 @@ Format: Li et al., ScenarioNet: Open-source platform for large-scale traffic sce
 
 from __future__ import annotations
 
+import copyreg
+import io
 import pickle
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -88,7 +90,7 @@ class ScenarioNet:
         source = f"crash {crash.key}"
         name, scenario = _scenario(crash.key, source, case.network, tracks, party_label(ego), case.lights)
         self._summaries[name] = scenario["metadata"]
-        return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL)}
+        return {name: _pickled(scenario)}
 
     def beside(self) -> Mapping[str, bytes]:
         """Return the metadata of the folder: those of each file, and the mapping of files to the folder."""
@@ -103,7 +105,7 @@ def road_description(network: RoadNetwork) -> dict[str, bytes]:
     Raises :class:`UserError` if the map has no lane long enough to drive in.
     """
     name, scenario = _scenario("map", "road map", network, {"car": _car(network)}, "car")
-    return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL), **_about({name: scenario["metadata"]})}
+    return {name: _pickled(scenario), **_about({name: scenario["metadata"]})}
 
 
 def _scenario(
@@ -158,9 +160,30 @@ def _about(summaries: Mapping[str, dict[str, Any]]) -> dict[str, bytes]:
     """Return the two files that make a folder a data set."""
     ordered = dict(sorted(summaries.items()))
     return {
-        "dataset_summary.pkl": pickle.dumps(ordered, _PICKLE_PROTOCOL),
-        "dataset_mapping.pkl": pickle.dumps(dict.fromkeys(ordered, ""), _PICKLE_PROTOCOL),
+        "dataset_summary.pkl": _pickled(ordered),
+        "dataset_mapping.pkl": _pickled(dict.fromkeys(ordered, "")),
     }
+
+
+def _pickled(content: object) -> bytes:
+    """Return a pickle whose arrays are named by what NumPy 1 and 2 share.
+
+    NumPy 2 writes the name of a private module, which versions before 1.26 do not have. Those are in use beside
+    MetaDrive, because kits of driving data sets require them.
+
+    >>> b"_core" in _pickled(np.zeros(3)), pickle.loads(_pickled(np.arange(3.0)))
+    (False, array([0., 1., 2.]))
+    """
+    stream = io.BytesIO()
+    pickler = pickle.Pickler(stream, _PICKLE_PROTOCOL)
+    pickler.dispatch_table = copyreg.dispatch_table | {np.ndarray: _array_parts}
+    pickler.dump(content)
+    return stream.getvalue()
+
+
+def _array_parts(array: FloatArray) -> tuple[type, tuple[Any, ...]]:
+    """Return a call that makes the same array, of bytes that may be changed."""
+    return np.ndarray, (array.shape, array.dtype.str, bytearray(array.tobytes()))
 
 
 def _ego(case: Case, drives: Sequence[Drive]) -> int:
