@@ -1,4 +1,4 @@
-"""Estimates beside reported directions that they were not told: ``python -m lab compare_directions``."""
+"""Comparison of estimated directions of travel with reported ones: ``python -m lab compare_directions``."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from trace_dag.cli.printing import print_table, progress_bar, say, write_json
 def compare_directions(
     root: str, cohort: str | None, sample: int, seed: int, as_json: bool, executor: str | None, workers: int | None
 ) -> None:
-    """Hide the reported directions of travel, estimate, and compare.
+    """Hide the reported directions of travel, estimate each crash, and compare.
 
-    Takes crashes of two vehicles that have a road map and both directions reported, which registers other than FARS
-    have. Each is estimated without the directions and all that they imply, and again with them. Prints in how many the
-    best hypothesis has both vehicles headed as reported (within 45 degrees; one that turned may be headed so after its
-    turn), in how many one of the hypotheses kept, and what a draw among those would find; then how sure the estimates
-    are, beside how often they are right.
+    Takes crashes of two vehicles with a road map and both directions reported, as registers other than FARS have them.
+    Each is estimated without the directions and everything that follows from them, and again with them. An estimate is
+    right if both vehicles head as reported within 45 degrees; a vehicle that turned may do so after its turn.
+
+    Prints two tables: how often the best hypothesis is right, how often any kept hypothesis is, and how often one drawn
+    from the kept ones would be; then the probabilities that the estimates state, beside how often they are right.
     """
 
     from lab.directions import calibration, hidden_directions, summary

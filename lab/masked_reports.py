@@ -1,22 +1,27 @@
-"""Hide one thing of a report, estimate the crash again, and see whether it comes back: collisions of two vehicles.
+"""Measure of how well the estimator finds a fact of a report that was hidden from it, in collisions of two vehicles.
 
     python -m lab masked_reports                    all of it
     python -m lab masked_reports ROOT [--draws 8] [--truth data/sample/truth.json] [--beside llm:coordinates-v1]
 
-``ROOT`` holds computed crashes; the first command computes the shared ones and those of the sample, or takes the root
-that ``TRACE_DAG_MASKED_ROOT`` names for the shared ones. One thing of each verified collision of two vehicles is hidden
-in turn, and compared with the draws of the new estimate, weighed by the rest of the report:
+``ROOT`` holds computed crashes. The first command computes the shared crashes and those of the sample; the environment
+variable ``TRACE_DAG_MASKED_ROOT`` names a root in which the shared ones are computed already.
 
-* a reported travel speed: whether the middle of the draws is within 5 mph of it, and an interval of 80 % contains it;
+In each verified collision of two vehicles one fact after the other is hidden, and the crash is estimated again. The
+draws of that estimate, weighed by the rest of the report, are compared with the hidden fact:
+
+* a reported travel speed: whether the median of the draws is within 5 mph of it, and whether their 80 % interval
+  contains it;
 * an area of impact: whether the likeliest is within a clock position of it;
-* what a vehicle did before (P_CRASH1), alone and with both crash types: whether the likeliest manoeuvre is of its kind;
-* both crash types: whether the angle between the headings is within 45 degrees of what it is with everything reported;
-* everything that tells lanes, of both vehicles: whether each comes in the lane it has with everything reported. That
-  lane is an estimate too. The true lanes of the sample are known.
+* the movement of a vehicle before the crash (P_CRASH1), alone and with both crash types: whether the likeliest
+  manoeuvre is of its kind;
+* both crash types: whether the angle between the headings is within 45 degrees of the one with the full report;
+* everything that says something about lanes, of both vehicles: whether each comes in the lane that it has with the
+  full report. That lane is an estimate too; the true lanes of the sample are known.
 
-Chance draws each from what all crashes have: another vehicle's speed, area, movement or angle, any lane of the same
-direction. If a language model is configured (``TRACE_DAG_STATES__LLM_MODEL``), it is asked for coordinates as the
-published study asked, about the same masked reports."""
+For comparison, chance draws each of these from all crashes: another vehicle's speed, area, movement or angle, or any
+lane of the same direction. If a language model is configured (``TRACE_DAG_STATES__LLM_MODEL``), it is asked for
+coordinates about the same masked reports, as in the published study.
+"""
 
 from __future__ import annotations
 

@@ -45,12 +45,12 @@ class VariationKind(StrEnum):
 class Criteria:
     """Criteria that a variation has to meet to be kept.
 
-    * The bodies are apart at its beginning, and the simulation ends in good order.
-    * A collision: the recorded pair touches first, within ``max_contact_shift_m`` of the recorded contact. A near miss:
-      nobody touches anybody, and the pair comes within ``near_miss_m`` of each other.
-    * It is drivable: up to then every vehicle keeps within ``max_path_error_m`` of its planned path.
-    * It is on the road: no centre is farther outside the drivable lanes than ``max_outside_m``, or than the recorded
-      motion was there.
+    * Begin and end: the bodies do not overlap at the beginning, and the simulation ends without a failure.
+    * A collision: the pair of the recorded crash touches first, within ``max_contact_shift_m`` of the recorded contact.
+    * A near miss, instead: no bodies touch, and that pair comes within ``near_miss_m`` of each other.
+    * Drivable: until the contact, or the least distance, each vehicle stays within ``max_path_error_m`` of its path.
+    * On the road: no vehicle's centre is farther outside the drivable lanes than ``max_outside_m``, or than it was at
+      most in the recorded crash.
     """
 
     max_contact_shift_m: float = 15.0

@@ -1,9 +1,9 @@
 """Rules that a record must satisfy to be reconstructed: one table, each rule with its reason to reject.
 
 The rules are the paper's (TRACE, FSE Companion '26): a report is usable if it has the place of the crash, the topology
-of the road there and the trajectories of the vehicles. Any field may report them, and values implied by other fields
-count. A report without a position is rejected earlier, while it is read, because every record has a place. Filters of a
-cohort come from the settings; a caller may pass further rules to :func:`check`.
+of the road there and the trajectories of the vehicles. It does not matter which field reports a fact, and a fact that
+follows from other fields counts too. A report without a position is rejected earlier, while it is read. Cohorts add the
+filters of the settings, and :func:`check` takes further rules from its caller.
 """
 
 from __future__ import annotations

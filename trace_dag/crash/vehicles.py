@@ -1,15 +1,16 @@
 """One vehicle of a report to a :class:`VehicleRecord`: in transport (``Vehicle``), parked or at work (``ParkWork``).
 
-Trailers have typical dimensions, masses and couplings. Which vehicles pull one is ``TOW_VEH``; of what kind follows
-from what pulls: a truck tractor (``BODY_TYP`` 66) a semitrailer on its fifth wheel, a truck or bus a trailer on a
-drawbar, a lighter vehicle a utility or travel trailer. The first of two and three trailers stands for all.
+``TOW_VEH`` says which vehicles pull a trailer, and the pulling vehicle says of what kind it is: a truck tractor
+(``BODY_TYP`` 66) pulls a semitrailer on its fifth wheel, a truck or bus a trailer on a drawbar, a lighter vehicle a
+utility or travel trailer. A vehicle with two or three trailers has the first one alone. Trailers have typical
+dimensions, masses and couplings:
 
-* Semitrailer: the 53 ft van that most of them are (23 CFR 658.13), 102 in wide and 13 ft 6 in high, kingpin 36 in
-  behind its front (SAE J700), 41 ft from there to the middle of its axles, as states limit it; half way between empty
-  and full, so that with its tractor it weighs 25 t, about the mean of five-axle combinations on the road (FHWA,
-  Comprehensive Truck Size and Weight Study). Both are 21 m long, between AASHTO's design vehicles WB-62 (20.9 m) and
-  WB-67 (22.4 m).
-* Trailers on a drawbar: after manufacturers' data of tandem equipment and utility trailers; 10 to 15 % of the mass
+* Semitrailer: the 53 ft van, the most frequent one (23 CFR 658.13). It is 102 in wide and 13 ft 6 in high. Its
+  kingpin is 36 in behind its front (SAE J700), and the middle of its axles 41 ft behind the kingpin, which is the
+  states' limit. It is half loaded, so that it weighs 25 t with its tractor, about the mean of five-axle combinations
+  on the road (FHWA, Comprehensive Truck Size and Weight Study). Both are 21 m long, between AASHTO's design vehicles
+  WB-62 (20.9 m) and WB-67 (22.4 m).
+* Trailers on a drawbar: sizes and masses of makers' tandem equipment and utility trailers. 10 to 15 % of the mass
   rests on the hitch, as their makers advise. A towed vehicle (``TOW_VEH`` 5, 6) is a car.
 """
 

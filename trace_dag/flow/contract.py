@@ -3,18 +3,20 @@
 Belongs here: the contract between the runner and the stage functions. The functions of the seven real stages are in
 :mod:`trace_dag.flow.stages`; a test may hand the runner a flow of its own.
 
-The parameters of a stage function name its inputs:
+Each parameter of a stage function is an input, chosen by its name:
 
-* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.flow.artefacts`): its inputs; one annotated
-  ``| None`` is None where that stage has made none;
-* ``report``, ``maps``, ``map_service``: where the report and the maps come from;
-* ``settings``: the section of the settings that its annotation names;
-* ``key``: the crash; ``services``: external services.
+* the name of an artefact, such as ``record`` (:mod:`trace_dag.flow.artefacts`): the artefact that an earlier stage
+  made. If it is annotated ``| None``, it is None where that stage made none.
+* ``report``, ``maps``, ``map_service``: the sources of the report and of the maps.
+* ``settings``: the section of the settings that the annotation names.
+* ``key``: the crash.
+* ``services``: external services.
 
-It returns a :class:`StageProduct` and raises :class:`trace_dag.common.errors.Rejection` or
-:class:`trace_dag.common.errors.Failure`. A function that returns a ``Mapping`` makes its stage for several crashes at
-once, if that is cheaper: inputs of single crashes are mappings by key, and it returns a product, rejection or failure
-for every key.
+It returns a :class:`StageProduct`, or raises :class:`trace_dag.common.errors.Rejection` or
+:class:`trace_dag.common.errors.Failure`.
+
+A function that is annotated to return a ``Mapping`` computes several crashes in one call, for stages where that is
+cheaper. Its inputs of single crashes are mappings by key, and it returns a product, rejection or failure for each key.
 
 The inputs are read from the function's source, so that no module is loaded to find what a stage depends on.
 """

@@ -1,25 +1,33 @@
-"""Two vehicles that crush each other: the force over the depth of crush, the energy it absorbs, and the rebound.
+"""Crush of two vehicles by each other: the force over the depth of crush, the absorbed energy, and the rebound.
 
-Both keep their outlines, and their overlap is the crushed part. The force is the overlap's area times the stiffness of
-both faces in series, N per metre of crush and metre of width. It acts at the middle of the area, so that the point of
-contact moves inward. If the bodies rotate against each other, it acts on the part that still closes, because crush does
-not spring back. Its direction is normal to the line through the two crossings of the outlines: the side's normal for a
-front in a side, and between both normals for two fronts at an angle. Once pressed in, that surface stays and rotates
-with both. During rebound the force falls so fast that the returned energy matches the restitution. Coulomb friction
-stops the sliding along the surface. The forces on both are equal and opposite, at one point: momentum is kept.
+Both outlines stay as they are, and their overlap is the crushed part.
+
+* Size of the force: the overlap's area times the stiffness of both faces in series, N per metre of crush and metre of
+  width.
+* Place: the middle of the area, so that the point of contact moves inward. If the bodies rotate against each other, it
+  is the middle of the part that still closes, because crush does not spring back.
+* Direction: normal to the line through the two points where the outlines cross. That is the side's normal if a front
+  strikes a side, and between both normals if two fronts meet at an angle. This surface stays and rotates with both.
+* Rebound: the force falls so fast that the returned energy matches the restitution.
+* Friction: Coulomb's, which stops the sliding along the surface.
+
+The forces on both vehicles are equal and opposite, at one point, so that momentum is kept.
 
 Stiffness by class and side, linear and proportional to the mass:
 
 * Fronts: a car strikes a rigid wall at 15.6 m/s with 0.55 m of dynamic crush (0.5 to 0.65 in NHTSA's frontal tests at
-35 mph), which is 1.2 MN/m for 1500 kg; objects take the same table, :mod:`trace_dag.simulation.obstacles`. * Sides and
-rears: 0.6 and 0.8 of it. CRASH3's tables (McHenry and Lynch, DOT HS 805 732, 1981) have a slope of 320 to 460 kN per
-metre of crush and of width for sides of compact and larger cars, 240 to 390 for fronts; modern fronts have some 650.
+  35 mph), which is 1.2 MN/m for 1500 kg. Objects take the same table, :mod:`trace_dag.simulation.obstacles`.
+* Sides and rears: 0.6 and 0.8 of it. CRASH3's tables (McHenry and Lynch, DOT HS 805 732, 1981) have a slope of 320 to
+  460 kN per metre of crush and of width for sides of compact and larger cars, 240 to 390 for fronts; modern fronts have
+  some 650.
 
-Restitution falls with the closing speed v, m/s: 0.5992 exp(-0.2508 v + 0.01934 v^2 - 0.001279 v^3) in collisions of
-bumpers (Antonetti, SAE 980552). Beyond their speeds the structures of two vehicles spring back with some 2.5 m/s
-whatever the crush: about 0.1 at medium and high speeds (SAE 931842), 0.126 and 0.089 in oblique tests, whose closing
-speeds along the normal were 23.4 and 24.1 m/s (Rose et al., SAE 2006-01-0908); one vehicle rebounds from a rigid object
-with some 2 m/s.
+Restitution falls with the closing speed v, m/s:
+
+* in collisions of bumpers 0.5992 exp(-0.2508 v + 0.01934 v^2 - 0.001279 v^3) (Antonetti, SAE 980552);
+* at higher speeds two vehicles separate at some 2.5 m/s, whatever the crush: a restitution of about 0.1 at medium and
+  high speeds (SAE 931842), 0.126 and 0.089 in oblique tests, whose closing speeds along the normal were 23.4 and
+  24.1 m/s (Rose et al., SAE 2006-01-0908);
+* one vehicle rebounds from a rigid object at some 2 m/s.
 """
 
 from __future__ import annotations

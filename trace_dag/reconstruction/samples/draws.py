@@ -1,19 +1,23 @@
-"""Draws of other possible courses of a crash.
+"""Draws of other possible courses of a crash, which vary what the report leaves open around the kept hypotheses.
 
-They vary the unreported quantities around the hypotheses of an estimate.
-
-A draw chooses one of the kept hypotheses (reading of the record, lanes, manoeuvres), by its likelihood before the
-impact, and varies speeds, timing, lateral offset, mass, and the friction of the road. The draws are simulated and
+A draw chooses one of the kept hypotheses (reading of the record, lanes, manoeuvres) by its likelihood before the
+impact. It varies speeds, timing, lateral offset, mass, and the friction of the road. The draws are simulated and
 weighed by the report in :mod:`trace_dag.reconstruction.samples.simulated`.
 
-Unreported speeds and the loss of speed before the impact come from :mod:`trace_dag.reconstruction.motion.speed_prior`.
-Reported speeds are rounded to 5 mph, so they vary by half of that either way. The other spreads are judgement, not
-fits: half a lane's play to either side of a vehicle (0.25 m) and of a person's line (0.4 m), a car's length along (1.5
-m) and a step of a person (0.5 m), 12 % of the mass (load and model within a class), 12 % of the friction (0.65 to 0.85
-of dry asphalt: Warner et al., SAE 830612, has 0.5 to 0.9 over all pavements), 20 % of a person's pace.
+Spreads from sources:
 
-Drivers' reaction times are log-normal around the setting's, with the spread of surprised drivers: half of them react
-within 1.1 s, 95 % within 1.6 s (Olson and Sivak, Human Factors 28, 1986).
+* unreported speeds, and the loss of speed before the impact: :mod:`trace_dag.reconstruction.motion.speed_prior`;
+* reported speeds: half of 5 mph either way, because they are rounded to 5 mph;
+* drivers' reaction times: log-normal around the setting's, as of surprised drivers, half of whom react within 1.1 s
+  and 95 % within 1.6 s (Olson and Sivak, Human Factors 28, 1986).
+
+Spreads by judgement, not fitted:
+
+* lateral: 0.25 m for a vehicle, half of its play in the lane, and 0.4 m for a person;
+* along the way: 1.5 m for a vehicle and 0.5 m, a step, for a person;
+* mass: 12 %, for load and models within a class;
+* friction: 12 %, which is 0.65 to 0.85 of dry asphalt (0.5 to 0.9 over all pavements: Warner et al., SAE 830612);
+* a person's pace: 20 %.
 """
 
 from __future__ import annotations

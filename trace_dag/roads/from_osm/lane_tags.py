@@ -1,13 +1,17 @@
 """Lanes of a road in each direction, with their attributes, from its tags.
 
-The tags of lanes contradict each other often. More particular tags are trusted more; the others are reported:
+The tags of lanes often contradict each other. The one that comes first in this list is trusted, and a contradiction is
+reported:
 
-1. ``oneway``, except for lanes against it by ``oneway:bus=no`` and similar tags; 2. of a road both ways
-``lanes:forward``, ``lanes:backward`` and ``lanes:both_ways``; of one one way ``lanes``; 3. the lists of one entry a
-lane (``turn:lanes`` and its like), without the entries that are no lanes for cars or buses. One with more entries than
-``lanes`` counts pockets that ``lanes`` leaves out; one with fewer is not complete; 4. ``lanes`` of a road both ways,
-halved, with a turn lane in the middle where the number is odd, as US roads have it; 5. the report's number; 6. the
-usual number for the road's class.
+1. ``oneway``; tags such as ``oneway:bus=no`` add lanes against it.
+2. ``lanes:forward``, ``lanes:backward`` and ``lanes:both_ways`` of a road with two directions; ``lanes`` of a one-way
+   road.
+3. Lists with one entry per lane (``turn:lanes`` and its like), without the entries of lanes that are not for cars or
+   buses. A list with more entries than ``lanes`` counts pockets that ``lanes`` leaves out; a shorter one is incomplete.
+4. Half of ``lanes`` for each direction of a road with two. If the number is odd, the lane in the middle is a turn
+   lane, as is usual in the US.
+5. The report's number.
+6. The usual number for the road's class.
 """
 
 from __future__ import annotations
