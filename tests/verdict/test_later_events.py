@@ -15,6 +15,7 @@ from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, record, simulated,
 from trace_dag.common.settings import SimSettings, StateSettings, VerdictSettings
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord
+from trace_dag.reconstruction import course
 from trace_dag.reconstruction.first_event import FirstEvent
 from trace_dag.reconstruction.search import estimate_by_record
 from trace_dag.roads.report import MappedThing
@@ -101,6 +102,14 @@ def test_a_tree_of_the_map_on_the_way_is_used() -> None:
     made, _, verdict = followed(crash, here)
     assert [(each.placed_by, each.osm_id) for each in made.best.objects] == [(PlacedBy.OPENSTREETMAP, "node/7")]
     assert shown(verdict, "later_object").passed
+
+
+def test_a_search_that_has_simulated_enough_tries_no_other_course(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(course, "_MOST", 1)  # that of the contact itself
+    made, _, _ = followed(rear_ended(event(2, RIGHT, 2), event(3, TREE, 2, 12)))
+    assert made.best.objects == ()
+    (check,) = made.best.later_events
+    assert not check.passed
 
 
 def test_an_event_that_cannot_be_met_is_shown_with_what_was_measured() -> None:

@@ -13,8 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
-
-from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_attempt, wait_exponential
+from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import Failure, Rejection, TransientFailure
 from trace_dag.common.gc_pause import gc_paused
@@ -43,9 +42,12 @@ from trace_dag.flow.tasks import (
 from trace_dag.flow.time_limit import SLOWEST_BYTES_PER_S, within
 from trace_dag.version import __version__
 
+if TYPE_CHECKING:
+    from tenacity import RetryCallState
+
 log = logging.getLogger(__name__)
 
-_IMPORTED_WHERE_USED = ("mujoco", "pyarrow.parquet", "pyproj")  # by stages, and by nearly every crash
+_IMPORTED_WHERE_USED = ("mujoco", "pyarrow.parquet", "pyproj", "tenacity")  # by stages, and by nearly every crash
 
 
 def _may_pass(error: BaseException) -> bool:
@@ -151,6 +153,8 @@ class _CrashWorker:
         return current_inputs(self.work.recipes[definition.stage], self.store.source, self.store.records)
 
     def compute(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord:
+        from tenacity import Retrying, retry_if_exception, stop_after_attempt, wait_exponential
+
         execution = self.work.settings.execution
         started_at, started = now(), time.monotonic()
         trying = Retrying(

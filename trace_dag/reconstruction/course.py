@@ -25,6 +25,7 @@ from trace_dag.simulation.types import Contact, SimulationLog
 
 _States: TypeAlias = tuple[ParticipantState, ...]
 DEFAULTS: Final = SimSettings()
+_MOST: Final = 55  # simulations of a crash, after which nothing else is tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,17 +99,29 @@ class Course:
 class Search:
     """The fixed facts of a search: the scene, the events, and the simulation for looking ahead.
 
-    ``simulated`` counts simulations so far."""
+    ``simulated`` counts simulations so far; after ``enough`` only what was begun is gone on with.
+    """
 
     scene: Scene
     sequence: EventSequence
     simulation: EmbeddedSimulation
     lead_s: float
     simulated: int = 0
+    enough: int = _MOST
     # By the log of a course, which follows from its states and objects, and who loses control of it: what it comes to.
     _lost: dict[tuple[SimulationLog, int, tuple[LossOfControl, ...]], tuple[_States, SimulationLog]] = field(
         default_factory=dict
     )
+
+    @property
+    def has_enough(self) -> bool:
+        """Return whether so much was simulated that only what was begun is gone on with."""
+        return self.simulated >= min(self.enough, _MOST)
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether so much was simulated that no other course is tried."""
+        return self.simulated >= _MOST
 
     def course(
         self,

@@ -50,7 +50,7 @@ from trace_dag.simulation.states import EstimateCheck, EstimatorRun, Hypothesis,
 _FIRSTS: Final = 6  # hypotheses of the first event that are gone on from
 _TRIED: Final = 6  # plans of one event that are simulated
 _FOLLOWED: Final = 2  # of those in which it happens, how many are gone on from
-_ENOUGH: Final = 30  # simulations, after which a search goes on from no other first event
+_ENOUGH: Final = 30  # simulations, after which a search goes on from no other first event, and tries one plan of each
 _ASKED_LATER: Final = 2  # hypotheses in which later objects and overturns are looked for
 _AS_GOOD: Final = 2.0  # one that is less likely by this (log-likelihood) may come first for more of them
 _AFTER_S: Final = 1.0  # an event of parties that were not there before comes so long after the one before it
@@ -105,11 +105,14 @@ def _estimate(
     simulation = default_simulation(network, record)
     found: list[FirstEvent] = []
     rejections: list[Rejection] = []
+    simulated = 0  # in either order
     for order in _orders(sequence):
+        search = Search(scene, order, simulation, lead_s, simulated, simulated + _ENOUGH)
         try:
-            found.append(_in_order(Search(scene, order, simulation, lead_s), settings, first_planner))
+            found.append(_in_order(search, settings, first_planner))
         except Rejection as rejection:
             rejections.append(rejection)
+        simulated = search.simulated
     if not found:
         raise rejections[0]
     best, unsure = found[0].hypotheses, found[0].ambiguity
@@ -161,7 +164,7 @@ def _with_contacts(
     for first in firsts:
         if first.name in right:
             continue
-        if len(right) == settings.max_hypotheses or (whole and search.simulated >= _ENOUGH):
+        if len(right) == settings.max_hypotheses or (first is not firsts[0] and search.has_enough):
             break  # what goes wrong comes after these
         plan = Plan(first.participants, first.objects, first.name, first.score, first.evidence)
         followed = [_begun(search, plan, begun)]
@@ -201,7 +204,7 @@ def _followed_by(search: Search, course: Course, event: CrashEvent, stuck: list[
         return [as_it_is]
     good: list[Course] = []
     tried: list[Course] = []
-    most = _TRIED if course.comes_right else 1
+    most = _TRIED if course.comes_right and not search.has_enough else 1
     for plan in _contact_plans(search, course, event, newcomers):
         if isinstance(plan, str):
             stuck.append(f"event {event.number}: {plan}")
@@ -337,7 +340,7 @@ def _with_later_events(search: Search, hypotheses: Sequence[Hypothesis]) -> tupl
             checks.append(check)
         found[place] = replace(made, participants=course.states, objects=course.objects, later_events=tuple(checks))
         asked.append((sum(not check.passed for check in checks), place))
-        if not asked[-1][0] or len(asked) == _ASKED_LATER or search.simulated >= _ENOUGH:
+        if not asked[-1][0] or len(asked) == _ASKED_LATER or search.has_enough:
             break
     if asked:
         least = found[asked[0][1]].score - _AS_GOOD
@@ -366,6 +369,9 @@ def _with_later_event(search: Search, course: Course, event: CrashEvent) -> tupl
         if isinstance(plan, str):
             why_not = why_not or plan
             continue
+        if search.is_over:
+            why_not = why_not or f"nothing of {search.simulated} simulations leads to it, and no more are tried"
+            break
         tried = search.course(plan, as_it_is.events, course, tolerated=course.matching.strange)
         seen = tried.matching.matched[place]
         if seen is not None and not _worse(tried, as_it_is, place) and not _grazes(tried, seen):

@@ -48,16 +48,13 @@ class Sensor:
         """Return the observation now."""
         own = states[self._own]
         others = [state for number, state in sorted(states.items()) if party_of_body(number) != self._own]
-        outlines = [self._outline(state) for state in others]
         seen = []
-        for index, state in enumerate(others):
+        for state in others:
             # Drawn whether it is seen or not, so that what is hidden does not change what is seen later.
             noise = self._random.standard_normal(5) * self._sensing.noise_m if self._sensing.noise_m else None
             if math.hypot(state.x_m - own.x_m, state.y_m - own.y_m) > self._sensing.range_m:
                 continue
-            # A vehicle hides what is behind it; past a person one sees.
-            between = [outlines[k] for k, each in enumerate(others) if k != index and not self._is_person(each)]
-            if self._sensing.occlusion and not is_in_sight(own, outlines[index], between):
+            if self._sensing.occlusion and not self._sees(own, state, others):
                 continue
             seen.append(self._as_seen(state, noise))
         return Observation(
@@ -75,8 +72,10 @@ class Sensor:
             tuple(seen),
         )
 
-    def _is_person(self, state: BodyState) -> bool:
-        return self._bodies[state.number].is_figure
+    def _sees(self, own: BodyState, state: BodyState, others: Sequence[BodyState]) -> bool:
+        """Return whether a body is in sight: a vehicle hides what is behind it, and past a person one sees."""
+        vehicles = (each for each in others if each is not state and not self._bodies[each.number].is_figure)
+        return is_in_sight(own, self._outline(state), [self._outline(each) for each in vehicles])
 
     def _outline(self, state: BodyState) -> Outline:
         body = self._bodies[state.number]

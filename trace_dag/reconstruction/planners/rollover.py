@@ -102,8 +102,13 @@ def overturn_hypotheses(search: Search, settings: StateSettings) -> tuple[Hypoth
     if not ways:
         detail = scene.no_way_that("the vehicle can have come along")
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.approaches))
-    found = [_fast_enough(scene, way, search.simulation, settings.lead_time_s) for way in ways]
-    return tuple(sorted(found, key=lambda each: (-each.score, each.name))[: settings.max_hypotheses])
+    found: list[Hypothesis] = []
+    for way in ways:
+        if len(found) == settings.max_hypotheses and way.score < found[-1].score:
+            break  # simulated it would be no likelier than before
+        found.append(_fast_enough(scene, way, search.simulation, settings.lead_time_s))
+        found = sorted(found, key=lambda each: (-each.score, each.name))[: settings.max_hypotheses]
+    return tuple(found)
 
 
 def _ways(scene: Scene, departure: Departure) -> Iterator[_Way]:

@@ -69,6 +69,8 @@ def ways_on(
     if not _moves(driven, least_mps)[driven.time_s >= from_s].any():
         return
     for loss in _tripped(from_s, side) if tripped else _steered(from_s, side):
+        if search.is_over:
+            return
         lost = replace(state, losses_of_control=(*state.losses_of_control, loss))
         yield search.changed(course, lost), f", taken to be out of control{_words(loss)}"
 
