@@ -11,9 +11,9 @@ import pytest
 from loopback import Answer, serving
 
 from trace_dag.assets.launch import summarise
+from trace_dag.assets.summaries import standings_in
 from trace_dag.common.network.alerts import WEBHOOK_VARIABLE, Alert, AlertKind, send
 from trace_dag.common.settings import AutomationSettings
-from trace_dag.warehouse.changes import standings_in
 
 KEYS = [f"2023-5100{number}" for number in range(10, 13)]
 WRITES = "import sys; open(sys.argv[1], 'a').write(sys.stdin.read() + chr(10))"

@@ -1,4 +1,4 @@
-"""Identity of a process, in a form that shows later whether it still lives.
+"""Identity of a process, in a form that shows later whether it still lives, and locks that go with it.
 
 A process number alone is used again by others, so the moment it was started belongs to it.
 """
@@ -8,8 +8,10 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
@@ -138,3 +140,30 @@ def _started(number: int) -> str:
     except (FileNotFoundError, ProcessLookupError):
         return ""
     return "" if status[0] == "Z" else status[19]
+
+
+# --- locks -----------------------------------------------------------------------------------------------------------
+if sys.platform != "win32":
+    import fcntl
+
+
+@contextmanager
+def lock_file(path: Path) -> Iterator[bool]:
+    """Hold a lock on a file; yield whether it had to wait for another process.
+
+    On Windows there is no lock.
+    """
+    if sys.platform == "win32":
+        yield False
+        return
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            waited = False
+        except BlockingIOError:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            waited = True
+        yield waited
+    finally:
+        os.close(handle)

@@ -22,8 +22,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 from trace_dag.common.errors import Failure, Rejection
+from trace_dag.common.processes import lock_file
 from trace_dag.common.provenance import Outcome, OutcomeRecord, artefact_name
-from trace_dag.common.storage.file_locks import lock_file
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, StageProduct
 from trace_dag.flow.records import intact, read_records, write_record

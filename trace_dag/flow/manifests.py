@@ -16,9 +16,9 @@ from typing import TypeVar
 
 from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import DamagedFile
+from trace_dag.common.processes import lock_file
 from trace_dag.common.schemas import table_from_parquet
 from trace_dag.common.storage.checksums import add_checksum, check_document
-from trace_dag.common.storage.file_locks import lock_file
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.cohorts.registry import Registry
 

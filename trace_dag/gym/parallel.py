@@ -10,11 +10,9 @@ import numpy as np
 from pettingzoo import ParallelEnv
 
 from trace_dag.agents.evaluation.observation import Sensing
-from trace_dag.gym.drawing import Camera, show_page
-from trace_dag.gym.episode import Episode
+from trace_dag.gym.episode import Episode, Reward
 from trace_dag.gym.pool import Place, tracks
-from trace_dag.gym.rewards import Reward
-from trace_dag.gym.single import EpisodeDriver, OneEpisode, about, chosen, drivers_of, period_of
+from trace_dag.gym.single import Camera, EpisodeDriver, OneEpisode, about, chosen, drivers_of, period_of, show_page
 from trace_dag.gym.spaces import ActionKind, Seen, action_space, observation_space
 
 _SEEDS = 2**31

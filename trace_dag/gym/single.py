@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
+import tempfile
+import webbrowser
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, Literal, NoReturn
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 from trace_dag.agents.evaluation.metrics import Metrics, measure, outcome_of
 from trace_dag.agents.evaluation.observation import Sensing
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.agents.stored_cases import AgentRole, number_of
 from trace_dag.common.errors import UserError
-from trace_dag.gym.drawing import Camera, show_page
-from trace_dag.gym.episode import Episode
+from trace_dag.common.geometry import Pose
+from trace_dag.flow.artefacts import RECORD
+from trace_dag.gym.episode import Episode, EpisodeMoment, Reward
 from trace_dag.gym.pool import Place, Track, tracks
-from trace_dag.gym.rewards import Reward
 from trace_dag.gym.spaces import ActionKind, Eyes, Hands, LanePoints, Seen, action_space, observation_space
+from trace_dag.pages.animation import View
+from trace_dag.pages.picture_motion import SampledBody, draw_body
+from trace_dag.pages.replay import write_html_player
+from trace_dag.pages.replay_content import replay_windows
 from trace_dag.scenario.cases import Case
+from trace_dag.scenario.drawn_shapes import body_colour
 from trace_dag.scenario.progress import RecordedWay
+from trace_dag.simulation.types import SimulationLog
 
 RenderMode = Literal["rgb_array", "human"]
 _SEEDS = 2**31
@@ -122,7 +132,7 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     variations of the crashes. courses: use the likely courses of each crash in its place, drawn by their weights.
     actions: ``continuous`` or ``discrete``; see :mod:`trace_dag.gym.spaces`. rate_hz: steps per second, 1 to 100.
     sensing: range, noise and occlusion of its sight. traffic: motion of the others, a value of ``trace-dag evaluate
-    --traffic``. reward: weights; see :class:`trace_dag.gym.rewards.Reward`. render_mode: ``rgb_array``, or ``human``:
+    --traffic``. reward: weights; see :class:`trace_dag.gym.episode.Reward`. render_mode: ``rgb_array``, or ``human``:
     the replay of each episode as a page in the browser.
 
     ``reset(seed=..., options={"key": ..., "case_id": ...})`` chooses a crash, or one variation or course. The seed
@@ -246,3 +256,34 @@ def ego_of(case: Case, ego: str | int) -> int:
 def drivers_of(case: Case) -> list[int]:
     """Return the numbers of the vehicles with a driver."""
     return [each.number for each in case.participants if not each.body.is_figure and each.number not in case.parked]
+
+
+# --- pictures --------------------------------------------------------------------------------------------------------
+_SIZE_PX = 480
+
+
+class Camera:
+    """A view of one case from above that covers all positions of the recorded crash."""
+
+    def __init__(self, case: Case) -> None:
+        self._view = View(case.network, replay_windows(case.recorded).overview, _SIZE_PX)
+        self._bodies = case.bodies
+
+    def picture(self, moment: EpisodeMoment) -> NDArray[np.uint8]:
+        """Return the bodies at a moment, shape (480, 480, 3)."""
+        canvas = self._view.canvas()
+        for number, body in self._bodies.items():
+            state = moment.states[number]
+            pose = Pose(state.x_m, state.y_m, state.heading_rad)
+            colour = body_colour(number, self._bodies)
+            draw_body(canvas, SampledBody(pose, body.length_m, body.width_m, colour, 1.0))
+        return np.asarray(self._view.picture(canvas), np.uint8)
+
+
+def show_page(track: Track, log: SimulationLog) -> Path:
+    """Write a run as a page, open it in a browser, and return its path."""
+    page = write_html_player(track.crash.load(RECORD), track.case.network, log)
+    with tempfile.NamedTemporaryFile(prefix=f"crash-{track.case_id}-", suffix=".html", delete=False) as file:
+        file.write(page)
+    webbrowser.open(Path(file.name).as_uri())
+    return Path(file.name)

@@ -1,7 +1,7 @@
 """Alerts about problems, sent to a program or a web hook.
 
 Belongs here: the text of an alert, and its delivery. Does not belong here: noticing what is worth one
-(:mod:`trace_dag.warehouse.changes`, :mod:`trace_dag.assets.automation`). An alert that cannot be delivered is a warning
+(:mod:`trace_dag.assets.summaries`, :mod:`trace_dag.assets.automation`). An alert that cannot be delivered is a warning
 in the log and stops nothing.
 """
 
