@@ -5,12 +5,13 @@ moves it at all other times. Both axles carry their static load (no load transfe
 forces: the local frame, at the centre of gravity.
 
 * Driven: each axle's tyre force is friction-limited by an ellipse; lateral force saturates as a tanh of the slip with
-the class's cornering stiffness. The driver compares the plan at the current time and demands the acceleration that
-brings position and velocity back to it; the longitudinal part becomes traction or braking, the lateral part a steering
-angle, by inverting the front tyre (Kritayakirana and Gerdes, IJVAS 2012). At walking pace, where tyre slip is
-undefined, steering is kinematic. The motion stays within the forces of the tyres. * Free (after the impact, or beyond
-the plan's end): nobody drives. A share of each axle's load is on locked wheels, which slide with full friction against
-their velocity; the rest is on free-rolling ones, which only resist sideways. Wheels point ahead.
+  the class's cornering stiffness. The driver compares the plan at the current time and demands the acceleration that
+  brings position and velocity back to it; the longitudinal part becomes traction or braking, the lateral part a
+  steering angle, by inverting the front tyre (Kritayakirana and Gerdes, IJVAS 2012). At walking pace, where tyre slip
+  is undefined, steering is kinematic. The motion stays within the forces of the tyres.
+* Free (after the impact, or beyond the plan's end): nobody drives. A share of each axle's load is on locked wheels,
+  which slide with full friction against their velocity; the rest is on free-rolling ones, which only resist sideways.
+  Wheels point ahead.
 
 A driver who strikes a person is not in a crash: see :mod:`trace_dag.simulation.post_impact_driving`.
 """

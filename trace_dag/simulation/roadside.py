@@ -30,7 +30,7 @@ _CURB = 33  # SOE
 _SQUARELY = 0.7  # cosine between a kerb's normal and the vehicle's side, for its wheels to catch
 _SLIDES_MPS = 0.5
 _SCRAPES = 0.3  # friction of a body along a rail
-_JOINS_M = 1.5  # who is farther from the plan lost control before it, and slides from where it is
+_JOINS_M = 1.5  # a vehicle farther from its plan lost control earlier, and slides from its present place
 _FURROW_M, _FURROW_GRIP = 2.0, 1.8
 """Wheels that slide sideways on soil dig in within so far, and hold so much of the load then: judgement by tests in
 which cars tripped on soil were slowed down by 1.0 to 2.0 g (Cooperrider, Thomas and Hammoud, SAE 900366)."""
@@ -50,7 +50,7 @@ class Roadside:
         gone = [each.number for each in run.participants if each.breaks_rail]
         self._break_rails = {*gone, *map(trailer_body, gone)}
         self._banks = [LEVEL] * len(run.vehicles)  # the ground that each stands on, beyond the edge
-        self._ahead = [LEVEL] * len(run.vehicles)  # and that its foremost corner came to
+        self._ahead = [LEVEL] * len(run.vehicles)  # the ground that its foremost corner has reached
         self._roads = [vehicle.ground for vehicle in run.vehicles]  # the road's surface under or beside each
         self._road_z_m = [vehicle.z for vehicle in run.vehicles]
         self._on_soil = [False] * len(run.vehicles)

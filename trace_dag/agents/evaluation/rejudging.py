@@ -24,12 +24,13 @@ from trace_dag.scenario.cases import Case
 from trace_dag.simulation.types import SimulationLog, VehicleLog
 
 RATE_HZ: Final = 20
-_TOUCH_M, _NEAR_M = 0.1, 0.3  # overlap of who touched, and how near who is about to is, beside what it closes in by
-_OF_FIGURES_M: Final = 0.2  # of the box around somebody that may be empty
-_BEGINS_M, _AS_RECORDED_M = 0.1, 0.3
+_TOUCH_M: Final = 0.1  # bodies that overlap by more have touched
+_NEAR_M: Final = 0.3  # greatest gap before a contact, beside the distance that closes between two places of a drive
+_OF_FIGURES_M: Final = 0.2  # the outline of a person or animal is smaller than its box by as much
+_BEGINS_M, _AS_RECORDED_M = 0.1, 0.3  # tolerances of places, at the beginning and of a recorded motion
 _HARDEST_MPS2: Final = 1.5 * GRAVITY_MPS2  # tyres of a road vehicle hold 1 g; over _OVER_S places are exact to 0.2 m/s2
 _OVER_S: Final = 0.5
-_SAME_S, _SAME_MPS = 0.41, 0.5
+_SAME_S, _SAME_MPS = 0.41, 0.5  # tolerances of the times and speeds that are measured again
 
 
 def drive_of(log: SimulationLog) -> str:

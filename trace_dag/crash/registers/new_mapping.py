@@ -1,6 +1,7 @@
-"""A mapping to start from: guesses from the names of a table's columns and from its values, each marked as a guess.
+"""Help for the author of a mapping: guesses to start from, and the check of a table that a mapping reads.
 
-For its author, a table is checked before anything is registered.
+Guesses are made from the names of a table's columns and from its values, and each is marked as a guess. The check
+reports what is read and what is not, before anything is registered.
 """
 
 from __future__ import annotations
@@ -178,8 +179,9 @@ def check_table(table: Table, settings: CrashSettings) -> Iterator[str]:
 
 
 _OF_EVERY_RECORD = frozenset(
-    {"case_year", "number", "keeps_left", "in_transport", "travel_speed_is_lower_bound", "person_type_code"}
-) | {
-    *("length_m", "width_m", "height_m", "mass_kg", "vehicle_class"),
-    *("collision_type", "road_topology", "vehicle_trajectory", "position_accuracy_m"),
-}
+    {
+        *("case_year", "number", "keeps_left", "in_transport", "travel_speed_is_lower_bound", "person_type_code"),
+        *("length_m", "width_m", "height_m", "mass_kg", "vehicle_class"),
+        *("collision_type", "road_topology", "vehicle_trajectory", "position_accuracy_m"),
+    }
+)

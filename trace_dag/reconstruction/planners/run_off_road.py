@@ -117,7 +117,7 @@ class DeparturePlan(Scored):
 
 
 def departure_hypotheses(search: Search, settings: StateSettings) -> tuple[Hypothesis, ...]:
-    """Return at most ``most`` ranked hypotheses of a vehicle that leaves the road and strikes objects there.
+    """Return ranked hypotheses of a vehicle that leaves the road and strikes objects there, as many as are kept.
 
     Raises :class:`Rejection` (``no_feasible_state``) if no path past the place leads off the road as reported.
     """
