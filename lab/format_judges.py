@@ -106,7 +106,7 @@ def lanelet2(folder: Path) -> Iterator[Verdict]:
     who = f"lanelet2 {version('lanelet2')}"
     says = f"{lanelets} lanelets, {limits} of them with a limit; {elements} regulatory elements"
     yield Verdict(f"{who}, loader", len(files), clean, says)
-    yield Verdict(f"{who}, routing graph", len(files), linked, f"{ways_on} ways on from lanelet to lanelet")
+    yield Verdict(f"{who}, routing graph", len(files), linked, f"{ways_on} connections from lanelet to lanelet")
 
 
 def _corners(lanelet: Any, end: int) -> tuple[float, ...]:
@@ -200,7 +200,7 @@ def sumo(folder: Path) -> Iterator[Verdict]:
         for vehicle in first.vehicle or []:
             vehicles += 1
             on_a_lane += bool(network.getNeighboringLanes(float(vehicle.x), float(vehicle.y), 3.0))
-    says = f"{edges} edges; {on_a_lane} of {vehicles} vehicles begin within 3 m of a lane's middle"
+    says = f"{edges} edges; {on_a_lane} of {vehicles} vehicles begin within 3 m of a lane's centre"
     yield Verdict(f"sumolib {version('sumolib')}", len(nets), len(nets), says)
 
 
