@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import EntryPoints
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ def test_an_unknown_name_is_reported_with_the_known_ones() -> None:
 
 def test_an_installation_older_than_a_kind_of_plugins_asks_to_install_again(monkeypatch) -> None:
     list_plugins.cache_clear()
-    monkeypatch.setattr("trace_dag.common.plugins.metadata.entry_points", lambda group: ())
+    monkeypatch.setattr("trace_dag.common.plugins._installed", lambda: EntryPoints(()))
     try:
         with pytest.raises(UserError, match=r"has no estimator.*pip install -e \."):
             load(PluginKind.ESTIMATOR, "analytic")

@@ -57,11 +57,16 @@ class Plugin:
         return self.module.partition(".")[0] == "trace_dag"
 
 
+@cache  # every kind is asked for, and each reading looks at all packages
+def _installed() -> Any:
+    return metadata.entry_points()
+
+
 @cache
 def list_plugins(kind: PluginKind) -> dict[str, Plugin]:
     """Return all installed plugins of a kind by name, without importing them."""
     found = {}
-    for point in metadata.entry_points(group=kind.group):
+    for point in _installed().select(group=kind.group):
         package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
         found[point.name] = Plugin(kind, point.name, point.value, package, version)
     return dict(sorted(found.items()))
