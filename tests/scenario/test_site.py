@@ -29,7 +29,8 @@ def index(crashes: list[dict[str, Any]]) -> bytes:
     funnel = [{"step": "registered", "crashes": len(crashes), "published": 100}]
     coverage = [{"dimension": "collision_type", "class": "angle", "registered": 4, "verified": 0, "published": 19}]
     reasons = [{"stage": "road_map", "reason": EVIL, "published_category": "not in the paper", "crashes": 1}]
-    return write_index(IndexRows(crashes, crashes[:50], funnel, coverage, reasons, leaderboard=True), RIGHTS)
+    moving = [row | {"sketched": False} for row in crashes[:50]]
+    return write_index(IndexRows(crashes, moving, funnel, coverage, reasons, leaderboard=True), RIGHTS)
 
 
 @pytest.fixture(scope="module")

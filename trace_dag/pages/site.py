@@ -29,7 +29,8 @@ _GALLERY = 8
 class IndexRows:
     """The rows of the index, from the warehouse's tables of the same names.
 
-    ``moving``: crashes with a thumbnail; ``leaderboard``: whether an agent has driven.
+    ``moving``: crashes with a thumbnail, ``sketched`` if they have a sketch, else a picture; ``leaderboard``: whether
+    an agent has driven.
     """
 
     crashes: Sequence[Row]
