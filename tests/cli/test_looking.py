@@ -64,19 +64,26 @@ def test_open_opens_the_page_and_prints_where_it_is(monkeypatch, tmp_path):
 def test_a_run_of_many_crashes_leaves_pages_to_open(monkeypatch, tmp_path):
     opened = []
     monkeypatch.setattr(click, "launch", opened.append)
-    root, key = tmp_path / "root", KEYS[0]
-    ingest(root, reports_of(tmp_path / "reports", (key,)))
+    root, keys = tmp_path / "root", KEYS[:2]
+    pages = root / "benchmark" / "crashes"
+    ingest(root, reports_of(tmp_path / "reports", keys))
     (root / "settings.toml").write_text("[execution]\npages_up_to = 0\n")
     done = trace_dag(root, "run")
     assert done.returncode == 0, done.stderr
     assert "trace-dag open and trace-dag release make them" in done.stdout
     assert not [*(root / "benchmark").rglob("*"), *(root / "pictures").rglob("*")]
     assert "Nothing to run" in trace_dag(root, "run").stdout
-    done = trace_dag(root, "open", key)
-    assert done.stdout.strip() == opened[-1] == str(root / "benchmark" / "crashes" / f"{key}.html")
-    made, without = ({path.name for path in (of / "benchmark").rglob("*.*")} for of in (root, finished((key,))))
-    assert made == without, "the same pages and packages as a run makes"
-    assert f'src="{key}.svg"' in (root / "benchmark" / "crashes" / f"{key}.html").read_text()
+    for number, key in enumerate(keys, 1):
+        done = trace_dag(root, "open", key)
+        assert done.stdout.strip() == opened[-1] == str(pages / f"{key}.html")
+        assert {path.stem for path in pages.glob("*.html")} == set(keys[:number]), "one by one"
+        assert f'src="{key}.svg"' in (pages / f"{key}.html").read_text()
+    listed = (root / "benchmark" / "index.html").read_text()
+    assert all(f"crashes/{key}.html" in listed for key in keys)
+    assert trace_dag(root, "open").returncode == 0
+    made, without = ({path.name for path in (of / "benchmark").rglob("*.*")} for of in (root, finished(keys)))
+    assert made - {f"{key}.svg" for key in keys} == without - {f"{key}.svg" for key in keys}, "the same as a run makes"
+    assert trace_dag(root, "verify").returncode == 0
 
 
 def test_settings_say_where_each_value_comes_from(tmp_path):

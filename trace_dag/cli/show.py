@@ -131,10 +131,11 @@ def _pages(workspace: Workspace, key: str) -> list[str]:
 def open_page(root: str, key: str | None) -> None:
     """Open the benchmark page in a browser, or the page of one crash, and print where it is.
 
-    Runs make no pages if there are more crashes than execution.pages_up_to; this command makes them.
+    Runs make no pages if there are more crashes than execution.pages_up_to; this command makes them all, or that of the
+    crash.
     """
     from trace_dag.crash.keys import parse_key
-    from trace_dag.export.build import INDEX, build_benchmark, page_name
+    from trace_dag.export.build import INDEX, build_benchmark, build_page, page_name
     from trace_dag.flow.workspace import Workspace
 
     workspace = Workspace.open(root, to_read=True)
@@ -144,7 +145,8 @@ def open_page(root: str, key: str | None) -> None:
     name = INDEX if key is None else page_name(key)
     if not workspace.pages_in_runs and workspace.warehouse.is_file():
         with progress_bar("pages") as on_progress:
-            errors = build_benchmark(replace(workspace, page_listener=on_progress)).errors
+            listened = replace(workspace, page_listener=on_progress)
+            errors = build_benchmark(listened).errors if key is None else build_page(workspace, key)
         for of_crash, error in errors.items():
             print_problem(f"no page of {of_crash}: {error.strip().splitlines()[-1]}")
     if not storage.exists(name):

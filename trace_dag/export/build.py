@@ -77,8 +77,8 @@ INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
 PAGES_LATER = (
     "No pictures, packages and pages were made: there are more crashes than execution.pages_up_to says. "
-    "trace-dag open and trace-dag release make them all; trace-dag replay and trace-dag export --only make those of "
-    "single crashes."
+    "trace-dag open and trace-dag release make them all; trace-dag open KEY, trace-dag replay and trace-dag export "
+    "--only make those of single crashes."
 )
 # Of a crash without a package, as its page calls them.
 _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDICT}
@@ -169,6 +169,27 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     write_manifest(storage, FOLDER, Manifest(all_files, digests | {_BY_CODE: VERSION}))
     packages = sum(name.endswith(".zip") for name in files)
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
+
+
+def build_page(workspace: Workspace, key: str) -> Mapping[str, str]:
+    """Make the package and page of one crash, and return its error, if any.
+
+    Other pages stay as they are; the index lists those that are there. A key that the warehouse lacks makes nothing.
+    """
+    storage, warehouse = workspace.storage, workspace.warehouse
+    *of_table, outcomes = query.rows_of(warehouse, (*_TABLE, "stage_outcomes"))
+    table, before = _table(*of_table), sound_manifest(storage, FOLDER)
+    for crash in _crashes(workspace, outcomes, [row for row in table if row["key"] == key]):
+        made = _make(_Task((crash,)))
+        if made.errors:
+            return made.errors
+        others = {name: file for name, file in before.files.items() if crash_of(name) not in (None, key)}
+        files = others | {file.name: file for file in made.files}
+        listed = [row for row in table if page_name(row["key"]) in files]
+        rights = _rights(listed, read_records(storage, [row["key"] for row in listed]))
+        index = {file.name: file for file in _write_index(storage, warehouse, listed, rights, files)}
+        write_manifest(storage, FOLDER, Manifest(files | index, {**before.made_of, key: crash.digest}))
+    return {}
 
 
 _TABLE = ("judged_crashes", "vehicles")
