@@ -14,13 +14,12 @@ from trace_dag.common.geometry import Pose
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Turn
-from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parties import PartyKind, person_party, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.reconstruction.analytic_hypotheses import build_scene
 from trace_dag.reconstruction.estimate import estimate
 from trace_dag.reconstruction.motion.walking import Course, readings, reported_directions
-from trace_dag.reconstruction.planners.pedestrian import next_way, person_met
+from trace_dag.reconstruction.planners.pedestrian import person_met
 from trace_dag.roads.map.model import Crosswalk, LaneSection, PlanElement, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
@@ -197,19 +196,6 @@ def test_a_rider_met_beside_the_road_rides_as_reported(action: int, speed_mps: f
     assert at.x_m == pytest.approx((state.width_m if action == 2 else state.length_m) / 2, abs=0.01)
     began_m = float(np.interp(1.0, path.time_s, path.x_m)) - at.x_m  # 5 s before
     assert began_m == pytest.approx(-5.0 * speed_mps * math.cos(math.radians(heading_deg)), abs=0.1)
-
-
-def test_the_next_driver_keeps_to_the_lane_up_to_who_lies_there() -> None:
-    """The lane's middle is 1.75 m right of the street's: of who lies in the middle a front of 1.8 m misses 0.85 m."""
-    record = struck(walker(), vehicles=2)
-    scene = build_scene(record, STREET, PLACE, lead_time_s=5.0)
-    second = sequence_of(record).events[1]
-    drive, _ = next_way(scene, second, np.array([0.0, 0.0]), 0.0) or pytest.fail("no way")
-    reach_m = second.vehicle.width_m / 2 - 0.3
-    path = drive.path
-    start, there = path.pose(path.s_m[0]), path.pose(path.project(0.0, 0.0)[0])
-    assert abs(start.y_m) == pytest.approx(1.75, abs=0.01)
-    assert abs(there.y_m) == pytest.approx(reach_m, abs=0.05)
 
 
 def test_a_language_model_is_not_asked_and_the_estimate_has_a_note() -> None:

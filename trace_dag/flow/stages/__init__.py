@@ -15,7 +15,7 @@ VERSIONS = {
     Stage.CRASH_RECORD: 9,
     Stage.OSM_EXTRACT: 3,
     Stage.ROAD_MAP: 7,
-    Stage.STATE_ESTIMATE: 15,
+    Stage.STATE_ESTIMATE: 16,
     Stage.SIMULATION_LOG: 4,
     Stage.VERDICT: 14,
 }

@@ -36,7 +36,7 @@ from trace_dag.reconstruction.assemble import (
 )
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.motion.contact import Shape, shape_gaps_m, shapes
-from trace_dag.reconstruction.motion.manoeuvres import drift, steepest_slope
+from trace_dag.reconstruction.motion.manoeuvres import steepest_slope
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile
 from trace_dag.reconstruction.motion.walking import (
@@ -50,7 +50,6 @@ from trace_dag.reconstruction.motion.walking import (
 )
 from trace_dag.reconstruction.motion.walking import Course as Walking
 from trace_dag.reconstruction.planners.impact_plans import (
-    DRIFT_G,
     MANOEUVRES,
     ImpactPlan,
     Walk,
@@ -83,8 +82,7 @@ _CROSSES: Final = frozenset({Manoeuvre.CROSS_FROM_LEFT, Manoeuvre.CROSS_FROM_RIG
 _AT_THE_EDGE_S: Final = 1.0
 _LONGEST_LEAD_S: Final = 12.0
 _LATER_S: Final = (0.0, 2.0, 4.0, 6.0, 8.0)  # a slower vehicle comes so much later, else it would be in the way
-_OFF_LANE_M: Final = 2.2  # farthest that a vehicle drifts off its lane's centre to a person who lies there
-_OVERLAP_M: Final = 0.3  # of a vehicle's front over a person who lies beside its way
+_OFF_LANE_M: Final = 2.2  # farthest off its lane's centre that a vehicle strikes a person who lies there
 _OFF_SIGMA_M: Final = 1.0
 _OTHER_WAY: Final = -1.5  # log-likelihood that the next vehicle comes from another direction than the one before
 _PULL_OVER_M: Final = 3.2
@@ -328,7 +326,7 @@ def _pulling_over(drive: Drive) -> Path:
     lateral = _PULL_OVER_G * GRAVITY_MPS2
     slope = steepest_slope(_PULL_OVER_M, speed_mps, lateral)
     ramp_m = min(max(1.5 * slope * speed_mps**2 / lateral, 4.0), _PULL_OVER_M / slope)
-    shift = LateralShift(-_PULL_OVER_M, 0.0, slope, ramp_m)
+    shift = LateralShift(drive.option.approach.kerb_sign * _PULL_OVER_M, 0.0, slope, ramp_m)
     return shifted(drive.path, shift, anchor_s_m=drive.station_m + 2.0)
 
 
@@ -397,18 +395,15 @@ def next_way(scene: Scene, strike: CrashEvent, lies_at: FloatArray, course_rad: 
             continue
         path = option.path()
         station, off = path.project(float(lies_at[0]), float(lies_at[1]))
-        half_m = strike.vehicle.width_m / 2
         if strike.vehicle.vehicle_class in _HIGH:
-            off -= math.copysign(half_m - _TYRE_M, off)
-        else:  # it stays in its lane as far as it can
-            off = math.copysign(max(abs(off) - half_m + _OVERLAP_M, 0.0), off)
+            off -= math.copysign(strike.vehicle.width_m / 2 - _TYRE_M, off)
         if abs(off) > _OFF_LANE_M:
             continue
         heading = path.pose(station).heading_rad
         other_way = abs(math.remainder(heading - course_rad, math.tau)) > math.radians(60)
         score = math.fsum(terms.values()) - 0.5 * (off / _OFF_SIGMA_M) ** 2 + (_OTHER_WAY if other_way else 0.0)
         if best is None or round(score, 6) > round(best[1], 6):
-            over = shifted(path, drift(off, profile.impact_mps, DRIFT_G), anchor_s_m=station) if off else path
+            over = shifted(path, None, anchor_s_m=station, constant_m=off)
             station = over.project(float(lies_at[0]), float(lies_at[1]))[0] - who.vehicle.length_m / 2
             best = Drive(who, option, over, station, speed, profile), score
     return best
