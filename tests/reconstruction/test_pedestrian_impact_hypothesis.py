@@ -14,12 +14,14 @@ from trace_dag.common.geometry import Pose
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Turn
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parties import PartyKind, person_party, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.reconstruction.analytic_hypotheses import build_scene
 from trace_dag.reconstruction.estimate import estimate
 from trace_dag.reconstruction.motion.walking import Course, readings, reported_directions
-from trace_dag.reconstruction.planners.pedestrian import person_met
+from trace_dag.reconstruction.planners.impact_plans import impact_plans
+from trace_dag.reconstruction.planners.pedestrian import first_states, person_met
 from trace_dag.roads.map.model import Crosswalk, LaneSection, PlanElement, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
@@ -196,6 +198,17 @@ def test_a_rider_met_beside_the_road_rides_as_reported(action: int, speed_mps: f
     assert at.x_m == pytest.approx((state.width_m if action == 2 else state.length_m) / 2, abs=0.01)
     began_m = float(np.interp(1.0, path.time_s, path.x_m)) - at.x_m  # 5 s before
     assert began_m == pytest.approx(-5.0 * speed_mps * math.cos(math.radians(heading_deg)), abs=0.1)
+
+
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_the_driver_stops_at_the_kerb_of_the_side_that_traffic_keeps_to(left_hand: bool) -> None:
+    network = RoadNetwork(FRAME, tuple(replace(road, left_hand=left_hand) for road in STREET.roads))
+    scene = build_scene(struck(walker(), vehicles=2), network, PLACE, lead_time_s=5.0)
+    plan = impact_plans(scene, sequence_of(scene.record).first)[0]
+    driver, _ = first_states(scene, plan, [], 5.0, pulls_over=True)
+    path = driver.trajectory
+    _, moved_m = plan.drive.path.project(float(path.x_m[-1]), float(path.y_m[-1]))
+    assert moved_m == pytest.approx(3.2 if left_hand else -3.2, abs=0.3)
 
 
 def test_a_language_model_is_not_asked_and_the_estimate_has_a_note() -> None:

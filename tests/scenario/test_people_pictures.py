@@ -45,7 +45,7 @@ def town() -> RoadNetwork:
 
 
 def test_the_legend_has_the_speed_at_which_a_person_walks() -> None:
-    """Who waits at the edge walks at 4.3 ft/s and a fifth more: 3.5 mph."""
+    """A person who waits at the edge walks at 4.3 ft/s and a fifth more: 3.5 mph."""
     hypothesis = example_objects.made_of("pedestrian_record").state_estimate.hypotheses[0]
     (label,) = [
         sign.label

@@ -186,9 +186,7 @@ def build_page(workspace: Workspace, key: str) -> Mapping[str, str]:
         others = {name: file for name, file in before.files.items() if crash_of(name) not in (None, key)}
         files = others | {file.name: file for file in made.files}
         listed = [row for row in table if page_name(row["key"]) in files]
-        rights = _rights(listed, read_records(storage, [row["key"] for row in listed]))
-        index = {file.name: file for file in _write_index(storage, warehouse, listed, rights, files)}
-        write_manifest(storage, FOLDER, Manifest(files | index, {**before.made_of, key: crash.digest}))
+        _publish_index(storage, warehouse, listed, Manifest(files, {**before.made_of, key: crash.digest}))
     return {}
 
 
@@ -205,10 +203,15 @@ def _table(table: list[dict[str, Any]], vehicles: Sequence[Mapping[str, Any]]) -
 
 def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
     """Write the leaderboard and the index that links to it, without the pages of the crashes."""
-    table, before = _table(*query.rows_of(warehouse, _TABLE)), sound_manifest(storage, FOLDER)
+    table = _table(*query.rows_of(warehouse, _TABLE))
+    _publish_index(storage, warehouse, table, sound_manifest(storage, FOLDER))
+
+
+def _publish_index(storage: Storage, warehouse: Path, table: list[dict[str, Any]], made: Manifest) -> None:
+    """Write the index of a table's crashes, and the manifest of it and of what is already made."""
     rights = _rights(table, read_records(storage, [row["key"] for row in table]))
-    pages = {page.name: page for page in _write_index(storage, warehouse, table, rights, before.files)}
-    write_manifest(storage, FOLDER, Manifest(before.files | pages, before.made_of))
+    index = {page.name: page for page in _write_index(storage, warehouse, table, rights, made.files)}
+    write_manifest(storage, FOLDER, Manifest(made.files | index, made.made_of))
 
 
 def benchmark_is_whole(storage: Storage) -> bool:

@@ -18,9 +18,9 @@ import numpy as np
 from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.geometry import FloatArray, Pose
 from trace_dag.common.messages.wording import count_of
-from trace_dag.common.paths import LateralShift, Path, shifted, straight
+from trace_dag.common.paths import Path, shifted, straight
 from trace_dag.common.settings import StateSettings
-from trace_dag.common.units import GRAVITY_MPS2, bearing_to_clock_h
+from trace_dag.common.units import bearing_to_clock_h
 from trace_dag.crash.event_parties import Pace, Species, StruckAnimal
 from trace_dag.crash.event_sequence import CrashEvent, EventSequence
 from trace_dag.crash.record import NonMotorist, VehicleClass
@@ -36,7 +36,7 @@ from trace_dag.reconstruction.assemble import (
 )
 from trace_dag.reconstruction.course import Course, Plan, Search
 from trace_dag.reconstruction.motion.contact import Shape, shape_gaps_m, shapes
-from trace_dag.reconstruction.motion.manoeuvres import steepest_slope
+from trace_dag.reconstruction.motion.manoeuvres import drift
 from trace_dag.reconstruction.motion.speed_prior import speed_profile
 from trace_dag.reconstruction.motion.speeds import SpeedProfile
 from trace_dag.reconstruction.motion.walking import (
@@ -322,11 +322,8 @@ def person_met(
 
 def _pulling_over(drive: Drive) -> Path:
     """Return the path of a driver who stops at the side after the strike."""
-    speed_mps = max(drive.profile.impact_mps, 7.0)
-    lateral = _PULL_OVER_G * GRAVITY_MPS2
-    slope = steepest_slope(_PULL_OVER_M, speed_mps, lateral)
-    ramp_m = min(max(1.5 * slope * speed_mps**2 / lateral, 4.0), _PULL_OVER_M / slope)
-    shift = LateralShift(drive.option.approach.kerb_sign * _PULL_OVER_M, 0.0, slope, ramp_m)
+    total_m = drive.option.approach.kerb_sign * _PULL_OVER_M
+    shift = replace(drift(total_m, drive.profile.impact_mps, _PULL_OVER_G), at_anchor_m=0.0)
     return shifted(drive.path, shift, anchor_s_m=drive.station_m + 2.0)
 
 
