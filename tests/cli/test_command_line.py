@@ -77,7 +77,8 @@ def test_unusable_inputs_of_ingest_are_named(tmp_path):
 
 def commands_with_a_root(group: click.Group) -> Iterator[tuple[list[str], click.Command]]:
     """All commands but those that begin a root or need none, by what is typed."""
-    for name, command in group.commands.items():
+    for name in group.list_commands(click.Context(group)):
+        command = group.get_command(click.Context(group), name)
         if isinstance(command, click.Group):
             yield from (([name, *words], found) for words, found in commands_with_a_root(command))
         elif name not in ("demo", "ingest", "map", "settings", "plugins", "registers"):

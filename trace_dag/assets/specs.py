@@ -19,7 +19,7 @@ from trace_dag.common.provenance import Outcome, OutcomeRecord
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.export.build import page_name
+from trace_dag.export.crash_files import page_name
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.pages.canvas import reduce_picture
 from trace_dag.simulation.log_io import SIMULATION_STEPS

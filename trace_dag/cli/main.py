@@ -7,28 +7,7 @@ import sys
 
 import click
 
-from trace_dag.cli.cohort import cohort
-from trace_dag.cli.controls import controls
-from trace_dag.cli.demo import demo
-from trace_dag.cli.evaluate import evaluate
-from trace_dag.cli.export import export
-from trace_dag.cli.ingest import ingest
-from trace_dag.cli.leaderboard import leaderboard
-from trace_dag.cli.map import map_command
-from trace_dag.cli.national_coverage import national_coverage
 from trace_dag.cli.options import GroupedCommands, examples
-from trace_dag.cli.registers import registers
-from trace_dag.cli.release import release
-from trace_dag.cli.replay import replay
-from trace_dag.cli.run import rerun, run
-from trace_dag.cli.settings import plugins, settings
-from trace_dag.cli.show import open_page, show
-from trace_dag.cli.sql import find, sql, tables
-from trace_dag.cli.status import status
-from trace_dag.cli.traffic import traffic
-from trace_dag.cli.ui import ui
-from trace_dag.cli.vary import vary
-from trace_dag.cli.verify import verify
 from trace_dag.common.errors import Failure, UserError, UserErrors
 from trace_dag.common.messages.logs import configure_logging, print_problem
 from trace_dag.common.storage.disk_errors import disk_failure
@@ -38,8 +17,47 @@ EXIT_FAILED = 1
 EXIT_USAGE = 2
 
 
+_COMMANDS = {
+    "Start": {
+        "demo": "demo:demo",
+        "ingest": "ingest:ingest",
+        "registers": "registers:registers",
+        "run": "run:run",
+        "rerun": "run:rerun",
+        "cohort": "cohort:cohort",
+    },
+    "Look": {
+        "status": "status:status",
+        "show": "show:show",
+        "open": "show:open_page",
+        "ui": "ui:ui",
+        "replay": "replay:replay",
+        "find": "sql:find",
+        "sql": "sql:sql",
+        "tables": "sql:tables",
+    },
+    "Judge the results": {
+        "controls": "controls:controls",
+        "national-coverage": "national_coverage:national_coverage",
+        "verify": "verify:verify",
+    },
+    "Use them": {
+        "export": "export:export",
+        "release": "release:release",
+        "evaluate": "evaluate:evaluate",
+        "leaderboard": "leaderboard:leaderboard",
+        "vary": "vary:vary",
+        "traffic": "traffic:traffic",
+    },
+    "Without crashes": {"map": "map:map_command"},
+    "Set up": {"settings": "settings:settings", "plugins": "settings:plugins"},
+}
+"""The commands by heading of the help, each with its module here and its function."""
+
+
 @click.group(
     cls=GroupedCommands,
+    commands_by_heading=_COMMANDS,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog=examples("trace-dag demo", "trace-dag --root virginia status"),
 )
@@ -59,14 +77,6 @@ def cli(context: click.Context, root: str | None) -> None:
     from trace_dag.flow.workspace import storage_root
 
     context.obj = storage_root(root)
-
-
-cli.add_under("Start", demo, ingest, registers, run, rerun, cohort)
-cli.add_under("Look", status, show, open_page, ui, replay, find, sql, tables)
-cli.add_under("Judge the results", controls, national_coverage, verify)
-cli.add_under("Use them", export, release, evaluate, leaderboard, vary, traffic)
-cli.add_under("Without crashes", map_command)
-cli.add_under("Set up", settings, plugins)
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -11,6 +11,7 @@ from typing import Any, TypeVar, cast
 import click
 
 from trace_dag.common.errors import UserError
+from trace_dag.common.plugins import resolve_reference
 from trace_dag.common.stage import Stage
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -23,27 +24,33 @@ def examples(*lines: str) -> str:
 
 
 class GroupedCommands(click.Group):
-    """A group whose help lists its commands under headings, in the order they were added."""
+    """A group whose help lists its commands under headings.
 
-    def __init__(self, *args: Any, **settings: Any) -> None:
+    A command's module is imported when the command is asked for: all of them together take a tenth of a second.
+    """
+
+    def __init__(self, *args: Any, commands_by_heading: Mapping[str, Mapping[str, str]], **settings: Any) -> None:
         super().__init__(*args, **settings)
-        self._headings: dict[str, list[str]] = {}
-
-    def add_under(self, heading: str, *commands: click.Command) -> None:
-        """Add commands below a heading of the help."""
-        for command in commands:
-            self.add_command(command)
-            self._headings.setdefault(heading, []).append(str(command.name))
+        self._by_heading = commands_by_heading
+        self._references = {name: each for names in commands_by_heading.values() for name, each in names.items()}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names in the order in which they were added, which puts the first steps first."""
-        return list(self.commands)
+        """Return the names in the order of the headings, which puts the first steps first."""
+        return [*self._references, *super().list_commands(ctx)]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command; None if there is none of that name."""
+        if reference := self._references.get(cmd_name):
+            command: click.Command = resolve_reference(f"trace_dag.cli.{reference}")
+            return command
+        return super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a section for each heading, each command with its whole first sentence."""
-        for heading, names in self._headings.items():
+        for heading, names in self._by_heading.items():
             with formatter.section(heading):
-                formatter.write_dl([(name, self.commands[name].get_short_help_str(limit=200)) for name in names])
+                commands = {name: self.get_command(ctx, name) for name in names}
+                formatter.write_dl([(name, each.get_short_help_str(200)) for name, each in commands.items() if each])
 
 
 class ManyValuesCommand(click.Command):

@@ -119,8 +119,7 @@ def _remedy(crash: CrashStatus) -> str:
 
 
 def _pages(workspace: Workspace, key: str) -> list[str]:
-    from trace_dag.export.build import page_name
-    from trace_dag.export.crash_files import package_name
+    from trace_dag.export.crash_files import package_name, page_name
 
     return [name for name in (page_name(key), package_name(key)) if workspace.storage.exists(name)]
 
@@ -135,7 +134,8 @@ def open_page(root: str, key: str | None) -> None:
     crash.
     """
     from trace_dag.crash.keys import parse_key
-    from trace_dag.export.build import INDEX, build_benchmark, build_page, page_name
+    from trace_dag.export.build import INDEX, build_benchmark, build_page
+    from trace_dag.export.crash_files import page_name
     from trace_dag.flow.workspace import Workspace
 
     workspace = Workspace.open(root, to_read=True)

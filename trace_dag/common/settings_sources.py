@@ -112,63 +112,43 @@ def _from_file(toml: bytes, name: str) -> dict[str, Any]:
 
 
 def _from_environment() -> dict[str, Any]:
-    from pydantic_settings import BaseSettings, EnvSettingsSource
-    from pydantic_settings.exceptions import SettingsError
+    """Return the settings that are in the environment; lists, tables and whole sections are JSON there.
 
-    misnamed = _misnamed(os.environ)
-    if misnamed:
-        raise UserErrors(misnamed)
-
-    class Sources(BaseSettings, Settings):  # type: ignore[misc] # its model_config is BaseSettings', the fields are ours
-        """The same sections, readable from the environment."""
-
-    try:
-        return EnvSettingsSource(Sources, env_prefix=_PREFIX, env_nested_delimiter="__", env_parse_none_str="null")()
-    except (SettingsError, RecursionError) as error:
-        raise UserErrors(_not_json(os.environ) or [f"a variable {_PREFIX}...: {error}; expected JSON"]) from error
-
-
-def _misnamed(environment: Mapping[str, str]) -> list[str]:
-    """Return errors for variables that look like misspelt settings, which would otherwise go unnoticed."""
+    Raises UserErrors for broken JSON, and for variables that look like misspelt settings, which would otherwise go
+    unnoticed.
+    """
+    found: dict[str, Any] = {}
     wrong = []
-    for variable in sorted(environment):
-        section, separator, field = variable.upper().removeprefix(_PREFIX).partition("__")
-        if not variable.upper().startswith(_PREFIX) or section.lower() in Settings.model_fields:
-            continue
-        if separator:
-            near = difflib.get_close_matches(section.lower(), Settings.model_fields, n=1)
-            expected = (
-                f"did you mean {_PREFIX}{near[0].upper()}__{field}"
-                if near
-                else "sections are " + ", ".join(Settings.model_fields)
-            )
-            wrong.append(f"environment variable {variable}: there is no section {section.lower()}; {expected}")
-        else:
-            before, _, after = section.partition("_")
-            if before.lower() in Settings.model_fields:
-                wrong.append(
-                    f"environment variable {variable}: expected {_PREFIX}{before}__{after}, with two underscores"
-                )
-    return wrong
-
-
-def _not_json(environment: Mapping[str, str]) -> list[str]:
-    """Return the variables that hold a broken list or table."""
-    wrong = []
-    for variable, value in sorted(environment.items()):
+    for variable, text in sorted(os.environ.items()):
         if not variable.upper().startswith(_PREFIX):
             continue
-        section, _, field = variable.lower().removeprefix(_PREFIX.lower()).partition("__")
+        section, separator, name = variable.lower().removeprefix(_PREFIX.lower()).partition("__")
         if section not in Settings.model_fields:
+            wrong += _misnamed(variable, section, name)
             continue
         try:
-            json.loads(value)
+            value = json.loads(text) if text.startswith(("[", "{")) else None if text == "null" else text
         except (ValueError, RecursionError) as error:
-            annotation = Settings.model_fields[section].annotation
-            fields = getattr(annotation, "model_fields", {})
-            if not field or "[" in str(fields[field].annotation if field in fields else ""):
-                wrong.append(f"environment variable {variable} = {_shortened(value)}: expected JSON ({error})")
-    return wrong
+            wrong.append(f"environment variable {variable} = {_shortened(text)}: expected JSON ({error})")
+        else:
+            found = _merge(found, {section: {name: value} if separator else value})
+    if wrong:
+        raise UserErrors(wrong)
+    return found
+
+
+def _misnamed(variable: str, section: str, name: str) -> list[str]:
+    """Return what may be meant by a variable that names no section, if it looks like a setting."""
+    if name:
+        near = difflib.get_close_matches(section, Settings.model_fields, n=1)
+        meant = f"did you mean {_PREFIX}{near[0].upper()}__{name.upper()}" if near else ""
+        expected = meant or "sections are " + ", ".join(Settings.model_fields)
+        return [f"environment variable {variable}: there is no section {section}; {expected}"]
+    before, _, after = section.partition("_")
+    if before in Settings.model_fields:
+        expected = f"{_PREFIX}{before.upper()}__{after.upper()}, with two underscores"
+        return [f"environment variable {variable}: expected {expected}"]
+    return []
 
 
 def _shortened(value: object) -> str:

@@ -11,11 +11,13 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from trace_dag.common.errors import UserError
 from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory
-from trace_dag.crash.listing import CrashListing
+
+if TYPE_CHECKING:
+    from trace_dag.crash.listing import CrashListing
 
 Box: TypeAlias = tuple[float, float, float, float]
 """South, west, north, east in degrees (WGS84)."""

@@ -37,6 +37,7 @@ from trace_dag.export.crash_files import (
     made_of,
     make_files,
     package_name,
+    page_name,
     read_notes,
     replay_name,
     thumbnail_name,
@@ -82,11 +83,6 @@ PAGES_LATER = (
 )
 # Of a crash without a package, as its page calls them.
 _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDICT}
-
-
-def page_name(key: str) -> str:
-    """Return the path of a crash's page below the root."""
-    return f"{FOLDER}/crashes/{key}.html"
 
 
 def sketch_name(key: str) -> str:

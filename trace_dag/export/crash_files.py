@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage, StoredFile
-from trace_dag.export.packaging import package_of
 from trace_dag.flow.artefacts import ROAD_MAP, surroundings_of
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.crash_status import status_of_valid, valid_records
@@ -50,6 +49,11 @@ _FOLDERS = (
 )
 
 
+def page_name(key: str) -> str:
+    """Return the path of a crash's page below the root."""
+    return f"{FOLDER}/crashes/{key}.html"
+
+
 def package_name(key: str) -> str:
     """Return the path of an accepted crash's package below the root."""
     return f"{FOLDER}/packages/{key}.zip"
@@ -69,6 +73,7 @@ def make_files(files: CrashFiles, *, accepted: bool, traffic: StoredTraffic | No
     """Make and store the files of a crash: a replay if it was simulated, the others if it is accepted."""
     from trace_dag.agents.replays import content_of
     from trace_dag.export.package import zip_files
+    from trace_dag.export.packaging import package_of
     from trace_dag.pages.picture_motion import draw_thumbnail
     from trace_dag.pages.replay import replay_script
 

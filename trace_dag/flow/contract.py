@@ -36,11 +36,11 @@ from trace_dag.common.settings import Settings
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.flow.artefacts import ARTEFACTS, LOGS, VERDICT, Artefact
-from trace_dag.flow.cohorts.registry import CrashSource
-from trace_dag.flow.cohorts.services import Services
 from trace_dag.flow.staleness import Recipe
 
 if TYPE_CHECKING:
+    from trace_dag.flow.cohorts.registry import CrashSource
+    from trace_dag.flow.cohorts.services import Services
     from trace_dag.simulation.types import SimulationLog
 
 T = TypeVar("T")
@@ -133,6 +133,8 @@ class CrashFiles:
     @property
     def services(self) -> Services:
         """Return the services of this crash's run."""
+        from trace_dag.flow.cohorts.services import Services
+
         return Services(self.storage, self.settings.services, self.run_id)
 
     @property

@@ -14,7 +14,6 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.common.provenance import Outcome, OutcomeRecord
 from trace_dag.common.stage import Stage
 from trace_dag.flow.records import Records
-from trace_dag.verdict.types import Grade, Label
 
 
 class FinalState(StrEnum):
@@ -97,16 +96,17 @@ def status_of_valid(key: str, valid: Records) -> CrashStatus:
     elif last.outcome is Outcome.FAILED:
         state = FinalState.FAILED
     elif last.stage is Stage.VERDICT:
-        state = FinalState(str(last.figures.get("label", Label.VERIFIED.value)))
+        state = FinalState(str(last.figures.get("label", FinalState.VERIFIED.value)))
     else:
         state = FinalState.PENDING
+    grade = last.figures.get("grade")  # a :class:`trace_dag.verdict.types.Grade`, which is slow to import
     return CrashStatus(
         key,
         state,
         last.stage,
         last.reason,
         last.detail,
-        corroborated=state is FinalState.VERIFIED and last.figures.get("grade") == Grade.CORROBORATED,
+        corroborated=state is FinalState.VERIFIED and grade == "corroborated",
         without_areas=state is FinalState.VERIFIED
         and valid[Stage.CRASH_RECORD].figures.get("areas_of_impact") is False,
         made=made,

@@ -17,10 +17,8 @@ from typing import TypeVar
 from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import DamagedFile
 from trace_dag.common.processes import lock_file
-from trace_dag.common.schemas import table_from_parquet
 from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage, StoredFile
-from trace_dag.flow.cohorts.registry import Registry
 
 FOLDERS = ("comparisons", "evaluations", "traffic", "variations")
 """Folders all of whose files are listed in their manifest, beside the benchmark's."""
@@ -87,6 +85,8 @@ def is_of_older_version(storage: Storage) -> bool:
 
 def adopt_files(storage: Storage, folder: str) -> list[str]:
     """Make the manifest of a folder from its files; return the unreadable ones, which are left out."""
+    from trace_dag.common.schemas import table_from_parquet
+
     files, unreadable = {}, []
     listed = sorted(set(storage.list(folder)) - {manifest_name(folder)})
     read = storage.read_many(listed, unreadable=lambda _: None)
@@ -106,6 +106,8 @@ def bring_up_to_date(storage: Storage) -> None:
     """Add manifests to the files of a version without them, copy its cohorts, and delete its lists."""
     if not is_of_older_version(storage):
         return
+    from trace_dag.flow.cohorts.registry import Registry
+
     registry = Registry(storage)
     for damaged in registry.damage():
         registry.put_back(damaged.name)

@@ -9,18 +9,19 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trace_dag.common.messages.progress import OnProgress, silent
 from trace_dag.common.settings import Settings
 from trace_dag.common.settings_sources import DescribedSetting, described_settings, load_settings
 from trace_dag.common.storage.files import Storage
-from trace_dag.crash.completeness import filters_of
-from trace_dag.flow.cohorts.registry import Registry
-from trace_dag.flow.contract import Flow
-from trace_dag.flow.executors import Executor, make_executor
 from trace_dag.flow.stages import FLOW
-from trace_dag.flow.tasks import StageEvent
+
+if TYPE_CHECKING:
+    from trace_dag.flow.cohorts.registry import Registry
+    from trace_dag.flow.contract import Flow
+    from trace_dag.flow.executors import Executor
+    from trace_dag.flow.tasks import StageEvent
 
 ROOT_VARIABLE = "TRACE_DAG_ROOT"
 DEFAULT_ROOT = "trace_dag_home"
@@ -80,6 +81,8 @@ class Workspace:
     @cached_property
     def registry(self) -> Registry:
         """Return the registered crashes."""
+        from trace_dag.flow.cohorts.registry import Registry
+
         return Registry(self.storage)
 
     @property
@@ -111,6 +114,8 @@ class Workspace:
         if self.executor is not None:
             yield self.executor
             return
+        from trace_dag.flow.executors import make_executor
+
         with closing(make_executor(self.settings.execution)) as executor:
             yield executor
 
@@ -135,5 +140,8 @@ def _settings_file(storage: Storage) -> bytes:
 
 def _settings(storage: Storage, overrides: Mapping[str, Any] | None) -> Settings:
     settings = load_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE), overrides=overrides)
-    filters_of(settings.crash)  # a filter that names no element is said before anything runs
+    if settings.crash.kinds or settings.crash.filters:
+        from trace_dag.crash.completeness import filters_of
+
+        filters_of(settings.crash)  # one that names no kind or element is said before anything runs
     return settings

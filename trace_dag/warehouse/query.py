@@ -22,14 +22,14 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from trace_dag.common.errors import DamagedFile, Failure, UserError
-from trace_dag.common.settings import WarehouseSettings
 from trace_dag.common.storage.checksums import add_checksum, check_document
 from trace_dag.common.storage.files import Storage
-from trace_dag.flow.manifests import check_listed
 
 if TYPE_CHECKING:
     import duckdb
     import pyarrow as pa
+
+    from trace_dag.common.settings import WarehouseSettings
 
 _BESIDE = "warehouse.json"
 MAX_ROWS = 5_000_000
@@ -82,6 +82,8 @@ def check_warehouse(path: Path) -> str:
 
     Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it differs from its build.
     """
+    from trace_dag.flow.manifests import check_listed
+
     return check_listed(lambda: _check(path), remedy=_BUILT_AGAIN)
 
 

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.wording import count_of
-from trace_dag.crash.codes.elements import FUNC_SYS
 from trace_dag.crash.cohorts import CohortFilter, sample, select, stratified_sample
 from trace_dag.crash.keys import parse_key
-from trace_dag.crash.listing import CrashListing
-from trace_dag.crash.reported_place import state_abbreviation
+
+if TYPE_CHECKING:
+    from trace_dag.crash.listing import CrashListing
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,9 @@ class Choice:
 
     def in_words(self) -> str:
         """Return the choice as text for the cohort: ``VA; 2023; 2 vehicles; sample of 100, seed 1``."""
+        from trace_dag.crash.codes.elements import FUNC_SYS
+        from trace_dag.crash.reported_place import state_abbreviation
+
         wanted = self.wanted
         groups: list[Iterable[str]] = [
             sorted(wanted.kinds),
