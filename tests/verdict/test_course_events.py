@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import example_objects
+import numpy as np
 import pytest
 
 from tests.simulation.motions import straight
@@ -14,7 +15,7 @@ from tests.verdict.test_judge import ANGLE, ANGLE_RECORD, HALF, HEAD_ON, HEAD_ON
 from trace_dag.common.errors import Reason
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.classes import CollisionType, RoadTopology
-from trace_dag.crash.crash_types import SIDE_OF_EVENT
+from trace_dag.crash.crash_types import SIDE_OF_EVENT, DepartureSide
 from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.roads.crash_site.agreement import compare
@@ -134,6 +135,45 @@ def test_a_departure_that_no_event_reports_is_a_doubt(location: int | None, depa
     report = replace(tree, vehicles=(replace(tree.vehicles[0], location_code=location),), events=events)
     made = example_objects.made_of("tree_record")
     seen = observe_crash(made.network, made.state_estimate.hypotheses[0], made.logs[0])
+    found = course_doubts(Comparison.of(report, sequence_of(report), seen, VerdictSettings()))
+    assert (Doubt.UNREPORTED_DEPARTURE in {each.doubt for each in found}) is doubted
+
+
+@pytest.mark.parametrize(("critical_event", "doubted"), [(62, True), (54, True), (1, False), (13, False), (80, False)])
+def test_another_vehicle_that_made_it_critical_has_to_be_there(critical_event: int, doubted: bool) -> None:
+    """``P_CRASH2``: 62 and 54 are oncoming vehicles, 1 and 13 this one's tyre and its departure, 80 a pedestrian."""
+    made, tree = example_objects.made_of("tree_record"), example_objects.record_of("tree_record")
+    report = replace(tree, vehicles=(replace(tree.vehicles[0], critical_event_code=critical_event),))
+    seen = observe_crash(made.network, made.state_estimate.hypotheses[0], made.logs[0])
+    found = course_doubts(Comparison.of(report, sequence_of(report), seen, VerdictSettings()))
+    assert (Doubt.OTHER_VEHICLE_MISSING in {each.doubt for each in found}) is doubted
+
+
+@pytest.mark.parametrize(("turned_deg", "doubted"), [(45.0, True), (-45.0, False)])
+def test_who_comes_back_and_leaves_to_the_other_side_does_what_no_event_reports(
+    turned_deg: float, doubted: bool
+) -> None:
+    """A car strikes a tree beside the road, and slides on at 30 m/s: back across the road, or farther away from it."""
+    made, report = example_objects.made_of("tree_record"), example_objects.record_of("tree_record")
+    log, (driven,) = made.logs[0], made.logs[0].vehicles
+    (side,) = {SIDE_OF_EVENT[event.code] for event in report.events if event.code in SIDE_OF_EVENT}
+    met = log.contacts[0]
+    since_s = np.clip(driven.time_s - met.time_s, 0.0, None)
+    lane = made.network.nearest_lanes(met.x_m, met.y_m, 30.0)[0]
+    along_rad = made.network.pose(lane.lane, lane.s_m).heading_rad
+    came_rad = float(np.interp(met.time_s, driven.time_s, np.unwrap(driven.heading_rad)))
+    along_rad += math.pi if math.cos(came_rad - along_rad) < 0 else 0.0
+    course_rad = along_rad + math.radians(turned_deg) * (1 if side is DepartureSide.RIGHT else -1)
+    gone = since_s > 0
+    moved = replace(
+        driven,
+        x_m=np.where(gone, met.x_m + 30.0 * since_s * math.cos(course_rad), driven.x_m),
+        y_m=np.where(gone, met.y_m + 30.0 * since_s * math.sin(course_rad), driven.y_m),
+        heading_rad=np.where(gone, along_rad, driven.heading_rad),
+        velocity_x_mps=np.where(gone, 30.0 * math.cos(course_rad), driven.velocity_x_mps),
+        velocity_y_mps=np.where(gone, 30.0 * math.sin(course_rad), driven.velocity_y_mps),
+    )
+    seen = observe_crash(made.network, made.state_estimate.hypotheses[0], replace(log, vehicles=(moved,)))
     found = course_doubts(Comparison.of(report, sequence_of(report), seen, VerdictSettings()))
     assert (Doubt.UNREPORTED_DEPARTURE in {each.doubt for each in found}) is doubted
 

@@ -18,7 +18,7 @@ from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.observation import observe_crash
 from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.types import Doubt, Verdict
+from trace_dag.verdict.types import Doubt, Support, Verdict
 
 
 def headed(record: CrashRecord, *octants: Octant, moment: Moment = Moment.BEFORE) -> CrashRecord:
@@ -77,7 +77,7 @@ def without_areas() -> CrashRecord:
 def test_a_register_without_areas_is_judged_without_them_and_never_corroborated(without_areas):
     verdict = judged(HEAD_ON, headed(without_areas, Octant.EAST, Octant.WEST))
     assert verdict.accepted
-    found = place_doubts(without_areas, STREET, REPORT)
+    found = place_doubts(without_areas, STREET, REPORT, Support((), 1.0, 1))
     assert Doubt.NO_AREAS in {each.doubt for each in found}
 
 

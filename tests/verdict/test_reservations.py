@@ -18,7 +18,18 @@ from trace_dag.verdict.judge import event_outcomes, judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
 from trace_dag.verdict.reservations import place_doubts, simulation_doubts
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.types import Doubt, EventOutcome, EventResult, Grade, Label
+from trace_dag.verdict.support import assess_support, facts_of
+from trace_dag.verdict.types import (
+    Agreement,
+    ComparedWith,
+    Doubt,
+    EventOutcome,
+    EventResult,
+    Fact,
+    Grade,
+    Label,
+    Support,
+)
 
 RECORD = example_objects.record_of("record")  # a car turns left across a motorcycle
 MADE = example_objects.made_of("record")
@@ -36,7 +47,8 @@ def outcomes(record, seen: ObservedCrash) -> tuple[EventOutcome, ...]:
 def doubts(record=RECORD, *, report=MADE.map_report, log=LOG, hypothesis=None, events=()) -> dict[Doubt, str]:
     seen = observed(log) if hypothesis is None else observed(log, hypothesis)
     beside = Comparison.of(record, sequence_of(record), seen, example_objects.SETTINGS.verdict)
-    found = (*simulation_doubts(beside, events), *place_doubts(record, MADE.network, report))
+    support = assess_support(facts_of(record, MADE.network, report, beside))
+    found = (*simulation_doubts(beside, events), *place_doubts(record, MADE.network, report, support))
     return {each.doubt: each.detail for each in found}
 
 
@@ -55,6 +67,22 @@ def test_a_street_with_another_name_than_the_reported_one_which_is_elsewhere_is_
     assert elsewhere.upper() in doubts(other)[Doubt.OTHER_STREET]
     nowhere = replace(RECORD, trafficway_1="NO SUCH LN", trafficway_2="")
     assert Doubt.OTHER_STREET not in doubts(nowhere)
+
+
+@pytest.mark.parametrize(
+    ("names", "doubted"),
+    [
+        (["lanes", "road class"], True),
+        (["limit", "alignment"], True),
+        (["lanes", "lanes"], False),  # of both vehicles
+        (["lanes", "land use", "control"], False),
+    ],
+)
+def test_a_road_of_which_two_features_differ_is_taken_for_another_one(names: list[str], doubted: bool):
+    facts = tuple(Fact(name, ComparedWith.MAP, Agreement.DIFFERS, "2", "3") for name in names)
+    found = place_doubts(RECORD, MADE.network, MADE.map_report, Support(facts, 5.0, 6))
+    assert [each.doubt for each in found] == ([Doubt.OTHER_STREET] if doubted else [])
+    assert all(f"{name} 3 for 2" in each.detail for each in found for name in names)
 
 
 @pytest.mark.parametrize(("kmh", "harmless"), [(15.9, True), (16.1, False)])

@@ -67,7 +67,7 @@ class RollModel:
 
     @cached_property
     def inertia_m2(self) -> float:
-        """Return the about the outer wheels, per mass."""
+        """Return the moment of inertia about the outer wheels, per mass."""
         return self.gyration_m**2 + self.arm_m**2
 
     @property

@@ -16,8 +16,9 @@ import numpy as np
 
 from trace_dag.common.geometry import Pose, rectangle_corners
 from trace_dag.crash.codes import elements as codes
-from trace_dag.crash.codes.elements import NO_ROLLOVER
+from trace_dag.crash.codes.elements import NO_ROLLOVER, P_CRASH2
 from trace_dag.crash.crash_types import SIDE_OF_EVENT, DepartureSide
+from trace_dag.crash.parties import is_vehicle
 from trace_dag.crash.record import EventRecord, VehicleClass
 from trace_dag.crash.summary import event_in_words
 from trace_dag.roads.map.network import RoadNetwork
@@ -34,6 +35,8 @@ _OPPOSED: Final = -math.cos(math.radians(50))
 """Cosine of the angle between a vehicle's course and a lane from which on the lane is one of oncoming traffic."""
 _BETWEEN_ROADS: Final = frozenset({RoadZone.MEDIAN, RoadZone.GORE})
 _DEPARTURES: Final = frozenset({*SIDE_OF_EVENT, codes.RAN_OFF})
+_OPPOSITE: Final = {DepartureSide.LEFT: DepartureSide.RIGHT, DepartureSide.RIGHT: DepartureSide.LEFT}
+_OTHER_VEHICLE: Final = range(50, 79)  # P_CRASH2: another vehicle is in the lane of this one, or comes into it
 _ON_ROADWAY: Final = frozenset({1, 2, 3})  # PCRASH5
 _CROSSED: Final = {
     codes.CROSSED_CENTRELINE: ("centreline", Doubt.CENTRELINE_NOT_CROSSED),
@@ -67,7 +70,8 @@ def course_doubts(beside: Comparison) -> Iterator[Reservation]:
             yield _doubt(Doubt.DEPARTURE_MISSED, events[0], f"vehicle {vehicle.number} is not simulated")
     yield from _other_zone(beside)
     yield from _overturns(beside)
-    yield from _departure(beside)
+    yield from _departures(beside)
+    yield from _missing_vehicles(beside)
 
 
 def _missed_events(beside: Comparison, number: int, events: list[EventRecord]) -> Iterator[Reservation]:
@@ -210,18 +214,35 @@ def _overturns(beside: Comparison) -> Iterator[Reservation]:
             yield Reservation(Doubt.UNREPORTED_OVERTURN, f"vehicle {number} overturns, which no event reports")
 
 
-def _departure(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt if a vehicle leaves the carriageway before the first event, and is reported to have stayed on it.
+def _departures(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt if the vehicle of the first event leaves the carriageway as no event of its report does.
 
-    The report has no departure, and ``PCRASH5`` places the vehicle on the roadway before the impact.
+    It leaves before the first event while ``PCRASH5`` places it on the roadway before the impact, or it leaves to the
+    opposite side after the first event, across the carriageway that it had left.
     """
     first = beside.observed.first
     if first is None or first.departure is None or first.departure.left_s is None:
         return
     number = first.pair[0]
+    reported = {each.code for each in beside.record.events if each.party_1 == number and each.code in _DEPARTURES}
     stayed = any(each.number == number and each.location_code in _ON_ROADWAY for each in beside.record.vehicles)
-    if stayed and not any(each.party_1 == number and each.code in _DEPARTURES for each in beside.record.events):
+    if stayed and not reported:
         yield Reservation(Doubt.UNREPORTED_DEPARTURE, f"vehicle {number} leaves the road, which no event reports")
+    side = SIDE_OF_EVENT.get(reported.pop()) if len(reported) == 1 else None
+    other = _OPPOSITE.get(side) if side else None
+    excursions = _excursions(beside.observed.network, beside.observed.log, number) if other else ()
+    if any(each.left_s > first.time_s and other in each.sides and side not in each.sides for each in excursions):
+        detail = f"vehicle {number} comes back and leaves the road {SIDES_IN_WORDS[other]}, which no event reports"
+        yield Reservation(Doubt.UNREPORTED_DEPARTURE, detail)
+
+
+def _missing_vehicles(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt for each vehicle that another one made critical (``P_CRASH2``), if no other one is simulated."""
+    simulated = {each.number for each in beside.observed.log.parties if is_vehicle(each.number)}
+    for vehicle in beside.record.vehicles:
+        if simulated == {vehicle.number} and vehicle.critical_event_code in _OTHER_VEHICLE:
+            detail = f"vehicle {vehicle.number}: {P_CRASH2.meaning(vehicle.critical_event_code)}; it is not simulated"
+            yield Reservation(Doubt.OTHER_VEHICLE_MISSING, detail)
 
 
 def _doubt(doubt: Doubt, event: EventRecord, found: str) -> Reservation:

@@ -72,7 +72,7 @@ def judge(
     support = assess_support(facts_of(record, network, report, beside))
     verdict = replace(verdict, support=support)
     if verdict.accepted:
-        doubts = (*verdict.reservations, *place_doubts(record, network, report))
+        doubts = (*verdict.reservations, *place_doubts(record, network, report, support))
         verdict = replace(verdict, label=_label(doubts), grade=grade_of(support, doubts), reservations=doubts)
     unsure = alternatives(estimate)
     return verdict if unsure is None else replace(verdict, alternatives=unsure.clause, direction_open=unsure.sides)

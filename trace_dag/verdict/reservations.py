@@ -42,7 +42,7 @@ from trace_dag.verdict.course_events import course_doubts
 from trace_dag.verdict.observation import LEAST_RECORDED_MPS, ObservedCrash
 from trace_dag.verdict.place_facts import names_at
 from trace_dag.verdict.rules import Comparison
-from trace_dag.verdict.types import Doubt, EventOutcome, EventResult, Reservation
+from trace_dag.verdict.types import Agreement, Doubt, EventOutcome, EventResult, Reservation, Support
 
 _OTHER_ROAD: Final[Mapping[str, tuple[float, str]]] = {
     "speed limit": (-1.0, "the speed limit differs by 14 mph or more"),
@@ -55,6 +55,8 @@ _OTHER_ROAD: Final[Mapping[str, tuple[float, str]]] = {
 }
 """Evidence terms of a hypothesis by which a vehicle is on another road than its form says: from which log-likelihood
 down, and the sentence."""
+_DESCRIPTION: Final = frozenset({"road class", "lanes", "limit", "alignment"})
+_DIFFERENCES: Final = 2  # one is often the map's or the agency's: by eye most crashes with one are right
 _LEAST_HARM_MPS: Final = {Severity.KILLED: kmh_to_mps(16.0), Severity.SERIOUS: kmh_to_mps(8.0)}
 """Least change of velocity of any vehicle that can have done the harm, by the severity of the crash. A death: 10 mph,
 at which the risk is 4 in 10,000 by Joksch (1993), (delta-v / 71 mph)^4. A serious injury: what an event data recorder
@@ -84,13 +86,15 @@ _CORNER_H: Final = 1.4
 o'clock up to their corners."""
 
 
-def place_doubts(record: CrashRecord, network: RoadNetwork, report: MapReport) -> tuple[Reservation, ...]:
-    """Return the doubts about an accepted crash that are common to all its simulations.
+def place_doubts(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, support: Support
+) -> tuple[Reservation, ...]:
+    """Return the doubts about an accepted crash that arise from its place, and from what supports it.
 
-    >>> place_doubts(record, network, map_report)
+    >>> place_doubts(record, network, map_report, verdict.support)
     ()
     """
-    found = (_other_street(record, network, report), _no_areas(record))
+    found = (_other_street(record, network, report), _other_description(support), _no_areas(record))
     return tuple(each for each in found if each is not None)
 
 
@@ -122,6 +126,15 @@ def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) 
     found = ", ".join(sorted(here)) or "a street without a name"
     detail = f"the crash stands on {found}; the report names {record.trafficway_1}, which is elsewhere on the map"
     return Reservation(Doubt.OTHER_STREET, detail)
+
+
+def _other_description(support: Support) -> Reservation | None:
+    """Return the doubt that two or more of the road's class, lanes, limit and alignment differ from the report."""
+    differing = [fact for fact in support.facts if fact.agreement is Agreement.DIFFERS and fact.name in _DESCRIPTION]
+    if len({fact.name for fact in differing}) < _DIFFERENCES:
+        return None
+    found = {fact.name: f"{fact.name} {fact.found} for {fact.reported}" for fact in differing}
+    return Reservation(Doubt.OTHER_STREET, f"the road differs from the reported one: {', '.join(found.values())}")
 
 
 def _other_roads(record: CrashRecord, observed: ObservedCrash) -> Iterator[Reservation]:

@@ -142,6 +142,7 @@ class Doubt(StrEnum):
     OTHER_ZONE = "other_zone"
     UNREPORTED_OVERTURN = "unreported_overturn"
     UNREPORTED_DEPARTURE = "unreported_departure"
+    OTHER_VEHICLE_MISSING = "other_vehicle_missing"  # of a critical event
     NO_STREET = "no_street"  # where a vehicle was going to drive
     FAR_OFF_ROAD = "far_off_road"
     OTHER_CARRIAGEWAY = "other_carriageway"

@@ -17,7 +17,7 @@ VERSIONS = {
     Stage.ROAD_MAP: 7,
     Stage.STATE_ESTIMATE: 16,
     Stage.SIMULATION_LOG: 4,
-    Stage.VERDICT: 14,
+    Stage.VERDICT: 15,
 }
 """Numbers of the stages' code. Raise one when other results come of the same input: a test compares the
 sample's outputs (``tests/sample/test_stage_outputs.py``)."""
