@@ -16,7 +16,7 @@ import numpy as np
 from cases import SAMPLE, SETTINGS
 
 from lab.changed_reports.scene import PerturbedScene
-from trace_dag.crash.event_sequence import sequence_of
+from trace_dag.crash.event_sequence import EventSequence, sequence_of
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import departure_of
@@ -56,6 +56,7 @@ from trace_dag.simulation.vehicles import vehicle_model
 from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.observation import ObservedCrash, observe_crash
+from trace_dag.verdict.rules import Comparison
 from trace_dag.verdict.types import Verdict
 
 REPORTS = {
@@ -204,9 +205,18 @@ def tee_arms() -> list[JunctionArm]:
     return arms
 
 
-def observed_crash() -> ObservedCrash:
-    made = made_of("record")
+@cache
+def observed_crash(name: str) -> ObservedCrash:
+    made = made_of(name)
     return observe_crash(made.network, made.state_estimate.hypotheses[0], made.logs[0])
+
+
+def sequence(name: str) -> EventSequence:
+    return sequence_of(record_of(name))
+
+
+def comparison(name: str) -> Comparison:
+    return Comparison.of(record_of(name), sequence(name), observed_crash(name), SETTINGS.verdict)
 
 
 MAKERS: dict[str, Callable[[], object]] = {
@@ -224,8 +234,11 @@ MAKERS: dict[str, Callable[[], object]] = {
     "hypothesis": lambda: made_of("record").state_estimate.hypotheses[0],
     "log": lambda: made_of("record").logs[0],
     "verdict": verdict,
-    "observed_crash": observed_crash,
-    "first_contact": lambda: observed_crash().first,
+    "observed_crash": lambda: observed_crash("record"),
+    "first_contact": lambda: observed_crash("record").first,
+    # The reported events, and beside them the observed ones
+    **{f"{prefix}sequence": partial(sequence, f"{prefix}record") for prefix in ("", "pedestrian_", "tree_")},
+    **{f"{prefix}comparison": partial(comparison, f"{prefix}record") for prefix in ("", "pedestrian_", "tree_")},
     "simulated_pair": lambda: simulated_bodies("record"),
     "simulated_person": lambda: simulated_bodies("pedestrian_record")[1],
     "perturbed_scene": lambda: PerturbedScene(record_of("record"), np.random.default_rng(0)),

@@ -75,8 +75,7 @@ class Departure:
 def departure_of(record: CrashRecord, sequence: EventSequence) -> Departure:
     """Return the departure that a sequence begins with.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> departure = departure_of(tree_record, sequence_of(tree_record))
+    >>> departure = departure_of(tree_record, tree_sequence)
     >>> departure.side.value, [each.code for each in departure.objects]  # SOE 42: a standing tree
     ('right', [42])
     """

@@ -106,13 +106,12 @@ def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, clien
     fallback is "reject" (:class:`UnusableAnswers`). TransientFailure, Failure: the provider failed or the budget is
     spent, see :meth:`LlmClient.ask`. UserError: no such prompt.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.reconstruction.analytic_hypotheses import build_scene
     >>> class Unhelpful:  # in place of a client that asks a provider
     ...     def ask(self, messages, *, prompt, schema):
     ...         return StoredAnswer("I do not know.", "stop", "a-model", 900, 5, 0.0, 1.0)
     >>> scene = build_scene(record, network, map_report, lead_time_s=5.0)
-    >>> event = sequence_of(record).first
+    >>> event = sequence.first
     >>> made = estimate_llm(scene, event, StateSettings(llm_model="a-model"), Unhelpful())
     >>> made.run.estimator, made.run.fallback_from, made.run.attempts
     ('analytic', 'llm', 3)

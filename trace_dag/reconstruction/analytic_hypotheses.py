@@ -46,8 +46,7 @@ def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *,
 def parties(record: CrashRecord, event: CrashEvent) -> tuple[Party, Party]:
     """Return the two vehicles of a contact.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> both = parties(record, sequence_of(record).first)
+    >>> both = parties(record, sequence.first)
     >>> {each.vehicle.number: each.turn and each.turn.value for each in both}  # crash types 69 and 68
     {2: None, 1: 'left'}
     """
@@ -62,9 +61,8 @@ def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> t
 
     Raises :class:`Rejection` (``no_feasible_state``) if the vehicles meet in no reading of the record.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
     >>> scene = build_scene(record, network, map_report, lead_time_s=5.0)
-    >>> (best, *_), _ = first_contact(scene, sequence_of(record).first, StateSettings())
+    >>> (best, *_), _ = first_contact(scene, sequence.first, StateSettings())
     >>> [state.manoeuvre.value for state in best.participants]
     ['turn_left', 'straight']
     """
@@ -79,8 +77,7 @@ def first_contact(scene: Scene, event: CrashEvent, settings: StateSettings) -> t
 def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
     """Return solutions of the likeliest candidates, best first.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> reading = pre_crash_scenarios(record, *parties(record, sequence_of(record).first))[0]
+    >>> reading = pre_crash_scenarios(record, *parties(record, sequence.first))[0]
     >>> best = solve_all(scene, candidates(scene, reading))[0]
     >>> best.candidate.scenario.mover.vehicle.number  # vehicle 1 turns across the other
     1

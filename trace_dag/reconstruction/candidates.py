@@ -48,9 +48,8 @@ def candidates(scene: Scene, scenario: PreCrashScenario) -> list[Candidate]:
     """Return all candidates of one reading.
 
     >>> from trace_dag.reconstruction.pre_crash_scenarios import pre_crash_scenarios
-    >>> from trace_dag.crash.event_sequence import sequence_of
     >>> from trace_dag.reconstruction.analytic_hypotheses import parties
-    >>> found = candidates(scene, pre_crash_scenarios(record, *parties(record, sequence_of(record).first))[0])
+    >>> found = candidates(scene, pre_crash_scenarios(record, *parties(record, sequence.first))[0])
     >>> {each.mover.manoeuvre.value for each in found}  # vehicle 1 turns left, by every reading of its path
     {'turn_left'}
     """

@@ -71,8 +71,7 @@ def pair_of(contact: Contact) -> Pair:
 def expect_events(events: Iterable[CrashEvent]) -> list[Expected]:
     """Return the expectations of reported events; contacts and the first event are required.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> expect_events(sequence_of(tree_record).events)  # a tree that event 2 has
+    >>> expect_events(tree_sequence.events)  # a tree that event 2 has
     [Expected(pair=(1, 2002), required=True)]
     """
     return [Expected(event.pair, place == 0 or event.is_contact) for place, event in enumerate(events)]

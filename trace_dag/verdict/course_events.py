@@ -56,9 +56,7 @@ class Excursion:
 def course_doubts(beside: Comparison) -> Iterator[Reservation]:
     """Yield a doubt for each reported event of the course that does not happen, and each unreported one.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> list(course_doubts(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
+    >>> list(course_doubts(comparison))
     []
     """
     simulated = {each.number for each in beside.observed.log.parties}

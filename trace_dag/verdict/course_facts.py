@@ -62,10 +62,7 @@ _IN_PART_M: Final = 1.0
 def course_facts(beside: Comparison) -> Iterator[Fact]:
     """Yield every reported fact about the course to the first contact of two vehicles.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
-    >>> {fact.agreement.value for fact in course_facts(beside)}
+    >>> {fact.agreement.value for fact in course_facts(comparison)}
     {'agrees'}
     """
     record, first = beside.record, beside.observed.first
@@ -287,12 +284,7 @@ def speed_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
 def pedestrian_facts(beside: Comparison) -> Iterator[Fact]:
     """Yield every reported fact about the strikes; nothing without a contact.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> from trace_dag.verdict.observation import observe_crash
-    >>> observed = observe_crash(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
-    >>> told = sequence_of(pedestrian_record)
-    >>> fact = next(pedestrian_facts(Comparison.of(pedestrian_record, told, observed, VerdictSettings())))
+    >>> fact = next(pedestrian_facts(pedestrian_comparison))
     >>> fact.name, fact.reported, fact.agreement.value
     ('striking vehicle', 'vehicle 1 and person 1', 'agrees')
     """
@@ -381,11 +373,7 @@ def _fact(name: str, agreement: Agreement, reported: str, found: str, party: int
 def departure_facts(beside: Comparison) -> Iterator[Fact]:
     """Yield every reported fact about a vehicle's departure from the road; nothing if none happened.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> from trace_dag.verdict.observation import observe_crash
-    >>> observed = observe_crash(judged_tree.network, judged_tree.hypothesis, judged_tree.log)
-    >>> facts = departure_facts(Comparison.of(tree_record, sequence_of(tree_record), observed, VerdictSettings()))
+    >>> facts = departure_facts(tree_comparison)
     >>> {fact.name: fact.agreement.value for fact in facts}["side of the departure"]
     'agrees'
     """

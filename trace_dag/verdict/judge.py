@@ -165,10 +165,7 @@ def event_outcomes(beside: Comparison) -> tuple[EventOutcome, ...]:
     one that its first harmful event implies. A later object struck with another part of the vehicle than reported is
     not the reported event.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
-    >>> [each.outcome.value for each in event_outcomes(beside)]  # one event: the two collide
+    >>> [each.outcome.value for each in event_outcomes(comparison)]  # one event: the two collide
     ['happened']
     """
     planned = {event.number: event for event in beside.sequence.events}
@@ -217,9 +214,7 @@ def _why_not(event: CrashEvent | None, number: int, beside: Comparison) -> str:
 def select_measures(beside: Comparison) -> Iterator[Criterion]:
     """Return the measures shown for every reported event that happens, in order.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> shown = list(select_measures(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
+    >>> shown = list(select_measures(comparison))
     >>> [(each.vehicle_number, each.value) for each in shown if each.name == "reported_clock"]
     [(2, 1.0), (1, 3.0)]
     """

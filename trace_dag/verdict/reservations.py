@@ -101,10 +101,7 @@ def place_doubts(
 def simulation_doubts(beside: Comparison, events: Sequence[EventOutcome]) -> tuple[Reservation, ...]:
     """Return the doubts about one simulation: missing events, no harm, other roads, another course.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
-    >>> simulation_doubts(beside, verdict.events)
+    >>> simulation_doubts(comparison, verdict.events)
     ()
     """
     record, observed = beside.record, beside.observed
@@ -213,9 +210,7 @@ def _harmless(record: CrashRecord, observed: ObservedCrash) -> Reservation | Non
 def way_doubts(beside: Comparison) -> Iterator[Reservation]:
     """Yield a doubt for each requirement of a simulation that its report and the map lack.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> list(way_doubts(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())))
+    >>> list(way_doubts(comparison))
     []
     """
     yield from _missing_legs(beside)

@@ -105,8 +105,7 @@ def required_reasons(sequence: EventSequence, record: CrashRecord) -> tuple[Reas
 
     The area of impact is not required for a register without areas.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> [reason.value for reason in required_reasons(sequence_of(tree_record), tree_record)]
+    >>> [reason.value for reason in required_reasons(tree_sequence, tree_record)]
     ['no_collision', 'no_departure', 'wrong_side', 'wrong_location']
     """
     found = _REQUIRED[sequence.first.kind]
@@ -193,9 +192,7 @@ class Comparison:
     ) -> Comparison:
         """Return a report and its events beside a simulation.
 
-        >>> from trace_dag.crash.event_sequence import sequence_of
-        >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
-        >>> beside.begins.number, beside.seen(beside.begins).pair
+        >>> comparison.begins.number, comparison.seen(comparison.begins).pair
         (1, (1, 2))
         """
         seen = happenings_of(observed.log)
@@ -492,8 +489,7 @@ RULES: Final[Sequence[Rule]] = (
 def criteria(beside: Comparison) -> tuple[Criterion, ...]:
     """Return every criterion of the rule set, those that can reject first, then those that are only shown.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> found = criteria(Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings()))
+    >>> found = criteria(comparison)
     >>> [criterion.name for criterion in found if criterion.reason and criterion.passed is False]
     []
     """

@@ -93,10 +93,7 @@ def facts_of(record: CrashRecord, network: RoadNetwork, report: MapReport, besid
 
     They are not weighed yet. Without any event they are only those of the place and of the report.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> from trace_dag.common.settings import VerdictSettings
-    >>> beside = Comparison.of(record, sequence_of(record), observed_crash, VerdictSettings())
-    >>> facts = facts_of(record, network, map_report, beside)
+    >>> facts = facts_of(record, network, map_report, comparison)
     >>> len({fact.name for fact in facts}), [fact.name for fact in facts if fact.agreement is Agreement.DIFFERS]
     (19, [])
     """

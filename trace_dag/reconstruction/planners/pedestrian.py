@@ -100,8 +100,6 @@ _ROOM_M: Final = 0.2
 def assume_animal(sequence: EventSequence, settings: StateSettings) -> EventSequence:
     """Return the sequence with the kind and pace of an animal from the settings.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> sequence = sequence_of(pedestrian_record)
     >>> assume_animal(sequence, StateSettings()) == sequence  # there is none
     True
     """
@@ -118,8 +116,7 @@ def assume_animal(sequence: EventSequence, settings: StateSettings) -> EventSequ
 def companions_of(sequence: EventSequence) -> tuple[CrashEvent, ...]:
     """Return the strikes that follow the first at once, by the same vehicle, of companions of the first person.
 
-    >>> from trace_dag.crash.event_sequence import sequence_of
-    >>> companions_of(sequence_of(pedestrian_record))
+    >>> companions_of(pedestrian_sequence)
     ()
     """
     first, *rest = sequence.events
