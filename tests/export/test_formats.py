@@ -99,11 +99,11 @@ def test_obstacles_drive_as_recorded_until_the_crash_and_on_as_if_there_were_non
 def test_a_driver_has_a_file_where_its_course_meets_an_obstacle(home, monkeypatch):
     """The second vehicle drives far from the first, as one does that only a thrown vehicle would have struck."""
     stored = home[KEY].stored
-    case = commonroad_form.as_driven(stored)
+    case = commonroad_form.case_of(stored, stored.settings.sim)
     away = case.participants[1]
     moved = replace(away, trajectory=replace(away.trajectory, y_m=away.trajectory.y_m + 500.0))
     monkeypatch.setattr(
-        commonroad_form, "as_driven", lambda crash: replace(case, participants=(case.participants[0], moved))
+        commonroad_form, "case_of", lambda *_: replace(case, participants=(case.participants[0], moved))
     )
     with pytest.raises(UserError, match="no driver in it has a collision to avoid"):
         commonroad_form.CommonRoad([KEY]).of_crash(stored)
@@ -264,9 +264,9 @@ def test_vehicles_around_the_crash_are_there_from_when_they_come_until_they_leav
 
 def test_a_lone_vehicle_is_the_ego_of_the_description(home, monkeypatch):
     stored = home[KEY].stored
-    case = scenarionet.as_driven(stored)
+    case = scenarionet.case_of(stored, stored.settings.sim)
     alone = replace(case, participants=case.participants[1:], recorded=replace(case.recorded, contacts=()))
-    monkeypatch.setattr(scenarionet, "as_driven", lambda crash: alone)
+    monkeypatch.setattr(scenarionet, "case_of", lambda *_: alone)
     (data,) = scenarionet.ScenarioNet([KEY]).of_crash(stored).values()
     description = pickle.loads(data)
     assert description["metadata"]["sdc_id"] == "V2"

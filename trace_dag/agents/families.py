@@ -15,14 +15,7 @@ import numpy as np
 
 from trace_dag.agents.evaluation.table import rows_to_parquet
 from trace_dag.agents.stored_cases import StoredCase, load_case, report_each
-from trace_dag.agents.stored_variations import (
-    FOLDER,
-    VARIATIONS,
-    AboutVariation,
-    FamilyRequest,
-    family_name,
-    row,
-)
+from trace_dag.agents.stored_variations import FOLDER, VARIATIONS, AboutVariation, FamilyRequest, family_name, row
 from trace_dag.agents.variations import Variation, VariationKind, family
 from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.common.errors import Failure

@@ -194,11 +194,7 @@ def plan_runs(workspace: Workspace, instance: DagsterInstance, selection: Select
 
 
 def run_batches(
-    workspace: Workspace,
-    instance: DagsterInstance,
-    batches: Sequence[PlannedBatch],
-    *,
-    settings: Mapping[str, Any],
+    workspace: Workspace, instance: DagsterInstance, batches: Sequence[PlannedBatch], *, settings: Mapping[str, Any]
 ) -> RunReport:
     """Run planned batches one by one, each as one Dagster run in this process."""
     job = build_definitions(workspace).resolve_implicit_global_asset_job_def()

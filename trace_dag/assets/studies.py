@@ -24,13 +24,7 @@ from trace_dag.agents.families import make_families
 from trace_dag.agents.stored_cases import AgentRole, StoredCase, likely_courses, stored_variations, verified_cases
 from trace_dag.agents.stored_traffic import make_traffic
 from trace_dag.agents.stored_variations import FamilyRequest
-from trace_dag.agents.summaries import (
-    StudyTable,
-    controls_table,
-    evaluations_table,
-    families_table,
-    traffic_table,
-)
+from trace_dag.agents.summaries import StudyTable, controls_table, evaluations_table, families_table, traffic_table
 from trace_dag.assets.specs import OWNERS
 from trace_dag.common.errors import Failure as BrokenPart
 from trace_dag.common.errors import UserError
@@ -176,9 +170,7 @@ def controls(context: AssetExecutionContext, config: ControlsConfig) -> Material
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     found = _of_each(
-        workspace,
-        config,
-        lambda name: negative_controls(workspace, name, most=config.most, on_problem=left_out.add),
+        workspace, config, lambda name: negative_controls(workspace, name, most=config.most, on_problem=left_out.add)
     )
     return _result(controls_table(found), left_out)
 
@@ -242,11 +234,7 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
     made = build_release(
-        workspace,
-        config.version,
-        Path(config.output),
-        cohort=config.cohort or None,
-        on_problem=left_out.add,
+        workspace, config.version, Path(config.output), cohort=config.cohort or None, on_problem=left_out.add
     )
     if made.missing:
         raise Failure(

@@ -179,9 +179,7 @@ def everything_adds_up(context: AssetCheckExecutionContext) -> AssetCheckResult:
 
 
 @asset_check(
-    asset=warehouse,
-    required_resource_keys={"workspace"},
-    description="Every accepted road map passes every gate.",
+    asset=warehouse, required_resource_keys={"workspace"}, description="Every accepted road map passes every gate."
 )
 def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResult:
     """Check the gates of all maps."""

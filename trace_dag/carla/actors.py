@@ -219,10 +219,7 @@ class CarlaActor:
         to_the_right = -self.steer / self.max_steer_rad
         self.actor.apply_control(
             self.carla.VehicleControl(
-                throttle=self.throttle,
-                steer=max(-1.0, min(1.0, to_the_right)),
-                brake=self.brake,
-                reverse=speed < 0,
+                throttle=self.throttle, steer=max(-1.0, min(1.0, to_the_right)), brake=self.brake, reverse=speed < 0
             )
         )
 

@@ -22,21 +22,12 @@ if TYPE_CHECKING:
 _KEYS_SHOWN = 20
 
 
-@click.group(
-    epilog=examples(
-        "trace-dag cohort list",
-    )
-)
+@click.group(epilog=examples("trace-dag cohort list"))
 def cohort() -> None:
     """List, show and remove cohorts and their maps; ingest makes and extends them."""
 
 
-@cohort.command(
-    "list",
-    epilog=examples(
-        "trace-dag cohort list",
-    ),
-)
+@cohort.command("list", epilog=examples("trace-dag cohort list"))
 @click.option("--json", "as_json", is_flag=True, help="As JSON.")
 @pass_root
 def list_cohorts(root: str, as_json: bool) -> None:
@@ -64,12 +55,7 @@ def list_cohorts(root: str, as_json: bool) -> None:
     )
 
 
-@cohort.command(
-    "show",
-    epilog=examples(
-        "trace-dag cohort show virginia",
-    ),
-)
+@cohort.command("show", epilog=examples("trace-dag cohort show virginia"))
 @click.argument("name")
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash and map included, as JSON.")
 @pass_root
@@ -111,10 +97,7 @@ def show(root: str, name: str, as_json: bool) -> None:
 @cohort.command(
     "maps",
     cls=ManyValuesCommand,
-    epilog=examples(
-        "trace-dag cohort maps",
-        "trace-dag cohort maps --drop osm/damaged.osm",
-    ),
+    epilog=examples("trace-dag cohort maps", "trace-dag cohort maps --drop osm/damaged.osm"),
 )
 @click.option("--cohort", "name", help="Only of this cohort.")
 @click.option("--drop", multiple=True, metavar="FILE", help="Leave this map file out from now on; its path or name.")
@@ -142,12 +125,7 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     )
 
 
-@cohort.command(
-    "osmium",
-    epilog=examples(
-        "trace-dag cohort osmium national --output crashes.json",
-    ),
-)
+@cohort.command("osmium", epilog=examples("trace-dag cohort osmium national --output crashes.json"))
 @click.argument("name")
 @click.option("--output", required=True, type=OutputFile(), help="File to write.")
 @click.option("--map", "map_name", default="crashes.osm.pbf", show_default=True, help="What osmium is to call the map.")
@@ -182,8 +160,7 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
     "remove",
     cls=ManyValuesCommand,
     epilog=examples(
-        "trace-dag cohort remove virginia",
-        "trace-dag cohort remove virginia --only 2023-510179 --artefacts",
+        "trace-dag cohort remove virginia", "trace-dag cohort remove virginia --only 2023-510179 --artefacts"
     ),
 )
 @click.argument("name")

@@ -7,10 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import (
-    examples,
-    pass_root,
-)
+from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, progress_bar, write_json
 from trace_dag.cli.study import apply_rules, into_warehouse, rules_option, run_for_cohorts
 
@@ -18,12 +15,7 @@ if TYPE_CHECKING:
     from trace_dag.common.settings import RuleSetName
 
 
-@click.command(
-    epilog=examples(
-        "trace-dag controls",
-        "trace-dag controls --rules strict --json",
-    ),
-)
+@click.command(epilog=examples("trace-dag controls", "trace-dag controls --rules strict --json"))
 @click.option("--cohort", help="Only this cohort; else each by itself.")
 @rules_option
 @click.option(
@@ -35,13 +27,7 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Every judgement, as JSON.")
 @pass_root
-def controls(
-    root: str,
-    cohort: str | None,
-    rules: RuleSetName | None,
-    most: int,
-    as_json: bool,
-) -> None:
+def controls(root: str, cohort: str | None, rules: RuleSetName | None, most: int, as_json: bool) -> None:
     """Judge simulations against reports that they should not match.
 
     The controls are another report of the same kind, one vehicle or the person late, a person from the other side, one

@@ -16,12 +16,7 @@ from trace_dag.common.errors import UserError
 COHORT = "sample"
 
 
-@click.command(
-    epilog=examples(
-        "trace-dag --root demo demo",
-        "trace-dag --root demo demo --people",
-    )
-)
+@click.command(epilog=examples("trace-dag --root demo demo", "trace-dag --root demo demo --people"))
 @click.option("--people", is_flag=True, help="And the town's crashes with pedestrians, cyclists and animals.")
 @executor_options
 @click.pass_context

@@ -35,11 +35,7 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    cls=ManyValuesCommand,
-    epilog=examples(
-        "trace-dag run",
-        "trace-dag run --only 2023-510179 --from road_map",
-    ),
+    cls=ManyValuesCommand, epilog=examples("trace-dag run", "trace-dag run --only 2023-510179 --from road_map")
 )
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes, such as 2023-510179.")

@@ -130,10 +130,7 @@ FORMATS: dict[str, Callable[[Path, Sequence[str], Any], None]] = {
     help="How the rows are printed, a table unless said, or the kind of file; else the file's name says it.",
 )
 @click.option(
-    "--output",
-    "path",
-    type=OutputFile(),
-    help=f"The file to write: {', '.join(f'.{name}' for name in FORMATS)}.",
+    "--output", "path", type=OutputFile(), help=f"The file to write: {', '.join(f'.{name}' for name in FORMATS)}."
 )
 @pass_root
 def sql(root: str, query: str, output: str | None, path: Path | None) -> None:

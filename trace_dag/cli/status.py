@@ -17,12 +17,7 @@ if TYPE_CHECKING:
 _MOST_SHOWN = 20
 
 
-@click.command(
-    epilog=examples(
-        "trace-dag status",
-        "trace-dag status --cohort virginia --json",
-    )
-)
+@click.command(epilog=examples("trace-dag status", "trace-dag status --cohort virginia --json"))
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash included, as JSON.")
 @click.option("--cohort", help="Only crashes of this cohort.")
 @pass_root

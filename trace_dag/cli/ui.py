@@ -12,12 +12,7 @@ from trace_dag.cli.options import examples, pass_root
 from trace_dag.common.errors import UserError
 
 
-@click.command(
-    epilog=examples(
-        "trace-dag ui",
-        "trace-dag --root virginia ui --port 3001",
-    )
-)
+@click.command(epilog=examples("trace-dag ui", "trace-dag --root virginia ui --port 3001"))
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", default=3000, show_default=True, help="Port to listen on.")
 @click.option(

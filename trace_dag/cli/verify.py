@@ -22,12 +22,7 @@ if TYPE_CHECKING:
 _SHOWN = 50
 
 
-@click.command(
-    epilog=examples(
-        "trace-dag verify",
-        "trace-dag verify --contents --repair",
-    )
-)
+@click.command(epilog=examples("trace-dag verify", "trace-dag verify --contents --repair"))
 @click.option("--repair", is_flag=True, help="Mend what can be, then look again.")
 @click.option("--contents", is_flag=True, help="Read every file and compare its SHA-256, not only its size.")
 @click.option("--json", "as_json", is_flag=True, help="Every disagreement, as JSON.")

@@ -41,12 +41,7 @@ MADE_WITH = (  # modules that take a while to load, also those that are imported
     "trace_dag.pages.picture_motion",
     "trace_dag.agents.replays",
 )
-_FOLDERS = (
-    *(stage.value for stage in Stage),
-    "reports",
-    "pictures",
-    *FOLDERS_OF_CRASHES,
-)
+_FOLDERS = (*(stage.value for stage in Stage), "reports", "pictures", *FOLDERS_OF_CRASHES)
 
 
 def page_name(key: str) -> str:

@@ -46,11 +46,7 @@ def geoparquet_of(table: pa.Table, shapes: NDArray[Any]) -> bytes:
         "version": "1.1.0",
         "primary_column": "geometry",
         "columns": {
-            "geometry": {
-                "encoding": "WKB",
-                "geometry_types": kinds,
-                "bbox": shapely.total_bounds(shapes).tolist(),
-            }
+            "geometry": {"encoding": "WKB", "geometry_types": kinds, "bbox": shapely.total_bounds(shapes).tolist()}
         },
     }
     table = table.replace_schema_metadata({**(table.schema.metadata or {}), "geo": json.dumps(about)})

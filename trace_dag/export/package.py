@@ -228,12 +228,7 @@ def _results(crash: PackageInput) -> list[_File]:
     replay = replay_page(content, in_3d=False)
     files = [
         _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
-        _File(
-            "trajectories.json",
-            _CC0,
-            "the simulated motion and contacts",
-            log_to_json(crash.record.key, crash.log),
-        ),
+        _File("trajectories.json", _CC0, "the simulated motion and contacts", log_to_json(crash.record.key, crash.log)),
         _File(
             "courses.json",
             _CC0,

@@ -102,10 +102,7 @@ def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
         "DATASHEET.md": _rendered("release_datasheet.md.jinja", release),
         "CITATION.cff": _rendered("release_citation.cff.jinja", release),
         "LICENSES.md": render_document(
-            "licenses.md.jinja",
-            rights=release.rights,
-            inferred=True,
-            **_registers(release),
+            "licenses.md.jinja", rights=release.rights, inferred=True, **_registers(release)
         ),
         "index.json": _index_json(release),
         "index.parquet": index,

@@ -24,16 +24,7 @@ from trace_dag.flow.executors import Executor, run_redoing_lost
 from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import Records, intact, read_records, write_index
 from trace_dag.flow.staleness import FAILED, MISSING, current_inputs, why_to_run
-from trace_dag.flow.tasks import (
-    Action,
-    Attempt,
-    Chunk,
-    CrashTask,
-    MadeFiles,
-    StageEvent,
-    Work,
-    log_outcome,
-)
+from trace_dag.flow.tasks import Action, Attempt, Chunk, CrashTask, MadeFiles, StageEvent, Work, log_outcome
 from trace_dag.flow.worker import installed_versions, work_on_chunk
 from trace_dag.flow.workspace import Workspace
 

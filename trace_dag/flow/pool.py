@@ -99,12 +99,7 @@ class Pool(Generic[C, S, R]):
     most_stopped_s = 10.0  # after which a worker that was stopped (SIGSTOP) counts as lost
 
     def __init__(
-        self,
-        work: StepWork[C, S, R],
-        *,
-        workers: int,
-        step_limit_s: float | None = None,
-        memory_mb: int | None = None,
+        self, work: StepWork[C, S, R], *, workers: int, step_limit_s: float | None = None, memory_mb: int | None = None
     ) -> None:
         self.workers = workers
         self._work = work

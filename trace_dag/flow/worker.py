@@ -19,26 +19,13 @@ from trace_dag.common.errors import Failure, Rejection, TransientFailure
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.messages.logs import log_context
 from trace_dag.common.plugins import resolve_reference
-from trace_dag.common.provenance import (
-    Outcome,
-    OutcomeRecord,
-    Provenance,
-    libraries_of,
-    now,
-)
+from trace_dag.common.provenance import Outcome, OutcomeRecord, Provenance, libraries_of, now
 from trace_dag.common.stage import Stage
 from trace_dag.flow.contract import DamagedArtefactError, Flow, StageDefinition, StageProduct
 from trace_dag.flow.crash_store import CrashStore, open_crashes
 from trace_dag.flow.records import intact, read_records
 from trace_dag.flow.staleness import current_inputs, why_to_run
-from trace_dag.flow.tasks import (
-    Action,
-    Attempt,
-    Chunk,
-    CrashTask,
-    StageEvent,
-    Work,
-)
+from trace_dag.flow.tasks import Action, Attempt, Chunk, CrashTask, StageEvent, Work
 from trace_dag.flow.time_limit import SLOWEST_BYTES_PER_S, within
 from trace_dag.version import __version__
 

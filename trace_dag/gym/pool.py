@@ -9,13 +9,7 @@ from functools import lru_cache, partial
 from weakref import WeakKeyDictionary
 
 from trace_dag.agents.evaluation.traffic import Traffic
-from trace_dag.agents.stored_cases import (
-    case_of,
-    likely_courses,
-    somebody_met,
-    stored_variations,
-    verified_cases,
-)
+from trace_dag.agents.stored_cases import case_of, likely_courses, somebody_met, stored_variations, verified_cases
 from trace_dag.agents.stored_traffic import load_driven
 from trace_dag.common.errors import UserError
 from trace_dag.common.settings import SimSettings
@@ -98,12 +92,7 @@ _known: WeakKeyDictionary[Crashes, dict[tuple[str, bool], Track]] = WeakKeyDicti
 
 
 def tracks(
-    home: Place | None,
-    keys: Sequence[str],
-    *,
-    variations: bool,
-    courses: bool,
-    traffic: Traffic = Traffic.RECORDED,
+    home: Place | None, keys: Sequence[str], *, variations: bool, courses: bool, traffic: Traffic = Traffic.RECORDED
 ) -> dict[str, Track]:
     """Return the verified crashes of a place in which two parties met, all or those of ``keys``, by case id.
 

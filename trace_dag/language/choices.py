@@ -117,10 +117,7 @@ class Choices:
         """Return the candidates in which every vehicle is on its chosen approach."""
         kept = []
         for candidate in self.found:
-            pairs = (
-                (candidate.scenario.mover, candidate.mover),
-                (candidate.scenario.other, candidate.other),
-            )
+            pairs = ((candidate.scenario.mover, candidate.mover), (candidate.scenario.other, candidate.other))
             if all(option.approach.name == by_vehicle[party.vehicle.number].approach.name for party, option in pairs):
                 kept.append(candidate)
         return kept

@@ -132,12 +132,7 @@ def replay_content(
     wider = (east - west) * (_MAP_WIDER - 1) / 2
     map_window = (west - wider, south, east + wider, north)
     outcome = drive.title if drive else _outcome(verdict)
-    subtitles = (
-        place_in_words(record),
-        " · ".join(classes_in_words(record)),
-        conditions_in_words(record),
-        outcome,
-    )
+    subtitles = (place_in_words(record), " · ".join(classes_in_words(record)), conditions_in_words(record), outcome)
     said = {
         **_data(record, network, log, windows),
         **_ghost(drive, log),
@@ -225,12 +220,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
     return {
         "time": [round(float(t), 3) for t in log.vehicles[0].time_s],
         "vehicles": vehicles,
-        "contact": None
-        if contact is None
-        else {
-            **_place_of(contact),
-            "closing": round(contact.closing_speed_mps, 2),
-        },
+        "contact": None if contact is None else {**_place_of(contact), "closing": round(contact.closing_speed_mps, 2)},
         "later": [{"numbers": [each.number_1, each.number_2], **_place_of(each)} for each in log.first_of_each[1:]],
         "overturns": [_overturn(each, k) for each in log.vehicles if (k := overturned_at(each)) is not None],
         "objects": [

@@ -122,12 +122,7 @@ _TABLE_COLUMNS = (
     {"name": "collision_type", "label": "Collision", "class": "wide", "sorted": False},
     {"name": "road_topology", "label": "Topology", "class": "wide", "sorted": False},
     {"name": "vehicle_trajectory", "label": "Trajectory", "class": "wide", "sorted": False},
-    {
-        "name": "contact_distance_m",
-        "label": "Contact off, ft (m)",
-        "class": "wide number",
-        "sorted": False,
-    },
+    {"name": "contact_distance_m", "label": "Contact off, ft (m)", "class": "wide number", "sorted": False},
 )
 _SEARCHED = ("place", "trafficway_1", "trafficway_2", "surface", "signalised", "person_types", "euro_ncap", "odd")
 # Decimals: 5 of a degree are a metre.

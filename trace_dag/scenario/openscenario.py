@@ -59,11 +59,7 @@ _ENDS_S, _GOES_ON_S = 0.1, 1.0
 _BEFORE_END_S = 0.0005
 _TRAJECTORY = "_trajectory"  # end of the names of trajectories
 _AFTER_COLLISION_S = 1.0  # and after one it gets into
-_LICENCE = {
-    "name": "CC0 1.0",
-    "resource": "https://creativecommons.org/publicdomain/zero/1.0/",
-    "spdxId": "CC0-1.0",
-}
+_LICENCE = {"name": "CC0 1.0", "resource": "https://creativecommons.org/publicdomain/zero/1.0/", "spdxId": "CC0-1.0"}
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 
 

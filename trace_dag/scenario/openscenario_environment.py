@@ -77,9 +77,7 @@ def environment(record: CrashRecord, *, carla: bool) -> Element | None:
     )
 
 
-def conditions_of(
-    record: CrashRecord,
-) -> tuple[datetime.datetime | None, tuple[float, float] | None, Weather | None]:
+def conditions_of(record: CrashRecord) -> tuple[datetime.datetime | None, tuple[float, float] | None, Weather | None]:
     """Return local time, azimuth (radians clockwise from north) and elevation of the sun, and weather.
 
     None stands for unreported ones.

@@ -61,11 +61,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 # Comparisons of whole cohorts: the variable their SQL reads their files from, and their kind.
-_COMPARISONS = {
-    "control_files": CONTROLS,
-    "perturbed_files": PERTURBED,
-    "estimator_files": ESTIMATORS,
-}
+_COMPARISONS = {"control_files": CONTROLS, "perturbed_files": PERTURBED, "estimator_files": ESTIMATORS}
 VERSION = "11"
 """Number of the code and the SQL that build a warehouse; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _BUILD_ATTEMPTS = 3
@@ -221,10 +217,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
 
 
 def _read(
-    storage: Storage,
-    cohort_of: Mapping[str, str],
-    connection: duckdb.DuckDBPyConnection,
-    on_problem: OnProblem,
+    storage: Storage, cohort_of: Mapping[str, str], connection: duckdb.DuckDBPyConnection, on_problem: OnProblem
 ) -> dict[str, pa.Table]:
     """Read everything stored, chunk by chunk.
 

@@ -165,13 +165,7 @@ def _outcome_row(record: OutcomeRecord, settings: str) -> Row:
 def _artefact_rows(crash: CrashSnapshot) -> Iterator[Row]:
     for stage, record in crash.valid.items():
         for file in record.artefacts:
-            yield {
-                "key": crash.key,
-                "stage": stage.value,
-                "file": file.name,
-                "sha256": file.sha256,
-                "bytes": file.size,
-            }
+            yield {"key": crash.key, "stage": stage.value, "file": file.name, "sha256": file.sha256, "bytes": file.size}
 
 
 def _known_rows(crash: CrashSnapshot) -> Iterator[Row]:

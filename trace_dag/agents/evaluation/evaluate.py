@@ -123,9 +123,5 @@ def run(
     drivers = others_of(case, ego, conditions.traffic, period_s=scenario.period_s, seed=seed)
     drivers[ego] = AgentDriver(agent, scenario, sensor, Arrival(case, ego, way))
     return simulation.run(
-        case.going_on,
-        time_limit_s=way.limit_s,
-        drivers=drivers,
-        after_contact_s=after_contact_s,
-        objects=case.objects,
+        case.going_on, time_limit_s=way.limit_s, drivers=drivers, after_contact_s=after_contact_s, objects=case.objects
     )

@@ -26,27 +26,20 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.agents.stored_cases import case_of
 from trace_dag.agents.stored_traffic import traffic_of
 from trace_dag.common.errors import UserError
 from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_of_body
 from trace_dag.crash.record import CrashRecord, VehicleClass
-from trace_dag.export.formats.exporter import as_driven
+from trace_dag.export.formats.exporter import Exporter
 from trace_dag.export.formats.lane_rules import LIGHT, LIMIT, STOP, LaneRules, place_of, turn_of
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.roads.map.lane_shapes import LaneShape
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.drives import (
-    GOAL_HEADING_RAD,
-    GOAL_LENGTH_M,
-    GOAL_WIDTH_M,
-    STEP_S,
-    Drive,
-    drives_of,
-    meets,
-)
+from trace_dag.scenario.drives import GOAL_HEADING_RAD, GOAL_LENGTH_M, GOAL_WIDTH_M, STEP_S, Drive, drives_of, meets
 from trace_dag.scenario.lights import LightCycle, Lights
 from trace_dag.scenario.traffic.surrounding import SurroundingVehicle
 from trace_dag.simulation.types import Body, BodyKind
@@ -70,19 +63,16 @@ _COUNTRY: Final = "ZAM"
 _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoNames entry
 
 
-class CommonRoad:
+class CommonRoad(Exporter):
     """``<key>_V<number>.xml`` for each driver who would leave the road or meet another party without a reaction.
 
     A vehicle has nothing to avoid if it struck a party that the crash had thrown there, or a trailer, which a planning
     problem cannot have. ``<key>_all.xml`` has all parties and a problem for each driver, since the schema requires one.
     """
 
-    def __init__(self, keys: Sequence[str]) -> None:
-        """Ignore the keys, which this format does not need."""
-
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
-        case, record = as_driven(crash), crash.load(RECORD)
+        case, record = case_of(crash, crash.settings.sim), crash.load(RECORD)
         drives = drives_of(case)
         tested, drivers = {}, [each for each in drives if each.is_driven]
         for own in drivers:
@@ -99,10 +89,6 @@ class CommonRoad:
             for own, others in tested.items()
         }
         return {**files, f"{crash.key}_all.xml": _scenario(record, road, "All", drives, source, drivers, around)}
-
-    def beside(self) -> Mapping[str, bytes]:
-        """Return no files, since each file explains itself."""
-        return {}
 
 
 def road_scenario(network: RoadNetwork) -> bytes:

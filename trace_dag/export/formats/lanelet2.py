@@ -22,6 +22,7 @@ from lxml import etree
 
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import mps_to_kmh, mps_to_mph
+from trace_dag.export.formats.exporter import Exporter
 from trace_dag.export.formats.lane_rules import STOP, LaneRules, Post, mark_of, place_of, turn_of
 from trace_dag.flow.artefacts import ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
@@ -34,19 +35,12 @@ _MARKS: Final = {"solid": "solid", "broken": "dashed"}
 _NO_WIDTH_M: Final = 1e-6  # of a lane that begins or ends without width, so that it does not move shared nodes
 
 
-class Lanelet2:
+class Lanelet2(Exporter):
     """``<key>.osm`` of each crash: its road map."""
-
-    def __init__(self, keys: Sequence[str]) -> None:
-        """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         return {f"{crash.key}.osm": lanelets(crash.load(ROAD_MAP))}
-
-    def beside(self) -> Mapping[str, bytes]:
-        """Return no files, since each file explains itself."""
-        return {}
 
 
 def lanelets(network: RoadNetwork) -> bytes:

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from trace_dag.crash.codes.odd import odd_terms
 from trace_dag.crash.record import CrashRecord, VehicleClass
+from trace_dag.export.formats.exporter import Exporter
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.osm.types import Rights
@@ -52,11 +53,8 @@ _MOTIONS: Final = {
 }
 
 
-class OpenLabel:
+class OpenLabel(Exporter):
     """``<key>.json`` for each crash."""
-
-    def __init__(self, keys: Sequence[str]) -> None:
-        """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
@@ -85,10 +83,6 @@ class OpenLabel:
             }
         }
         return {f"{crash.key}.json": (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()}
-
-    def beside(self) -> Mapping[str, bytes]:
-        """Return no files, since each file explains itself."""
-        return {}
 
 
 def _tag(name: str, text: str | None = None) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.parties import SURROUNDING
 from trace_dag.crash.record import CrashRecord, VehicleClass
+from trace_dag.export.formats.exporter import Exporter
 from trace_dag.export.formats.lane_rules import mark_of, place_of
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
@@ -93,7 +94,7 @@ _FOG: Final = (  # m of visibility, as OSI divides it
 )
 
 
-class Osi:
+class Osi(Exporter):
     """``<key>_gt.osi`` for each crash. Needs the extra ``osi``."""
 
     def __init__(self, keys: Sequence[str]) -> None:
@@ -108,10 +109,6 @@ class Osi:
         assert log is not None, "a verified crash was simulated"
         surrounded = add_traffic(log, traffic_of(crash))
         return {f"{crash.key}_gt.osi": trace(crash.load(ROAD_MAP), surrounded, crash.load(RECORD))}
-
-    def beside(self) -> Mapping[str, bytes]:
-        """Return no files, since each trace explains itself."""
-        return {}
 
 
 def trace(network: RoadNetwork, log: SimulationLog, record: CrashRecord) -> bytes:

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from trace_dag.agents.stored_traffic import read_traffic
+from trace_dag.export.formats.exporter import Exporter
 from trace_dag.export.packaging import package_of
 from trace_dag.flow.contract import CrashFiles
 
 
-class Packages:
+class Packages(Exporter):
     """A folder per crash with everything about it; see :mod:`trace_dag.export.package`."""
-
-    def __init__(self, keys: Sequence[str]) -> None:
-        """Ignore the keys, which this format does not need."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         files = package_of(crash, traffic=read_traffic(crash))
         return {f"{crash.key}/{name}": data for name, data in files.items()}
-
-    def beside(self) -> Mapping[str, bytes]:
-        """Return no files, since each package explains itself."""
-        return {}

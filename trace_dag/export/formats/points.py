@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from lxml import etree
 
+from trace_dag.export.formats.exporter import Exporter
 from trace_dag.export.geoparquet import geoparquet
 from trace_dag.flow.artefacts import RECORD, VERDICT
 from trace_dag.flow.contract import CrashFiles
@@ -29,7 +30,7 @@ _COLUMNS: Final = (
 )
 
 
-class CrashPoints:
+class CrashPoints(Exporter):
     """``crashes.parquet`` and ``crashes.gpx``: a point per crash, with the main facts of the report."""
 
     def __init__(self, keys: Sequence[str]) -> None:

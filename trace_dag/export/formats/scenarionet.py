@@ -21,14 +21,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from trace_dag.agents.stored_cases import AgentRole, number_of
+from trace_dag.agents.stored_cases import AgentRole, case_of, number_of
 from trace_dag.agents.stored_traffic import traffic_of
 from trace_dag.common.errors import UserError
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import mps_to_kmh
 from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.crash.record import VehicleClass
-from trace_dag.export.formats.exporter import as_driven
+from trace_dag.export.formats.exporter import Exporter
 from trace_dag.export.formats.lane_rules import LaneRules
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.osm.road_classes import road_class
@@ -60,7 +60,7 @@ _WAY_M: Final = 300.0
 _CAR_M: Final = (4.8, 1.8, 1.45)
 
 
-class ScenarioNet:
+class ScenarioNet(Exporter):
     """``sd_trace-dag_<version>_<key>.pkl`` for each crash, and the two files that make a folder a data set."""
 
     def __init__(self, keys: Sequence[str]) -> None:
@@ -68,7 +68,7 @@ class ScenarioNet:
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.export.formats.exporter.Exporter`."""
-        case = as_driven(crash)
+        case = case_of(crash, crash.settings.sim)
         drives = drives_of(case)
         if not any(each.is_driven for each in drives):
             raise UserError("nobody drives in it")
@@ -159,10 +159,7 @@ def _light_states(network: RoadNetwork, lights: Lights, length: int) -> dict[str
 def _about(summaries: Mapping[str, dict[str, Any]]) -> dict[str, bytes]:
     """Return the two files that make a folder a data set."""
     ordered = dict(sorted(summaries.items()))
-    return {
-        "dataset_summary.pkl": _pickled(ordered),
-        "dataset_mapping.pkl": _pickled(dict.fromkeys(ordered, "")),
-    }
+    return {"dataset_summary.pkl": _pickled(ordered), "dataset_mapping.pkl": _pickled(dict.fromkeys(ordered, ""))}
 
 
 def _pickled(content: object) -> bytes:

@@ -19,6 +19,7 @@ from trace_dag.agents.stored_traffic import traffic_of
 from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import VehicleClass
+from trace_dag.export.formats.exporter import Exporter
 from trace_dag.flow.artefacts import ROAD_MAP, XODR
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.scenario.traffic.sumo_network import network_xml, sumo_program
@@ -37,7 +38,7 @@ _CLASSES: Final = {
 }
 
 
-class Sumo:
+class Sumo(Exporter):
     """``<key>.net.xml`` and ``<key>.fcd.xml`` for each crash. Needs netconvert, which the extra ``sumo`` brings."""
 
     def __init__(self, keys: Sequence[str]) -> None:
@@ -51,10 +52,6 @@ class Sumo:
             f"{crash.key}.net.xml": network_xml(self._netconvert, crash.key, crash.load(ROAD_MAP), crash.load(XODR)),
             f"{crash.key}.fcd.xml": floating_car_data(add_traffic(log, traffic_of(crash))),
         }
-
-    def beside(self) -> Mapping[str, bytes]:
-        """Return no files, since a network and a trace belong together by their names."""
-        return {}
 
 
 def floating_car_data(log: SimulationLog) -> bytes:

@@ -32,11 +32,7 @@ _REQUIREMENTS = {
 FLOW = Flow(
     tuple(
         StageDefinition(
-            stage,
-            f"{__name__}.{stage}:{stage}",
-            VERSIONS[stage],
-            _GROUPINGS.get(stage),
-            _REQUIREMENTS.get(stage),
+            stage, f"{__name__}.{stage}:{stage}", VERSIONS[stage], _GROUPINGS.get(stage), _REQUIREMENTS.get(stage)
         )
         for stage in Stage
     ),

@@ -10,15 +10,7 @@ from typing import Final, TypeVar
 from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.parties import party_in_words, thing_party, thing_struck
-from trace_dag.crash.record import (
-    CrashRecord,
-    EventRecord,
-    NonMotorist,
-    Origin,
-    Quotation,
-    VehicleRecord,
-    origins,
-)
+from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, Origin, Quotation, VehicleRecord, origins
 from trace_dag.crash.registers.rows import TIME, ReportedTime
 from trace_dag.crash.registers.table import RowReader
 from trace_dag.crash.reported_place import Place
