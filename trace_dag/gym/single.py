@@ -13,7 +13,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.agents.evaluation.metrics import Metrics, measure, outcome_of
+from trace_dag.agents.evaluation.metrics import measure, outcome_of
 from trace_dag.agents.evaluation.observation import Sensing
 from trace_dag.agents.evaluation.traffic import Traffic
 from trace_dag.agents.stored_cases import AgentRole, number_of
@@ -50,12 +50,16 @@ class EpisodeDriver:
         self._driven_m = 0.0
         self._recorded_m = RecordedWay(episode.case, ego).at(episode.case.end_s)
 
-    def look(self) -> Seen:
-        """Return the observation now."""
-        return self._eyes.as_seen(self._episode.observe(self.ego))
+    def look(self) -> tuple[Seen, dict[str, Any]]:
+        """Return the observation and the ``info`` now."""
+        case, moment = self._episode.case, self._episode.moment
+        assert moment is not None
+        light, light_m = case.light_ahead(self.ego, moment.states[self.ego], moment.time_s)
+        info = {"key": case.key, "case_id": case.case_id, "ego": self.ego, "light": light, "light_m": light_m}
+        return self._eyes.as_seen(self._episode.observe(self.ego)), info
 
     def rewarded(self) -> tuple[float, dict[str, Any]]:
-        """Return the reward of the last step, and its ``info``, with the measures once the run has ended."""
+        """Return the reward of the last step, and what the run adds to ``info`` once it has ended."""
         assert self._episode.moment is not None
         state, before_m = self._episode.moment.states[self.ego], self._driven_m
         self._driven_m += max(state.speed_mps, 0.0) * self._period_s
@@ -63,35 +67,48 @@ class EpisodeDriver:
         if self._episode.log is None:
             return reward, {}
         metrics = measure(self._episode.case, self.ego, self._episode.log)
-        return reward + self._reward.in_the_end(metrics), build_final_info(metrics)
-
-
-def about(episode: Episode, ego: int) -> dict[str, Any]:
-    """Return the ``info`` of any step.
-
-    It has the crash's ``key``, the ``case_id`` (the variation's id for a variation), ``ego``, and the next light on the
-    way straight on: ``light``, red, yellow or green, and ``light_m``, the way to its stop line; None without one.
-    """
-    case, moment = episode.case, episode.moment
-    assert moment is not None
-    light, light_m = case.light_ahead(ego, moment.states[ego], moment.time_s)
-    return {"key": case.key, "case_id": case.case_id, "ego": ego, "light": light, "light_m": light_m}
-
-
-def build_final_info(metrics: Metrics) -> dict[str, Any]:
-    """Return the ``info`` of the last step: ``outcome``, and every measure."""
-    return {"outcome": str(outcome_of(metrics)), "metrics": asdict(metrics)}
+        in_the_end = {"outcome": str(outcome_of(metrics)), "metrics": asdict(metrics)}
+        return reward + self._reward.in_the_end(metrics), in_the_end
 
 
 class OneEpisode:
-    """Holder of the current episode of an environment, at most one."""
+    """Common to the environments: the crashes to choose from, and the current episode, at most one."""
 
-    _episode: Episode | None = None
+    def __init__(
+        self,
+        tracks: Mapping[str, Track],
+        period_s: float,
+        actions: ActionKind,
+        sensing: Sensing | None,
+        reward: Reward | None,
+        render_mode: RenderMode | None,
+        traffic: Traffic = Traffic.RECORDED,
+    ) -> None:
+        self.tracks = tracks
+        self.render_mode: str | None = render_mode
+        self._period_s = period_s
+        self._actions = actions
+        self._sensing = sensing or Sensing()
+        self._reward = reward or Reward()
+        self._traffic = traffic
+        self._episode: Episode | None = None
+        self._drivers: list[EpisodeDriver] = []
+        self._camera: Camera | None = None
 
     def close(self) -> None:
         """Abandon the episode."""
         if self._episode is not None:
             self._episode.close()
+
+    def render(self) -> Any:
+        """Return a picture of the present moment for ``rgb_array``; ``human`` shows whole episodes by itself."""
+        if self.render_mode != "rgb_array":
+            return None
+        episode = self._running()
+        assert episode.moment is not None
+        if self._camera is None or self._camera.case_id != episode.case.case_id:
+            self._camera = Camera(episode.case)
+        return self._camera.picture(episode.moment)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> NoReturn:
         raise UserError(
@@ -99,15 +116,40 @@ class OneEpisode:
             "same arguments, reset it with the same seed and options, and repeat the actions"
         )
 
+    def _begin(self, track: Track, egos: Sequence[int], random: np.random.Generator) -> None:
+        """Begin an episode with some drivers."""
+        self._track = track
+        self._episode = Episode(
+            track.case,
+            tuple(egos),
+            track.simulation,
+            period_s=self._period_s,
+            sensing=self._sensing,
+            seed=int(random.integers(_SEEDS)),
+            traffic=self._traffic,
+        )
+        self._drivers = [EpisodeDriver(self._episode, ego, track.lanes, self._actions, self._reward) for ego in egos]
+
+    def _go_on(self, actions: Sequence[Any]) -> list[tuple[Seen, float, bool, bool, dict[str, Any]]]:
+        """Continue with an action of each driver; return what a step returns, for each."""
+        if self._running().over:
+            raise UserError("the episode is over; reset begins another one")
+        episode = self._running()
+        acting = zip(self._drivers, actions, strict=True)
+        episode.step({driver.ego: driver.hands.act(action) for driver, action in acting})
+        touched = episode.log is not None and episode.log.first_contact is not None
+        if episode.log is not None and self.render_mode == "human":
+            show_page(self._track, episode.log)
+        steps = []
+        for driver in self._drivers:
+            (reward, in_the_end), (seen, info) = driver.rewarded(), driver.look()
+            steps.append((seen, reward, touched, episode.over and not touched, in_the_end | info))
+        return steps
+
     def _running(self) -> Episode:
         if self._episode is None:
             raise UserError("no episode has begun; call reset first")
         return self._episode
-
-    def _unfinished(self) -> Episode:
-        if self._running().over:
-            raise UserError("the episode is over; reset begins another one")
-        return self._running()
 
 
 def period_of(rate_hz: float) -> float:
@@ -139,8 +181,10 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
     draws one of the remaining ones: crashes and variations with equal probability, courses by their weights. The same
     seed, options and actions give the same bits. An episode is terminated by the first contact between any parties. It
     is truncated when the agent has arrived 50 m beyond the conflict or at the end of its recorded way (but not before
-    five seconds after the recorded impact), or has taken twice the recorded time. ``info`` has the values of
-    :func:`about`, and in the end ``outcome`` and ``metrics``. Raises :class:`trace_dag.common.errors.UserError` for a
+    five seconds after the recorded impact), or has taken twice the recorded time. ``info`` has the crash's ``key``, the
+    ``case_id`` (the variation's id for a variation), ``ego``, and the next light on the way straight on: ``light``,
+    red, yellow or green, and ``light_m``, the way to its stop line; None without one. In the end it also has the
+    ``outcome`` and all ``metrics``. Raises :class:`trace_dag.common.errors.UserError` for a
     crash, case or place that is missing.
     """
 
@@ -161,61 +205,28 @@ class CrashEnv(OneEpisode, gymnasium.Env[Seen, Any]):
         reward: Reward | None = None,
         render_mode: RenderMode | None = None,
     ) -> None:
-        self._period_s = period_of(rate_hz)
+        period_s = period_of(rate_hz)
         if traffic not in list(Traffic):
             raise UserError(f"traffic {traffic!r}: expected {', '.join(Traffic)}")
-        keys = [key] if isinstance(key, str) else list(key)
-        self._traffic = Traffic(traffic)
-        self.tracks = tracks(home, keys, variations=variations, courses=courses, traffic=self._traffic)
+        others, keys = Traffic(traffic), [key] if isinstance(key, str) else list(key)
+        found = tracks(home, keys, variations=variations, courses=courses, traffic=others)
+        super().__init__(found, period_s, actions, sensing, reward, render_mode, others)
         self.observation_space = observation_space()
         self.action_space = action_space(actions)
-        self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(rate_hz)}
         self._ego = ego
-        self._actions: ActionKind = actions
-        self._sensing = sensing or Sensing()
-        self._reward = reward or Reward()
-        self._camera: tuple[str, Camera] | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
         """See :meth:`gymnasium.Env.reset`."""
         super().reset(seed=seed)
         track = chosen(self.tracks, options, self.np_random)
         self.close()
-        self._track = track
-        ego = ego_of(track.case, self._ego)
-        self._episode = Episode(
-            track.case,
-            (ego,),
-            track.simulation,
-            period_s=self._period_s,
-            sensing=self._sensing,
-            seed=int(self.np_random.integers(_SEEDS)),
-            traffic=self._traffic,
-        )
-        self._driver = EpisodeDriver(self._episode, ego, track.lanes, self._actions, self._reward)
-        return self._driver.look(), about(self._episode, ego)
+        self._begin(track, [ego_of(track.case, self._ego)], self.np_random)
+        return self._drivers[0].look()
 
     def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """See :meth:`gymnasium.Env.step`."""
-        episode, driver = self._unfinished(), self._driver
-        episode.step({driver.ego: driver.hands.act(action)})
-        reward, info = driver.rewarded()
-        info |= about(episode, driver.ego)
-        touched = episode.log is not None and episode.log.first_contact is not None
-        if episode.log is not None and self.render_mode == "human":
-            show_page(self._track, episode.log)
-        return driver.look(), reward, touched, episode.log is not None and not touched, info
-
-    def render(self) -> Any:
-        """Return a picture of the present moment for ``rgb_array``; ``human`` shows whole episodes by itself."""
-        if self.render_mode != "rgb_array":
-            return None
-        episode = self._running()
-        assert episode.moment is not None
-        if self._camera is None or self._camera[0] != episode.case.case_id:
-            self._camera = episode.case.case_id, Camera(episode.case)
-        return self._camera[1].picture(episode.moment)
+        return self._go_on([action])[0]
 
 
 def chosen(tracks: Mapping[str, Track], options: Mapping[str, Any] | None, random: np.random.Generator) -> Track:
@@ -266,6 +277,7 @@ class Camera:
     """A view of one case from above that covers all positions of the recorded crash."""
 
     def __init__(self, case: Case) -> None:
+        self.case_id = case.case_id
         self._view = View(case.network, replay_windows(case.recorded).overview, _SIZE_PX)
         self._bodies = case.bodies
 
