@@ -14,7 +14,8 @@ from tests.simulation.test_overturn import STREET, sliding
 from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.parties import party_label
 from trace_dag.pages.picture_motion import draw_thumbnail
-from trace_dag.pages.replay import write_html_player
+from trace_dag.pages.replay import replay_page
+from trace_dag.pages.replay_content import replay_content
 from trace_dag.pages.solid.objects import object_parts
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.drawn_shapes import OBJECT_NOTE, describe_object, object_category, outline
@@ -93,11 +94,11 @@ def test_replays_and_thumbnails_show_an_overturn_without_a_contact() -> None:
     moment = moment_of(log)
     assert moment is not None
     assert moment.numbers == (1,)
-    page = write_html_player(CRASH, STREET, log).decode()
+    page = replay_page(replay_content(CRASH, STREET, log)).decode()
     assert '"overturns":[{"time":' in page
     assert draw_thumbnail(STREET, log).startswith("<svg")
 
 
 def test_the_replay_lists_objects() -> None:
-    page = write_html_player(CRASH, STREET, run(27.8, item(GUARDRAIL, 10.0, 3.0), PICKUP_2000P)).decode()
+    page = replay_page(replay_content(CRASH, STREET, run(27.8, item(GUARDRAIL, 10.0, 3.0), PICKUP_2000P))).decode()
     assert json.dumps(OBJECT_NOTE)[1:-1] in page

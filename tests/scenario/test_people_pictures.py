@@ -20,7 +20,8 @@ from tests.scenario.test_people import simulated
 from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.pages.animation import write_animation
 from trace_dag.pages.pictures import draw_crash, vehicle_entries
-from trace_dag.pages.replay import write_html_player
+from trace_dag.pages.replay import replay_page
+from trace_dag.pages.replay_content import replay_content
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
 from trace_dag.scenario.drawn_shapes import VEHICLE_COLOURS, logged_shape, upright_shape
@@ -112,7 +113,7 @@ def test_frames_of_a_moving_picture_show_the_person() -> None:
 # --- replays -------------------------------------------------------------------------------------------------------
 def test_a_replay_holds_the_figure_of_every_state() -> None:
     log = simulated("cyclist crossing")
-    shown = data_of(write_html_player(RECORD, STREET, log))["vehicles"][1]
+    shown = data_of(replay_page(replay_content(RECORD, STREET, log)))["vehicles"][1]
     logged = person(log)
     assert (shown["name"], shown["kind"], shown["ridden"]) == ("P1", "cyclist", 4)
     assert len(shown["lines"]) == len(logged.time_s)
@@ -123,7 +124,7 @@ def test_a_replay_holds_the_figure_of_every_state() -> None:
 def test_contacts_after_the_first_are_marked_when_they_happen() -> None:
     log = simulated("adult before a car")
     again = replace(log.contacts[0], time_s=log.contacts[0].time_s + 0.5, number_1=2, x_m=9.0)
-    data = data_of(write_html_player(RECORD, STREET, replace(log, contacts=(*log.contacts, again))))
+    data = data_of(replay_page(replay_content(RECORD, STREET, replace(log, contacts=(*log.contacts, again)))))
     assert data["contact"]["time"] == pytest.approx(log.contacts[0].time_s, abs=1e-3)
     assert [(each["x"], each["time"]) for each in data["later"]] == [(9.0, pytest.approx(again.time_s, abs=1e-3))]
 
@@ -132,7 +133,7 @@ def test_contacts_after_the_first_are_marked_when_they_happen() -> None:
 def test_in_a_browser_the_head_is_where_the_log_has_it(tmp_path: Path) -> None:
     log = simulated("cyclist crossing")
     logged = person(log)
-    (tmp_path / "replay.html").write_bytes(write_html_player(RECORD, STREET, log))
+    (tmp_path / "replay.html").write_bytes(replay_page(replay_content(RECORD, STREET, log)))
     with Page(tmp_path / "profile") as page:
         page.open((tmp_path / "replay.html").as_uri())
         for k in (0, len(logged.time_s) // 2, len(logged.time_s) - 1):

@@ -16,8 +16,8 @@ from tests.simulation.motions import straight
 from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.pages.animation import write_animation
-from trace_dag.pages.replay import write_html_player
-from trace_dag.pages.replay_content import replay_windows
+from trace_dag.pages.replay import replay_page
+from trace_dag.pages.replay_content import replay_content, replay_windows
 from trace_dag.scenario.drawn_shapes import VEHICLE_COLOURS
 from trace_dag.simulation.types import SimulationLog
 from trace_dag.verdict.judge import judge_hypothesis
@@ -34,7 +34,7 @@ def crash() -> tuple[SimulationLog, Verdict]:
 
 def test_the_page_holds_the_log(crash) -> None:
     log, verdict = crash
-    data = data_of(write_html_player(RECORD, STREET, log, verdict))
+    data = data_of(replay_page(replay_content(RECORD, STREET, log, verdict)))
     assert data["time"] == pytest.approx(log.vehicles[0].time_s, abs=1e-3)
     for shown, logged in zip(data["vehicles"], log.vehicles, strict=True):
         assert shown["x"] == pytest.approx(logged.x_m, abs=2e-3)
@@ -49,24 +49,24 @@ def test_the_page_holds_the_log(crash) -> None:
 
 
 def test_the_page_needs_nothing_else(crash) -> None:
-    page = write_html_player(RECORD, STREET, *crash).decode()
+    page = replay_page(replay_content(RECORD, STREET, *crash)).decode()
     outside = re.findall(r"""(?:src|href|url\()\s*=?\s*["'(]?([^"'\s)>]+)""", page)
     assert all(url.startswith(("data:", "#")) for url in outside if ":" in url)
     assert "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
-    assert page == write_html_player(RECORD, STREET, *crash).decode()
+    assert page == replay_page(replay_content(RECORD, STREET, *crash)).decode()
 
 
 def test_text_of_a_report_stays_text(crash) -> None:
     evil = '</script><script src="evil.js"></script>'
     vehicles = (replace(RECORD.vehicles[0], make_model=evil), RECORD.vehicles[1])
-    page = write_html_player(replace(RECORD, vehicles=vehicles, trafficway_1=evil), STREET, *crash)
+    page = replay_page(replay_content(replace(RECORD, vehicles=vehicles, trafficway_1=evil), STREET, *crash))
     assert evil.encode() not in page
     assert data_of(page)["vehicles"][0]["make"] == evil
 
 
 def test_a_crash_that_does_not_happen_can_be_watched_too() -> None:
     _, log = simulated(straight(-40.0, -1.75, 0.0, 10.0, until_s=5.0), straight(40.0, 1.75, math.pi, 10.0, until_s=5.0))
-    data = data_of(write_html_player(RECORD, STREET, log))
+    data = data_of(replay_page(replay_content(RECORD, STREET, log)))
     assert data["contact"] is None
     west, south, east, north = replay_windows(log).overview
     for logged in log.vehicles:

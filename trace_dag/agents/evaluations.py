@@ -8,7 +8,7 @@ workers, storage. Does not belong here: driving and measuring (:mod:`trace_dag.a
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from trace_dag.agents.evaluation.agent_main import AgentLimits
 from trace_dag.agents.evaluation.agent_process import AgentProcess
@@ -58,21 +58,21 @@ def evaluate_agents(
     steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
     code = evaluation_code_version(workspace.settings.sim)
     digests = {name: agent_code(reference) for name, reference in references.items()}
-    results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, on_problem)
+    labels = {name: label(name) + conditions.suffix for name in agents}
+    rows: dict[str, dict[tuple[str, int], Row]] = {name: {} for name in agents}
     try:
         for answer in answers(workspace, work, [Task(case_id, steps) for case_id in by_id]):
             stored = by_id[answer.task]
-            found = answer.result
-            if isinstance(found, Failure):
-                on_problem(found)
+            driven = answer.result
+            if isinstance(driven, Failure):
+                on_problem(driven)
                 continue
-            if isinstance(found, Lost):
+            if isinstance(driven, Lost):
                 case = load_case(stored)
-                ego = number_of(case, answer.step.role)
-                found = faulty(case, ego, found.detail)
+                driven = faulty(case, number_of(case, answer.step.role), driven.detail)
             made = row(
-                results.labels[answer.step.name],
-                found,
+                labels[answer.step.name],
+                driven,
                 conditions,
                 weight=stored.weight,
                 split=split,
@@ -80,38 +80,13 @@ def evaluate_agents(
                 code_version=code,
                 verdict_fingerprint=stored.fingerprint,
             )
-            results.add(answer.step.name, made)
+            rows[answer.step.name].setdefault(_identity(made), made)  # two roles can mean the same vehicle
             on_progress(made)
-    finally:
-        results.store(references)
-    return results.in_order()
-
-
-class _Results:
-    """Rows of finished evaluations, stored at the end, also if the batch is interrupted."""
-
-    def __init__(self, storage: Storage, labels: Mapping[str, str], on_problem: OnProblem) -> None:
-        self.labels = labels
-        self._complain = on_problem
-        self._storage = storage
-        self._rows: dict[str, list[Row]] = {name: [] for name in labels}
-
-    def add(self, name: str, made: Row) -> None:
-        """Keep each row once.
-
-        In a crash with a person, two roles can mean the same vehicle.
-        """
-        if not any(_identity(each) == _identity(made) for each in self._rows[name]):
-            self._rows[name].append(made)
-
-    def in_order(self) -> list[Row]:
-        return [each for rows in self._rows.values() for each in sorted(rows, key=_identity)]
-
-    def store(self, references: Mapping[str, str]) -> None:
-        """Merge the new rows with the stored ones."""
-        for name, rows in self._rows.items():
-            if rows:
-                store_rows(self._storage, self.labels[name], references[name], rows, self._complain)
+    finally:  # also of a batch that is interrupted
+        for name, found in rows.items():
+            if found:
+                store_rows(workspace.storage, labels[name], references[name], list(found.values()), on_problem)
+    return [of_agent[which] for of_agent in rows.values() for which in sorted(of_agent)]
 
 
 def store_rows(

@@ -82,7 +82,8 @@ def replay_with(
     picture.
     """
     from trace_dag.pages.animation import write_animation
-    from trace_dag.pages.replay import write_html_pair, write_html_player
+    from trace_dag.pages.replay import replay_page, write_html_pair
+    from trace_dag.pages.replay_content import replay_content
     from trace_dag.pages.solid.scene import crash_glb
 
     if len(agents) > 1 and replay_format != "html":
@@ -96,7 +97,7 @@ def replay_with(
         return write_html_pair(record, case.network, driven, surroundings=surroundings)
     ((drive, log),) = driven
     if replay_format == "html":
-        return write_html_player(record, case.network, log, drive=drive, surroundings=surroundings)
+        return replay_page(replay_content(record, case.network, log, drive=drive, surroundings=surroundings))
     if replay_format == "glb":
         return crash_glb(record.key, case.network, log, drive, surroundings=surroundings)
     return write_animation(record, case.network, log, drive=drive, surroundings=surroundings)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from trace_dag.agents.evaluation.table import Row
 from trace_dag.agents.families import FamilyReport
 from trace_dag.agents.stored_traffic import TrafficReport
 from trace_dag.common.messages.wording import percent
-from trace_dag.pages.page_templates import templates
+from trace_dag.pages.page_templates import render
 from trace_dag.verdict.controls import ControlRow
-from trace_dag.version import __version__
+
+Name = TypeVar("Name")
 
 
 class StudyTable(NamedTuple):
@@ -78,43 +79,24 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
 
 def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> StudyTable:
     """Return the outcomes of each agent: in total, as initiator and responder, and by class of crash."""
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row["agent"], "all"), []).append(row)
-    for part in CrashPart:
-        for row in rows:
-            if row.get("part") == part:
-                groups.setdefault((row["agent"], part), []).append(row)
-    for row in sorted(rows, key=class_of):
-        groups.setdefault((row["agent"], class_of(row)), []).append(row)
-    order = {name: index for index, name in enumerate(dict.fromkeys(row["agent"] for row in rows))}
+    groups: list[tuple[str, str, list[Row]]] = []
+    for agent, of_agent in _grouped(rows, lambda row: row["agent"]).items():
+        in_part = _grouped(of_agent, lambda row: row.get("part"))
+        groups.append((agent, "all", of_agent))
+        groups += [(agent, part, in_part[part]) for part in CrashPart if part in in_part]
+        groups += [(agent, name, of_class) for name, of_class in sorted(_grouped(of_agent, class_of).items())]
     lines: list[tuple[Any, ...]] = []
-    for (agent, group), members in sorted(groups.items(), key=lambda item: (order[item[0][0]], item[0][1] != "all")):
+    for agent, group, members in groups:
         counts = Counter(row["outcome"] for row in members)
         off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
         unfinished = sum(not (row.get("collided") or row.get("finished")) for row in members)
         share = share_avoided(members)
         avoided_in = _with_interval(share.part / share.of, share.low, share.high)
-        shown = (
-            len(members),
-            share.crashes,
-            avoided_in,
-            *(counts[each] for each in DriveOutcome),
-            off_road,
-            unfinished,
-        )
+        outcomes = (counts[each] for each in DriveOutcome)
+        shown = (len(members), share.crashes, avoided_in, *outcomes, off_road, unfinished)
         lines.append((agent, group.replace("_", " "), *shown))
-    outcomes = [each.replace("_", " ") for each in DriveOutcome]
-    names = [
-        "agent",
-        dimension.replace("_", " "),
-        "runs",
-        "crashes",
-        "avoided (95 %)",
-        *outcomes,
-        "off road",
-        "unfinished",
-    ]
+    names = ["agent", dimension.replace("_", " "), "runs", "crashes", "avoided (95 %)"]
+    names += [*(each.replace("_", " ") for each in DriveOutcome), "off road", "unfinished"]
     avoided = [names.index(each.replace("_", " ")) for each in AVOIDED]
     shares = [Share(line[0], sum(line[at] for at in avoided), line[2]) for line in lines if line[1] == "all"]
     return StudyTable(names, lines, shares, "Crashes avoided")
@@ -202,37 +184,32 @@ def write_leaderboard(
     >>> write_leaderboard([], [], [], [])[:15]
     b'<!doctype html>'
     """
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in leaderboard:
-        groups.setdefault((row["split"] or "", row["traffic"] or ""), []).append(row)
     dimensions: dict[str, dict[str, dict[str, Row]]] = {}
     for row in by_class:
         dimensions.setdefault(row["dimension"], {}).setdefault(row["class"], {})[row["agent"]] = row
-    runs_of: dict[str, list[Row]] = {}
-    for row in runs:
-        runs_of.setdefault(row["agent"], []).append(row)
-    likely: dict[str, list[Row]] = {}
-    for row in probabilities:
-        likely.setdefault(row["agent"], []).append(row)
+    runs_of = _grouped(runs, lambda row: row["agent"])
+    likely = _grouped(probabilities, lambda row: row["agent"])
     avoided = {
         agent: {part: share_avoided(run for run in of_agent if part in ("all", run["part"])) for part in _PARTS}
         for agent, of_agent in runs_of.items()
     }
-    page = (
-        templates()
-        .get_template("site_leaderboard.html.jinja")
-        .render(
-            version=__version__,
-            leaderboard=leaderboard,
-            groups=groups,
-            avoided=avoided,
-            runs_of=runs_of,
-            probabilities={
-                agent: (clustered_share((row["key"], row["avoided"]) for row in rows), rows)
-                for agent, rows in likely.items()
-            },
-            dimensions=dimensions,
-            outcomes=OUTCOMES,
-        )
+    return render(
+        "site_leaderboard.html.jinja",
+        leaderboard=leaderboard,
+        groups=_grouped(leaderboard, lambda row: (row["split"] or "", row["traffic"] or "")),
+        avoided=avoided,
+        runs_of=runs_of,
+        probabilities={
+            agent: (clustered_share((row["key"], row["avoided"]) for row in rows), rows)
+            for agent, rows in likely.items()
+        },
+        dimensions=dimensions,
+        outcomes=OUTCOMES,
     )
-    return page.encode()
+
+
+def _grouped(rows: Iterable[Row], name_of: Callable[[Row], Name]) -> dict[Name, list[Row]]:
+    groups: dict[Name, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(name_of(row), []).append(row)
+    return groups

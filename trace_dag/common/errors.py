@@ -4,8 +4,8 @@
 * :class:`Failure` (and :class:`TransientFailure`): something of ours or of a service broke. That is retried.
 * :class:`UserError`: the caller asked for something impossible; shown as one line, without a traceback.
 
-Every reason a crash can be rejected for is declared here, once. ``reasons.csv`` has the stage that gives it, the category
-of the published paper (TRACE, FSE Companion '26) it belongs to, its meaning, and the remedy.
+Every reason a crash can be rejected for is declared here, once. ``reasons.csv`` has the stage that gives it, the
+category of the published paper (TRACE, FSE Companion '26) it belongs to, its meaning, and the remedy.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ from trace_dag.gym.pool import Place, Track, tracks
 from trace_dag.gym.spaces import ActionKind, Eyes, Hands, LanePoints, Seen, action_space, observation_space
 from trace_dag.pages.animation import View
 from trace_dag.pages.picture_motion import SampledBody, draw_body
-from trace_dag.pages.replay import write_html_player
-from trace_dag.pages.replay_content import replay_windows
+from trace_dag.pages.replay import replay_page
+from trace_dag.pages.replay_content import replay_content, replay_windows
 from trace_dag.scenario.cases import Case
 from trace_dag.scenario.drawn_shapes import body_colour
 from trace_dag.scenario.progress import RecordedWay
@@ -294,7 +294,7 @@ class Camera:
 
 def show_page(track: Track, log: SimulationLog) -> Path:
     """Write a run as a page, open it in a browser, and return its path."""
-    page = write_html_player(track.crash.load(RECORD), track.case.network, log)
+    page = replay_page(replay_content(track.crash.load(RECORD), track.case.network, log))
     with tempfile.NamedTemporaryFile(prefix=f"crash-{track.case_id}-", suffix=".html", delete=False) as file:
         file.write(page)
     webbrowser.open(Path(file.name).as_uri())

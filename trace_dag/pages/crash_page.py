@@ -22,7 +22,7 @@ from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import event_named, in_one_sentence
 from trace_dag.osm.types import Rights
-from trace_dag.pages.page_templates import templates, words
+from trace_dag.pages.page_templates import render, words
 from trace_dag.reconstruction.samples.simulated import Interval, SampledRuns
 from trace_dag.roads.report import MapReport, RejectedMapReport
 from trace_dag.scenario.drawn_shapes import describe_object, vehicle_colour
@@ -36,7 +36,6 @@ from trace_dag.verdict.in_words import (
     sight_in_words,
 )
 from trace_dag.verdict.types import Agreement, Criterion, EventResult, Fact, Grade, Label, Verdict
-from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
 
@@ -73,9 +72,9 @@ class CrashPage:
 
 def write_crash_page(page: CrashPage) -> bytes:
     """Return the page of one crash, ``crashes/<key>.html`` of the site."""
-    template = templates().get_template("site_crash.html.jinja")
     accepted = page.verdict if page.verdict and page.verdict.accepted else None
-    return template.render(
+    return render(
+        "site_crash.html.jinja",
         page=page,
         rights=page.rights,
         reports=[report_rights(page.crash)],
@@ -102,8 +101,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         picture_alt=_picture_alt(page),
         objects=_objects(page),
         bands=_bands(page.sampled.intervals) if page.sampled and page.sampled.effective >= _LEAST_DRAWS else [],
-        version=__version__,
-    ).encode()
+    )
 
 
 LABEL_MEANINGS: Mapping[str, str] = {

@@ -10,12 +10,13 @@ import base64
 import gzip
 import re
 from functools import cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.codes.elements import SOE
 from trace_dag.crash.parties import party_in_words, party_label, thing_party
 from trace_dag.crash.summary import TOPOLOGIES, place_in_words
+from trace_dag.version import __version__
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -53,13 +54,17 @@ def _holds(passed: bool | None, threshold: float | None) -> str:
     return "yes" if passed else "no"
 
 
-@cache
-def templates() -> Environment:
-    """Return the environment of all pages, which escapes all text: reports and maps are not trusted.
+def render(template: str, **values: Any) -> bytes:
+    """Return a page: a template filled in. All text is escaped, since reports and maps are not trusted.
 
-    >>> templates().from_string("{{ name }}").render(name="<b>")  # nothing of a report is taken for HTML
-    '&lt;b&gt;'
+    >>> b"&lt;b&gt;" in render("replay_pair.html.jinja", title="<b>", place="", sides=[], hit="null", end=1.0)
+    True
     """
+    return _templates().get_template(template).render(version=__version__, **values).encode()
+
+
+@cache
+def _templates() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy as np
 from trace_dag.crash.record import CrashRecord
 from trace_dag.pages.drive import AgentDrive
 from trace_dag.pages.map_scene import Window
-from trace_dag.pages.page_templates import compress, encode_base64, read, templates
+from trace_dag.pages.page_templates import compress, encode_base64, read, render
 from trace_dag.pages.replay_content import (
     ReplayContent,
     ReplayWindows,
@@ -31,7 +31,6 @@ from trace_dag.pages.replay_content import (
 )
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.types import SimulationLog
-from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,19 +56,15 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
     b'<!DOCTYPE html>'
     """
     solid = content.solid if in_3d else None
-    return (
-        templates()
-        .get_template("replay.html.jinja")
-        .render(
-            title=content.said["title"],
-            paired=paired,
-            in_3d=solid is not None,
-            data=_script_safe(content.said),
-            map_svg=encode_base64(content.zipped_map),
-            solid=encode_base64(compress(solid)) if solid is not None else "",
-            library=pack_library() if solid is not None else "",
-        )
-        .encode()
+    return render(
+        "replay.html.jinja",
+        title=content.said["title"],
+        paired=paired,
+        in_3d=solid is not None,
+        data=_script_safe(content.said),
+        map_svg=encode_base64(content.zipped_map),
+        solid=encode_base64(compress(solid)) if solid is not None else "",
+        library=pack_library() if solid is not None else "",
     )
 
 
@@ -90,24 +85,6 @@ def replay_script(content: ReplayContent) -> bytes:
     return f"replay({{{held}}})\n".encode()
 
 
-def write_html_player(
-    record: CrashRecord,
-    network: RoadNetwork,
-    log: SimulationLog,
-    verdict: Verdict | None = None,
-    drive: AgentDrive | None = None,
-    *,
-    surroundings: Sequence[OsmFeature] = (),
-) -> bytes:
-    """Return the page: roads, vehicles, people, paths, contact and speeds over time, with a slider.
-
-    It is one self-contained file.
-
-    ``log`` is of the hypothesis that ``verdict`` judges, or of an agent's ``drive``. Equal input gives equal bytes.
-    """
-    return replay_page(replay_content(record, network, log, verdict, drive, surroundings=surroundings))
-
-
 def _around(windows: Sequence[Window]) -> Window:
     """Return the smallest square around some windows."""
     low, high = np.array(windows)[:, :2].min(axis=0), np.array(windows)[:, 2:].max(axis=0)
@@ -124,31 +101,16 @@ def write_html_pair(
     """Return the drives of several agents in one crash, side by side on one page with one time line."""
     each = [choose_windows(log, drive) for drive, log in driven]
     windows = ReplayWindows(_around([one.overview for one in each]), each[0].impact)
-    sides = [
-        (
-            drive.title,
-            replay_page(
-                replay_content(
-                    record, network, log, drive=drive, surroundings=surroundings, beside=windows, in_3d=False
-                ),
-                paired=True,
-            ),
-        )
-        for drive, log in driven
-    ]
+    content = partial(replay_content, record, network, surroundings=surroundings, beside=windows, in_3d=False)
     recorded = driven[0][0].recorded
     contact = recorded.first_contact
-    return (
-        templates()
-        .get_template("replay_pair.html.jinja")
-        .render(
-            title=f"Crash {record.key}: {' and '.join(drive.agent for drive, _ in driven)}",
-            place=place_in_words(record),
-            sides=[(title, page.decode()) for title, page in sides],
-            hit="null" if contact is None else round(contact.time_s, 4),
-            end=round(max(float(log.vehicles[0].time_s[-1]) for _, log in driven), 3),
-        )
-        .encode()
+    return render(
+        "replay_pair.html.jinja",
+        title=f"Crash {record.key}: {' and '.join(drive.agent for drive, _ in driven)}",
+        place=place_in_words(record),
+        sides=[(drive.title, replay_page(content(log, drive=drive), paired=True).decode()) for drive, log in driven],
+        hit="null" if contact is None else round(contact.time_s, 4),
+        end=round(max(float(log.vehicles[0].time_s[-1]) for _, log in driven), 3),
     )
 
 
@@ -173,4 +135,4 @@ def site_files() -> dict[str, bytes]:
     """
     shown = {"title": "Replay", "paired": False, "in_3d": True}
     pages = {PAGE: "site_replay.html.jinja", "replay.js": "replay_main.js.jinja"}
-    return {name: templates().get_template(template).render(shown).encode() for name, template in pages.items()}
+    return {name: render(template, **shown) for name, template in pages.items()}

@@ -14,10 +14,9 @@ from typing import Any
 
 from trace_dag.osm.types import Rights
 from trace_dag.pages.crash_page import LABEL_MEANINGS, report_rights
-from trace_dag.pages.page_templates import NAMES, read, templates
+from trace_dag.pages.page_templates import NAMES, read, render
 from trace_dag.pages.replay import LIBRARY, site_files
 from trace_dag.verdict.types import Label
-from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
 
@@ -44,29 +43,24 @@ class IndexRows:
 def write_index(rows: IndexRows, rights: Rights) -> bytes:
     """Return ``index.html``; ``rights`` are those of all crashes' maps."""
     crashes, funnel = rows.crashes, rows.funnel
-    page = (
-        templates()
-        .get_template("site_index.html.jinja")
-        .render(
-            version=__version__,
-            rights=rights,
-            kind="fictional " if rights.fictional else "",
-            reports=sorted({report_rights(crash) for crash in crashes}),
-            total=len(crashes),
-            crashes_json=_json_for_script(_columns_of(crashes)),
-            columns=_TABLE_COLUMNS,
-            filters=_filters(crashes),
-            funnel=funnel,
-            largest=max((row["crashes"] for row in funnel), default=1) or 1,
-            gallery=_varied(rows.moving, _GALLERY),
-            leaderboard=rows.leaderboard,
-            coverage=_by_dimension(rows.coverage),
-            failure_reasons=rows.failure_reasons,
-            counts={state: sum(row["final_state"] == state for row in crashes) for state in _FINAL_STATES},
-            meanings=_MEANINGS,
-        )
+    return render(
+        "site_index.html.jinja",
+        rights=rights,
+        kind="fictional " if rights.fictional else "",
+        reports=sorted({report_rights(crash) for crash in crashes}),
+        total=len(crashes),
+        crashes_json=_json_for_script(_columns_of(crashes)),
+        columns=_TABLE_COLUMNS,
+        filters=_filters(crashes),
+        funnel=funnel,
+        largest=max((row["crashes"] for row in funnel), default=1) or 1,
+        gallery=_varied(rows.moving, _GALLERY),
+        leaderboard=rows.leaderboard,
+        coverage=_by_dimension(rows.coverage),
+        failure_reasons=rows.failure_reasons,
+        counts={state: sum(row["final_state"] == state for row in crashes) for state in _FINAL_STATES},
+        meanings=_MEANINGS,
     )
-    return page.encode()
 
 
 def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
