@@ -22,9 +22,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import date
 from itertools import count
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 from lxml import etree
+from lxml.builder import E  # type: ignore[import-not-found] # the stubs of lxml lack it
 
 from trace_dag.agents.stored_cases import case_of
 from trace_dag.agents.stored_traffic import traffic_of
@@ -45,6 +46,8 @@ from trace_dag.scenario.traffic.surrounding import SurroundingVehicle
 from trace_dag.simulation.types import Body, BodyKind
 from trace_dag.version import __version__
 
+Made: TypeAlias = Any
+"""An element, which the stubs of lxml.builder do not say."""
 _TYPES: Final[Mapping[VehicleClass, str]] = {
     VehicleClass.MOTORCYCLE: "motorcycle",
     VehicleClass.BUS: "bus",
@@ -94,7 +97,7 @@ class CommonRoad(Exporter):
 def road_scenario(network: RoadNetwork) -> bytes:
     """Return a road map without traffic, as a scenario that has lanelets alone."""
     root = _root(f"{_COUNTRY}_Map-1_1_T-1", f"trace-dag {__version__}, {network.attribution}", date.today())
-    _add_location(root, network.frame.latitude_deg, network.frame.longitude_deg)
+    root.append(_location(network.frame.latitude_deg, network.frame.longitude_deg))
     _Lanelets(network).write_into(root, "urban")
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
@@ -124,28 +127,25 @@ class _Lanelets:
     def write_into(self, root: etree._Element, tag: str) -> int:
         """Add the tags, and an element for each lanelet, sign, light and intersection; return the next unused id."""
         incomings = self._incomings()
-        tags = etree.SubElement(root, "scenarioTags")
-        for name in (tag, "intersection") if incomings else (tag,):
-            etree.SubElement(tags, name)
-        for shape in self._shapes:
-            self._write(root, shape)
+        root.append(E.scenarioTags(*map(E, (tag, "intersection") if incomings else (tag,))))
+        root.extend(map(self._lanelet, self._shapes))
         numbers = count(len(self._shapes) + 1)
         for limit in self._limits:
             place = place_of(self._network, limit.lanes[0].road_id, limit.sign) if limit.sign is not None else None
-            _add_sign(root, next(numbers), LIMIT, place, _number(limit.speed_mps))
+            root.append(_sign(next(numbers), LIMIT, place, limit.speed_mps))
         for sign in self._signs:
             place = place_of(self._network, sign.lanes[0].road_id, sign.signal)
-            _add_sign(root, next(numbers), sign.signal.type, place)
+            root.append(_sign(next(numbers), sign.signal.type, place))
         for light in self._lights:
             place = place_of(self._network, light.lanes[0].road_id, light.signal)
-            _add_light(root, next(numbers), place, self._cycle_of.get(light.signal.id))
+            root.append(_light(next(numbers), place, self._cycle_of.get(light.signal.id)))
         for roads in incomings.values():
-            intersection = etree.SubElement(root, "intersection", id=str(next(numbers)))
+            intersection = E.intersection(id=str(next(numbers)))
             for lanes in roads.values():
-                incoming = etree.SubElement(intersection, "incoming", id=str(next(numbers)))
-                for name in ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft"):
-                    for number in lanes[name]:
-                        etree.SubElement(incoming, name, ref=str(number))
+                names = ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft")
+                refs = [E(name, ref=str(number)) for name in names for number in lanes[name]]
+                intersection.append(E.incoming(*refs, id=str(next(numbers))))
+            root.append(intersection)
         return next(numbers)
 
     def _incomings(self) -> dict[str, dict[str, dict[str, list[int]]]]:
@@ -160,63 +160,54 @@ class _Lanelets:
             lanes[f"successors{turn_of(shape)}"].append(self._ids[shape.ref])
         return found
 
-    def _write(self, root: etree._Element, shape: LaneShape) -> None:
-        lanelet = etree.SubElement(root, "lanelet", id=str(self._ids[shape.ref]))
-        for side, border in (("leftBound", shape.left_m), ("rightBound", shape.right_m)):
-            bound = etree.SubElement(lanelet, side)
-            for point in border:
-                _add_point(bound, point)
+    def _lanelet(self, shape: LaneShape) -> Made:
+        lanelet = E.lanelet(
+            E.leftBound(*map(_point, shape.left_m)),
+            E.rightBound(*map(_point, shape.right_m)),
+            id=str(self._ids[shape.ref]),
+        )
         for name, others in (("predecessor", shape.predecessors), ("successor", shape.successors)):
-            for other in self._known(others):
-                etree.SubElement(lanelet, name, ref=str(other))
+            lanelet.extend([E(name, ref=str(other)) for other in self._known(others)])
         for name, beside, same_way in (
             ("adjacentLeft", shape.left, shape.left_same_way),
             ("adjacentRight", shape.right, shape.right_same_way),
         ):
-            for other in self._known([beside] if beside else []):
-                etree.SubElement(lanelet, name, ref=str(other), drivingDir="same" if same_way else "opposite")
+            way = "same" if same_way else "opposite"
+            lanelet.extend(
+                [E(name, ref=str(other), drivingDir=way) for other in self._known([beside] if beside else [])]
+            )
         if shape.ref in self._stops_at:
-            self._add_stop_line(lanelet, shape.ref)
-        _add(lanelet, "laneletType", "intersection" if shape.junction_id is not None else "urban")
-        _add(lanelet, "userOneWay", "vehicle")
-        for sign in self._signs_of[shape.ref]:
-            etree.SubElement(lanelet, "trafficSignRef", ref=str(sign))
-        for light in self._lights_of[shape.ref]:
-            etree.SubElement(lanelet, "trafficLightRef", ref=str(light))
-
-    def _add_stop_line(self, lanelet: etree._Element, ref: LaneRef) -> None:
-        line = etree.SubElement(lanelet, "stopLine")
-        for point in self._rules.stop_line(ref, self._stops_at[ref]):
-            _add_point(line, point)
-        _add(line, "lineMarking", "solid")
+            line = self._rules.stop_line(shape.ref, self._stops_at[shape.ref])
+            lanelet.append(E.stopLine(*map(_point, line), E.lineMarking("solid")))
+        lanelet.append(E.laneletType("intersection" if shape.junction_id is not None else "urban"))
+        lanelet.append(E.userOneWay("vehicle"))
+        lanelet.extend([E.trafficSignRef(ref=str(sign)) for sign in self._signs_of[shape.ref]])
+        lanelet.extend([E.trafficLightRef(ref=str(light)) for light in self._lights_of[shape.ref]])
+        return lanelet
 
     def _known(self, refs: Iterable[LaneRef]) -> list[int]:
         return [self._ids[ref] for ref in refs if ref in self._ids]
 
 
-def _add_sign(root: etree._Element, number: int, sign: str, place: FloatArray | None, value: str = "") -> None:
-    """Add a sign; without a place it represents an unsigned limit."""
-    element = etree.SubElement(root, "trafficSign", id=str(number))
-    about = etree.SubElement(element, "trafficSignElement")
-    _add(about, "trafficSignID", sign)
-    if value:
-        _add(about, "additionalValue", value)
-    if place is not None:
-        _add_point(etree.SubElement(element, "position"), place)
-    _add(element, "virtual", "true" if place is None else "false")
+def _sign(number: int, kind: str, place: FloatArray | None, limit_mps: float | None = None) -> Made:
+    """Return a sign; without a place it represents an unsigned limit."""
+    about = E.trafficSignElement(E.trafficSignID(kind))
+    if limit_mps is not None:
+        about.append(E.additionalValue(_number(limit_mps)))
+    where = [] if place is None else [E.position(_point(place))]
+    return E.trafficSign(about, *where, E.virtual("true" if place is None else "false"), id=str(number))
 
 
-def _add_light(root: etree._Element, number: int, place: FloatArray, program: LightCycle | None) -> None:
-    """Add a light with its cycle from time 0 on; without a program it is off."""
-    light = etree.SubElement(root, "trafficLight", id=str(number))
-    cycle = etree.SubElement(light, "cycle")
-    for duration_s, colour in ((STEP_S, "inactive"),) if program is None else program.steps:
-        shows = etree.SubElement(cycle, "cycleElement")
-        _add(shows, "duration", str(round(duration_s / STEP_S)))
-        _add(shows, "color", colour)
-    _add_point(etree.SubElement(light, "position"), place)
-    _add(light, "direction", "all")
-    _add(light, "active", "false" if program is None else "true")
+def _light(number: int, place: FloatArray, program: LightCycle | None) -> Made:
+    """Return a light with its cycle from time 0 on; without a program it is off."""
+    steps = ((STEP_S, "inactive"),) if program is None else program.steps
+    return E.trafficLight(
+        E.cycle(*(E.cycleElement(E.duration(str(round(s / STEP_S))), E.color(colour)) for s, colour in steps)),
+        E.position(_point(place)),
+        E.direction("all"),
+        E.active("false" if program is None else "true"),
+        id=str(number),
+    )
 
 
 def _scenario(
@@ -231,16 +222,16 @@ def _scenario(
     year, _, number = record.key.partition("-")
     day = date(record.year or record.case_year, record.month or 1, record.day or 1)
     root = _root(f"{_COUNTRY}_Fars{year}x{number}{name}-1_1_T-1", source, day)
-    _add_location(root, record.latitude_deg, record.longitude_deg)
+    root.append(_location(record.latitude_deg, record.longitude_deg))
     ids = count(road.write_into(root, "critical"))
     for each in sorted(others, key=lambda each: not each.is_parked):  # those that stand come first
-        _add_obstacle(root, next(ids), each)
+        obstacle = _parked if each.is_parked else _moving
+        root.append(obstacle(next(ids), each.participant.body, each.course))
     for vehicle in around:
         begins, course = vehicle.course
         if len(course) > 1:
-            _add_moving(root, next(ids), vehicle.body, course, begins)
-    for each in tested:
-        _add_problem(root, next(ids), each)
+            root.append(_moving(next(ids), vehicle.body, course, begins))
+    root.extend([_problem(next(ids), each) for each in tested])
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
@@ -257,101 +248,64 @@ def _root(benchmark: str, source: str, day: date) -> etree._Element:
     )
 
 
-def _add_location(root: etree._Element, latitude_deg: float, longitude_deg: float) -> None:
-    location = etree.SubElement(root, "location")
-    _add(location, "geoNameId", _UNKNOWN_PLACE)
-    _add(location, "gpsLatitude", f"{latitude_deg:.7f}")
-    _add(location, "gpsLongitude", f"{longitude_deg:.7f}")
+def _location(latitude_deg: float, longitude_deg: float) -> Made:
+    latitude, longitude = E.gpsLatitude(f"{latitude_deg:.7f}"), E.gpsLongitude(f"{longitude_deg:.7f}")
+    return E.location(E.geoNameId(_UNKNOWN_PLACE), latitude, longitude)
 
 
-def _add_obstacle(root: etree._Element, number: int, drive: Drive) -> None:
-    body, states = drive.participant.body, drive.course
-    if not drive.is_parked:
-        _add_moving(root, number, body, states)
-        return
-    obstacle = etree.SubElement(root, "staticObstacle", id=str(number))
-    _add(obstacle, "type", "parkedVehicle")
-    _add_rectangle(etree.SubElement(obstacle, "shape"), body.length_m, body.width_m)
-    initial = etree.SubElement(obstacle, "initialState")
-    _add_position(initial, states[0])
-    _add_exact(initial, "orientation", states[0, 3])
-    _add_exact(initial, "time", 0)
+def _parked(number: int, body: Body, states: FloatArray) -> Made:
+    initial = E.initialState(E.position(_point(states[0])), _exact("orientation", states[0, 3]), _exact("time", 0))
+    return E.staticObstacle(E.type("parkedVehicle"), E.shape(_rectangle(body)), initial, id=str(number))
 
 
-def _add_moving(root: etree._Element, number: int, body: Body, states: FloatArray, begins: int = 0) -> None:
-    """Add an obstacle that moves, from a step on."""
-    obstacle = etree.SubElement(root, "dynamicObstacle", id=str(number))
-    _add(obstacle, "type", _type_of(body))
-    _add_rectangle(etree.SubElement(obstacle, "shape"), body.length_m, body.width_m)
-    _add_state(etree.SubElement(obstacle, "initialState"), begins, states[0])
-    trajectory = etree.SubElement(obstacle, "trajectory")
-    for step, state in enumerate(states[1:], begins + 1):
-        _add_state(etree.SubElement(trajectory, "state"), step, state)
+def _moving(number: int, body: Body, states: FloatArray, begins: int = 0) -> Made:
+    """Return an obstacle that moves, from a step on."""
+    kind = _FIGURES[body.kind] if body.is_figure else _TYPES.get(body.vehicle_class, "car")
+    first, *later = (_state(step, state) for step, state in enumerate(states, begins))
+    first.tag = "initialState"
+    return E.dynamicObstacle(E.type(kind), E.shape(_rectangle(body)), first, E.trajectory(*later), id=str(number))
 
 
-def _type_of(body: Body) -> str:
-    return _FIGURES[body.kind] if body.is_figure else _TYPES.get(body.vehicle_class, "car")
+def _state(step: int, state: FloatArray) -> Made:
+    _, _, _, heading_rad, speed_mps = state
+    exactly = {"orientation": heading_rad, "time": step, "velocity": speed_mps}
+    return E.state(E.position(_point(state)), *(_exact(name, value) for name, value in exactly.items()))
 
 
-def _add_problem(root: etree._Element, number: int, own: Drive) -> None:
-    problem = etree.SubElement(root, "planningProblem", id=str(number))
-    initial, first = etree.SubElement(problem, "initialState"), own.course[0]
-    _add_position(initial, first)
-    for name, value in (("orientation", first[3]), ("time", 0), ("velocity", first[4])):
-        _add_exact(initial, name, value)
-    for name in ("yawRate", "slipAngle"):
-        _add_exact(initial, name, 0.0)
+def _problem(number: int, own: Drive) -> Made:
+    initial = _state(0, own.course[0])
+    initial.tag = "initialState"
+    initial.extend([_exact("yawRate", 0.0), _exact("slipAngle", 0.0)])
     assert own.goal is not None, "a driver has a goal"
-    pose = own.goal.pose
-    goal = etree.SubElement(problem, "goalState")
-    where = etree.SubElement(etree.SubElement(goal, "position"), "rectangle")
-    _add(where, "length", _number(GOAL_LENGTH_M))
-    _add(where, "width", _number(GOAL_WIDTH_M))
-    _add(where, "orientation", _number(pose.heading_rad))
-    centre = etree.SubElement(where, "center")
-    _add(centre, "x", _number(pose.x_m))
-    _add(centre, "y", _number(pose.y_m))
-    _add_interval(goal, "orientation", pose.heading_rad - GOAL_HEADING_RAD, pose.heading_rad + GOAL_HEADING_RAD)
-    time = etree.SubElement(goal, "time")
-    _add(time, "intervalStart", str(max(round(own.goal.from_s / STEP_S), 1)))
-    _add(time, "intervalEnd", str(round(own.goal.to_s / STEP_S)))
+    pose, earliest, latest = own.goal.pose, max(round(own.goal.from_s / STEP_S), 1), round(own.goal.to_s / STEP_S)
+    where = E.rectangle(
+        E.length(_number(GOAL_LENGTH_M)),
+        E.width(_number(GOAL_WIDTH_M)),
+        E.orientation(_number(pose.heading_rad)),
+        E.center(E.x(_number(pose.x_m)), E.y(_number(pose.y_m))),
+    )
+    goal = E.goalState(
+        E.position(where),
+        _interval("orientation", pose.heading_rad - GOAL_HEADING_RAD, pose.heading_rad + GOAL_HEADING_RAD),
+        _interval("time", earliest, latest),
+    )
+    return E.planningProblem(initial, goal, id=str(number))
 
 
-def _add_state(element: etree._Element, step: int, state: FloatArray) -> None:
-    _add_position(element, state)
-    _add_exact(element, "orientation", state[3])
-    _add_exact(element, "time", step)
-    _add_exact(element, "velocity", state[4])
+def _point(place: FloatArray) -> Made:
+    return E.point(E.x(_number(place[0])), E.y(_number(place[1])))  # readers refuse borders that have heights
 
 
-def _add_position(element: etree._Element, state: FloatArray) -> None:
-    _add_point(etree.SubElement(element, "position"), state[:2])
+def _rectangle(body: Body) -> Made:
+    return E.rectangle(E.length(_number(body.length_m)), E.width(_number(body.width_m)))
 
 
-def _add_point(element: etree._Element, place: FloatArray) -> None:
-    point = etree.SubElement(element, "point")
-    for name, value in zip("xy", place[:2], strict=True):  # readers refuse borders that have heights
-        _add(point, name, _number(value))
+def _exact(name: str, value: float) -> Made:
+    return E(name, E.exact(_number(value)))
 
 
-def _add_rectangle(element: etree._Element, length_m: float, width_m: float) -> None:
-    rectangle = etree.SubElement(element, "rectangle")
-    _add(rectangle, "length", _number(length_m))
-    _add(rectangle, "width", _number(width_m))
-
-
-def _add_exact(element: etree._Element, name: str, value: float) -> None:
-    _add(etree.SubElement(element, name), "exact", _number(value))
-
-
-def _add_interval(element: etree._Element, name: str, low: float, high: float) -> None:
-    interval = etree.SubElement(element, name)
-    _add(interval, "intervalStart", _number(low))
-    _add(interval, "intervalEnd", _number(high))
-
-
-def _add(element: etree._Element, name: str, text: str) -> None:
-    etree.SubElement(element, name).text = text
+def _interval(name: str, low: float, high: float) -> Made:
+    return E(name, E.intervalStart(_number(low)), E.intervalEnd(_number(high)))
 
 
 def _number(value: float) -> str:
